@@ -44,7 +44,7 @@ from swath_sysid.common.errors import InputError
 
 HULL = hull_named('swath-pitch').model
 NAMES = ('linear', 'swath-pitch-2', 'swath-pitch-1')
-SIMULATION = IdentificationSettings(None, 'simulation', SearchSettings())
+SIMULATION = IdentificationSettings(search=SearchSettings())
 QUIET = SensorNoise(0.0, 0.0, 0.0)
 
 

@@ -16,21 +16,15 @@ from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_tri
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification import innovations as filter_module
 from swath_sysid.attitude.identification.basin_likelihood import (
-    CONVERGED,
     BasinLikelihood,
-    Evaluation,
-    clipped_step,
     interval,
-    scoring,
-    secant,
 )
 from swath_sysid.attitude.identification.fit_quality import rate_mismatch
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
 from swath_sysid.attitude.identification.innovations import disturbance, innovations
 from swath_sysid.attitude.identification.motion_fit import InitialState
-from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.scaling import Scales
-from swath_sysid.attitude.identification.selection import choose, spread_parts
+from swath_sysid.attitude.identification.scoring import CONVERGED, Evaluation, clipped_step, scoring, secant
 from swath_sysid.attitude.motion.releases import find_releases
 from swath_sysid.attitude.motion.segmentation import find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -301,7 +295,6 @@ def test_verdict_on_a_good_fit_is_adequate(bench):
     made = bench.made_trial('swath-pitch 9', bench.SCENES['white'], 0)
     found = fit(made, 'swath-pitch-2')
     assert found.verdict.level == 'adequate'
-    assert found.choice == ''
 
 
 @pytest.mark.slow
@@ -315,23 +308,6 @@ def test_verdict_refuses_a_rate_that_is_not_the_slope_of_the_angle(bench, factor
 def test_rate_mismatch_is_nothing_for_a_true_rate(bench):
     made = bench.made_trial('swath-pitch 9', bench.SCENES['white'], 0)
     assert rate_mismatch(motion_of(made), 2.0) < 0.1
-
-
-def test_what_an_open_choice_adds_to_a_standard_deviation():
-    equal, far = np.array([5.0, 5.0]), np.array([5.0, 105.0])
-    values, stds = np.array([1.0, 1.4]), np.array([0.1, 0.3])
-    assert spread_parts(equal, values, stds) == pytest.approx([0.05, 0.25])
-    assert spread_parts(far, values, stds).sum() == pytest.approx(0.1)
-
-
-@pytest.mark.slow
-def test_an_equation_is_chosen_where_none_is_given(bench):
-    made = bench.made_trial('swath-pitch 9', bench.SCENES['white'], 0)
-    found = choose(prepare([motion_of(made)]), IdentificationSettings())
-    assert 'r2' in found.model.equation.terms
-    assert found.model.equation.name in found.choice
-    assert found.rival.widening >= 1.0 and found.rival.name != found.model.equation.name
-    assert found.model.terms['r1'] == pytest.approx(made.truth['r1'], abs=3 * found.std['r1'])
 
 
 @pytest.mark.slow
@@ -364,14 +340,6 @@ def test_least_squares_stays_where_the_likelihood_leaves_its_period(bench):
     assert found.keeps_least_squares
     assert found.model.natural_period == pytest.approx(truth, rel=0.05)
     assert found.verdict.level != 'adequate'
-
-
-@pytest.mark.slow
-def test_a_verdict_says_so_where_terms_that_may_be_lacking_would_move_the_period(bench):
-    """Chance makes such a likelihood ratio of one complete equation in twenty at most; the stiffness is 8 std off."""
-    found = fit(bench.made_trial('hydrofoil-pitch 5', bench.SCENES['waves-0.3'], 0), 'linear')
-    assert (found.verdict.level, found.verdict.code) == ('doubtful', 'equation-open')
-    assert found.rival.widening > 1.5 and 'r2' in found.rival.name
 
 
 @pytest.mark.slow

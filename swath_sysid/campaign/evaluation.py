@@ -26,11 +26,10 @@ from swath_sysid.attitude.identification.identify import (
     IdentificationSettings,
     fit_metrics,
     identify_problem,
-    motion_fit,
     refit_from,
 )
 from swath_sysid.attitude.identification.motion_fit import InitialState, Noise
-from swath_sysid.attitude.identification.problem import FRICTION_RATE_SHARE, Problem
+from swath_sysid.attitude.identification.problem import FRICTION_RATE_SHARE, Problem, motion_fit
 from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.search import SearchResult
 from swath_sysid.attitude.identification.selection import (

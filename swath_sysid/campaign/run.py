@@ -11,7 +11,7 @@ from itertools import product
 from typing import Any
 
 from swath_sysid import __version__
-from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
+from swath_sysid.attitude.hull.catalogue import AUTO, equation_named, equations_of_axis
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.identification.identify import IdentificationSettings
@@ -421,7 +421,7 @@ class _AxisPlan:
             spreads=tuple(spread for group in spreads for spread in group),
         )
 
-    def _settings(self, objective: str, equation: str | None = None) -> IdentificationSettings:
+    def _settings(self, objective: str, equation: str = AUTO) -> IdentificationSettings:
         return IdentificationSettings(equation, objective, self._manifest.search)
 
     def _conditions(self) -> dict[Condition, list[Record]]:

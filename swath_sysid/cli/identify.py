@@ -5,13 +5,13 @@ import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 
+from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
 from swath_sysid.attitude.identification.fit_quality import REJECTED, Verdict
 from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
-from swath_sysid.attitude.identification.selection import choose
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import EXIT_POOR_FIT, add_source_arguments, motions_of, trials_of, write_fit
@@ -41,8 +41,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--equation',
         metavar='NAME',
-        help='published equation, composition like b1,b2|r1,r3, either with +friction (default: the simplest '
-        'adequate one of a few)',
+        help="published equation, composition like b1,b2|r1,r3, either with +friction; 'auto' (the default): every "
+        'smooth term with a weak prior, and dry friction where only angles were measured, then those that the records '
+        'do not show are left out',
     )
     add_search_arguments(parser)
     add_tank_arguments(parser)
@@ -73,7 +74,7 @@ def add_search_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def settings_of(arguments: Namespace, equation: str | None = None) -> IdentificationSettings:
+def settings_of(arguments: Namespace, equation: str = AUTO) -> IdentificationSettings:
     """Identification settings of the command line."""
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
@@ -87,16 +88,13 @@ def run(arguments: Namespace) -> int:
     """Identify, print, and write what was asked for."""
     began = time.perf_counter()
     particulars, type_b = particulars_of(arguments), type_b_of(arguments)
-    settings = settings_of(arguments, arguments.equation)
+    settings = settings_of(arguments, AUTO if arguments.equation is None else arguments.equation)
     trials, read_advice, axis = trials_of(arguments)
     problem = _problem_of(arguments, motions_of(trials, axis))
     if problem is None:
         return _run_at_sea(arguments, trials, axis, read_advice, began)
     with progress_of('identify') as progress:
-        if settings.equation is None and settings.objective == 'simulation':
-            found = choose(problem, settings, progress=progress)
-        else:
-            found = identify_problem(problem, settings, progress=progress)
+        found = identify_problem(problem, settings, progress=progress)
     inertia = particulars.inertia_of(found.model)
     tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
     write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict))

@@ -36,7 +36,6 @@ def fit_as_data(identification: Identification, wall_s: float | None = None, ine
         },
         'verdict': vars(identification.verdict),
         'known_together': [list(group) for group in _together(identification)],
-        'choice': identification.choice,
         'correlation': correlation(identification.covariance).tolist(),
         'trim_rad': model.trim,
         'trim_std_rad': identification.trim_std,
@@ -74,7 +73,6 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
     lines = [
         f'{model.axis}: {model.equation.name}, {len(identification.records)} record(s)',
         f'  {identification.verdict}',
-        *([f'  {identification.choice}'] if identification.choice else []),
     ]
     lines += [
         f'  {short_name(record.motion.source)}: decay from {record.segment.start:.2f} to {record.segment.end:.2f} s, '

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.published_form import PublishedForm, from_published
-from swath_sysid.attitude.hull.terms import DAMPING_TERMS, RESTORING_TERMS
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, DAMPING_TERMS, RESTORING_NAMES, RESTORING_TERMS
 from swath_sysid.common.errors import InputError, check_choice
 
 _LIN, _QUAD, _CUB = ('linear',), ('linear', 'quadratic'), ('linear', 'quadratic', 'cubic')
@@ -60,6 +60,10 @@ OWN_EQUATIONS = {
 
 EQUATIONS = PUBLISHED_EQUATIONS | OWN_EQUATIONS
 
+AUTO = 'auto'  #: In place of a name: the general hull, pruned to the terms that a record shows.
+#: Every smooth term; a sine is told from these at angles only that no craft is released from.
+GENERAL_HULL = Equation('b1,b2,b3|r1,r2,r3', ('b1', 'b2', 'b3', 'r1', 'r2', 'r3'))
+
 _AXIS_EQUATIONS = {
     'pitch': tuple(n for n in PUBLISHED_EQUATIONS if 'pitch' in n),
     'roll': tuple(n for n in PUBLISHED_EQUATIONS if 'roll' in n),
@@ -89,6 +93,18 @@ def equation_named(name: str) -> Equation:
         f"there is no equation '{name}': choose from {', '.join(EQUATIONS)}, add '+friction' to one, "
         "or compose one as 'damping|restoring', for example 'linear,quadratic|linear,cubic'"
     )
+
+
+def composed(terms: Sequence[str]) -> Equation:
+    """The equation of some terms, named by them as `equation_named` reads it."""
+    sides = ([name for name in side if name in terms] for side in (DAMPING_NAMES, RESTORING_NAMES))
+    return Equation('|'.join(','.join(side) for side in sides), tuple(terms))
+
+
+def published_alike(equation: Equation, axis: str) -> tuple[str, ...]:
+    """Names of the published equations of an axis that have the terms of an equation of another name."""
+    alike = (n for n in _AXIS_EQUATIONS[axis] if EQUATIONS[n].terms == equation.terms)
+    return () if equation.name in EQUATIONS else tuple(alike)
 
 
 def equations_of_axis(axis: str) -> tuple[Equation, ...]:

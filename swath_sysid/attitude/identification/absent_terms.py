@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 SIGNIFICANT = 3.5  #: Standard deviations from zero that chance does not make of four terms tried at once.
 CHANCE = 0.003  #: Share of complete equations that the likelihood ratio may call incomplete.
-LIKELY_CHANCE = 0.05  #: Share of them that it may call open.
 TERMS = (*DAMPING_NAMES, 'r2', 'r3')
 SMOOTH_TERMS = tuple(name for name in TERMS if name != 'b0')
 
@@ -36,16 +35,6 @@ class AbsentTerm:
     #: Standard deviations from zero: of what one step from the least-squares optimum makes of its ratio, or of one
     #: parameter with the likelihood ratio of all that the equation lacks.
     significance: float
-
-
-@dataclass(frozen=True)
-class Rival:
-    """An equation that explains the same records about as well."""
-
-    name: str
-    natural_period: float  #: s.
-    #: Standard deviation of the linear stiffness with the equation open, over that of the equation chosen.
-    widening: float
 
 
 def absent_term(found: 'Identification') -> AbsentTerm | None:
@@ -70,7 +59,7 @@ def absent_term(found: 'Identification') -> AbsentTerm | None:
 
 def fit_and_test(
     problem: Problem, equation: Equation, ratios: np.ndarray, states: Sequence[InitialState]
-) -> tuple[BasinFit | None, AbsentTerm | None, Rival | None]:
+) -> tuple[BasinFit | None, AbsentTerm | None]:
     """The likelihood's optimum, and the term whose absence it shows.
 
     Args:
@@ -82,15 +71,14 @@ def fit_and_test(
     Returns:
         basin: None where the motion runs away.
         absent: None where a likelihood ratio as large is to be expected by chance.
-        rival: The equation with every smooth term, where chance may, but hardly, make a likelihood ratio as large.
     """
     likelihood = _likelihood(problem, equation)
     optima = likelihood.minimise(likelihood.starts(ratios, states))
     if not optima:
-        return None, None, None
+        return None, None
     added = _lacking(equation, SMOOTH_TERMS)
     if not added:
-        return likelihood.described(optima), None, None
+        return likelihood.described(optima), None
     richer = _with_terms(equation, added)
     is_new = np.array([name in added for name in richer.terms])
     places = np.flatnonzero(np.r_[~is_new, np.ones(optima[0].z.size - len(equation.terms), dtype=bool)])
@@ -98,30 +86,17 @@ def fit_and_test(
     start[places] = optima[0].z
     complete = _likelihood(problem, richer)
     complete_optima = complete.minimise([start])
-    if not complete_optima or _is_chance(complete_optima, optima, len(added), LIKELY_CHANCE):
-        return likelihood.described(optima), None, None
+    if not complete_optima or _is_chance(complete_optima, optima, len(added)):
+        return likelihood.described(optima), None
     # what is missing may have been a better optimum of the equation itself
     optima = likelihood.minimise([optima[0].z, complete_optima[0].z[places]])
     basin = likelihood.described(optima)
-    if _is_chance(complete_optima, optima, len(added), LIKELY_CHANCE):
-        return basin, None, None
+    if _is_chance(complete_optima, optima, len(added)):
+        return basin, None
     with_all = complete.described(complete_optima)
-    if _is_chance(complete_optima, optima, len(added), CHANCE):
-        return basin, None, _rival(equation, basin, richer, with_all)
     strength = np.abs(with_all.ratios[richer.indices]) / np.sqrt(np.diag(with_all.covariance))
     name = richer.terms[int(np.argmax(np.where(is_new, strength, -1.0)))]
-    return basin, AbsentTerm(name, float(np.sqrt(2.0 * (with_all.log_likelihood - basin.log_likelihood)))), None
-
-
-def _rival(equation: Equation, basin: BasinFit, richer: Equation, with_all: BasinFit):
-    """The richer equation, and how far it leaves the linear stiffness open."""
-    stiffness, std = [], []
-    for each, fit in ((equation, basin), (richer, with_all)):
-        place = next(k for k, name in enumerate(each.terms) if name in ('r1', 's1'))
-        stiffness.append(fit.ratios[each.indices[place]])
-        std.append(np.sqrt(fit.covariance[place, place]))
-    period = 2.0 * np.pi / np.sqrt(max(stiffness[1], 1e-12))
-    return Rival(richer.name, float(period), float(np.hypot(std[1], stiffness[1] - stiffness[0]) / std[0]))
+    return basin, AbsentTerm(name, float(np.sqrt(2.0 * (with_all.log_likelihood - basin.log_likelihood))))
 
 
 def lacks_terms(equation: Equation) -> bool:
@@ -135,9 +110,9 @@ def _lacking(equation: Equation, names: Sequence[str]):
     return [name for name in names if name not in taken]
 
 
-def _is_chance(complete: Sequence[Evaluation], optima: Sequence[Evaluation], added: int, share: float):
+def _is_chance(complete: Sequence[Evaluation], optima: Sequence[Evaluation], added: int):
     gained = optima[0].cost - complete[0].cost
-    return bool(chdtrc(added, max(2.0 * gained, 0.0)) > share)
+    return bool(chdtrc(added, max(2.0 * gained, 0.0)) > CHANCE)
 
 
 def _likelihood(problem: Problem, equation: Equation):

@@ -2,15 +2,11 @@
 
 Least squares takes what a residual wave does to the craft for the craft's own. Here the disturbance, a drift of trim,
 the gyro's bias and the colour of the sensors' noise are part of the model (see `innovations`), their levels and spectra
-fitted together with the hull's ratios (the filter-error method: Maine and Iliff 1981; Jategaonkar 2015, chapter 5). The
-optimum is found by scoring: with a_k = d e_k / d z and b_k = d s_k / d z of innovations e_k and their variances s_k,
-
-    gradient    = sum(a_k e_k / s_k + b_k (1 - e_k^2 / s_k) / (2 s_k)),
-    information = sum(a_k a_k' / s_k + b_k b_k' / (2 s_k^2)).
+fitted together with the hull's ratios (the filter-error method: Maine and Iliff 1981; Jategaonkar 2015, chapter 5).
 """
 
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -19,7 +15,8 @@ from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring_slope
 from swath_sysid.attitude.identification.innovations import innovations
 from swath_sysid.attitude.identification.motion_fit import InitialState
-from swath_sysid.attitude.identification.scaling import LOWER, UPPER, Scales
+from swath_sysid.attitude.identification.scaling import Scales
+from swath_sysid.attitude.identification.scoring import Evaluation, scoring
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
@@ -53,11 +50,6 @@ LOG_LIMITS = 7.0
 LARGEST_SHAPE = 0.9  #: Damping and spread of the disturbance stay below this.
 MIN_NOISE = 1e-4  #: Of the amplitude: white noise where third differences show none.
 PERTURBATION = 1e-5
-MAX_ITERATIONS = 30
-CONVERGED = 0.003  #: Decrease of the negative log likelihood that a further step promises.
-NEAR = 10.0  #: Decrease that a step promises from which the curvature is learned.
-#: Of the expected information along any direction, taken for the curvature of a step where less was learned.
-LEAST_SHARE = 0.1
 HESSIAN_STEP = 0.05  #: Standard deviations of a parameter over which the gradient's change is taken.
 #: Of the posterior along any mixture of the basin's parameters, over that of the prior: where the likelihood bends away
 #: from its maximum it says no less than this about them.
@@ -99,23 +91,6 @@ class BlockedRecord:
 
 
 @dataclass(frozen=True)
-class Evaluation:
-    """The negative log posterior at some parameters."""
-
-    z: np.ndarray  #: (p,)
-    cost: float  #: Infinite where the motion runs away.
-    #: (p,) and (p, p); First derivatives and expected second ones; not finite where the motion runs away.
-    gradient: np.ndarray
-    #: (p,) and (p, p); First derivatives and expected second ones; not finite where the motion runs away.
-    information: np.ndarray
-
-    @property
-    def is_finite(self) -> bool:
-        """Whether a search may go on from here."""
-        return all(np.isfinite(each).all() for each in (self.cost, self.gradient, self.information))
-
-
-@dataclass(frozen=True)
 class BasinFit:
     """The optimum of the likelihood."""
 
@@ -138,6 +113,7 @@ class BasinLikelihood:
         motions: From the release on.
         states: First estimates at the first sample of each, the same for every equation that is compared.
         friction_rate: rad/s.
+        ratio_prior: (n,); standard deviations of the dimensionless ratios before the record is seen.
     """
 
     def __init__(
@@ -147,15 +123,16 @@ class BasinLikelihood:
         equation: Equation,
         scales: Scales,
         friction_rate: float,
+        ratio_prior: np.ndarray | float = RATIO_PRIOR,
     ) -> None:
+        self.equation = equation
+        self.ratio_prior = np.broadcast_to(ratio_prior, len(equation.terms))
         self._records = [BlockedRecord.of(m, scales.frequency) for m in motions]
         self._active = equation.active
         self._names = equation.terms
         self._terms = equation.indices
         self._friction_rate = friction_rate
         self._ratio_units = scales.ratio_units[self._terms]
-        self._lower = LOWER[self._terms]
-        self._upper = UPPER[self._terms]
         self._bounded = np.array([name in DAMPING_NAMES for name in equation.terms])
         amplitude, rate = scales.amplitude, scales.rate
         angle_noise = _white([m.angle for m in motions], MIN_NOISE * amplitude)
@@ -187,9 +164,11 @@ class BasinLikelihood:
         expected = np.array([1.0 if name in ('r1', 's1') else 0.0 for name in equation.terms])
         self._prior_mean = np.concatenate([expected, [m for _, m, _ in BASIN_PRIORS], self._first_states(states)])
         self._prior_std = np.concatenate(
-            [np.full(n, RATIO_PRIOR), [s for _, _, s in BASIN_PRIORS], np.full(3 * m, STATE_PRIOR)]
+            [self.ratio_prior, [s for _, _, s in BASIN_PRIORS], np.full(3 * m, STATE_PRIOR)]
         )
         self._shared = n + len(BASIN_PRIORS)
+        self.lowest = np.full(self._prior_mean.size, -np.inf)
+        self.lowest[:n][self._bounded] = 0.0
 
     @property
     def term_count(self) -> int:
@@ -301,12 +280,9 @@ class BasinLikelihood:
             Empty where the motion runs away from each start. Without those whose upright position is unstable, if there
             are others: a craft at rest some way from a position that throws it off swings about as likely.
         """
-        n = self.term_count
-        low, high = np.full(self._prior_mean.size, -np.inf), np.full(self._prior_mean.size, np.inf)
-        low[:n][self._bounded] = 0.0
         searches = []
         for z in starts:
-            bounds = low.copy(), high.copy()
+            bounds = self.lowest.copy(), np.full(z.size, np.inf)
             for bound in bounds:
                 bound[[*held]] = z[[*held]]
             searches.append(scoring(np.clip(z, *bounds), *bounds))
@@ -439,89 +415,6 @@ class BasinLikelihood:
         covariance[np.ix_(others, basin)] = -ties @ of_basin
         covariance[np.ix_(basin, others)] = covariance[np.ix_(others, basin)].T
         return best.z, covariance
-
-
-def scoring(z: np.ndarray, low: np.ndarray, high: np.ndarray) -> Generator[np.ndarray, Evaluation, Evaluation]:
-    """Fisher's scoring with Levenberg's damping, within bounds: yields points, is sent the `Evaluation` of each.
-
-    Near the optimum it learns from the gradients what of the curvature is not expected of the model but of this record
-    (Dennis, Gay and Welsch 1981): without that its steps overshoot there, and it ends slowly.
-
-    Args:
-        z, low, high: (p,); where it begins, and the bounds.
-
-    Returns:
-        The best.
-    """
-    best = yield z
-    if not best.is_finite:
-        return replace(best, cost=np.inf)
-    damping, learned = 0.1, np.zeros_like(best.information)
-    for _ in range(MAX_ITERATIONS):
-        curvature = with_learned(best.information, learned) if learned.any() else best.information
-        damped = curvature + damping * np.diag(np.diag(best.information))
-        trial = clipped_step(best.z, best.gradient, damped, low, high)
-        step = trial - best.z
-        expected = -float(best.gradient @ step)
-        if expected < CONVERGED:
-            break
-        tried = yield trial
-        # at the edge of where the motion runs away it may be known, but not how it changes
-        better = tried.cost < best.cost and tried.is_finite
-        if expected < NEAR and tried.is_finite:
-            information = tried.information if better else best.information
-            learned = secant(learned, step, tried.gradient - best.gradient, information)
-        if better:
-            gained, best = best.cost - tried.cost, tried
-            damping = max(damping / 5.0, 1e-6)
-            if gained < CONVERGED and expected < 10.0 * CONVERGED:
-                break
-        else:
-            damping = max(6.0 * damping, 1e-2)
-            if damping > 1e6:
-                break
-    return best
-
-
-def with_learned(information: np.ndarray, learned: np.ndarray) -> np.ndarray:
-    """The information (p, p) and what was learned beyond it, no less than ``LEAST_SHARE`` of the former anywhere."""
-    root = np.linalg.cholesky(information)
-    values, vectors = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, learned).T))
-    directions = root @ vectors
-    return directions * np.maximum(1.0 + values, LEAST_SHARE) @ directions.T
-
-
-def secant(learned: np.ndarray, step: np.ndarray, change: np.ndarray, information: np.ndarray) -> np.ndarray:
-    """What the gradient's change over a step adds to the curvature beyond the information, (p, p): the update of
-    Dennis, Gay and Welsch (1981), of the least change that agrees with it.
-    """
-    along = float(change @ step)
-    if along <= 0.0:
-        return learned
-    beyond = change - information @ step
-    before = abs(float(step @ learned @ step))
-    sized = learned * min(1.0, abs(float(step @ beyond)) / before) if before > 0.0 else learned
-    missing = beyond - sized @ step
-    both = np.outer(missing, change)
-    return sized + (both + both.T) / along - float(missing @ step) * np.outer(change, change) / along**2
-
-
-def clipped_step(
-    z: np.ndarray, gradient: np.ndarray, information: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> np.ndarray:
-    """Newton's step within bounds: what would leave them is held at them and the rest solved again."""
-    free = np.ones(z.size, dtype=bool)
-    trial = z.copy()
-    for _ in range(z.size):
-        held = trial - z
-        right = -(gradient + information @ np.where(free, 0.0, held))[free]
-        trial[free] = z[free] + np.linalg.solve(information[np.ix_(free, free)], right)
-        outside = free & ((trial < low) | (trial > high))
-        if not outside.any():
-            break
-        trial = np.where(outside, np.clip(trial, low, high), trial)
-        free &= ~outside
-    return trial
 
 
 def interval(value: float, std: float, bounded: bool) -> np.ndarray:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 ADEQUATE, DOUBTFUL, REJECTED = 'adequate', 'doubtful', 'rejected'
 
-#: Error of the next release, a share of its motion, up to which a model is adequate, and from which it is rejected: it is
-#: then no better than a forecast of rest.
+#: Error of the next release, a share of its motion, up to which a model is adequate, and from which it is rejected:
+#: it is then no better than a forecast of rest.
 ADEQUATE_ERROR, REJECTED_ERROR = 0.1, 1.0
 LARGEST_UNEXPLAINED = 0.5  #: Share of the motion: a fit that leaves more is of something else.
 UPPER_PART = 0.9  #: Part of the draws whose error is smaller than the error stated.

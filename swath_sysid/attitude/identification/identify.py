@@ -7,22 +7,28 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
 from swath_sysid.attitude.identification.absent_terms import (
     AbsentTerm,
-    Rival,
     absent_term,
     fit_and_test,
     lacks_terms,
 )
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
+from swath_sysid.attitude.identification.default_hull import pruned_hull, suits_likelihood
 from swath_sysid.attitude.identification.fit_quality import Verdict, judge
-from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
+from swath_sysid.attitude.identification.motion_fit import (
+    SEARCH_STEPS_PER_PERIOD,
+    STARTING_TOLERANCE,
+    TOLERANCE,
+    InitialState,
+    MotionFit,
+)
 from swath_sysid.attitude.identification.one_step import OneStepObjective
-from swath_sysid.attitude.identification.problem import Problem, block_means, prepare
+from swath_sysid.attitude.identification.problem import Problem, amplitudes_seen, block_means, motion_fit, prepare
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER
 from swath_sysid.attitude.identification.search import (
     PRESETS,
@@ -43,7 +49,6 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 
 OBJECTIVES = ('simulation', 'one-step')
-DEFAULT_EQUATION = 'odd-cubic'
 
 #: The search looks at this many periods: its basin of attraction in frequency narrows with every cycle, and refinement
 #: then follows the rest of the record outwards from there.
@@ -67,8 +72,8 @@ ONE_STEP_BIASED = Advice(
 class IdentificationSettings:
     """What to fit and how."""
 
-    #: A name that `equation_named` takes; None: ``DEFAULT_EQUATION``, `choose` in `selection` takes the best.
-    equation: str | None = None
+    #: A name that `equation_named` takes; ``auto``: the general hull, pruned to the terms that the records show.
+    equation: str = AUTO
     objective: str = 'simulation'  #: ``simulation`` or ``one-step``.
     search: SearchSettings = field(default_factory=SearchSettings)
     start: float | None = None  #: Bounds of the decay in the record's time, s.
@@ -77,13 +82,17 @@ class IdentificationSettings:
     def __post_init__(self):
         if self.objective not in OBJECTIVES:
             raise InputError(f"there is no objective '{self.objective}': choose from {', '.join(OBJECTIVES)}")
+        if not self.equation:
+            raise InputError(f"an equation without a name cannot be fitted: leave it out, or give '{AUTO}' or a name")
+        if self.equation != AUTO:
+            equation_named(self.equation)
         if self.start is not None and self.end is not None and not self.start < self.end:
             raise InputError('the start must lie before the end')
 
     @property
     def chosen_equation(self) -> Equation:
-        """The equation to fit."""
-        return equation_named(self.equation or DEFAULT_EQUATION)
+        """The equation to search with: every smooth term where none is named."""
+        return GENERAL_HULL if self.equation == AUTO else equation_named(self.equation)
 
 
 @dataclass(frozen=True)
@@ -128,10 +137,7 @@ class Identification:
     advice: tuple[Advice, ...]
     log_likelihood: float | None = None  #: At its optimum; None where it does not suit, see `suits_likelihood`.
     absent_term: AbsentTerm | None = None  #: That the equation lacks and the motion shows most.
-    choice: str = ''  #: Why this equation, in one sentence; empty where it was given.
-    #: That leaves the period most open: of the others where the equation was chosen by its likelihood, else the
-    #: equation with every smooth term, where that is likely to be needed.
-    rival: Rival | None = None
+    posterior: HullPosterior | None = None  #: Of every term, those pruned included; None where the equation was named.
 
     @property
     def std(self) -> dict[str, float]:
@@ -183,7 +189,13 @@ class Identification:
         }
         metrics = {**fit_metrics(self), **self.verdict.metrics}
         return IdentifiedModel(
-            self.model, self.covariance, self.trim_std, self.amplitude_range, metrics, {**provenance, **how}
+            self.model,
+            self.covariance,
+            self.trim_std,
+            self.amplitude_range,
+            metrics,
+            {**provenance, **how},
+            self.posterior,
         )
 
 
@@ -250,8 +262,15 @@ def identify_problem(
     if settings.objective == 'one-step':
         fit, parameters = _exact_one_step(problem, equation, space)
     else:
-        fit, parameters = _refine_outwards(problem, equation, space, best, should_cancel)
-    identified = refined_in_basin(conclude(problem, settings, equation, fit, parameters, found))
+        tolerance = STARTING_TOLERANCE if settings.equation == AUTO else TOLERANCE
+        fit, parameters = _refine_outwards(problem, equation, space, best, tolerance, should_cancel)
+    report(0.5 * (1.0 + SEARCH_SHARE))
+    if settings.equation == AUTO and settings.objective == 'simulation':
+        hull = pruned_hull(problem, *fit.unpack(parameters))
+        fit = motion_fit(problem, hull.equation)
+        identified = conclude(problem, settings, hull.equation, fit, hull.parameters, found, hull.basin, hull.posterior)
+    else:
+        identified = refined_in_basin(conclude(problem, settings, equation, fit, parameters, found))
     report(1.0)
     return identified
 
@@ -271,17 +290,6 @@ def refit_from(
     return refined_in_basin(conclude(problem, settings, equation, fit, parameters, search))
 
 
-def suits_likelihood(problem: Problem, equation: Equation) -> bool:
-    """Whether coefficients come from the likelihood of a basin that moves: with angle and rate in each record.
-
-    The likelihood takes the two to differ by noise and a bias only, and so tells the craft's motion from the
-    sensor's. An angle alone mostly comes filtered or rounded, from optical tracking, and is trusted far beyond what it
-    is worth; dry friction is not smooth enough for the filter.
-    """
-    both = all(m.angle is not None and m.rate is not None for m in problem.motions)
-    return both and 'b0' not in equation.terms
-
-
 def refined_in_basin(found: Identification) -> Identification:
     """A least-squares identification refined by the likelihood that knows of the basin's motion, where it suits.
 
@@ -296,7 +304,7 @@ def refined_in_basin(found: Identification) -> Identification:
     if not suits_likelihood(problem, equation):
         return replace(found, absent_term=absent_term(found))
     states = [record.state for record in found.records]
-    basin, lacking, rival = fit_and_test(problem, equation, found.model.ratios, states)
+    basin, lacking = fit_and_test(problem, equation, found.model.ratios, states)
     if basin is None:
         return replace(found, absent_term=absent_term(found))
     fit = motion_fit(problem, equation)
@@ -314,7 +322,6 @@ def refined_in_basin(found: Identification) -> Identification:
         objective_value=found.objective_value,
         absent_term=lacking,
         log_likelihood=basin.log_likelihood,
-        rival=rival,
     )
 
 
@@ -325,29 +332,6 @@ def _has_left(refined: Identification, found: Identification):
     seen = 2.0 * np.pi / found.problem.scales.frequency
     change = [abs(refined.model.natural_period / period - 1.0) for period in (found.model.natural_period, seen)]
     return min(change) > MAX_PERIOD_CHANGE
-
-
-def motion_fit(
-    problem: Problem, equation: Equation, motions: Sequence[AxisMotion] | None = None, **options
-) -> MotionFit:
-    """The simulation objective of an equation on a problem's records, or on parts of them."""
-    return MotionFit(
-        problem.motions if motions is None else motions,
-        equation,
-        problem.scales,
-        problem.noise,
-        problem.friction_rate,
-        **options,
-    )
-
-
-def amplitudes_seen(problem: Problem) -> tuple[float, float]:
-    """Smallest and largest amplitude of the records, rad."""
-    last = min(s.final_amplitude for s in problem.segments)
-    first = problem.scales.amplitude
-    if problem.motions[0].angle is None:
-        last = last / problem.scales.frequency
-    return min(last, 0.9 * first), first
 
 
 def _space(problem: Problem, equation: Equation, settings: IdentificationSettings):
@@ -393,7 +377,12 @@ def _exact_one_step(problem: Problem, equation: Equation, space: SearchSpace):
 
 
 def _refine_outwards(
-    problem: Problem, equation: Equation, space: SearchSpace, best: np.ndarray, should_cancel: ShouldCancel | None
+    problem: Problem,
+    equation: Equation,
+    space: SearchSpace,
+    best: np.ndarray,
+    tolerance: float,
+    should_cancel: ShouldCancel | None,
 ):
     """Least squares on the first periods, then on ever more of the record."""
     longest = max(m.duration for m in problem.motions) * problem.scales.frequency / (2 * np.pi)
@@ -403,10 +392,8 @@ def _refine_outwards(
         whole = horizon >= longest
         fit = motion_fit(problem, equation, None if whole else problem.until(horizon))
         states = fit.pack(np.zeros(len(LOWER)), problem.states)[len(best) :]
-        tried = [
-            fit.refine(s if s.size > len(best) else np.concatenate([s, states]), space.ratio_lower, space.ratio_upper)
-            for s in starts
-        ]
+        bounds = space.ratio_lower, space.ratio_upper
+        tried = [fit.refine(np.r_[s, states] if s.size == len(best) else s, *bounds, tolerance) for s in starts]
         parameters = min(tried, key=lambda t: t[1])[0]
         if should_cancel is not None and should_cancel():
             raise Cancelled
@@ -424,6 +411,7 @@ def conclude(
     parameters: np.ndarray,
     search: SearchResult,
     basin: BasinFit | None = None,
+    posterior: HullPosterior | None = None,
 ) -> Identification:
     """Everything a fit must say besides its coefficients."""
     ratios, states = fit.unpack(parameters)
@@ -471,6 +459,8 @@ def conclude(
         problem=problem,
         settings=settings,
         basin=basin,
+        log_likelihood=None if basin is None else basin.log_likelihood,
+        posterior=posterior,
         advice=(*problem.advice, *((ONE_STEP_BIASED,) if settings.objective == 'one-step' else ())),
     )
 

@@ -19,6 +19,7 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 SEARCH_STEPS_PER_PERIOD = 24
 PERTURBATION = 1e-6
 TOLERANCE = 1e-11
+STARTING_TOLERANCE = 1e-5  #: Of what another search goes on from.
 BOUND_MARGIN = 1e-9
 MAX_EVALUATIONS = 100
 
@@ -154,12 +155,15 @@ class MotionFit:
                     jacobians.append(jacobian)
         return residuals, jacobians
 
-    def refine(self, parameters: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, float, int]:
+    def refine(
+        self, parameters: np.ndarray, lower: np.ndarray, upper: np.ndarray, tolerance: float = TOLERANCE
+    ) -> tuple[np.ndarray, float, int]:
         """Least-squares refinement within bounds.
 
         Args:
             parameters: (n + 3 M,); start.
             lower, upper: (n,); bounds of the dimensionless ratios; states are free.
+            tolerance: Relative change of objective or parameters at which it ends.
 
         Returns:
             parameters: (n + 3 M,)
@@ -169,7 +173,7 @@ class MotionFit:
         free = np.full(parameters.size - self.term_count, np.inf)
         bounds = (np.concatenate([lower, -free]), np.concatenate([upper, free]))
         start = np.clip(parameters, bounds[0] + BOUND_MARGIN, bounds[1] - BOUND_MARGIN)
-        found = self._least_squares(start, np.arange(parameters.size), bounds)
+        found = self._least_squares(start, np.arange(parameters.size), bounds, tolerance)
         vanished = found.x - bounds[0] < BOUND_MARGIN
         return np.where(vanished, bounds[0], found.x), float(np.sqrt(2.0 * found.cost / found.fun.size)), found.nfev
 
@@ -177,7 +181,7 @@ class MotionFit:
         """The parameters (n + 3 M,) with their initial states refined and their ratios kept."""
         states = np.arange(self.term_count, parameters.size)
         refined = parameters.copy()
-        refined[states] = self._least_squares(parameters, states, (-np.inf, np.inf)).x
+        refined[states] = self._least_squares(parameters, states, (-np.inf, np.inf), TOLERANCE).x
         return refined
 
     def simulated(self, parameters: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
@@ -197,7 +201,7 @@ class MotionFit:
                 for k, (state, (before, weights, _)) in enumerate(zip(states, self._places, strict=True))
             )
 
-    def _least_squares(self, parameters: np.ndarray, chosen: np.ndarray, bounds: tuple):
+    def _least_squares(self, parameters: np.ndarray, chosen: np.ndarray, bounds: tuple, tolerance: float):
         """scipy's trust-region least squares over the chosen parameters, the others kept.
 
         Residuals and Jacobian come out of one simulation, so that the Jacobian is at hand when
@@ -224,9 +228,9 @@ class MotionFit:
             parameters[chosen],
             jacobian,
             bounds=bounds,
-            ftol=TOLERANCE,
-            xtol=TOLERANCE,
-            gtol=TOLERANCE,
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=tolerance,
             max_nfev=MAX_EVALUATIONS,
         )
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swath_sysid.attitude.identification.motion_fit import InitialState, Noise
+from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
 from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.motion.quality import check_decay
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decay_or_absence, find_decay
@@ -226,3 +227,26 @@ def _angle_from_rate(motion: AxisMotion, segment: DecaySegment):
     whole = max(1, int(motion.duration / segment.period) // 2)
     last = motion.time >= motion.time[-1] - whole * segment.period
     return -float(angle[last].mean())
+
+
+def motion_fit(
+    problem: Problem, equation: Equation, motions: Sequence[AxisMotion] | None = None, **options
+) -> MotionFit:
+    """The simulation objective of an equation on a problem's records, or on parts of them."""
+    return MotionFit(
+        problem.motions if motions is None else motions,
+        equation,
+        problem.scales,
+        problem.noise,
+        problem.friction_rate,
+        **options,
+    )
+
+
+def amplitudes_seen(problem: Problem) -> tuple[float, float]:
+    """Smallest and largest amplitude of the records, rad."""
+    last = min(s.final_amplitude for s in problem.segments)
+    first = problem.scales.amplitude
+    if problem.motions[0].angle is None:
+        last = last / problem.scales.frequency
+    return min(last, 0.9 * first), first

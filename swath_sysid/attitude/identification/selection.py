@@ -6,29 +6,20 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.identification.absent_terms import Rival
-from swath_sysid.attitude.identification.basin_likelihood import interval
 from swath_sysid.attitude.identification.identify import (
     Identification,
     IdentificationSettings,
     identify_problem,
-    motion_fit,
     refit_from,
-    suits_likelihood,
 )
-from swath_sysid.attitude.identification.problem import Problem
-from swath_sysid.attitude.identification.uncertainty import amplitude_bands
+from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import results_in_order
-from swath_sysid.common.stopping import Progress
 
 FIRST_PART = 0.5  #: Share of each record, in time, on which a model is identified that the rest then judges.
 CRITERION_MARGIN = 10.0  #: A difference of the information criterion that Kass and Raftery (1995) call very strong.
 HELD_OUT_MARGIN = 1.1
-#: Tried where no equation is given: each published hull has the terms of one of them, or a part of those.
-CANDIDATES = 'odd-cubic', 'swath-pitch-2', 'hydrofoil-pitch-3', 'swath-pitch-1', 'swath-roll-3'
 Fit = TypeVar('Fit', bound=Any)
 Ranked = TypeVar('Ranked', bound=Any)  #: A campaign ranks its own summaries of fits.
 ROUNDING = 1e-12  #: Relative difference of two objective values that is none.
@@ -107,36 +98,6 @@ def compare(
     return rank(enforce_nesting(fits, refit), held_out)
 
 
-def choose(problem: Problem, settings: IdentificationSettings, *, progress: Progress | None = None) -> Identification:
-    """Identify with a few equations and take the simplest adequate one, as `compare` does.
-
-    Args:
-        problem: Of `prepare`.
-        settings: Its equation is ignored.
-        progress: Called with 0 to 1.
-
-    Returns:
-        Its ``choice`` says why.
-    """
-    equations = [equation_named(name) for name in CANDIDATES]
-    if all(suits_likelihood(problem, equation) for equation in equations):
-        fits = []
-        for equation in equations:
-            fits.append(identify_problem(problem, replace(settings, equation=equation.name)))
-            if progress is not None:
-                progress(len(fits) / len(equations))
-        found = rank(fits, [float('nan')] * len(fits))
-    else:
-        equations.append(equations[0].with_friction())
-        found = compare(
-            problem,
-            equations,
-            settings,
-            progress=None if progress is None else lambda done, name: progress(done / len(equations)),
-        )
-    return replace(found.choice.identification, choice=found.reason)
-
-
 def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Comparison:
     """Rank fits of the same records and choose the simplest adequate one.
 
@@ -154,7 +115,6 @@ def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Compariso
         (RankedFit(f, criterion(f), e) for f, e in zip(fits, held_out, strict=True)), key=lambda r: r.criterion
     )
     if by_likelihood and len(ranked) > 1:
-        ranked[0] = replace(ranked[0], identification=widened_by_rivals(ranked))
         best, second = ranked[:2]
         return Comparison(
             tuple(ranked),
@@ -166,48 +126,6 @@ def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Compariso
             ),
         )
     return Comparison(tuple(ranked), *simplest_adequate(ranked))
-
-
-def spread_parts(criteria: np.ndarray, values: np.ndarray, stds: np.ndarray) -> np.ndarray:
-    """What each model adds to the first one's standard deviation where the choice between them is open.
-
-    With Akaike's weights w the unconditional standard deviation is the sum of w sqrt(std^2 + (value - first)^2)
-    (Burnham and Anderson 2002, eq. 4.9, about the first value instead of the mean).
-
-    Args:
-        criteria, values, stds: (K,); akaike's criterion, the value and its standard deviation in each model.
-
-    Returns:
-        ndarray, shape (K,)
-    """
-    weight = np.exp(0.5 * (criteria.min() - criteria))
-    return weight / weight.sum() * np.hypot(stds, values - values[0])
-
-
-def widened_by_rivals(ranked: Sequence[RankedFit]) -> Identification:
-    """The best fit, its linear stiffness only as certain as the choice of the equation leaves it.
-
-    Args:
-        ranked: At least two, best first, by Akaike's criterion.
-    """
-    fits = [r.identification for r in ranked]
-    best = fits[0]
-    names = ['r1' if 'r1' in f.model.terms else 's1' for f in fits]
-    stiffness = np.array([f.model.terms[name] for f, name in zip(fits, names, strict=True)])
-    std = np.array([f.std[name] for f, name in zip(fits, names, strict=True)])
-    parts = spread_parts(np.array([r.criterion for r in ranked]), stiffness, std)
-    widening = max(1.0, float(parts.sum() / std[0]))
-    scale = np.where([term == names[0] for term in best.model.equation.terms], widening, 1.0)
-    covariance = best.covariance * np.outer(scale, scale)
-    low, high = interval(stiffness[0], widening * std[0], False)
-    strongest = fits[1 + int(np.argmax(parts[1:]))].model
-    return replace(
-        best,
-        covariance=covariance,
-        intervals={**best.intervals, names[0]: (float(low), float(high))},
-        bands=amplitude_bands(best.model, covariance, best.bands.curves.amplitude),
-        rival=Rival(strongest.equation.name, strongest.natural_period, widening),
-    )
 
 
 def simplest_adequate(ranked: Sequence[Ranked], criterion: str = 'criterion') -> tuple[Ranked, str]:

@@ -1,19 +1,20 @@
 """The parameters of identifier."""
 
+from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings
 from swath_sysid.attitude.identification.refit import RefitSettings
 from swath_sysid.attitude.identification.search import ALGORITHMS, SearchSettings
 from swath_sysid.attitude.identification.stability_watch import StabilitySettings
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.parameters.parameter import DIAGNOSTICS, WORKER, NodeParameter, Values, check
 
 TABLE = (
     NodeParameter('axes', list(AXES), 'Axes to identify', choices=AXES),
     NodeParameter(
         'equation',
-        'odd-cubic',
-        'Equation to fit: a name of the catalogue, or damping|restoring terms as in linear,quadratic|linear,cubic',
+        AUTO,
+        'Equation to fit: a name of the catalogue, or damping|restoring terms as in linear,quadratic|linear,cubic; '
+        'auto: every term, then those that the decay does not show are left out',
     ),
     NodeParameter('objective', 'simulation', 'What the fit minimises', choices=OBJECTIVES),
     NodeParameter('search', 'ga', 'Search algorithm', choices=ALGORITHMS),
@@ -70,7 +71,7 @@ def refit_settings(values: Values) -> RefitSettings:
     """Settings of identifier's core; raises `InputError` where a value is not allowed."""
     check(TABLE, values)
     identification = IdentificationSettings(
-        equation=values['equation'] or None,
+        equation=values['equation'],
         objective=values['objective'],
         search=SearchSettings(
             algorithm=values['search'],
@@ -79,8 +80,5 @@ def refit_settings(values: Values) -> RefitSettings:
             seed=values['seed'],
         ),
     )
-    equation = identification.chosen_equation
-    if not equation.terms:
-        raise InputError(f'the equation {equation.name} has no terms: name another')
     stability = StabilitySettings(values['stability_limit'], values['known_gm_m'])
     return RefitSettings(tuple(values['axes']), identification, stability)

@@ -1,0 +1,52 @@
+"""The log posterior of least squares, where the likelihood of a basin that moves does not suit.
+
+Residuals of N samples that are as good as n independent ones count n / N each.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES
+from swath_sysid.attitude.identification.motion_fit import MotionFit
+from swath_sysid.attitude.identification.scoring import Evaluation, search_each
+
+
+class ResidualPosterior:
+    """Negative log posterior of an equation's dimensionless ratios and the initial states of some records.
+
+    Args:
+        variance: Of the weighted residuals, times the samples to each independent one.
+        ratio_prior: (n,); standard deviations of the ratios before the records are seen, about zero, the linear
+            stiffness about one.
+    """
+
+    def __init__(self, fit: MotionFit, equation: Equation, variance: float, ratio_prior: np.ndarray, size: int) -> None:
+        self.equation, self.ratio_prior = equation, ratio_prior
+        self._fit, self._variance = fit, variance
+        n = ratio_prior.size
+        self._weight = np.r_[ratio_prior**-2, np.zeros(size - n)]
+        self._mean = np.r_[[float(name == 'r1') for name in equation.terms], np.zeros(size - n)]
+        self.lowest = np.full(size, -np.inf)
+        self.lowest[:n][[name in DAMPING_NAMES for name in equation.terms]] = 0.0
+
+    def optimum(self, start: np.ndarray, held: Sequence[int]) -> Evaluation:
+        """The optimum from some parameters (p,), of which those at the places ``held`` stay."""
+        stays = np.isin(np.arange(start.size), held)
+        (found,) = search_each(self.evaluate, [start], self.lowest, np.full(start.size, np.inf), [stays])
+        return found
+
+    def evaluate(self, points: Sequence[np.ndarray]) -> list[Evaluation]:
+        """The posterior and its derivatives at some points (p,), as `MotionFit.pack` gives them."""
+        return [self._evaluation(z) for z in points]
+
+    def _evaluation(self, z: np.ndarray):
+        residuals, jacobians = self._fit.residuals_and_jacobian(z)
+        with np.errstate(over='ignore', invalid='ignore'):
+            e, slopes = np.concatenate(residuals), np.concatenate(jacobians)
+            away = z - self._mean
+            cost = 0.5 * float(e @ e) / self._variance + 0.5 * float(self._weight @ away**2)
+            gradient = slopes.T @ e / self._variance + self._weight * away
+            information = slopes.T @ slopes / self._variance + np.diag(self._weight)
+        return Evaluation(z, cost if np.isfinite(cost) else np.inf, gradient, information)

@@ -1,0 +1,149 @@
+"""The optimum of a log posterior by Fisher's scoring, within bounds, several searches side by side.
+
+With a_k = d e_k / d z and b_k = d s_k / d z of innovations e_k and their variances s_k,
+
+    gradient    = sum(a_k e_k / s_k + b_k (1 - e_k^2 / s_k) / (2 s_k)),
+    information = sum(a_k a_k' / s_k + b_k b_k' / (2 s_k^2)).
+"""
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+MAX_ITERATIONS = 30
+CONVERGED = 0.003  #: Decrease of the negative log likelihood that a further step promises.
+NEAR = 10.0  #: Decrease that a step promises from which the curvature is learned.
+#: Of the expected information along any direction, taken for the curvature of a step where less was learned.
+LEAST_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The negative log posterior at some parameters."""
+
+    z: np.ndarray  #: (p,)
+    cost: float  #: Infinite where the motion runs away.
+    #: (p,) and (p, p); First derivatives and expected second ones; not finite where the motion runs away.
+    gradient: np.ndarray
+    #: (p,) and (p, p); First derivatives and expected second ones; not finite where the motion runs away.
+    information: np.ndarray
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether a search may go on from here."""
+        return all(np.isfinite(each).all() for each in (self.cost, self.gradient, self.information))
+
+
+def search_each(
+    evaluate: Callable[[Sequence[np.ndarray]], list[Evaluation]],
+    starts: Sequence[np.ndarray],
+    low: np.ndarray,
+    high: np.ndarray,
+    held: Sequence[np.ndarray],
+) -> list[Evaluation]:
+    """The optimum found from each start, by searches that share the passes of what is evaluated.
+
+    Args:
+        evaluate: Evaluations of some points.
+        starts: sequence of (p,).
+        low, high: (p,); bounds.
+        held: sequence of (p,); masks of the parameters that stay as each search starts.
+    """
+    searches = [
+        scoring(np.clip(z, low, high), np.where(stays, z, low), np.where(stays, z, high))
+        for z, stays in zip(starts, held, strict=True)
+    ]
+    asked = {k: next(search) for k, search in enumerate(searches)}
+    found: dict[int, Evaluation] = {}
+    while asked:
+        for k, evaluation in zip(list(asked), evaluate(list(asked.values())), strict=True):
+            try:
+                asked[k] = searches[k].send(evaluation)
+            except StopIteration as end:
+                found[k] = end.value
+                del asked[k]
+    return [found[k] for k in range(len(searches))]
+
+
+def scoring(z: np.ndarray, low: np.ndarray, high: np.ndarray) -> Generator[np.ndarray, Evaluation, Evaluation]:
+    """Fisher's scoring with Levenberg's damping, within bounds: yields points, is sent the `Evaluation` of each.
+
+    Near the optimum it learns from the gradients what of the curvature is not expected of the model but of this record
+    (Dennis, Gay and Welsch 1981): without that its steps overshoot there, and it ends slowly.
+
+    Args:
+        z, low, high: (p,); where it begins, and the bounds.
+
+    Returns:
+        The best.
+    """
+    best = yield z
+    if not best.is_finite:
+        return replace(best, cost=np.inf)
+    damping, learned = 0.1, np.zeros_like(best.information)
+    for _ in range(MAX_ITERATIONS):
+        curvature = with_learned(best.information, learned) if learned.any() else best.information
+        damped = curvature + damping * np.diag(np.diag(best.information))
+        trial = clipped_step(best.z, best.gradient, damped, low, high)
+        step = trial - best.z
+        expected = -float(best.gradient @ step)
+        if expected < CONVERGED:
+            break
+        tried = yield trial
+        # at the edge of where the motion runs away it may be known, but not how it changes
+        better = tried.cost < best.cost and tried.is_finite
+        if expected < NEAR and tried.is_finite:
+            information = tried.information if better else best.information
+            learned = secant(learned, step, tried.gradient - best.gradient, information)
+        if better:
+            gained, best = best.cost - tried.cost, tried
+            damping = max(damping / 5.0, 1e-6)
+            if gained < CONVERGED and expected < 10.0 * CONVERGED:
+                break
+        else:
+            damping = max(6.0 * damping, 1e-2)
+            if damping > 1e6:
+                break
+    return best
+
+
+def with_learned(information: np.ndarray, learned: np.ndarray) -> np.ndarray:
+    """The information (p, p) and what was learned beyond it, no less than ``LEAST_SHARE`` of the former anywhere."""
+    root = np.linalg.cholesky(information)
+    values, vectors = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, learned).T))
+    directions = root @ vectors
+    return directions * np.maximum(1.0 + values, LEAST_SHARE) @ directions.T
+
+
+def secant(learned: np.ndarray, step: np.ndarray, change: np.ndarray, information: np.ndarray) -> np.ndarray:
+    """What the gradient's change over a step adds to the curvature beyond the information, (p, p): the update of
+    Dennis, Gay and Welsch (1981), of the least change that agrees with it.
+    """
+    along = float(change @ step)
+    if along <= 0.0:
+        return learned
+    beyond = change - information @ step
+    before = abs(float(step @ learned @ step))
+    sized = learned * min(1.0, abs(float(step @ beyond)) / before) if before > 0.0 else learned
+    missing = beyond - sized @ step
+    both = np.outer(missing, change)
+    return sized + (both + both.T) / along - float(missing @ step) * np.outer(change, change) / along**2
+
+
+def clipped_step(
+    z: np.ndarray, gradient: np.ndarray, information: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Newton's step within bounds: what would leave them is held at them and the rest solved again."""
+    free = np.ones(z.size, dtype=bool)
+    trial = z.copy()
+    for _ in range(z.size):
+        held = trial - z
+        right = -(gradient + information @ np.where(free, 0.0, held))[free]
+        trial[free] = z[free] + np.linalg.solve(information[np.ix_(free, free)], right)
+        outside = free & ((trial < low) | (trial > high))
+        if not outside.any():
+            break
+        trial = np.where(outside, np.clip(trial, low, high), trial)
+        free &= ~outside
+    return trial
