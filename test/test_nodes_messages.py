@@ -92,7 +92,7 @@ def without_a_column(message):
 
 
 def reaching_too_far(message):
-    message.fields[1].offset = 60
+    message.fields[1].offset = 68
 
 
 @pytest.mark.parametrize(

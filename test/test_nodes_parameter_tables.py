@@ -51,8 +51,7 @@ def test_the_defaults_are_those_of_the_cores():
     limits = QuiescenceLimits(roll=radians(3.0), pitch=radians(3.0), duration=settings.forecaster.horizon)
     assert settings == PipelineSettings(forecaster=ForecasterSettings(quiescence=limits))
     found = refit_settings(defaults(IDENTIFIER))
-    assert found.axes == RefitSettings().axes and found.least_improvement == RefitSettings().least_improvement
-    assert found.identification.chosen_equation == RefitSettings().identification.chosen_equation
+    assert found == RefitSettings()
 
 
 def test_what_both_hear_is_set_alike():
@@ -74,7 +73,7 @@ def test_what_both_hear_is_set_alike():
         ('identifier', 'objective', 'best'),
         ('identifier', 'search', 'magic'),
         ('identifier', 'population', 3),
-        ('identifier', 'least_improvement', 1.5),
+        ('identifier', 'equation', ''),
         ('predictor', 'leads_s', [1.0, 0.5]),
         ('predictor', 'leads_s', []),
         ('predictor', 'horizon_s', 1e6),
@@ -204,7 +203,7 @@ FORMER = {
 def test_a_parameter_file_of_an_earlier_version_is_still_read(tmp_path):
     path = tmp_path / 'former.yaml'
     path.write_text(yaml.safe_dump(FORMER))
-    assert values_from_file(path, 'identifier') == defaults(IDENTIFIER)
+    assert values_from_file(path, 'identifier') == {**defaults(IDENTIFIER), 'equation': 'odd-cubic'}
     moved = changed('manoeuvring_identifier', window_s=120.0, mass_kg=180.0)
     assert values_from_file(path, 'manoeuvring_identifier') == moved
     assert values_from_file(path, 'manoeuvring_predictor') == changed('manoeuvring_predictor', leads_s=[2.0])

@@ -237,7 +237,14 @@ def _judged(
     if reason:
         certain = found.verdict.code in HARMLESS
         return AxisVerdict(axis, None, f'not published, {reason}', kept if certain else None)
-    anew = 'the decays before contradict this one and are forgotten; ' if changed and held.decays else ''
+    anew = ''
+    if changed:
+        before = (
+            'decays before contradict this one and are'
+            if held.decays
+            else 'current model contradicts this decay and is'
+        )
+        anew, current = f'the {before} forgotten; ', None
     terms = f'{model.model.equation.name}, period {model.model.natural_period:.3f} s'
     message = f'{anew}{told_verdict(model)}; {told_gain(current, model, len(decays))} ({terms})'
     return AxisVerdict(axis, model, message, kept)

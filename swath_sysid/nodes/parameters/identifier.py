@@ -21,7 +21,7 @@ TABLE = (
     NodeParameter('generations', 0, "Generations of the search; 0: the algorithm's default", '', 0, 100000),
     NodeParameter('population', 0, "Candidates a generation; 0: the algorithm's default", '', 0, 100000),
     NodeParameter('seed', 1, 'Seed of the search', '', 0, 2**31 - 1),
-    NodeParameter('auto_identify', True, 'Refit the axis of a free decay whenever a window with one arrives'),
+    NodeParameter('auto_identify', True, 'Fit the axis of a free decay when imu_buffer has noticed that one has ended'),
     NodeParameter(
         'identify_interval_s',
         0.0,
