@@ -398,10 +398,9 @@ def a_window():
     from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
     from swath_sysid.formats.messages import window_message
 
-    window = MotionWindow(WindowSettings(detect_decay=False))
-    for one in decay_stream(50.0, 30.0):
-        window.add(one)
-    return window_message(window.table(), 'base_link')
+    window = MotionWindow(WindowSettings())
+    finished = next(filter(None, (window.add(one).finished for one in decay_stream(50.0, 30.0))))
+    return window_message(finished.table, 'base_link')
 
 
 @pytest.mark.parametrize(
