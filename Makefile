@@ -18,13 +18,16 @@ unexport LD_LIBRARY_PATH
 endif
 unexport AMENT_PREFIX_PATH PYTHONPATH PYTHONHOME RMW_IMPLEMENTATION VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test test-long lint bench clean
 
 demo: $(READY)
 	$(BIN)/swath-sysid demo --output out/
 
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m 'not long'
+
+test-long: $(READY)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m long
 
 lint: $(READY)
 	$(BIN)/ruff format --check

@@ -2,6 +2,7 @@
 
 import os
 import random
+import signal
 
 from hypothesis import settings
 
@@ -14,6 +15,10 @@ if 'PYTEST_XDIST_WORKER' in os.environ:
     # processes that test side by side must not hear each other's nodes
     worker = int(os.environ['PYTEST_XDIST_WORKER'].removeprefix('gw'))
     os.environ['ROS_DOMAIN_ID'] = str((int(os.environ['ROS_DOMAIN_ID']) - 1 + worker) % 100 + 1)
+
+# A shell without job control starts what runs in its background with SIGINT ignored, and children inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # How long an example takes says how busy the machine is, not whether the code is right.
 settings.register_profile('untimed', deadline=None, print_blob=True)

@@ -27,7 +27,7 @@ from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.common.accelerator import HAS_NUMBA
+from swath_sysid.common.accelerator import has_numba
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
@@ -160,8 +160,7 @@ def main():
     if parser.parse_args().plain and 'NUMBA_DISABLE_JIT' not in os.environ:
         environment = os.environ | {'NUMBA_DISABLE_JIT': '1'}
         return subprocess.call([sys.executable, __file__, '--plain'], env=environment)
-    compiled = HAS_NUMBA and 'NUMBA_DISABLE_JIT' not in os.environ
-    print(f'numba: {"yes" if compiled else "no"}, load average {os.getloadavg()[0]:.1f}')
+    print(f'numba: {"yes" if has_numba() else "no"}, load average {os.getloadavg()[0]:.1f}')
     one_step()
     simulation()
     long_record()

@@ -12,8 +12,9 @@ os.environ['COLUMNS'] = '100'
 
 import swath_sysid  # noqa: E402
 from swath_sysid.cli.main import VERBS, build_parser  # noqa: E402
-from swath_sysid.nodes.parameters.files import NODES, markdown_table  # noqa: E402
-from swath_sysid.nodes.reason_advice import reasons_table  # noqa: E402
+from swath_sysid.common.sentences import reasons_table  # noqa: E402
+from swath_sysid.nodes.parameters.files import markdown_table  # noqa: E402
+from swath_sysid.nodes.parameters.table import NODES  # noqa: E402
 
 project = 'swath_sysid'
 author = copyright = 'The swath_sysid maintainers'

@@ -1,4 +1,4 @@
-"""The command line as an executable: from its first import on, Ctrl-C ends it without a traceback.
+"""The command line as an executable: from its first import on, Ctrl-C or SIGTERM ends it without a traceback.
 
 Importing everything takes a second or two, in which an interrupt may come up anywhere, also in a library
 that swallows it. Nothing is under way by then, so the process just ends.
@@ -13,6 +13,9 @@ SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is t
 
 EXIT_INTERRUPTED = 130
 
+#: Also where a shell without job control has started the process with SIGINT ignored.
+ENDING = (signal.SIGINT, signal.SIGTERM)
+
 
 def command_line() -> int:
     """``swath-sysid``; returns the exit code."""
@@ -25,7 +28,8 @@ def command_line() -> int:
     if serving:
         return cli.main()
     # from here on there may be something to clean up
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number in ENDING:
+        signal.signal(number, signal.default_int_handler)
     try:
         return cli.main()
     finally:
@@ -41,9 +45,8 @@ def _end_on_signals(code: int):
     def end(*_) -> None:
         os._exit(code)
 
-    signal.signal(signal.SIGINT, end)
-    if code == 0:
-        signal.signal(signal.SIGTERM, end)
+    for number in ENDING:
+        signal.signal(number, end)
 
 
 if __name__ == '__main__':

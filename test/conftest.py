@@ -1,10 +1,14 @@
 """What every test shares: the real records and a quiet environment."""
 
 import os
+import re
 import sys
 from pathlib import Path
 
 import pytest
+
+from swath_sysid.attitude.motion.sensor_checks import Contradiction
+from swath_sysid.common.advice import Advice
 
 # rclpy from PyPI looks for its middleware under this prefix and refuses to start without it
 os.environ.setdefault('AMENT_PREFIX_PATH', sys.prefix)
@@ -19,3 +23,22 @@ def data_folder():
     if not folder.is_dir():
         pytest.skip(f'no measured records at {folder}: set SWATH_SYSID_DATA to their folder')
     return folder
+
+
+@pytest.fixture(autouse=True)
+def advice_in_numbers(monkeypatch):
+    """No test may see an advice that states a number which is none; what is made is looked at where it is made."""
+    unknown = []
+
+    def looked_at(made):
+        def init(self, code, message, *others, **named):
+            made(self, code, message, *others, **named)
+            if re.search(r'(?<![\w.])[-+]?nan(?![\w.])', message):
+                unknown.append(f'{code}: {message}')
+
+        return init
+
+    for kind in (Advice, Contradiction):
+        monkeypatch.setattr(kind, '__init__', looked_at(kind.__init__))
+    yield
+    assert unknown == []

@@ -9,7 +9,6 @@ from swath_sysid.attitude.motion.intake import Intake
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
-from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.page.bring_up import BringUp
 from swath_sysid.page.live_record import LiveRecord
 from swath_sysid.pipeline.forecast_health import installation_report
@@ -40,10 +39,11 @@ class TankSide:
         self.record, self.guide = LiveRecord(), BringUp(axis)
         self.guidances = []
         self.refitter, self.auto_identify = Refitter(), auto_identify
+        self.steps_back = 0
         self._intake, self._check = Intake(installation, StampSettings()), InstallationCheck(installation)
         self._window = MotionWindow(WindowSettings(installation=installation))
-        self._stream = StreamHealth(ADVICE, '/imu/data')
-        self._buffer, self._identifier = BufferHealth(ADVICE, '/imu/data', self._window), IdentifierHealth(ADVICE)
+        self._stream = StreamHealth('/imu/data')
+        self._buffer, self._identifier = BufferHealth('/imu/data', self._window), IdentifierHealth()
         self._rng = np.random.default_rng(1)
         self._next_report = 0.0
         self.record.install(installation)
@@ -95,7 +95,7 @@ class TankSide:
             self._check.add(sample)
         finished = self._window.add(each).finished
         for stream in (self._stream, self._buffer):
-            stream.note_message(each.stamp_ns, self.clock, self.clock)
+            stream.note_message(each.stamp_ns, self.stamp_ns, self.clock, self.clock)
         if self.record.is_due(each.stamp_ns, self.clock):
             self.record.add_reading(each)
         if finished is not None and self.auto_identify:
@@ -119,7 +119,7 @@ class TankSide:
                 Report('forecast', 0, 'forecasting'),
             ],
             'imu_buffer': self._buffer.reports(self.clock, self.stamp_ns),
-            'identifier': [self._identifier.report(self.refitter.described, 0, False)],
+            'identifier': [self._identifier.report(self.refitter.described, self.steps_back, False)],
         }
 
     def _report_when_due(self):

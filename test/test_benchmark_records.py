@@ -33,6 +33,7 @@ def rows_of(table):
     return {tuple(cells[:3]): cells[3:] for cells in lines[1:]}
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_table_of_the_ship_is_what_the_code_gives(benchmark, data_folder):
     """Anew, to a unit of the last digit that is printed; other rows may come from libraries that are not here."""

@@ -215,6 +215,7 @@ def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
     assert 'needs none: --only sea' in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.dds
 def test_the_demonstration_runs_to_its_verdict(tmp_path):
     """Over DDS, nodes and craft each a process; the exit code says what the verdict says, nothing is left running."""

@@ -79,6 +79,7 @@ def blocks_run(page):
 
 
 PAGES_RUN = [page for page in PAGES if blocks_run(page) and page != 'README.md']
+QUICK = ('docs/howto/identify.md', 'docs/howto/on_board.md', 'docs/howto/waves.md')
 
 
 @functools.cache
@@ -177,7 +178,9 @@ def folders_are_removed(tmp_path_factory, monkeypatch):
 @pytest.mark.dds
 @pytest.mark.slow
 @pytest.mark.timeout(3.0 * PATIENCE)
-@pytest.mark.parametrize('page', PAGES_RUN)
+@pytest.mark.parametrize(
+    'page', [page if page in QUICK else pytest.param(page, marks=pytest.mark.long) for page in PAGES_RUN]
+)
 def test_the_commands_of_a_page_run(page):
     if any(block.manner == 'stays' for block in blocks_run(page)):
         pytest.importorskip('rclpy')

@@ -101,6 +101,7 @@ def test_each_prints_a_table_and_draws_a_figure(name, voyage, tmp_path, capsys, 
     assert 'forecast' in capsys.readouterr().out and file.stat().st_size > 10_000
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_one_command_goes_the_whole_way(trial, tmp_path):
     record, file = tmp_path / 'waves.csv', tmp_path / 'landing.svg'

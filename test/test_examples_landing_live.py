@@ -49,6 +49,7 @@ def played(bag, settings, listener):
     return listener
 
 
+@pytest.mark.long
 def test_landings_through_the_node_are_those_of_play_through(example, tmp_path):
     landing, landing_live = example('landing'), example('landing_live')
     content = yaml.safe_load(landing.PARAMETERS.read_text(encoding='utf-8'))

@@ -239,43 +239,6 @@ def test_the_language_follows_the_output_and_the_function_its_file(tmp_path, cap
     assert 'import numpy' in (tmp_path / 'otter.py').read_text()
 
 
-SSV = {
-    'ssv': 'http://ssp-standard.org/SSP1/SystemStructureParameterValues',
-    'ssc': 'http://ssp-standard.org/SSP1/SystemStructureCommon',
-}
-
-
-def parameters_of(text):
-    root = ElementTree.fromstring(text)
-    assert root.tag == f'{{{SSV["ssv"]}}}ParameterSet' and root.get('version') == '1.0'
-    units = {
-        u.get('name'): {k: int(v) for k, v in u.find('ssc:BaseUnit', SSV).attrib.items()}
-        for u in root.findall('ssv:Units/ssc:Unit', SSV)
-    }
-    found = {
-        p.get('name'): (float(p[0].get('value')), units[p[0].get('unit')], p.get('description'))
-        for p in root.findall('ssv:Parameters/ssv:Parameter', SSV)
-    }
-    return found
-
-
-def test_parameters_for_fmus_bring_values_units_and_deviations(tmp_path, capsys):
-    identified = uncertain(CUBIC)
-    write_manoeuvring_model(tmp_path / 'm.yaml', identified)
-    found = parameters_of(exported(capsys, str(tmp_path / 'm.yaml'), '--to', 'fmu-parameters').out)
-    assert found['Yvv'][0] == CUBIC['Yvv'] and found['Nuur'][0] == CUBIC['Nuur'] and found['exponent'][0] == 1.3
-    assert found['Yvv'][1] == {'kg': 1, 'm': -1}  # N s2/m2
-    assert found['Nuur'][1] == {'kg': 1, 's': 1} and found['Nr_dot'][1] == {'kg': 1, 'm': 2}
-    assert found['lag'][1] == {'s': 1} and found['exponent'][1] == {}
-    assert found['Yvv'][2] == f'identified, standard deviation {0.02 * abs(CUBIC["Yvv"]):.4g}'
-    assert 'not identified' in found['lever'][2]
-    hull = PUBLISHED_HULLS['swath-roll'].model
-    write_model(tmp_path / 'roll.yaml', {'roll': IdentifiedModel.exactly(hull)})
-    found = parameters_of(exported(capsys, str(tmp_path / 'roll.yaml'), '--to', 'fmu-parameters').out)
-    assert {n: found[f'roll.{n}'][0] for n in hull.terms} == hull.terms
-    assert found['roll.b1'][1] == {'s': -1}
-
-
 def test_what_a_target_drops_is_said_in_the_file_and_on_the_terminal(tmp_path, capsys):
     source = written(tmp_path / 'm.yaml', CUBIC)
     said = exported(capsys, source, '--to', 'gazebo', '--output', str(tmp_path / 'm.sdf'))
@@ -493,7 +456,6 @@ def test_fossens_roll_and_pitch_are_those_of_the_hull_in_his_axes(axis, side, tm
         (['roll.yaml', '--to', 'nav2'], 'takes no roll or pitch model'),
         (['roll.yaml', '--to', 'fossen', '--inertia', 'roll=-1'], 'greater than zero'),
         (['craft.yaml', '--to', 'vrx', '--inertia', 'roll=1'], 'leave it out'),
-        (['roll.yaml', '--to', 'fmu-parameters', '--inertia', 'roll=1'], 'leave it out'),
         (['roll.yaml', '--to', 'gazebo', '--inertia', 'roll=1', '--inertia', 'pitch=1'], '--inertia pitch'),
         (['craft.yaml', '--to', 'vrx', '--language', 'matlab'], '--language'),
         (['craft.yaml', '--to', 'fossen', '--output', '1st-craft.m'], "no function name '1st-craft'"),

@@ -9,9 +9,12 @@ from hypothesis import strategies as st
 
 from swath_sysid.attitude.motion.attitude import euler_rates
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
+from swath_sysid.cli import sources
+from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import tables
 from swath_sysid.formats.csv_trials import read_csv, write_csv
+from swath_sysid.formats.reading import read_trial
 
 
 def codes(trial):
@@ -375,3 +378,58 @@ def test_a_mounting_that_is_none_is_one_sentence(tmp_path, line):
     path.write_text(f'# mounting_deg: {line}\ntime_s,roll_deg,pitch_deg\n' + '\n'.join(f'{k},1,1' for k in range(20)))
     with pytest.raises(InputError, match='angles'):
         read_csv(path)
+
+
+DATES = {
+    'iso': '2026-05-01T12:00:{:06.3f}',
+    'with a space': '2026-05-01 12:00:{:06.3f}',
+    'utc': '2026-05-01T12:00:{:06.3f}Z',
+    'a zone': '2026-05-01T14:00:{:06.3f}+02:00',
+    'basic': '20260501T1200{:06.3f}Z',
+    'quoted': '"2026-05-01T12:00:{:06.3f}Z"',
+}
+
+
+@pytest.mark.parametrize('name', ['time', 'timestamp', 'time_s', 'datetime'])
+@pytest.mark.parametrize('form', DATES.values(), ids=DATES)
+def test_dates_are_a_time(tmp_path, form, name):
+    seconds = 0.02 * np.arange(500)
+    roll = 5.0 * np.sin(2.0 * seconds)
+    path = tmp_path / 'dates.csv'
+    rows = [f'{angle:.6f},{form.format(second)},1' for second, angle in zip(seconds, roll, strict=True)]
+    path.write_text(f'roll_deg,{name},count\n' + '\n'.join(rows) + '\n')
+    trial = read_trial(path)
+    assert trial.time == pytest.approx(seconds, abs=1e-6)
+    assert np.degrees(trial.roll) == pytest.approx(roll, abs=1e-6) and trial.advice == ()
+    # one that is damaged costs its row
+    path.write_text(path.read_text().replace(rows[250], rows[250].replace('05', 'xx', 1)))
+    trial = read_trial(path)
+    assert trial.time.size == 499 and [each.code for each in trial.advice][:2] == ['text-in-numbers', 'missing-stamps']
+
+
+@pytest.mark.parametrize(
+    ('head', 'stamps', 'words'),
+    [
+        ('time_s,roll_deg', 10.0 - 0.01 * np.arange(500), 'the time runs backwards, from 10 to 5.01 s'),
+        (
+            '# sample_rate_hz: -100\ntime_samples,roll_deg',
+            np.arange(500),
+            "'sample_rate_hz: -100', which must be greater",
+        ),
+        ('# sample_rate_hz: 0\ntime_samples,roll_deg', np.arange(500), 'must be greater than zero'),
+    ],
+)
+def test_a_time_that_cannot_be_gets_its_sentence(tmp_path, head, stamps, words):
+    path = tmp_path / 'a.csv'
+    roll = 5.0 * np.sin(0.03 * np.arange(500))
+    path.write_text(head + '\n' + '\n'.join(f'{a:.4f},{b:.4f}' for a, b in zip(stamps, roll, strict=True)))
+    with pytest.raises(InputError, match=words):
+        read_trial(path)
+
+
+def test_the_reading_of_a_long_record_is_shown_at_once(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(sources, 'LONG_RECORD', 1000)
+    path = tmp_path / 'long.csv'
+    path.write_text('time_s,roll_deg\n' + '\n'.join(f'{k / 100},{5 * np.sin(k / 50):.4f}' for k in range(2000)))
+    assert main(['inspect', str(path)]) == 0
+    assert capsys.readouterr().err.startswith(f'reading {path}: 0%\nreading {path}: 100%\n')

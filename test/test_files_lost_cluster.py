@@ -43,7 +43,14 @@ class LosingExecutor(SerialExecutor):
 
 
 @pytest.mark.parametrize(
-    'loss', [None, CommClosedError('in <TCP>'), ClosedClientError('closed'), asyncio.CancelledError()]
+    'loss',
+    [
+        ClosedClientError('closed'),
+        *(
+            pytest.param(e, marks=pytest.mark.long)
+            for e in (None, CommClosedError('in <TCP>'), asyncio.CancelledError())
+        ),
+    ],
 )
 def test_lost_scheduler(loss, tmp_path, monkeypatch, capsys):
     trial = tmp_path / 'pitch.csv'

@@ -12,7 +12,7 @@ from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES, restoring_energy
-from swath_sysid.common.accelerator import HAS_NUMBA
+from swath_sysid.common.accelerator import has_numba
 
 ALL_TERMS = Equation('all', TERM_NAMES)
 
@@ -59,14 +59,14 @@ def test_linear_decay_has_its_closed_form():
     assert angle == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.skipif(not HAS_NUMBA, reason='numba is not installed: there is only one version to run')
+@pytest.mark.skipif(not has_numba(), reason='numba is not installed: there is only one version to run')
 def test_compiled_and_uncompiled_source_give_the_same_numbers(monkeypatch):
     rng = np.random.default_rng(3)
     ratios = rng.uniform(0.0, 4.0, (9, 17))
     start = rng.uniform(-0.2, 0.2, (2, 17))
     arguments = (*start, ratios, ALL_TERMS.active, 0.02, 0.03, 200)
     compiled = simulation.runge_kutta_population(*arguments)
-    monkeypatch.setattr(simulation, 'HAS_NUMBA', False)
+    monkeypatch.setattr(simulation, 'has_numba', lambda: False)
     monkeypatch.setattr(hull_compiled, 'damping_moment', terms.damping_moment)
     monkeypatch.setattr(hull_compiled, 'restoring_moment', terms.restoring_moment)
     plain = simulation.runge_kutta_population(*arguments)

@@ -250,6 +250,7 @@ def settings():
     return RefitSettings(axes=('roll',))
 
 
+@pytest.mark.long
 def test_a_refit_on_waves_believes_what_is_better(linear_motion, settings):
     refitter = Refitter(settings)
     first = refit(refitter.request(table(linear_motion), source={'topic': 'here'}))

@@ -50,7 +50,7 @@ def test_one_step_objective_is_told_to_be_biased():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('search', [{'algorithm': 'ga', 'seed': 8}, {'algorithm': 'pso'}, {'algorithm': 'de'}])
+@pytest.mark.parametrize('search', [{'algorithm': 'ga', 'seed': 8}, {'algorithm': 'pso'}])
 def test_every_search_and_seed_ends_in_the_same_minimum(search):
     motion = decay()
     first, other = identify([motion], settings()), identify([motion], settings(search=search))
@@ -115,7 +115,7 @@ def test_progress_and_cancelling():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('objective', ['simulation', 'one-step'])
+@pytest.mark.parametrize('objective', [pytest.param('simulation', marks=pytest.mark.long), 'one-step'])
 def test_a_containing_equation_never_fits_worse(objective):
     problem = prepare([decay(3)])
     chosen = settings(objective=objective, search={'generations': 40, 'population': 30})
@@ -127,6 +127,7 @@ def test_a_containing_equation_never_fits_worse(objective):
         assert larger.objective_value <= smaller.objective_value * (1 + 1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_comparison_chooses_the_simplest_adequate_equation():
     true = HULL.from_terms(EQUATIONS['swath-pitch-6'], {'b1': 0.6, 'r1': 10.0, 'r2': 25.0})

@@ -1,5 +1,6 @@
 """Refits: releases that are one fit, which model is published, and the way back."""
 
+import math
 import pickle
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ from imu_stream import EPOCH_NS, decay_stream
 from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.live_decays import LiveDecay, newest
 from swath_sysid.attitude.identification.problem import prepare
@@ -224,12 +226,22 @@ def test_two_runs_give_the_same(table, first):
     assert refit(Refitter(QUICK).request(table, source={'topic': 'here'})).models == first.models
 
 
-def test_coefficients_are_rows_of_axes(first):
+def test_coefficients_are_rows_of_values_and_deviations(first):
     other = IdentifiedModel.exactly(first.models['pitch'].model.with_trim(0.02))
-    axes, values = coefficients({'pitch': first.models['pitch'], 'roll': other})
-    assert axes == ('roll', 'pitch') and values.shape == (2, len(COEFFICIENT_NAMES))
-    assert values[0, -1] == 0.02
-    np.testing.assert_array_equal(values[1, :-1], first.models['pitch'].model.ratios)
+    found = replace(first.models['pitch'], metrics={'verdict': 'doubtful'})
+    rows, values = coefficients({'pitch': found, 'roll': other})
+    assert rows == ('roll', 'roll_std', 'pitch', 'pitch_std') and values.shape == (4, len(COEFFICIENT_NAMES))
+    roll, roll_std, pitch, pitch_std = (dict(zip(COEFFICIENT_NAMES, row, strict=True)) for row in values)
+    assert roll['offset'] == 0.02 and roll['verdict'] == -1.0 and pitch['verdict'] == 1.0
+    assert (pitch['smallest_amplitude'], pitch['largest_amplitude']) == found.amplitude_range
+    assert math.isnan(roll_std['offset']) and not any(v for k, v in roll_std.items() if k != 'offset')
+    np.testing.assert_array_equal(values[2, : len(TERM_NAMES)], found.model.ratios)
+    for number, name in enumerate(found.model.equation.terms):
+        assert pitch_std[name] == np.sqrt(found.covariance[number, number]) > 0.0
+    for name in set(TERM_NAMES) - set(found.model.equation.terms):
+        assert pitch[name] == pitch_std[name] == 0.0
+    adequate = coefficients({'pitch': replace(found, metrics={'verdict': 'adequate'})})[1]
+    assert adequate[0, COEFFICIENT_NAMES.index('verdict')] == 2.0
     assert coefficients({})[1].shape == (0, len(COEFFICIENT_NAMES))
 
 

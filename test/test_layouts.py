@@ -8,12 +8,11 @@ import pytest
 import yaml
 
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, frame_at, lead_topic
-from swath_sysid.nodes.parameters.parameter import defaults
-from swath_sysid.nodes.parameters.predictor import TABLE
+from swath_sysid.nodes.parameters.table import defaults
 from swath_sysid.share import share_folder
 
 CONFIG = share_folder() / 'config'
-LEADS = [f'/{lead_topic(lead)}' for lead in defaults(TABLE)['leads_s']]
+LEADS = [f'/{lead_topic(lead)}' for lead in defaults('predictor')['leads_s']]
 OURS = {
     '/imu/data',
     '/model/description',
@@ -107,4 +106,4 @@ def test_rviz_shows_the_frames_that_predictor_publishes():
     shown = {display['Reference Frame'] for display in layout['Displays'] if 'Reference Frame' in display}
     assert shown == {'base_link_level', 'base_link_now', frame_at('base_link', 1.0)}
     assert layout['Global Options']['Fixed Frame'] == 'base_link_level'
-    assert 1.0 in defaults(TABLE)['leads_s']
+    assert 1.0 in defaults('predictor')['leads_s']

@@ -124,6 +124,7 @@ def test_simulate_from_the_identified_model(folder, model, test, capsys):
     assert 'first overshoot' in capsys.readouterr().out
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_play_through_is_repeatable_and_right(folder, model, capsys):
     bag = folder / 'circle.mcap'
@@ -181,6 +182,7 @@ def test_one_clear_sentence(folder, words, match):
         swath(*(word.format(runs=folder / 'runs') for word in words))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_play_through_of_a_bag_without_imu_plays_the_manoeuvres(folder, tmp_path, capsys):
     bag = tmp_path / 'zigzag.mcap'

@@ -95,6 +95,7 @@ def test_truth_is_found_with_honest_uncertainty(found):
     assert prime == pytest.approx(found.derivatives['Xuu'].value / (0.5 * 1025 * 4.88**2))
 
 
+@pytest.mark.long
 def test_commands_curve_and_lag():
     model = OLD.with_values(gain=150.0, dead_band=0.08, lag=0.3, reverse_ratio=0.7)
     model = replace(model, thrust_input=COMMAND, largest_input=1.0)
@@ -106,6 +107,7 @@ def test_commands_curve_and_lag():
     assert diameters(found.model, model) == pytest.approx([1, 1], abs=0.05)
 
 
+@pytest.mark.long
 def test_current_is_found_as_drift():
     model = replace(OLD, current=(0.25, -0.166))
     found = identify_manoeuvring(runs_of(model, 3), ManoeuvringSettings(**QUICK))
@@ -113,6 +115,7 @@ def test_current_is_found_as_drift():
     inside(found, model)
 
 
+@pytest.mark.long
 def test_added_terms_are_selected():
     model = replace(preset('wamv-vrx-new').with_values(lag=0.25, Nuv=-60.0), largest_input=250.0)
     found = identify_manoeuvring(runs_of(model, 4), ManoeuvringSettings(**QUICK))
@@ -177,6 +180,7 @@ def test_values_without_a_run_against_fits_without_it(bound):
     assert np.allclose(values_without_each_part(shooting, best, parts), expected, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_a_craft_that_hardly_keeps_its_course_gets_a_stable_model():
     """Slightly unstable on straight courses: the model is stable, and simulates as well as may be."""
     craft = OLD.with_values(Nuv=-200.0, Nrr=-1000.0, Yv=-120.0, Yv_dot=-60.0)
@@ -255,6 +259,7 @@ def anchored(seed=1):
     return trial_of(with_noise(still, SensorNoise(), seed), 'anchored')
 
 
+@pytest.mark.long
 def test_anchored_runs_are_left_out_or_refused(force_runs):
     runs = [*force_runs[4:7], *prepare_all([anchored()])]
     found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK), validation=())
@@ -280,6 +285,7 @@ def test_constant_thrust_flags_every_surge_derivative():
     assert all('constant-thrust' in d.flags for d in found.derivatives.values())
 
 
+@pytest.mark.long
 def test_wrong_scale_of_thrust_is_noticed(force_runs):
     doubled = [replace(run, port=3 * run.port, starboard=3 * run.starboard) for run in force_runs[:6]]
     found = identify_manoeuvring(doubled, ManoeuvringSettings(**QUICK), validation=())
@@ -303,6 +309,7 @@ def test_what_is_given_stays_given(force_runs):
     assert 400.0 - found.model['Nr_dot'] == pytest.approx(446.0 * ratio, rel=0.03)
 
 
+@pytest.mark.long
 def test_same_seed_same_numbers_and_cancel(force_runs):
     settings = ManoeuvringSettings(**QUICK)
     first, second = (identify_manoeuvring(force_runs[4:6], settings) for _ in range(2))
@@ -336,6 +343,7 @@ def test_mixed_inputs_are_refused(force_runs):
         identify_manoeuvring([])
 
 
+@pytest.mark.long
 def test_each_run_has_its_own_current():
     """Runs of two days, with opposite currents: found run by run, but never from the runs held out."""
     days = [(0.2, 0.1), (-0.15, 0.12)]

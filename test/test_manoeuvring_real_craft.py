@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import swath_sysid
-from swath_sysid.cli.advice_words import worded
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, manoeuvring_to_yaml
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
@@ -153,6 +153,7 @@ def found(runs, craft_and_trials):
     return identify_manoeuvring(runs[:8], ManoeuvringSettings(mass=craft_and_trials[0].mass, generations=0), runs[8:])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
     """Measured: see benchmark/manoeuvring.py --vices."""
@@ -166,6 +167,7 @@ def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
     assert found.fixed['Yur'] == found.model['Xu_dot']
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
     noise = forecast_noise(found.model, found.identified_on)
@@ -411,7 +413,7 @@ def test_the_lever_is_asked_for_where_the_yaw_rate_depends_on_it(runs):
     bare = [replace(run, lever=None) for run in runs[:3]]
     with pytest.raises(InputError, match='give it too') as refused:
         assemble(bare, ManoeuvringSettings(mass=26.0, inertia=4.0))
-    assert worded(refused.value.code, 'give it') == 'give it (--lever)'
+    assert with_flags(refused.value.code, 'give it') == 'give it (--lever)'
     assert 'lever-assumed' in {a.code for a in assemble(bare, ManoeuvringSettings(mass=26.0)).advice}
 
 

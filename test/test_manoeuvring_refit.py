@@ -113,6 +113,7 @@ def test_a_refit_finds_the_craft(outcome):
     assert np.isnan(outcome.current_misfit)
 
 
+@pytest.mark.long
 def test_only_a_better_model_replaces_the_current_one(window, outcome):
     good = outcome.model
     again = refit_manoeuvring(ManoeuvreRefitRequest(window.trial(), good, SETTINGS))

@@ -166,3 +166,40 @@ def test_any_numbers_give_a_clean_record_or_one_sentence(table):
     assert time.size >= MIN_ROWS and np.all(np.isfinite(time)) and np.all(time[1:] > time[:-1])
     for name, values in channels.items():
         assert values.size == time.size and not np.isinf(values).any() and np.isfinite(values).any(), name
+
+
+@pytest.mark.parametrize('rate,step,rounding', [(100.0, 0.1, np.round), (100.0, 1.0, np.floor), (33.3, 0.1, np.floor)])
+def test_rows_with_rounded_stamps_are_spread_evenly(rate, step, rounding):
+    true = 5.0 + np.arange(3000) / rate
+    true[2000:] += 20.0  # an outage
+    kept, cleaned, advice = clean(rounding(true / step) * step, {'roll': 0.1 * np.sin(true)})
+    assert kept.size == 3000 and codes(advice) == ['rounded-stamps', 'gaps']
+    assert np.diff(kept)[:1990] == pytest.approx(1.0 / rate, rel=0.01)
+    assert np.abs(kept - true - np.mean(kept - true)).max() < 0.5 * step
+    assert f'rounded to {step:g} s, about {round(rate * step)} rows each' in advice[0].message
+
+
+def test_most_rows_with_the_stamps_of_others_are_refused_where_no_even_sampling_explains_them():
+    stamps = np.sort(np.random.default_rng(1).integers(0, 300, 3000) ** 2 / 900.0)
+    with pytest.raises(InputError, match='have the stamp of the row before, and no even sampling'):
+        clean(stamps, {'roll': np.sin(np.arange(3000.0))})
+
+
+def test_rows_that_are_written_twice_are_left_out():
+    time, channels = record()
+    kept, cleaned, advice = clean(np.repeat(time, 3), {name: np.repeat(row, 3) for name, row in channels.items()})
+    assert np.array_equal(kept, time) and np.array_equal(cleaned['roll'], channels['roll'])
+    assert codes(advice) == ['repeated-stamps'] and advice[0].message.startswith('200 rows')
+
+
+def test_time_that_runs_backwards_is_refused():
+    time, channels = record()
+    for reversed_ in (time[::-1], -time):
+        with pytest.raises(InputError, match='the time runs backwards, from .* s: reverse the order'):
+            clean(reversed_, channels)
+
+
+@pytest.mark.parametrize('rate,code', [(11.4, 'rounded-stamps'), (10.8, 'repeated-stamps')])
+def test_stamps_that_few_rows_share_are_not_taken_for_rounded(rate, code):
+    true = np.arange(2000) / rate
+    assert code in codes(clean(np.floor(true / 0.1) * 0.1, {'roll': np.sin(true)})[2])

@@ -17,6 +17,7 @@ from swath_sysid.attitude.motion.intake import (
     INTAKE_REASONS,
     NEAR_VERTICAL,
     NO_ORIENTATION,
+    NO_RATES,
     NOT_FINITE,
     UNKNOWN_COVARIANCE,
     ImuReading,
@@ -119,6 +120,11 @@ def test_covariances_that_say_nothing_are_unknown(covariance):
     sample, reasons = take_in(reading(EPOCH_NS, rates_covariance=covariance), STRAIGHT)
     assert isnan(sample.roll_rate_variance) and sample.roll_variance == 1e-6
     assert reasons == (UNKNOWN_COVARIANCE,)
+
+
+def test_rates_that_are_not_measured_are_told():
+    sample, reasons = take_in(reading(EPOCH_NS, 0.1, rates_covariance=NOT_GIVEN), STRAIGHT)
+    assert sample.roll == pytest.approx(0.1) and isnan(sample.roll_rate) and reasons == (NO_RATES,)
 
 
 numbers = st.floats(width=64)

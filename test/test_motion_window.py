@@ -173,3 +173,23 @@ def test_a_fast_table_is_averaged_and_a_slow_one_is_not():
 def test_settings_that_make_no_sense_are_refused(fields):
     with pytest.raises(InputError, match=next(iter(fields))):
         WindowSettings(**fields)
+
+
+@pytest.mark.parametrize(('length', 'kept'), [(8.0, 501), (2.0, 201)])
+def test_a_window_of_another_length_keeps_what_fits(length, kept):
+    window, _ = window_of(even(1000), window=5.0, detect_decay=False)
+    before = window.table().rows
+    window.resize(length)
+    np.testing.assert_array_equal(window.table().rows, before[-kept:])
+    for one in even(1000, start_s=10.0):
+        window.add(one)
+    assert window.duration == pytest.approx(length) and window.size == round(100 * length) + 1
+
+
+def test_a_decay_that_was_told_is_not_told_again_in_a_longer_window():
+    window, told = MotionWindow(WindowSettings(window=60.0)), []
+    for k, one in enumerate(decay_stream(50.0, 40.0)):
+        if k == 1500:
+            window.resize(120.0)
+        told.append(window.add(one).finished)
+    assert len([each for each in told if each is not None]) == 1

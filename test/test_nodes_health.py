@@ -4,7 +4,7 @@ import pytest
 from imu_stream import EPOCH_NS, reading
 
 from swath_sysid.attitude.motion.window import WINDOW_REASONS, MotionWindow
-from swath_sysid.nodes.reason_advice import ADVICE, REASON_ADVICE, reasons_table
+from swath_sysid.common.sentences import REASONS, reasons_table
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import PIPELINE_REASONS, ForecastPipeline
 from swath_sysid.pipeline.health import (
@@ -21,6 +21,7 @@ from swath_sysid.pipeline.health import (
     WARN,
     WAVE_WORKER_DIED,
     BufferHealth,
+    Changes,
     IdentifierHealth,
     StreamHealth,
 )
@@ -32,28 +33,28 @@ def report(health, now, age=0.0, counts=COUNTS, used=0, interval=0.01):
     return health.report(now, EPOCH_NS + round((now + age) * 1e9), counts, used, interval)
 
 
-def receive(health, begin, end, rate=100.0, spent=1e-3):
-    """Messages with the stamps of their arrival."""
+def receive(health, begin, end, rate=100.0, spent=1e-3, age=0.0):
+    """Messages of this age when they arrive."""
     for k in range(round((end - begin) * rate)):
         now = begin + k / rate
-        health.note_message(EPOCH_NS + round(now * 1e9), now, now + spent)
+        health.note_message(EPOCH_NS + round(now * 1e9), EPOCH_NS + round((now + age) * 1e9), now, now + spent)
 
 
 def test_every_reason_has_an_advice():
-    assert set(WINDOW_REASONS) | set(PIPELINE_REASONS) <= set(REASON_ADVICE)
-    assert all(f'`{reason}`' in reasons_table() for reason in REASON_ADVICE)
-    assert HARMLESS < set(REASON_ADVICE)
+    assert set(WINDOW_REASONS) | set(PIPELINE_REASONS) <= set(REASONS)
+    assert all(f'`{reason}`' in reasons_table() for reason in REASONS)
+    assert HARMLESS < set(REASONS)
 
 
 def test_a_sensor_never_heard_is_waited_for_and_then_an_error():
-    health = StreamHealth(ADVICE, 'imu/data')
+    health = StreamHealth('imu/data')
     levels = [report(health, now).level for now in (0.0, 1.0, 4.0, 6.0)]
     assert levels == [WARN, WARN, WARN, ERROR]
     assert 'remap' in report(health, 7.0).message
 
 
 def test_a_healthy_stream_is_told_with_its_rate():
-    health = StreamHealth(ADVICE, 'imu/data')
+    health = StreamHealth('imu/data')
     report(health, 0.0)
     receive(health, 0.0, 1.0)
     told = report(health, 1.0, used=100)
@@ -63,7 +64,7 @@ def test_a_healthy_stream_is_told_with_its_rate():
 
 
 def test_silence_is_an_error_counted_once_each_time():
-    health = StreamHealth(ADVICE, 'imu/data')
+    health = StreamHealth('imu/data')
     counted = []
     for second in range(12):
         if second % 6 < 2:
@@ -72,8 +73,50 @@ def test_silence_is_an_error_counted_once_each_time():
     assert counted[1] == (OK, 0) and counted[4] == (ERROR, 1) and counted[7] == (OK, 1) and counted[10] == (ERROR, 2)
 
 
+@pytest.mark.parametrize('speed', [1, 5])
+def test_a_paused_clock_is_no_silent_sensor_and_nothing_is_late_afterwards(speed):
+    """A bag that is replayed so many times as fast, with a pause of a minute."""
+    health = StreamHealth('imu/data')
+    told, clock = [], EPOCH_NS
+    for second in range(90):
+        is_playing = not 20 <= second < 80
+        for k in range(10):
+            if is_playing and not (19, 5) <= (second, k) < (80, 0):
+                clock += speed * 10**8
+                health.note_message(clock, clock, second + k / 10, second + k / 10)
+        told.append(health.report(second + 1.0, clock, COUNTS, 0, 0.1))
+    assert {each.level for each in told} == {OK} and health.counts[SILENT] == 0
+    assert 'the clock stands still: the replay is paused' in told[50].message and told[85].message.startswith(
+        'receiving'
+    )
+    # while the clock goes on without messages, the sensor is silent
+    assert health.report(95.0, clock + 5 * 10**9, COUNTS, 0, 0.1).level == ERROR
+
+
+def test_missing_rates_are_warned_of_once_and_told_while_they_miss():
+    health = StreamHealth('imu/data')
+    told = []
+    for second in range(4):
+        receive(health, second, second + 1.0)
+        told.append(report(health, second + 1.0, counts={**COUNTS, 'no-rates': 100 * min(second + 1, 3)}))
+    assert [each.level for each in told] == [WARN, OK, OK, OK]
+    assert all('less certain' in each.message for each in told[:3]) and 'less certain' not in told[3].message
+    assert told[1].message.startswith('receiving imu/data; no-rates: the sensor gives no rates')
+
+
+def test_a_log_is_told_once_of_a_warning_that_comes_and_goes():
+    changes, told = Changes(), []
+    for second in range(200):
+        comes_and_goes = second < 100 and second % 5 < 2
+        level = WARN if comes_and_goes else ERROR if 150 <= second < 153 else OK
+        if changes.is_news(level, float(second)):
+            told.append((second, level))
+    # the first recovery at once, as of a sensor that was waited for; an error and its end always
+    assert told == [(0, WARN), (2, OK), (5, WARN), (127, OK), (150, ERROR), (153, OK)]
+
+
 def test_a_slow_sensor_is_not_silent():
-    health = StreamHealth(ADVICE, 'imu/data')
+    health = StreamHealth('imu/data')
     for second in range(0, 30, 1):
         if second % 2 == 0:
             receive(health, second, second + 1, rate=1.0)
@@ -82,7 +125,7 @@ def test_a_slow_sensor_is_not_silent():
 
 
 def test_new_counts_warn_once_and_harmless_ones_never():
-    health = StreamHealth(ADVICE, 'imu/data')
+    health = StreamHealth('imu/data')
     receive(health, 0.0, 1.0)
     report(health, 1.0)
     receive(health, 1.0, 3.0)
@@ -91,7 +134,7 @@ def test_new_counts_warn_once_and_harmless_ones_never():
 
 
 def test_several_publishers_warn_while_there_are_and_count_once():
-    health = StreamHealth(ADVICE, 'imu/data')
+    health = StreamHealth('imu/data')
     levels = []
     for second, publishers in enumerate([1, 2, 2, 1, 3]):
         receive(health, second, second + 1.0)
@@ -101,28 +144,28 @@ def test_several_publishers_warn_while_there_are_and_count_once():
 
 
 def test_stamps_of_another_clock_warn():
-    health = StreamHealth(ADVICE, 'imu/data')
-    receive(health, 0.0, 1.0)
+    health = StreamHealth('imu/data')
+    receive(health, 0.0, 1.0, age=86400.0)
     told = report(health, 1.0, age=86400.0)
     assert told.level == WARN and 'use_sim_time' in told.message
 
 
 def test_a_backlog_is_none_of_the_clocks():
-    health = StreamHealth(ADVICE, '/imu/data')
+    health = StreamHealth('/imu/data')
     receive(health, 0.0, 1.0)
     assert report(health, 1.0, age=0.01).level == OK
-    receive(health, 1.0, 2.0)
+    receive(health, 1.0, 2.0, age=7.0)
     told = report(health, 2.0, age=7.0)
     assert told.level == WARN and 'wait in a queue' in told.message and 'synchronise' not in told.message
     # what stays so long was no queue
     for second in range(3, 64):
-        receive(health, second - 1.0, float(second))
+        receive(health, second - 1.0, float(second), age=7.0)
         told = report(health, float(second), age=7.0)
     assert told.level == WARN and 'synchronise' in told.message
 
 
 def test_what_holds_warns_until_it_is_settled():
-    health = IdentifierHealth(ADVICE)
+    health = IdentifierHealth()
     health.note(NOT_SAVED, 'model_path')
     health.note(NOT_SAVED, 'manoeuvre_model_path')
     levels = [health.report('pitch odd-cubic', 1, False).level for _ in range(3)]
@@ -134,7 +177,7 @@ def test_what_holds_warns_until_it_is_settled():
 
 
 def test_a_sensor_warns_too_while_something_holds():
-    health = PredictorHealth(ADVICE, '/imu/data', ForecastPipeline())
+    health = PredictorHealth('/imu/data', ForecastPipeline())
     receive(health, 0.0, 1.0)
     health.note(BAD_LOADING, 'loading')
     levels = []
@@ -146,14 +189,14 @@ def test_a_sensor_warns_too_while_something_holds():
 
 
 def test_each_worker_is_told_by_its_own_name():
-    assert 'waves' in REASON_ADVICE[WAVE_WORKER_DIED] and 'identifies' in REASON_ADVICE[IDENTIFICATION_WORKER_DIED]
-    assert WAVE_WORKER_DIED in PredictorHealth(ADVICE, '/imu/data', ForecastPipeline()).counts
-    assert IDENTIFICATION_WORKER_DIED in IdentifierHealth(ADVICE).counts
+    assert 'waves' in REASONS[WAVE_WORKER_DIED] and 'identifies' in REASONS[IDENTIFICATION_WORKER_DIED]
+    assert WAVE_WORKER_DIED in PredictorHealth('/imu/data', ForecastPipeline()).counts
+    assert IDENTIFICATION_WORKER_DIED in IdentifierHealth().counts
 
 
 def test_the_buffer_tells_its_window():
     window = MotionWindow()
-    health = BufferHealth(ADVICE, 'imu/data', window)
+    health = BufferHealth('imu/data', window)
     for k in range(100):
         window.add(reading(EPOCH_NS + k * 10_000_000))
     stream, state = health.reports(1.0, EPOCH_NS)
@@ -163,7 +206,7 @@ def test_the_buffer_tells_its_window():
 
 def test_the_predictor_tells_that_it_has_no_model():
     pipeline = ForecastPipeline()
-    health = PredictorHealth(ADVICE, 'imu/data', pipeline)
+    health = PredictorHealth('imu/data', pipeline)
     for k in range(100):
         pipeline.add(reading(EPOCH_NS + k * 10_000_000))
     stream, state, _ = health.reports(1.0, EPOCH_NS)
@@ -173,7 +216,7 @@ def test_the_predictor_tells_that_it_has_no_model():
 
 
 def test_a_refused_model_is_told_until_a_good_one_comes():
-    health = PredictorHealth(ADVICE, 'imu/data', ForecastPipeline())
+    health = PredictorHealth('imu/data', ForecastPipeline())
     for _ in range(2):
         health.note_refused_model('model/description, pitch: the trim')
     for _ in range(3):
@@ -188,7 +231,7 @@ def test_a_refused_model_is_told_until_a_good_one_comes():
 
 
 def test_a_model_file_that_cannot_be_used_is_told_for_good():
-    health = IdentifierHealth(ADVICE)
+    health = IdentifierHealth()
     health.note(BAD_MODEL_FILE, 'model_path', 'a.yaml is a folder')
     health.note(BAD_MODEL_FILE, 'manoeuvre_model_path', 'b.yaml is a folder')
     health.end(True, 'found one')
@@ -200,7 +243,7 @@ def test_a_model_file_that_cannot_be_used_is_told_for_good():
 
 
 def test_the_identifier_tells_what_it_does():
-    health = IdentifierHealth(ADVICE)
+    health = IdentifierHealth()
     assert health.report('no model', 0, False).level == OK
     health.begin()
     health.progress = 0.4
@@ -213,7 +256,7 @@ def test_the_identifier_tells_what_it_does():
 
 
 def test_a_frame_id_that_changes_is_counted_and_warned_of():
-    health = StreamHealth(ADVICE, 'imu/data')
+    health = StreamHealth('imu/data')
     report(health, 0.0)
     receive(health, 0.0, 1.0)
     for name in ('imu_link', 'imu_link', 'imu_raw', 'imu_link'):
@@ -224,7 +267,7 @@ def test_a_frame_id_that_changes_is_counted_and_warned_of():
 
 def test_a_wrong_installation_stays_a_warning():
     pipeline = ForecastPipeline()
-    health = PredictorHealth(ADVICE, 'imu/data', pipeline)
+    health = PredictorHealth('imu/data', pipeline)
     levels = []
     for second in range(40):
         for k in range(20):

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from swath_sysid.nodes.parameters.files import table_of
+from swath_sysid.nodes.parameters.table import table_of
 
 ROOT = Path(__file__).resolve().parents[1]
 ARGUMENTS = {

@@ -28,12 +28,12 @@ from rosgraph_msgs.msg import Clock  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
-from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES  # noqa: E402
+from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients  # noqa: E402
 from swath_sysid.attitude.motion.window import COLUMNS  # noqa: E402
 from swath_sysid.formats.messages import window_table  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, read_model  # noqa: E402
 from swath_sysid.nodes.messages import time_message  # noqa: E402
-from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, table_of  # noqa: E402
+from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, parameters_of  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -149,10 +149,10 @@ def test_a_decay_is_noticed_identified_and_forecast_unasked(identified):
 def test_coefficients_are_labelled(identified):
     message = wait_for(lambda: identified.bench.heard['model/coefficients'], 'coefficients')[-1]
     rows, columns = message.layout.dim
-    assert (rows.label, rows.size, rows.stride) == ('pitch', 1, len(COEFFICIENT_NAMES))
+    assert (rows.label, rows.size, rows.stride) == ('pitch,pitch_std', 2, 2 * len(COEFFICIENT_NAMES))
     assert (columns.label, columns.size) == (','.join(COEFFICIENT_NAMES), len(COEFFICIENT_NAMES))
-    model = model_from_yaml(identified.bench.heard['model/description'][-1].data)['pitch'].model
-    assert list(message.data) == [*model.ratios.tolist(), model.trim]
+    models = model_from_yaml(identified.bench.heard['model/description'][-1].data)
+    assert list(message.data) == coefficients(models)[1].ravel().tolist()
 
 
 def test_the_model_file_is_what_was_published(identified):
@@ -196,14 +196,13 @@ def test_a_changed_craft_is_followed_and_rollback_leads_back(identified):
     assert bench.call('imu_buffer/clear').success
     identified.swing(period=3.1)
     answer = identified.identify()
-    assert (
-        answer.success
-        and 'pitch: the current model contradicts this decay and is forgotten; adequate: ' in answer.message
-    )
+    assert answer.success and 'contradicts this decay and is forgotten; adequate: ' in answer.message
     wait_for(lambda: bench.heard['model/description'], 'model')
     assert read_model(identified.model_path)['pitch'].model.natural_period == pytest.approx(3.1, rel=0.02)
     answer = bench.call('identifier/rollback')
-    assert answer.success and answer.message.startswith('back to pitch b1')
+    assert answer.success and answer.message.startswith('back to pitch ')
+    assert answer.message.endswith(f'the model file before is kept as {identified.model_path}.1')
+    assert read_model(f'{identified.model_path}.1')['pitch'].model.natural_period == pytest.approx(3.1, rel=0.02)
     wait_for(lambda: bench.heard['model/description'][-1].data == before[0].data, 'model before')
     assert read_model(identified.model_path) == model_from_yaml(before[0].data)
     assert bench.set_parameters('identifier', auto_identify=True) == []
@@ -313,18 +312,21 @@ def test_the_buffer_publishes_clears_and_records_when_asked(identified):
 
 
 def test_parameters_are_described_and_checked_on_change(craft):
-    for node, table in ((node, table_of(node)) for node in ATTITUDE_NODES):
+    for node, table in ((node, parameters_of(node)) for node in ATTITUDE_NODES):
         for parameter, told in zip(table, craft.bench.describe_parameters(node, [p.name for p in table]), strict=True):
             assert parameter.meaning in told.description and told.read_only == parameter.read_only
             assert parameter.unit in told.description
     refused = craft.bench.set_parameters('identifier', equation='no-such-equation', axes=['yaw'], seed=-1)
     assert len(refused) == 3 and "there is no equation 'no-such-equation'" in refused[0]
-    (reason,) = craft.bench.set_parameters('imu_buffer', window_s=10.0)
+    (reason,) = craft.bench.set_parameters('imu_buffer', frame='frd')
     assert 'read-only' in reason
+    assert craft.bench.set_parameters('imu_buffer', window_s=90.0) == []
 
 
 def test_names_are_relative_and_time_may_be_simulated(craft):
-    """In a namespace, with another topic, on simulated time that is set back; the model comes from the file."""
+    """In a namespace, with another topic, on simulated time that is set back; the model file stays."""
+    text = craft.model_path.read_text()
+    craft.model_path.write_text(f'# of the yard\n{text}')
     bench = Bench('tank', 'sensor/imu')
     clock = bench.publisher(Clock, '/clock', 10)
     process = start_together(
@@ -338,7 +340,7 @@ def test_names_are_relative_and_time_may_be_simulated(craft):
         f'model_path:={craft.model_path}',
     )
     with running(bench, process):
-        assert wait_for(lambda: bench.heard['model/description'], 'model')[-1].data == craft.model_path.read_text()
+        assert wait_for(lambda: bench.heard['model/description'], 'model')[-1].data == text
         for begin in (EPOCH_NS, EPOCH_NS - 100 * 10**9):
             for k in range(10):
                 stamp = begin + k * 100_000_000
@@ -350,6 +352,9 @@ def test_names_are_relative_and_time_may_be_simulated(craft):
         assert bench.counts('predictor')['clock-jumped-back'] == 1
         assert abs(bench.counts('predictor')['stamp_age_s']) < 1.0
         assert 'tank/imu_buffer: window' in bench.statuses
+        level, message, values = bench.statuses['tank/predictor: imu']
+        assert (level, values['sensor-silent']) == (0, '0') and 'the clock stands still' in message
+    assert craft.model_path.read_text() == f'# of the yard\n{text}'
     bench.close()
 
 
@@ -358,7 +363,7 @@ def test_each_node_runs_by_itself_and_ends_cleanly_whatever_the_signal(tmp_path)
     bench = Bench('alone')
     apart = ('-r', '__ns:=/alone')
     processes = [
-        (start_node('imu_buffer', *apart), signal.SIGINT, 8, 0),
+        (start_node('imu_buffer', *apart, '-p', 'window_sec:=90.0'), signal.SIGINT, 8, 0),
         (start_node('identifier', *apart), signal.SIGTERM, 8, 1),
         (start_node('predictor', *apart), signal.SIGINT, 1, 1),
     ]
@@ -372,6 +377,8 @@ def test_each_node_runs_by_itself_and_ends_cleanly_whatever_the_signal(tmp_path)
         code, output = stop(process, number, times)
         assert code == 0, output
         assert 'Traceback' not in output
+        assert 'ready: ' in output and 'waiting for the first message on /alone/' in output
+        assert ('no parameter window_sec, so it is left out: did you mean window_s?' in output) == (workers == 0)
         wait_for(lambda left=left: not any(os.path.exists(f'/proc/{pid}') for pid in left), 'end of the workers')
     bench.close()
 

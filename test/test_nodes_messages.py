@@ -14,6 +14,7 @@ from sensor_msgs.msg import Imu, PointCloud2, PointField  # noqa: E402
 from std_msgs.msg import Float64MultiArray  # noqa: E402
 from trajectory_msgs.msg import JointTrajectory  # noqa: E402
 
+from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES  # noqa: E402
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.messages import (  # noqa: E402
@@ -134,4 +135,8 @@ def test_the_horizon_is_a_trajectory():
 
 def test_no_model_has_no_rows():
     message = deserialize_message(coefficients_message({}), Float64MultiArray)
-    assert list(message.data) == [] and message.layout.dim[0].size == 0 and message.layout.dim[1].size == 10
+    assert (
+        list(message.data) == []
+        and message.layout.dim[0].size == 0
+        and message.layout.dim[1].size == len(COEFFICIENT_NAMES)
+    )

@@ -132,8 +132,6 @@ def test_a_model_file_that_cannot_be_used_does_not_end_the_identifier(name, tmp_
         '__ns:=/refusing',
         '-p',
         f'model_path:={path}',
-        '-p',
-        f'manoeuvre_model_path:={tmp_path / "absent.yaml"}',
     )
     try:
         status = 'refusing/identifier: identification'

@@ -9,7 +9,7 @@ rclpy = pytest.importorskip('rclpy')
 
 from live_bench import Bench, start_node, start_together, stop, wait_for  # noqa: E402
 
-from swath_sysid.nodes.parameters.files import NODES  # noqa: E402
+from swath_sysid.nodes.parameters.table import NODES  # noqa: E402
 
 pytestmark = pytest.mark.dds
 

@@ -7,25 +7,23 @@ import pytest
 import yaml
 
 import swath_sysid.nodes
+from swath_sysid.attitude.identification.identify import OBJECTIVES
 from swath_sysid.attitude.identification.refit import RefitSettings
+from swath_sysid.attitude.identification.search import ALGORITHMS
+from swath_sysid.attitude.motion.sensor_mount import FRAMES
+from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.parameters.files import (
-    NODES,
-    configuration_file,
-    markdown_table,
-    table_of,
-    values_from_file,
-    with_moved_parameters,
-)
+from swath_sysid.manoeuvring.motion.window import THRUST_INPUTS
+from swath_sysid.nodes.parameters.files import configuration_file, markdown_table, values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
 from swath_sysid.nodes.parameters.manoeuvring_identifier import manoeuvring_settings
 from swath_sysid.nodes.parameters.manoeuvring_predictor import manoeuvring_pipeline_settings
-from swath_sysid.nodes.parameters.parameter import SENSOR, defaults
 from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.parameters.table import NODES, defaults, parameters_of, table_of
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 
 SETTINGS_OF = {
@@ -36,27 +34,33 @@ SETTINGS_OF = {
     'manoeuvring_predictor': manoeuvring_pipeline_settings,
 }
 ALL_TABLES = {node: table_of(node) for node in NODES}
-IMU_BUFFER, IDENTIFIER, PREDICTOR, *_ = ALL_TABLES.values()
 ROOT = Path(__file__).resolve().parents[1]
 
 
 def changed(node, **values):
     """The default values of a node with some changed."""
-    return {**defaults(ALL_TABLES[node]), **values}
+    return {**defaults(node, values), **values}
 
 
 def test_the_defaults_are_those_of_the_cores():
-    assert window_settings(defaults(IMU_BUFFER)) == WindowSettings()
-    settings = pipeline_settings(defaults(PREDICTOR))
+    assert window_settings(defaults('imu_buffer')) == WindowSettings()
+    settings = pipeline_settings(defaults('predictor'))
     limits = QuiescenceLimits(roll=radians(3.0), pitch=radians(3.0), duration=settings.forecaster.horizon)
     assert settings == PipelineSettings(forecaster=ForecasterSettings(quiescence=limits))
-    found = refit_settings(defaults(IDENTIFIER))
+    found = refit_settings(defaults('identifier'))
     assert found == RefitSettings()
 
 
-def test_what_both_hear_is_set_alike():
-    for parameter in SENSOR:
-        assert parameter in IMU_BUFFER and parameter in PREDICTOR
+def test_choices_are_those_of_the_cores():
+    choices = {(node, p.name): tuple(p.choices) for node, table in ALL_TABLES.items() for p in table if p.choices}
+    assert choices == {
+        ('imu_buffer', 'frame'): FRAMES,
+        ('predictor', 'frame'): FRAMES,
+        ('identifier', 'axes'): AXES,
+        ('identifier', 'objective'): OBJECTIVES,
+        ('identifier', 'search'): ALGORITHMS,
+        ('manoeuvring_identifier', 'thrust_input'): THRUST_INPUTS,
+    }
 
 
 @pytest.mark.parametrize(
@@ -125,9 +129,9 @@ def test_every_parameter_matters():
         'points': {'points.bow': [1.0, 0.0, 0.0]},
     }
     others['points'] = ['bow']
-    for node, table in ALL_TABLES.items():
+    for node in NODES:
         source = ''.join(path.read_text() for path in Path(swath_sysid.nodes.__file__).parent.glob('*.py'))
-        for parameter in table:
+        for parameter in parameters_of(node):
             companions = beside.get(parameter.name, {})
             before = SETTINGS_OF[node](changed(node, **companions))
             default = parameter.default
@@ -137,7 +141,7 @@ def test_every_parameter_matters():
                 other = not default
             elif isinstance(default, int | float):
                 other = type(default)(
-                    min(2 * default + 10, parameter.highest) if default < 1e-3 or default >= 1 else default / 2
+                    min(2 * default + 10, max(parameter.range)) if default < 1e-3 or default >= 1 else default / 2
                 )
             else:
                 other = 'another'
@@ -151,8 +155,8 @@ def test_the_configuration_file_holds_the_defaults():
         'write it anew: python -c "from swath_sysid.nodes.parameters.files import configuration_file; '
         "print(configuration_file(), end='')\" > config/swath_sysid.yaml"
     )
-    for node, table in ALL_TABLES.items():
-        assert values_from_file(path, node) == defaults(table)
+    for node in NODES:
+        assert values_from_file(path, node) == defaults(node)
 
 
 def test_sections_of_a_parameter_file_apply_in_order(tmp_path):
@@ -168,13 +172,15 @@ def test_sections_of_a_parameter_file_apply_in_order(tmp_path):
     )
     assert values_from_file(path, 'predictor') == changed('predictor', frame='flu', leads_s=[2.0])
     assert values_from_file(path, 'imu_buffer') == changed('imu_buffer', frame='frd', window_s=30.0)
-    assert values_from_file(None, 'identifier') == defaults(IDENTIFIER)
+    assert values_from_file(None, 'identifier') == defaults('identifier')
 
 
 @pytest.mark.parametrize(
     ('text', 'sentence'),
     [
         ('predictor: {ros__parameters: {leads: [1.0]}}', 'has no parameter leads'),
+        ('predictor: {ros__parameters: {points.bow: [1.0, 0.0, 0.0]}}', 'has no parameter points.bow'),
+        ('predictor: {ros__parameters: {points: [Bow]}}', "cannot hold 'Bow'"),
         ('predictor: {ros__parameters: {horizon_s: 5}}', '1.0 instead of 1'),
         ('predictor: {ros__parameters: {leads_s: 1.0}}', 'must be of the type of'),
         ('predictor: {leads_s: [1.0]}', 'is not a ROS parameter file'),
@@ -192,33 +198,6 @@ def test_a_wrong_parameter_file_is_refused_by_a_sentence(tmp_path, text, sentenc
         values_from_file(tmp_path / 'missing.yaml', 'predictor')
 
 
-FORMER = {
-    '/**/identifier': {
-        'ros__parameters': {'equation': 'odd-cubic', 'manoeuvre_window_s': 120.0, 'manoeuvre_mass_kg': 180.0}
-    },
-    'manoeuvre_predictor': {'ros__parameters': {'leads_s': [2.0]}},
-}
-
-
-def test_a_parameter_file_of_an_earlier_version_is_still_read(tmp_path):
-    path = tmp_path / 'former.yaml'
-    path.write_text(yaml.safe_dump(FORMER))
-    assert values_from_file(path, 'identifier') == {**defaults(IDENTIFIER), 'equation': 'odd-cubic'}
-    moved = changed('manoeuvring_identifier', window_s=120.0, mass_kg=180.0)
-    assert values_from_file(path, 'manoeuvring_identifier') == moved
-    assert values_from_file(path, 'manoeuvring_predictor') == changed('manoeuvring_predictor', leads_s=[2.0])
-    given = ['node', '--ros-args', '--params-file', str(path), '-p', 'mass_kg:=200.0']
-    arguments, (warning,) = with_moved_parameters(given, 'manoeuvring_identifier')
-    assert arguments == ['node', '--ros-args', '-p', 'mass_kg:=180.0', '-p', 'window_s:=120.0', '--', *given[1:]]
-    assert 'sets mass_kg, window_s in the section of an earlier version' in warning and '/**/manoeuvr' in warning
-
-
-def test_a_parameter_file_of_today_is_handed_on_as_it_is():
-    given = ['node', '--ros-args', '--params-file', str(ROOT / 'config' / 'swath_sysid.yaml')]
-    for node in NODES:
-        assert with_moved_parameters(given, node) == (given, [])
-
-
 @pytest.mark.parametrize('node', ALL_TABLES)
 def test_the_documentation_tells_every_parameter(node):
     lines = markdown_table(node).splitlines()
@@ -233,7 +212,7 @@ def test_the_parameters_for_small_computers_are_known_and_cost_less():
     values = {node: values_from_file(path, node) for node in ALL_TABLES}
     for node in ('imu_buffer', 'identifier', 'predictor'):
         SETTINGS_OF[node](values[node])
-    small, usual = values['predictor'], defaults(ALL_TABLES['predictor'])
+    small, usual = values['predictor'], defaults('predictor')
     assert small['forecast_rate_hz'] < usual['forecast_rate_hz']
     assert small['waves_refit_interval_s'] > usual['waves_refit_interval_s']
-    assert values['imu_buffer']['max_rate_hz'] < defaults(ALL_TABLES['imu_buffer'])['max_rate_hz']
+    assert values['imu_buffer']['max_rate_hz'] < defaults('imu_buffer')['max_rate_hz']

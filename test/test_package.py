@@ -76,7 +76,11 @@ WINGS = ('attitude', 'manoeuvring')
 INNER_ORDER = ('motion', 'hull', 'identification', 'prediction')
 PURE_ROOMS = ('common', *(f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER), 'pipeline')
 FLAGLESS_ROOMS = ('common', 'attitude', 'pipeline', 'formats', 'campaign')
-OF_OTHER_COMMANDS = {'reading.py': 'rosbags-convert', 'manifest.py': 'the comment above a new manifest'}
+OF_OTHER_COMMANDS = {
+    'reading.py': 'rosbags-convert',
+    'manifest.py': 'the comment above a new manifest',
+    'sentences.py': 'what the command line adds',
+}
 BASE = {'common', 'share'}
 CORE = BASE | {f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER} | {'pipeline'}
 MAY_IMPORT = {
@@ -245,11 +249,10 @@ def test_test_dependencies_are_declared(manifest, setup_arguments):
     assert extra <= requirement_names(setup_arguments['extras_require']['test'])
 
 
-@pytest.mark.parametrize('module', sorted(OPTIONAL))
-def test_optional_imports_are_guarded_and_have_an_extra(module, setup_arguments):
-    assert setup_arguments['extras_require'][OPTIONAL[module]]
-    users = [path for path in MODULES if module in outside_imports(path)]
-    assert [path for path in users if not guarded_by_import_error(path, module)] == []
+def test_optional_imports_are_guarded_and_have_an_extra(setup_arguments):
+    assert set(OPTIONAL.values()) <= {extra for extra, needs in setup_arguments['extras_require'].items() if needs}
+    users = [(path, module) for path in MODULES for module in outside_imports(path) & set(OPTIONAL)]
+    assert [(path, module) for path, module in users if not guarded_by_import_error(path, module)] == []
 
 
 def test_only_nodes_and_their_verbs_import_ros():
@@ -263,14 +266,15 @@ def test_only_nodes_and_their_verbs_import_ros():
     assert offenders == {}
 
 
-@pytest.mark.parametrize('path', MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_imports_go_up_the_layers_only(path):
-    room = room_of(path)
-    if path == PACKAGE / '__init__.py':
-        assert outside_imports(path) == set()
-        return
-    rooms = {room_at(name.split('.')[1:]) for name in imports_of(path) if name.startswith(f'{PACKAGE.name}.')}
-    assert rooms <= MAY_IMPORT.get(room, set()) | {room, '__version__'}
+def test_imports_go_up_the_layers_only():
+    assert outside_imports(PACKAGE / '__init__.py') == set()
+    offenders = {}
+    for path in (path for path in MODULES if path != PACKAGE / '__init__.py'):
+        room = room_of(path)
+        rooms = {room_at(name.split('.')[1:]) for name in imports_of(path) if name.startswith(f'{PACKAGE.name}.')}
+        if wrong := rooms - MAY_IMPORT.get(room, set()) - {room, '__version__'}:
+            offenders[str(path.relative_to(PACKAGE))] = wrong
+    assert offenders == {}
 
 
 def test_all_but_the_nodes_import_without_ros_and_numba():
@@ -290,28 +294,30 @@ for name in {names}:
     assert result.returncode == 0, result.stderr.splitlines()[-1]
 
 
-@pytest.mark.parametrize(
-    'path', [path for path in MODULES if room_of(path) in PURE_ROOMS], ids=lambda path: str(path.relative_to(PACKAGE))
-)
-def test_the_core_is_pure(path):
+def test_the_core_is_pure():
     """Time, seeds and randomness come in as arguments, results and warnings go out as values."""
-    assert {name.split('.')[0] for name in imports_of(path)} & IMPURE_MODULES == set()
-    calls = calls_of(path)
-    assert [name for name, _ in calls if f'.{name}'.endswith(tuple(f'.{call}' for call in IMPURE_CALLS))] == []
-    random = {(name, arguments) for name, arguments in calls if re.fullmatch(r'(np|numpy)\.random\.\w+', name)}
-    assert random <= {('np.random.default_rng', True), ('np.random.SeedSequence', True)}
+    offenders = []
+    for path in (path for path in MODULES if room_of(path) in PURE_ROOMS):
+        wrong = {name.split('.')[0] for name in imports_of(path)} & IMPURE_MODULES
+        calls = calls_of(path)
+        wrong |= {name for name, _ in calls if f'.{name}'.endswith(tuple(f'.{call}' for call in IMPURE_CALLS))}
+        random = {(name, arguments) for name, arguments in calls if re.fullmatch(r'(np|numpy)\.random\.\w+', name)}
+        wrong |= random - {('np.random.default_rng', True), ('np.random.SeedSequence', True)}
+        offenders += [(str(path.relative_to(PACKAGE)), each) for each in wrong]
+    assert offenders == []
 
 
-@pytest.mark.parametrize(
-    'path',
-    [path for path in MODULES if room_of(path).split('/')[0] in FLAGLESS_ROOMS and path.name not in OF_OTHER_COMMANDS],
-    ids=lambda path: str(path.relative_to(PACKAGE)),
-)
-def test_flags_of_the_command_line_stay_there(path):
-    """Advice below it is neutral: `cli.advice_words` adds the flags."""
-    texts = [node.value for node in ast.walk(tree_of(path)) if isinstance(node, ast.Constant)]
-    flags = [text for text in texts if isinstance(text, str) and re.search(r'(?<![-\w])--[a-z]', text)]
-    assert flags == []
+def test_flags_of_the_command_line_stay_there():
+    """Advice below it is neutral: `common.sentences.FLAGS` adds the flags."""
+    offenders = [
+        (str(path.relative_to(PACKAGE)), node.value)
+        for path in MODULES
+        if room_of(path).split('/')[0] in FLAGLESS_ROOMS and path.name not in OF_OTHER_COMMANDS
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        if re.search(r'(?<![-\w])--[a-z]', node.value)
+    ]
+    assert offenders == []
 
 
 def test_console_scripts_start_something(setup_arguments):
@@ -343,15 +349,15 @@ def test_ros2_run_finds_every_node_after_pip_and_colcon():
     assert scripts['swath-sysid'].read_text(encoding='utf-8').endswith('/../../bin/swath-sysid" "$@"\n')
 
 
-@pytest.mark.parametrize('node', NODES)
-def test_the_script_of_a_node_hands_its_arguments_on(node, tmp_path):
+def test_the_script_of_a_node_hands_its_arguments_on(tmp_path):
     folder = tmp_path / 'a prefix' / 'lib'
     folder.mkdir(parents=True)
-    shutil.copy(ROOT / 'scripts' / node, folder)
     (folder / 'swath-sysid').write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
     (folder / 'swath-sysid').chmod(0o755)
-    told = subprocess.run([folder / node, '--ros-args', '-p', 'a:=b c'], capture_output=True, text=True, check=True)
-    assert told.stdout.splitlines() == ['run', '--only', node, '--ros-args', '-p', 'a:=b c']
+    for node in NODES:
+        shutil.copy(ROOT / 'scripts' / node, folder)
+        told = subprocess.run([folder / node, '--ros-args', '-p', 'a:=b c'], capture_output=True, text=True, check=True)
+        assert told.stdout.splitlines() == ['run', '--only', node, '--ros-args', '-p', 'a:=b c']
 
 
 def test_scripts_go_where_ros2_run_looks(manifest):
@@ -440,17 +446,11 @@ def install(prefix, package_folder, share=True):
     return folder / 'share.py'
 
 
-@pytest.mark.parametrize(
-    'package_folder',
-    [
-        'lib/python3.12/site-packages',
-        'lib/python3/dist-packages',
-        'local/lib/python3.12/dist-packages',
-    ],
-)
-def test_share_folder_of_an_installation(tmp_path, package_folder):
-    module = install(tmp_path, package_folder)
-    assert share_folder(module) == (tmp_path / 'share' / PACKAGE.name).resolve()
+def test_share_folder_of_an_installation(tmp_path):
+    for number, below in enumerate(('python3.12/site-packages', 'python3/dist-packages', 'python3.12/dist-packages')):
+        prefix = tmp_path / str(number)
+        module = install(prefix, f'{"local/" if number == 2 else ""}lib/{below}')
+        assert share_folder(module) == (prefix / 'share' / PACKAGE.name).resolve()
 
 
 def test_share_folder_of_a_checkout():

@@ -91,7 +91,27 @@ class Screen:
             assert time.monotonic() < end, f'{name} shows {self.text(name)!r}, not {words!r}'
             time.sleep(0.05)
 
+    def loud(self):
+        """The buttons that stand out."""
+        script = "return [...document.querySelectorAll('.q-btn.bg-primary[data-name]')].map(b => b.dataset.name)"
+        return self.driver.execute_script(script)
+
+    def reason(self, name):
+        """Why a button cannot be pressed, as its tooltip says."""
+        chains = webdriver.ActionChains(self.driver)
+        button = self.driver.find_element('css selector', f'[data-name={name}]')
+        assert not button.is_enabled()
+        chains.move_to_element(button.find_element('xpath', '..')).perform()
+        end = time.monotonic() + PATIENCE
+        while not (shown := self.driver.find_elements('css selector', '.q-tooltip')):
+            assert time.monotonic() < end, 'no tooltip'
+        return shown[0].text
+
     def press(self, name):
+        end = time.monotonic() + PATIENCE
+        while not self.driver.execute_script(f"return document.querySelector('[data-name={name}]:enabled') !== null"):
+            assert time.monotonic() < end, f'{name} cannot be pressed'
+            time.sleep(0.05)
         self.driver.execute_script(f"document.querySelector('[data-name={name}]').click()")
 
     def resize(self, width, height=1400):
@@ -139,17 +159,20 @@ def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
     tank.start_again()
     tank.send(REST_S)
     tank.release(5.0)
-    screen.wait_for('cycles: period 2.6')
-    screen.wait_for('pitch: odd-cubic, period 2.6', 'model')
+    screen.wait_for('2.6')
+    screen.wait_for('1 release: 2.6', 'model')
+    screen.wait_for('model off by 0.0', 'release')
+    level = tank.record.models['pitch'].metrics['verdict']
+    assert screen.loud() == ['accept' if level == 'adequate' else 'restart']
     screen.press('accept')
     tank.send(7.0)
-    screen.wait_for('The model is kept')
-    assert tank.pressed == ['accept']
+    screen.wait_for('Accepted: 2.6')
+    assert screen.loud() == ['save'] and tank.pressed == ['accept']
 
 
 @needs_chromium
-@pytest.mark.parametrize('fault', FAULTS)
-def test_every_fault_is_shown_with_its_cure(screen, fault):
+@pytest.mark.parametrize('fault', ['upside down', 'silence'])
+def test_a_fault_is_shown_with_its_cure(screen, fault):
     made, play, code, _, cure = FAULTS[fault]
     screen.tank.start_again(awaited=code, **made)
     screen.tank.look()
@@ -163,22 +186,47 @@ def test_every_fault_is_shown_with_its_cure(screen, fault):
 @needs_chromium
 def test_buttons_reach_the_nodes_and_save_a_model(screen):
     tank = screen.tank
-    tank.pressed.clear()
-    for button in ('identify', 'rollback', 'refine'):
-        screen.press(button)
     screen.press('restart')
     tank.start_again()
+    tank.pressed.clear()
     tank.send(REST_S)
+    screen.wait_for('Now push')
+    assert 'no model yet' in screen.reason('save') and screen.loud() == []
     tank.release(5.0)
+    screen.wait_for('2.6')
+    screen.press('identify')
     screen.press('save')
     end = time.monotonic() + PATIENCE
     while not (saved := list(tank.folder.glob('model_*.yaml'))):
         assert time.monotonic() < end, 'no model was saved'
         time.sleep(0.05)
-    assert tank.pressed == ['identify', 'rollback', 'refine']
+    assert tank.pressed == ['identify']
     assert model_from_yaml(saved[0].read_text()).keys() == {'pitch'}
     tank.look()
     screen.wait_for('saved', 'answers')
+
+
+@needs_chromium
+def test_no_model_goes_without_a_question_and_a_copy(screen):
+    tank = screen.tank
+    tank.start_again()
+    tank.send(REST_S)
+    tank.release(5.0)
+    tank.steps_back = 1
+    tank.send(1.0)
+    for path in tank.folder.glob('model_*.yaml'):
+        path.unlink()
+    tank.pressed.clear()
+    for answer, pressed in (('keep', []), ('go-back', ['rollback'])):
+        screen.press('rollback')
+        screen.wait_for('No other model is kept', 'rollback-question')
+        screen.press(answer)
+        end = time.monotonic() + PATIENCE
+        while screen.text('rollback-question') or tank.pressed != pressed:
+            assert time.monotonic() < end, f'{tank.pressed} after {answer}'
+            time.sleep(0.05)
+    (saved,) = tank.folder.glob('model_*.yaml')
+    assert model_from_yaml(saved.read_text()).keys() == {'pitch'}
 
 
 @needs_chromium
@@ -187,11 +235,12 @@ def test_it_fits_phone_and_desk_with_charts_and_without_the_internet(screen, wid
     screen.resize(width)
     screen.driver.refresh()
     screen.wait_for('receiving', 'health')
-    drawn, across, elsewhere = screen.driver.execute_script("""
+    drawn, across, language, elsewhere = screen.driver.execute_script("""
         return [document.querySelectorAll('canvas').length, document.documentElement.scrollWidth,
+                document.documentElement.lang,
                 performance.getEntriesByType('resource').map(r => r.name).filter(n => !n.startsWith(location.origin))]
         """)
-    assert drawn >= 2 and across <= width and elsewhere == []
+    assert drawn >= 5 and across <= width and language.startswith('en') and elsewhere == []
     assert [line['message'] for line in screen.driver.get_log('browser') if line['level'] == 'SEVERE'] == []
 
 

@@ -2,20 +2,32 @@
 
 import numpy as np
 import pytest
-from imu_stream import reading
+from imu_stream import EPOCH_NS, reading
 from scipy.stats import norm
 from tank_side import TankSide
 
-from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.sea_state import sea_as_yaml, sea_from_yaml
 from swath_sysid.page.charts import motion_options, motion_series, reach_of
 from swath_sysid.page.live_record import KEPT_FORECASTS, MAX_STATUSES, LiveRecord, horizon_of
-from swath_sysid.page.live_view import calm_words, campaign_words, health, model_chart, motion_chart, sea_words
+from swath_sysid.page.live_view import (
+    calm_words,
+    campaign_words,
+    health,
+    model_chart,
+    motion_chart,
+    release_chart,
+    sea_words,
+)
+from swath_sysid.page.release import Release
 from swath_sysid.pipeline.health import Report
 
 LEADS = np.arange(51) * 100_000_000
@@ -108,15 +120,43 @@ def test_the_height_of_a_chart_is_round_and_holds_the_motion(largest, band, reac
 
 def test_the_curves_of_an_exact_model_have_no_width():
     hull = hull_named('swath-pitch').model
-    chart = model_chart(IdentifiedModel(hull, np.zeros((len(hull.equation.terms),) * 2), amplitude_range=(0.01, 0.08)))
+    model = IdentifiedModel(hull, np.zeros((len(hull.equation.terms),) * 2), amplitude_range=(0.01, 0.08))
+    chart = model_chart(model, None)
     assert chart['period'][0][1] == pytest.approx(hull.natural_period, rel=0.02)
     assert all(low == value == high for _, value, low, high in chart['damping'])
+
+
+def test_a_softening_decay_is_drawn_as_softening_with_the_model_over_it():
+    hull = DecayModel.from_terms(equation_named('odd-cubic'), {'b1': 0.1, 'b2': 0.1, 'r1': 5.8, 'r3': -120.0})
+    time, trim = np.arange(0.0, 25.0, 0.04), 0.02
+    angle, rate = simulate(hull, 0.12, 0.0, time)
+    release = Release(AxisMotion('roll', EPOCH_NS * 1e-9 + time, angle + trim, rate), 2.8, 9.0, 0.12, trim)
+    model = IdentifiedModel(hull, np.zeros((4, 4)), amplitude_range=(0.01, 0.12))
+    shown, words = release_chart(release, model)
+    assert np.abs(np.subtract(shown['fitted'], shown['measured'])[:, 1]).max() < 0.01 and 'off by' in words
+    chart = model_chart(model, release)
+    for name, tolerance in (('period', 0.01), ('damping', 0.15)):
+        degrees, curve = np.array(chart[name])[:, :2].T
+        dots, measured = np.array(chart[f'measured_{name}']).T
+        assert measured == pytest.approx(np.interp(dots, degrees, curve), rel=tolerance)
+    periods = np.array(chart['period'])[:, 1]
+    assert (np.diff(periods) > 0.0).all() and periods[-1] > 1.1 * periods[0]
+
+
+def test_a_model_whose_motion_runs_away_is_told():
+    hull = DecayModel.from_terms(equation_named('odd-cubic'), {'b1': 0.0, 'b2': 0.0, 'r1': -50.0, 'r3': -900.0})
+    time = np.arange(0.0, 20.0, 0.04)
+    release = Release(AxisMotion('roll', time, 0.1 * np.cos(2.4 * time), None), 2.6, 7.0, 0.1, 0.0)
+    chart, words = release_chart(release, IdentifiedModel(hull, np.zeros((4, 4))))
+    assert 'runs away' in words and len(chart['measured']) == time.size
 
 
 def test_calm_is_counted_from_now(tank):
     assert calm_words(tank.record) == 'No forecast of calm yet.'
     tank.record.quiescence, tank.record.calm = 0.25, (tank.record.stamp + 1.0, tank.record.stamp + 4.0, 0.93)
     assert calm_words(tank.record).endswith('probability of 25 %. Calm from 1.0 to 4.0 s from now (93 %).')
+    tank.record.limits = QuiescenceLimits(roll=np.radians(3.0), duration=5.0)
+    assert calm_words(tank.record).endswith(' Quiet means within ±(roll 3 deg) for 5 s.')
 
 
 def test_the_sea_is_said_in_words_or_why_it_is_not_known(tank):

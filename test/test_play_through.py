@@ -25,7 +25,6 @@ from swath_sysid.formats.model_file import model_from_yaml, read_model, write_mo
 from swath_sysid.formats.output_bag import OutputBag, writing_output_bag
 from swath_sysid.formats.reading import read_readings
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC
-from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.health import ERROR
@@ -148,7 +147,7 @@ def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
     np.testing.assert_array_equal(rows[:, :-1], finished.table.rows)
     assert set(rows[:, -1]) == {0.0, 1.0}
     ((_, numbers),) = decoded(played, '/model/coefficients')
-    assert numbers.layout.dim[0].label == 'roll'
+    assert numbers.layout.dim[0].label == 'roll,roll_std'
     assert numbers.data[4] == model.terms['r1']
 
 
@@ -245,7 +244,7 @@ def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag
 
 def test_a_gap_is_told_once_and_a_clock_set_back_begins_anew(bag):
     pipeline = PlayThrough(PlayThroughSettings(auto_identify=False))
-    health = PlayedHealth(ADVICE, pipeline, 'imu/data', (1.0, 1.0, 1.0))
+    health = PlayedHealth(pipeline, 'imu/data', (1.0, 1.0, 1.0))
     readings = list(read_readings(bag))[:300]
     told = []
     for shift in (0, 11, -20):

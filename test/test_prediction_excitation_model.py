@@ -9,18 +9,20 @@ from scipy.signal import lfilter
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.compiled import motion_step
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.excitation_model import (
     Spectrum,
     _filtered_covariance,
-    _Hull,
     autocovariance,
     autoregression,
     fit_excitation,
     moment_spectrum,
 )
-from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilter, HullUncertainty
+from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilter, HullPrior
+from swath_sysid.attitude.prediction.hull_step import HULL_STATES
 
 HULL = hull_named('swath-roll').model
+EXACT = IdentifiedModel.exactly(HULL)
 NOISE = 5e-4, 3e-3
 STEP, SAMPLES = 0.1, 10
 PEAK, WIDTH, SIZE = 2.2, 0.25, 0.06
@@ -52,12 +54,11 @@ def sea():
 def _request(seen, hull_is_learnt=False):
     blocks = seen.reshape(-1, SAMPLES, 2).mean(axis=1)
     variances = [noise**2 / SAMPLES for noise in NOISE]
-    hull = np.zeros(3), np.diag([5e-4, 3e-3, 0.02]) ** 2
-    return ExcitationRequest(HULL, *hull, hull_is_learnt, STEP, *blocks.T.copy(), *variances, SAMPLES)
+    return ExcitationRequest(HULL, HullPrior.of(EXACT), hull_is_learnt, STEP, *blocks.T.copy(), *variances, SAMPLES)
 
 
 def test_the_spectrum_of_the_moment_is_found_through_the_nonlinear_hull(sea):
-    found = moment_spectrum(_request(sea[1][:30_000]), _Hull.of(HULL, 0.0, 0.0, 0.0))
+    found = moment_spectrum(_request(sea[1][:30_000]))
     total = np.sum(found.density * np.gradient(found.frequency)) / math.pi
     assert total == pytest.approx(SIZE**2, rel=0.15)
     mean = np.sum(found.frequency * found.density) / np.sum(found.density)
@@ -80,7 +81,7 @@ def test_the_reduced_moment_has_the_variance_and_the_period_of_the_sea(sea):
     ]
     assert fit.moment.variance == pytest.approx(SIZE**2, rel=0.2)
     assert np.sum(w * density) / np.sum(density) == pytest.approx(PEAK, abs=0.15)
-    assert fit.mean.size == 5 + 2 + fit.moment.size and fit.moment.size <= 22
+    assert fit.mean.size == HULL_STATES + 2 + fit.moment.size and fit.moment.size <= 22
 
 
 def _run(attitude, true, seen, since):
@@ -103,7 +104,7 @@ def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(
     scores = []
     for learnt in (fit, None):
         attitude = HullFilter()
-        attitude.set_hull(HULL, HullUncertainty(5e-4))
+        attitude.set_hull(EXACT)
         attitude.start(*seen[count - 200].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
         for sample in seen[count - 199 : count].tolist():
             attitude.observe(0.01, *sample, NOISE[0] ** 2, NOISE[1] ** 2)
@@ -122,7 +123,7 @@ def test_a_fit_taken_up_late_is_the_one_taken_up_at_once(sea):
     fit = fit_excitation(_request(seen[:count], hull_is_learnt=True))
     late, prompt = HullFilter(), HullFilter()
     for attitude in (late, prompt):
-        attitude.set_hull(HULL)
+        attitude.set_hull(EXACT)
         attitude.start(*seen[count - 300].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
     for k in range(count - 299, count + 100):
         for attitude in (late, prompt):
@@ -168,7 +169,7 @@ def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
         HULL.equation, {n: v * (factor if n.startswith('s') else 1.0) for n, v in HULL.terms.items()}, axis='roll'
     )
     attitude = HullFilter()
-    attitude.set_hull(wrong, HullUncertainty(5e-4, 0.005, 0.01))
+    attitude.set_hull(IdentifiedModel.exactly(wrong))
     variances = [noise**2 / SAMPLES for noise in NOISE]
     blocks = seen.reshape(-1, SAMPLES, 2).mean(axis=1)
     attitude.start(*blocks[0].tolist(), *variances)

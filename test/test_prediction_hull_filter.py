@@ -13,22 +13,17 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.stats import multivariate_normal
 
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
-from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise
 from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.prediction import hull_filter
-from swath_sysid.attitude.prediction.hull_filter import (
-    HULL_STATES,
-    ExcitationFit,
-    HullFilter,
-    HullFilterSettings,
-    HullUncertainty,
-)
-from swath_sysid.attitude.prediction.hull_step import hull_step
+from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, HullFilter, HullFilterSettings, HullPrior
+from swath_sysid.attitude.prediction.hull_step import HULL_STATES, RATIOS, hull_step, predict
+from swath_sysid.attitude.prediction.hull_track import HullTrack
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
-from swath_sysid.common.accelerator import HAS_NUMBA
 from swath_sysid.common.errors import InputError
 
 NAN = math.nan
@@ -36,7 +31,18 @@ ROLL = hull_named('swath-roll').model
 LINEAR = DecayModel.from_terms(equation_named('linear'), {'b1': 0.5, 'r1': 6.0}, trim=0.01, axis='roll')
 ANGLE_NOISE, RATE_NOISE = 5e-4, 3e-3
 VARIANCES = ANGLE_NOISE**2, RATE_NOISE**2
-HULL = tuple(ROLL.ratios.tolist()), ROLL.equation.active, ROLL.friction_rate
+OF_HULL = slice(2, HULL_STATES)
+
+
+def known_to(model, trim_std, stiffness, damping):
+    """The model with standard deviations of the factors common to its restoring and to its damping terms."""
+    values = model.ratios[model.equation.indices]
+    is_damping = model.equation.indices < 4
+    parts = stiffness * values * ~is_damping, damping * values * is_damping
+    return IdentifiedModel(model, sum(np.outer(part, part) for part in parts), trim_std)
+
+
+EXACT_ROLL = IdentifiedModel.exactly(ROLL)
 
 
 def swell():
@@ -59,13 +65,15 @@ def modal_swell():
 def in_swell(moment):
     """A filter that has taken up the moment."""
     attitude = HullFilter()
-    attitude.set_hull(ROLL, HullUncertainty(5e-4, 0.05, 0.1))
+    attitude.set_hull(known_to(ROLL, 5e-4, 0.05, 0.1))
     hand = attitude.moments[0]
     whole = joined([hand, moment], (1e-4, 1.0))
     spread = np.zeros((HULL_STATES + whole.size,) * 2)
     spread[:HULL_STATES, :HULL_STATES] = attitude.P[:HULL_STATES, :HULL_STATES]
     spread[HULL_STATES:, HULL_STATES:] = whole.stationary
-    attitude.set_excitation(ExcitationFit(moment, np.zeros(len(spread)), spread, (1e-4, 1.0)))
+    attitude.set_excitation(
+        ExcitationFit(moment, np.r_[attitude.x[:HULL_STATES], np.zeros(whole.size)], spread, (1e-4, 1.0))
+    )
     attitude.start(0.02, 0.0, *VARIANCES)
     return attitude
 
@@ -98,34 +106,79 @@ def test_what_alternates_from_step_to_step_is_forgotten():
     assert np.abs(np.linalg.eigvals(moment.transition(0.1))).max() == pytest.approx(0.9)
 
 
+EVERY = dict(zip(TERM_NAMES, (0.02, 0.3, 2.0, 5.0, 5.0, 3.0, -20.0, 2.0, -4.0), strict=True))
+GENERAL = DecayModel.from_terms(Equation('every', TERM_NAMES), EVERY, friction_rate=0.05)
+
+
 @settings(max_examples=25, deadline=None)
-@given(st.floats(-0.1, 0.2), st.floats(0.1, 0.3), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-1.0, 1.0))
-def test_a_step_of_the_hull_solves_its_equation_and_so_do_its_slopes(angle, rate, stiffness, damping, moment):
+@given(st.floats(-0.1, 0.2), st.floats(0.1, 0.3), st.floats(-1.0, 1.0))
+def test_a_step_of_the_hull_solves_its_equation_and_so_do_its_slopes(angle, rate, moment):
     step = 0.005
 
     def exact(state):
-        x, w, trim, k, d, m = state
+        hull = DecayModel(GENERAL.equation, state[RATIOS:-1], state[2], GENERAL.friction_rate)
 
         def equation(_, y):
-            still = ROLL.acceleration(y[0] - trim, 0.0)
-            return [y[1], math.exp(k) * still + math.exp(d) * (ROLL.acceleration(y[0] - trim, y[1]) - still) + m]
+            return [y[1], hull.acceleration(*y) + state[-1]]
 
-        return solve_ivp(equation, (0.0, step), [x, w], rtol=1e-10, atol=1e-12).y[:, -1]
+        return solve_ivp(equation, (0.0, step), state[:2], rtol=1e-10, atol=1e-12).y[:, -1]
 
-    state = np.array([angle, rate, 0.01, stiffness, damping, moment])
-    new_angle, new_rate, to_angle, to_rate = hull_step(*state[:5], moment, 0.0, step, HULL)
+    state = np.array([angle, rate, 0.01, *GENERAL.ratios, moment])
+    hull = GENERAL.equation.active, GENERAL.friction_rate
+    new_angle, new_rate, slopes = hull_step(state[:-1], moment, 0.0, step, hull)
     assert [new_angle, new_rate] == pytest.approx(exact(state), abs=1e-7)
-    for j, small in enumerate(1e-5 * np.eye(6)):
+    for j, small in enumerate(1e-5 * np.eye(state.size)):
         slope = (exact(state + small) - exact(state - small)) / 2e-5
-        assert [to_angle[j], to_rate[j]] == pytest.approx(slope, abs=2e-3 * max(1.0, abs(slope).max()))
+        assert slopes[:, j] == pytest.approx(slope, abs=2e-3 * max(1.0, abs(slope).max()))
 
 
 def test_an_uncertain_rate_is_damped_by_the_mean_of_the_damping():
     step, spread, rate = 1e-3, 0.3, 0.02
     w = rate + spread * np.random.default_rng(1).normal(size=2_000_000)
     mean = float(np.mean(ROLL.acceleration(0.0, w)))
-    _, new_rate, *_ = hull_step(0.0, rate, 0.0, 0.0, 0.0, 0.0, spread**2, step, HULL)
+    state = np.array([0.0, rate, 0.0, *ROLL.ratios])
+    _, new_rate, slopes = hull_step(state, 0.0, spread**2, step, (ROLL.equation.active, ROLL.friction_rate))
     assert (new_rate - rate) / step == pytest.approx(mean, rel=0.03)
+    # linear in the ratios, damping is their sum with their slopes
+    assert slopes[1, RATIOS:-1] @ ROLL.ratios / step == pytest.approx(mean, rel=0.03)
+
+
+def test_the_sparse_prediction_is_the_dense_one():
+    """A P A' + Q, with the moment's noise acting on the hull by half."""
+    moment, rng, step = modal_swell(), np.random.default_rng(4), 0.02
+    n, f, h = HULL_STATES + moment.size, moment.transition(step), moment.output
+    root = 0.01 * rng.normal(size=(n, n))
+    mean, covariance = (
+        np.concatenate([[0.1, 0.2, 0.01], ROLL.ratios, 0.1 * rng.normal(size=moment.size)]),
+        root @ root.T,
+    )
+    hull, drift = (ROLL.equation.active, ROLL.friction_rate), np.diag(np.arange(10.0))
+    z = mean[HULL_STATES:]
+    angle, rate, slopes = hull_step(mean, 0.5 * h @ (z + f @ z), covariance[1, 1], step, hull)
+    a, driven = np.eye(n), np.zeros((n, moment.size))
+    a[:2, :HULL_STATES], a[HULL_STATES:, HULL_STATES:] = slopes[:, :-1], f
+    a[:2, HULL_STATES:] = 0.5 * np.outer(slopes[:, -1], h + h @ f)
+    driven[:2], driven[HULL_STATES:] = np.outer(slopes[:, -1], 0.5 * h), np.eye(moment.size)
+    wanted = a @ covariance @ a.T + driven @ (moment.stationary - f @ moment.stationary @ f.T) @ driven.T
+    wanted[OF_HULL, OF_HULL] += step * drift
+    wanted_mean = np.concatenate([[angle, rate], mean[OF_HULL], f @ z])
+    predict(mean, covariance, (moment.blocks, h, moment.stationary), hull, drift, step, 0.05)
+    assert mean == pytest.approx(wanted_mean, rel=1e-12)
+    assert covariance == pytest.approx(wanted, rel=1e-9, abs=1e-14)
+
+
+def test_what_is_considered_stays_and_goes_on_to_count():
+    """Joseph's form of the update, with no gain for trim and ratios (Schmidt 1966)."""
+    rng, track, n = np.random.default_rng(5), HullTrack(), HULL_STATES
+    root, h, r = rng.normal(size=(n, n)), np.eye(2, n), np.diag(VARIANCES)
+    p = root @ root.T
+    gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + r)
+    gain[OF_HULL] = 0.0
+    track.set_state(np.zeros(n), p)
+    track.take_in((0.1, -0.2), VARIANCES, learns=False)
+    left = np.eye(n) - gain @ h
+    assert track.x == pytest.approx(gain @ [0.1, -0.2])
+    assert track.P == pytest.approx(left @ p @ left.T + gain @ r @ gain.T, abs=1e-9)
 
 
 def _dense_oracle(moment, step):
@@ -147,11 +200,11 @@ def _dense_oracle(moment, step):
 def test_on_a_linear_hull_it_is_filterpys_kalman_filter(monkeypatch):
     for name in ('LEVEL_INTERVAL', 'MAX_STRAIN', 'CONVINCING'):
         monkeypatch.setattr(hull_filter, name, math.inf)
-    for name in ('MIN_STIFFNESS_STD', 'MIN_DAMPING_STD', 'TRIM_DRIFT', 'SCALE_DRIFT'):
-        monkeypatch.setattr(hull_filter, name, 1e-12)
+    for name in ('TRIM_DRIFT', 'RATIO_DRIFT'):
+        monkeypatch.setattr(hull_filter, name, 0.0)
     monkeypatch.setattr(hull_filter, 'QUIET', -1.0)
     attitude = HullFilter(HullFilterSettings(gate_probability=1e-300))
-    attitude.set_hull(LINEAR, HullUncertainty(0.01))
+    attitude.set_hull(known_to(LINEAR, 0.01, 1e-12, 1e-12))
     attitude.start(0.03, 0.0, *VARIANCES)
     moment = attitude.moments[0]
     oracle = ExtendedKalmanFilter(dim_x=4 + moment.size, dim_z=2)
@@ -170,31 +223,6 @@ def test_on_a_linear_hull_it_is_filterpys_kalman_filter(monkeypatch):
         attitude.observe(step, *seen, *VARIANCES)
         assert attitude.x[:3] == pytest.approx(oracle.x[:3], abs=1e-4)
     assert attitude.P[:2, :2] == pytest.approx(oracle.P[:2, :2], rel=0.03)
-
-
-@pytest.mark.skipif(not HAS_NUMBA, reason='without numba both are filterpy')
-def test_the_compiled_step_is_filterpys(monkeypatch):
-    moment = modal_swell()
-    compiled = in_swell(moment)
-    monkeypatch.setattr(hull_filter, 'HAS_NUMBA', False)
-    plain = in_swell(moment)
-    assert isinstance(plain.driven, ExtendedKalmanFilter) and not isinstance(compiled.driven, ExtendedKalmanFilter)
-    rng, now = np.random.default_rng(2), 0.0
-    for k in range(300):
-        step = float(rng.choice([0.01, 0.04, 0.1, 0.35]))
-        now += step
-        motion = np.array([0.03 * math.sin(2.0 * now), 0.06 * math.cos(2.0 * now)])
-        motion += rng.normal(size=2) * (ANGLE_NOISE, RATE_NOISE)
-        seen = [value if rng.random() > 0.2 else NAN for value in motion.tolist()]
-        first = compiled.observe(step, *seen, *VARIANCES)
-        ahead = compiled.forecast(np.array([0.1, 0.5, 3.0])) if k % 50 == 0 else None
-        second = plain.observe(step, *seen, *VARIANCES)
-        assert first.nis == pytest.approx(second.nis, rel=1e-6, nan_ok=True)
-        assert compiled.x == pytest.approx(plain.x, rel=1e-7, abs=1e-10)
-        assert compiled.P == pytest.approx(plain.P, rel=1e-6, abs=1e-11)
-        if ahead is not None:
-            for a, b in zip(ahead, plain.forecast(np.array([0.1, 0.5, 3.0])), strict=True):
-                assert a == pytest.approx(b, rel=1e-6, abs=1e-10)
 
 
 @settings(max_examples=30, deadline=None)
@@ -231,7 +259,7 @@ def test_what_convinces_is_the_likelihood_ratio_of_two_filters(monkeypatch):
     """Free and driven hull as two filters of their own, of which neither knows of the other."""
     monkeypatch.setattr(hull_filter, 'LEVEL_INTERVAL', math.inf)
     attitude = HullFilter()
-    attitude.set_hull(LINEAR)
+    attitude.set_hull(known_to(LINEAR, 5e-4, 0.001, 0.005))
     attitude.start(0.03, 0.0, *VARIANCES)
     alone = [copy.deepcopy(track) for track in (attitude.free, attitude.driven)]
     rng, ratio = np.random.default_rng(3), 0.0
@@ -242,7 +270,7 @@ def test_what_convinces_is_the_likelihood_ratio_of_two_filters(monkeypatch):
             track.advance(0.01)
             spread = track.P[:2, :2] + np.diag(VARIANCES)
             likelihoods.append(multivariate_normal(track.x[:2], spread).logpdf(seen))
-            track.take_in(seen.tolist(), VARIANCES, False)
+            track.take_in(tuple(seen.tolist()), VARIANCES, False)
         ratio += likelihoods[0] - likelihoods[1]
         if attitude.observe(0.01, *seen.tolist(), *VARIANCES).surprised:
             break
@@ -256,7 +284,7 @@ def test_small_releases_too_are_the_hulls_alone(name, degrees):
     model = hull_named(name).model
     craft, reading = _released(0, model, angle=math.radians(degrees))
     attitude = HullFilter()
-    attitude.set_hull(model)
+    attitude.set_hull(IdentifiedModel.exactly(model))
     attitude.start(*reading(), *VARIANCES)
     for _ in range(3):
         for _ in range(round(100 * (craft.release() + 0.5))):
@@ -270,19 +298,36 @@ def test_small_releases_too_are_the_hulls_alone(name, degrees):
 def test_hulls_of_which_less_is_known_forecast_wider(monkeypatch):
     monkeypatch.setattr(hull_filter, 'MARKOV_STD', 1e-3)
     spreads = []
-    for uncertainty in (HullUncertainty(1e-4), HullUncertainty(0.02, 0.25, 0.5)):
+    for identified in (known_to(ROLL, 1e-4, 1e-9, 1e-9), known_to(ROLL, 0.02, 0.25, 0.5)):
         attitude = HullFilter()
-        attitude.set_hull(ROLL, uncertainty)
+        attitude.set_hull(identified)
         attitude.start(0.1, 0.0, *VARIANCES)
         spreads.append(np.sqrt(attitude.forecast(np.array([0.5, 1.0, 2.5]))[2][:, 0, 0]))
     assert np.all(spreads[1] > 1.1 * spreads[0])
 
 
-def test_the_identified_covariance_becomes_the_uncertainty_of_the_scales():
-    terms = LINEAR.equation.terms
-    covariance = np.diag([(0.2 * LINEAR.terms[name]) ** 2 for name in terms])
-    known = HullUncertainty.of(IdentifiedModel(LINEAR, covariance, trim_std=1e-3))
-    assert known == pytest.approx((1e-3, 0.2, 0.2))
+def test_the_filter_starts_from_the_posterior_of_every_term():
+    """The pruned model is for people: what pruning left out, or in, is not known for certain."""
+    every = Equation('general', ('b1', 'b2', 'r1', 'r3'))
+    root = np.random.default_rng(6).normal(size=(4, 4)) * [[0.05], [0.3], [0.1], [4.0]]
+    posterior = HullPosterior(every, np.array([0.5, 0.1, 6.0, -9.0]), root @ root.T)
+    attitude = HullFilter()
+    attitude.set_hull(IdentifiedModel(LINEAR, np.diag([1e-4, 1e-4]), 1e-3, posterior=posterior))
+    assert attitude.x[2] == LINEAR.trim and attitude.x[RATIOS:][[1, 2, 4, 6]].tolist() == posterior.ratios.tolist()
+    at = RATIOS + every.indices
+    assert attitude.P[np.ix_(at, at)] == pytest.approx(posterior.covariance, abs=1e-2)
+    assert attitude.P[2, 2] == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize('size', [1e3, 1e150])
+def test_a_covariance_beyond_belief_leaves_forecasts(size):
+    attitude = HullFilter()
+    attitude.set_hull(IdentifiedModel(ROLL, size * np.eye(5), 1e-3))
+    _run_out(attitude, 500)
+    directions = attitude.prior.directions.values()
+    assert max(d @ attitude.prior.covariance @ d for d in directions) == pytest.approx(1.0, rel=0.01)
+    angle, _, covariance = attitude.forecast(np.array([0.5, 5.0]))
+    assert np.abs(angle).max() < 0.1 and np.isfinite(covariance).all()
 
 
 def _released(seed, model=ROLL, hold=1.0, angle=0.087):
@@ -305,7 +350,7 @@ def test_the_first_release_is_forecast_one_period_ahead(name):
     for seed in range(3):
         craft, reading = _released(seed, model, angle=angle)
         attitude = HullFilter()
-        attitude.set_hull(model)
+        attitude.set_hull(IdentifiedModel.exactly(model))
         attitude.start(*reading(), *VARIANCES)
         for _ in range(150):
             attitude.observe(0.01, *reading(), *VARIANCES)
@@ -328,7 +373,7 @@ def test_a_hold_neither_explodes_nor_claims_to_be_known():
     rng = np.random.default_rng(1)
     angle = np.concatenate([np.zeros(500), np.full(2000, math.radians(12.0))])
     attitude = HullFilter()
-    attitude.set_hull(ROLL)
+    attitude.set_hull(EXACT_ROLL)
     attitude.start(0.0, 0.0, *VARIANCES)
     restarts = 0
     for k, value in enumerate(angle):
@@ -342,9 +387,13 @@ def test_a_hold_neither_explodes_nor_claims_to_be_known():
     assert attitude.x[2] == pytest.approx(0.0, abs=2e-3)
 
 
-def _at_rest(attitude, samples=300, seed=1):
-    rng = np.random.default_rng(seed)
-    attitude.set_hull(ROLL)
+def _at_rest(attitude, samples=300):
+    attitude.set_hull(EXACT_ROLL)
+    _run_out(attitude, samples)
+
+
+def _run_out(attitude, samples):
+    rng = np.random.default_rng(1)
     attitude.start(0.0, 0.0, *VARIANCES)
     for _ in range(samples):
         attitude.observe(0.01, *(rng.normal(size=2) * (ANGLE_NOISE, RATE_NOISE)).tolist(), *VARIANCES)
@@ -375,7 +424,7 @@ def test_spikes_are_refused_and_a_sensor_that_insists_is_followed():
 def test_one_channel_alone_suffices(measures_angle, bound):
     craft, reading = _released(1)
     attitude = HullFilter()
-    attitude.set_hull(ROLL)
+    attitude.set_hull(EXACT_ROLL)
     attitude.start(0.0, 0.0, 1e-4, 1e-4)
     craft.release()
     for _ in range(1500):
@@ -420,9 +469,13 @@ def test_another_hull_leaves_the_motion():
     attitude = HullFilter()
     _at_rest(attitude)
     motion, spread = attitude.x[:2].copy(), attitude.P[:2, :2].copy()
-    attitude.set_hull(LINEAR, HullUncertainty(1e-3, 0.1, 0.2))
+    identified = known_to(LINEAR, 1e-3, 0.1, 0.2)
+    attitude.set_hull(identified)
+    prior = HullPrior.of(identified)
     assert np.array_equal(attitude.x[:2], motion) and np.array_equal(attitude.P[:2, :2], spread)
-    assert attitude.x[2] == LINEAR.trim and np.sqrt(np.diag(attitude.P)[2:5]) == pytest.approx([1e-3, 0.1, 0.2])
+    assert attitude.x[2] == LINEAR.trim and np.array_equal(attitude.P[OF_HULL, OF_HULL], prior.covariance)
+    stds = [math.sqrt(d @ prior.covariance @ d) for d in prior.directions.values()]
+    assert stds == pytest.approx([0.1, 0.2], rel=0.05)
 
 
 def test_the_markov_moment_has_its_variance_and_fades():

@@ -10,9 +10,9 @@ from site_pages import PAGES, command_lines
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.cli.main import VERBS, build_parser
+from swath_sysid.common.sentences import reasons_table
 from swath_sysid.formats.topics import LEADS, MANOEUVRING_LEADS, TYPES
-from swath_sysid.nodes.parameters.files import NODES, table_of
-from swath_sysid.nodes.reason_advice import reasons_table
+from swath_sysid.nodes.parameters.table import NODES, table_of
 
 ROOT = Path(__file__).resolve().parents[1]
 SITE = '\n'.join(PAGES.values())

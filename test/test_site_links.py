@@ -10,7 +10,14 @@ from site_pages import PAGES, ROOT
 
 OTHERS = ('CONTRIBUTING.md', 'QUALITY_DECLARATION.md', 'SECURITY.md')
 TEXTS = PAGES | {name: (ROOT / name).read_text(encoding='utf-8') for name in OTHERS}
-FOLDERS = tuple(f'{path.name}/' for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith('.'))
+IGNORED = {line.strip('/') for line in (ROOT / '.gitignore').read_text(encoding='utf-8').split()}
+FOLDERS = tuple(
+    f'{path.name}/'
+    for path in ROOT.iterdir()
+    if path.is_dir() and not path.name.startswith('.') and path.name not in IGNORED
+)
+"""Of the checkout, not those that a run makes."""
+
 MADE = ('docs/generated/', 'examples/swath-pitch/out', 'examples/swath-pitch/trials')
 """Written when the site is built, or by the commands of a page."""
 

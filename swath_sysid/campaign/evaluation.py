@@ -472,22 +472,16 @@ def _findings(ranked: Sequence[RankedEquation], by_draft: Sequence[Sequence[FitS
         gain = without.criterion - item.criterion
         if gain > CRITERION_MARGIN:
             found.append(
-                Advice(
+                Advice.of(
                     'friction-necessary',
-                    (
-                        f'dry friction is necessary: it improves the criterion of {without.equation} by {gain:.0f} '
-                        f'(more than {CRITERION_MARGIN:g} is decisive){_damping_without(without, item, by_draft)}; '
-                        f'look for it in the bearings or the mooring of the rig, and leave it out for the craft afloat'
-                    ),
+                    equation=without.equation,
+                    gain=gain,
+                    criterion_margin=CRITERION_MARGIN,
+                    effect=_damping_without(without, item, by_draft),
                 )
             )
         elif gain < 0:
-            found.append(
-                Advice(
-                    'no-friction',
-                    (f'dry friction is not needed: it worsens the criterion of {without.equation} by {-gain:.0f}'),
-                )
-            )
+            found.append(Advice.of('no-friction', equation=without.equation, gain=-gain))
     return tuple(found)
 
 

@@ -1,7 +1,7 @@
 """The manifest of a campaign: which trials, under which conditions, and what to fit; YAML.
 
-Whatever is wrong is named with its line. What is wrong with one trial leaves that trial out; the
-others are kept, because a campaign shall not stop at one bad entry.
+What is wrong with one trial leaves that trial out; the others are kept, because a campaign shall not stop at one bad
+entry. What concerns all of them stops it at once. Either is named by its keys.
 """
 
 import os
@@ -21,18 +21,9 @@ from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
-from swath_sysid.formats.fields import FieldError, Place, anything, number, one_of, one_or_more, record, text, whole
+from swath_sysid.formats.fields import anything, built, number, one_of, one_or_more, record, refused, text, whole
 from swath_sysid.formats.input_files import existing
-from swath_sysid.formats.untrusted_yaml import (
-    LocatedDict,
-    LocatedError,
-    LocatedList,
-    line_of,
-    located,
-    parsed,
-    shown,
-    text_of,
-)
+from swath_sysid.formats.untrusted_yaml import plain_content, shown, text_of
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
 #: Placeholder of a pattern to the field it fills and what it matches.
@@ -59,7 +50,7 @@ LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 #: What a loading changes, beside a trial; without it that of the craft holds at the design draft alone.
 OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
 
-_NAME = text(1000, as_written=True)
+_NAME = text(1000)
 _NUMBER = number(-LARGEST, LARGEST)
 _POSITIVE = number(above=0.0, highest=LARGEST)
 #: What an entry may say.
@@ -119,22 +110,11 @@ class PredictedDamping:
 
 
 @dataclass(frozen=True)
-class Fault:
-    """Something wrong in the manifest: in which line, from 1 (0: it has none), and what to do."""
-
-    line: int
-    message: str
-
-    def __str__(self) -> str:
-        return f'line {self.line}: {self.message}' if self.line else self.message
-
-
-@dataclass(frozen=True)
 class TrialEntry:
-    """One trial of the manifest, by its line; what it does not say is None."""
+    """One trial of the manifest; what it does not say is None."""
 
     path: Path
-    line: int
+    where: str  #: Its entry: ``trials, 3`` for the third.
     axis: str
     loading: tuple[str, float] | None = None  #: Quantity, one of ``QUANTITIES``, and value.
     initial_angle_deg: float | None = None
@@ -161,7 +141,7 @@ class Manifest:
     search: SearchSettings = field(default_factory=SearchSettings)
     uncertainty: TypeB = field(default_factory=TypeB)  #: Of what a decay itself cannot show.
     predictions: tuple[PredictedDamping, ...] = ()
-    faults: tuple[Fault, ...] = ()  #: What was left out, and why.
+    faults: tuple[str, ...] = ()  #: What was left out, and why.
 
 
 _CRAFT = record(
@@ -184,14 +164,29 @@ _PREDICTION = record(
 )
 
 
-def _prediction(value: Any, where: Place) -> PredictedDamping:
+def _prediction(value: Any, where: str) -> PredictedDamping:
     found = _PREDICTION(value, where)
     if ('damping_n_m_s' in found) == ('damping_ratio' in found):
-        raise FieldError(where, ' needs damping_n_m_s or damping_ratio, and only one of them')
+        raise refused(where, ' needs damping_n_m_s or damping_ratio, and only one of them')
     return PredictedDamping(**found)
 
 
-_SEARCH = record({}, {f.name: anything for f in fields(SearchSettings)})
+def _single(value: Any, where: str) -> Any:
+    if isinstance(value, dict | list):
+        raise refused(where, ': one value is expected here, not a list or a mapping')
+    return shown(value) if isinstance(value, str) else value
+
+
+def _search(value: Any, where: str) -> SearchSettings:
+    return built(lambda: SearchSettings(**_SEARCH(value, where)), where)
+
+
+def _equation(value: Any, where: str) -> str:
+    built(lambda: equation_named(shown(value)), where)
+    return str(value)
+
+
+_SEARCH = record({}, {f.name: _single for f in fields(SearchSettings)})
 #: What a manifest may say beside its trials.
 _CAMPAIGN = record(
     {},
@@ -199,9 +194,9 @@ _CAMPAIGN = record(
         'title': _NAME,
         'craft': _CRAFT,
         'axis': one_of(AXES, 'axis'),
-        'equations': anything,
+        'equations': one_or_more(_equation),
         'objectives': one_or_more(one_of(OBJECTIVES, 'objective')),
-        'search': _SEARCH,
+        'search': _search,
         'trials': anything,
         'uncertainty': _UNCERTAINTY,
         'predictions': one_or_more(_prediction),
@@ -216,51 +211,26 @@ def read_manifest(path: str | Path) -> Manifest:
         InputError: It cannot be read, is not YAML, its search or objectives cannot be used, or no trial is left.
     """
     path = Path(path)
-    root = parsed(text_of(path, 'manifest'), str(path))
-    if not isinstance(root, yaml.MappingNode):
+    content = plain_content(text_of(path, 'manifest'), str(path))
+    if not isinstance(content, dict):
         raise InputError(
             f"{path} is not a manifest: it must hold 'trials:'; begin with one that is made for a folder of trials",
             'not-a-manifest',
         )
-    try:
-        return _manifest_of(root, path)
-    except (FieldError, LocatedError) as error:
-        raise InputError(f'{path}, {_fault(error)}') from error
-
-
-def _fault(error: FieldError | LocatedError) -> Fault:
-    return Fault(error.line or 0, error.problem)
-
-
-def _manifest_of(root: yaml.MappingNode, path: Path) -> Manifest:
-    entries = next((value for key, value in root.value if key.value == 'trials'), None)
-    if not isinstance(entries, yaml.SequenceNode) or not entries.value:
-        raise FieldError(
-            '',
-            "'trials:' must list at least one entry with 'file:' or 'pattern:'",
-            1 if entries is None else line_of(entries),
-        )
-    # the trials each by itself: what is wrong with one leaves that one out
-    root.value = [(key, value) for key, value in root.value if value is not entries]
-    source, place = str(path), Place('')
-    place.faults = unknown = list[FieldError]()
-    content = located(root, source)
-    plain = _CAMPAIGN(content, place)
-    if 'equations' in plain:
-        plain['equations'] = _equations(plain['equations'], place.within(content, 'equations', 'equations'), unknown)
-    if 'search' in plain:
-        plain['search'] = _search(plain['search'], content)
-    faults, trials = [_fault(error) for error in unknown], []
-    for node in entries.value:
-        line = line_of(node)
+    entries = content.pop('trials', None)
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"{path}: 'trials:' must list at least one entry with 'file:' or 'pattern:'")
+    plain = _CAMPAIGN(content, str(path))
+    faults: list[str] = []
+    trials: list[TrialEntry] = []
+    for place, entry in enumerate(entries, 1):
         try:
-            for trial in _entries(_entry(located(node, source), line), path.parent, plain.get('axis'), line):
-                trials.append(trial) if isinstance(trial, TrialEntry) else faults.append(trial)
-        except (FieldError, LocatedError) as error:
-            faults.append(_fault(error))
+            trials += _trials_of(entry, f'trials, {place}', path.parent, plain.get('axis'), faults)
+        except InputError as error:
+            faults.append(str(error))
     trials = _without_duplicates(trials, faults)
     if not trials:
-        raise InputError(f'{path}: no trial is left to use: {"; ".join(map(str, faults[:SHOWN_FILES]))}')
+        raise InputError(f'{path}: no trial is left to use: {"; ".join(faults[:SHOWN_FILES])}')
     craft = Craft(**plain.get('craft', {}))
     # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
     objectives = {OBJECTIVES[0], *plain.get('objectives', ())}
@@ -268,7 +238,7 @@ def _manifest_of(root: yaml.MappingNode, path: Path) -> Manifest:
         title=plain.get('title', craft.name),
         craft=craft,
         trials=tuple(trials),
-        equations=plain.get('equations', ()),
+        equations=tuple(dict.fromkeys(plain.get('equations', ()))),
         objectives=tuple(o for o in OBJECTIVES if o in objectives),
         search=plain.get('search', SearchSettings()),
         uncertainty=TypeB(**plain.get('uncertainty', {})),
@@ -277,91 +247,44 @@ def _manifest_of(root: yaml.MappingNode, path: Path) -> Manifest:
     )
 
 
-def _equations(value: Any, place: Place, faults: list[FieldError]) -> tuple[str, ...]:
-    """The names that can be used, each once; the others become faults."""
-    names = []
-    for k, name in enumerate(one_or_more(anything)(value, place)):
-        line = value.lines[k] if isinstance(value, LocatedList) else place.line
+def _trials_of(entry: Any, where: str, folder: Path, default_axis: str | None, faults: list[str]) -> list[TrialEntry]:
+    """The trials of one entry: one file, or all files of a pattern but those that become faults."""
+    given = _TRIAL(entry, where)
+    if ('file' in given) == ('pattern' in given):
+        raise InputError(f"{where}: a trial is given by either 'file:' or 'pattern:'")
+    if 'start_s' in given and 'end_s' in given and not given['start_s'] < given['end_s']:
+        raise InputError(f'{where}: start_s must lie before end_s')
+    if 'file' in given:
+        name = given.pop('file')
+        path = built(lambda: existing(folder / name, f'{shown(name)}, relative to the manifest'), where)
+        return [_trial(path, given, {}, default_axis, where)]
+    pattern, trials = given.pop('pattern'), []
+    for path, matched in built(lambda: _matches(pattern, folder), where):
         try:
-            equation_named(shown(name))
-            if name not in names:
-                names.append(str(name))
-                continue
-            fault = f"the equation '{shown(name)}' is named twice: leave one out"
+            trials.append(_trial(path, given, matched, default_axis, where))
         except InputError as error:
-            fault = f'{error}; it is left out'
-        faults.append(FieldError('', fault, line))
-    if not names:
-        raise FieldError('', 'none of the equations can be used: correct their names, or leave the key out', place.line)
-    return tuple(names)
+            faults.append(str(error))
+    return trials
 
 
-def _search(values: dict, content: LocatedDict) -> SearchSettings:
-    lines = content['search'].lines
-    for key, value in values.items():
-        if isinstance(value, dict | list):
-            raise FieldError(key, ': one value is expected here, not a list or a mapping', lines[key])
-    values = {key: shown(value) if isinstance(value, str) else value for key, value in values.items()}
-    # each alone first, so that the line is that of the key
-    for line, chosen in (
-        *((lines[key], {key: value}) for key, value in values.items()),
-        (content.lines['search'], values),
-    ):
-        try:
-            settings = SearchSettings(**chosen)
-        except InputError as error:
-            raise FieldError('', str(error), line) from error
-    return settings
-
-
-def _entry(content: LocatedDict, line: int) -> dict:
-    """One checked entry, by field."""
-    place = Place('')
-    place.line = line
-    plain = _TRIAL(content, place)
-    if ('file' in plain) == ('pattern' in plain):
-        raise FieldError('', "a trial is given by either 'file:' or 'pattern:'", line)
-    if 'start_s' in plain and 'end_s' in plain and not plain['start_s'] < plain['end_s']:
-        raise FieldError('', 'start_s must lie before end_s', line)
-    return plain
-
-
-def _entries(plain: dict, folder: Path, default_axis: str | None, line: int) -> list[TrialEntry | Fault]:
-    """The trials of one entry, one file or all files of a pattern; a `Fault` for one that cannot be used."""
-    if 'file' not in plain:
-        found: list[TrialEntry | Fault] = []
-        for path, matched in _matches(plain.pop('pattern'), folder, line):
-            try:
-                found.append(_trial(path, plain, matched, default_axis, line))
-            except FieldError as error:
-                found.append(_fault(error))
-        return found
-    name = plain.pop('file')
-    try:
-        path = existing(folder / name, f'{shown(name)}, relative to the manifest')
-    except InputError as error:
-        raise FieldError('', str(error), line) from error
-    return [_trial(path, plain, {}, default_axis, line)]
-
-
-def _trial(path: Path, given: dict, matched: dict, default_axis: str | None, line: int) -> TrialEntry:
+def _trial(path: Path, given: dict, matched: dict, default_axis: str | None, where: str) -> TrialEntry:
     twice = sorted(set(given) & set(matched) - {'axis'})
     if twice:
-        raise FieldError('', f"'{twice[0]}' is given both by the pattern and beside it: leave one out", line)
-    values = _TRIAL({'axis': default_axis} | given | matched if default_axis else given | matched, Place(path.name))
+        raise InputError(f"{where}: '{twice[0]}' is given both by the pattern and beside it: leave one out")
+    axis = {} if default_axis is None else {'axis': default_axis}
+    values = _TRIAL(axis | given | matched, f'{where}, {path.name}')
     loadings = [(quantity, values.pop(quantity)) for quantity in QUANTITIES if quantity in values]
     if len(loadings) > 1:
-        raise FieldError('', f'give one of {", ".join(QUANTITIES)} for {path.name}, not {len(loadings)}', line)
+        raise InputError(f'{where}: give one of {", ".join(QUANTITIES)} for {path.name}, not {len(loadings)}')
     if 'axis' not in values:
-        raise FieldError(
-            '',
-            f"no axis is given for {path.name}: write 'axis: pitch' or 'axis: roll' here or for the whole campaign",
-            line,
+        raise InputError(
+            f"{where}: no axis is given for {path.name}: write 'axis: pitch' or 'axis: roll' here or for the whole "
+            'campaign'
         )
     names = {'start_s': 'start', 'end_s': 'end'}
     return TrialEntry(
         path,
-        line,
+        where,
         loading=loadings[0] if loadings else None,
         **{names.get(key, key): value for key, value in values.items()},
     )
@@ -393,14 +316,11 @@ def pattern_expression(pattern: str) -> re.Pattern:
     return re.compile(''.join(parts))
 
 
-def _matches(pattern: str, folder: Path, line: int) -> list[tuple[Path, dict]]:
+def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
     """Files that a pattern matches, with what their names say."""
-    try:
-        expression = pattern_expression(pattern)
-    except InputError as error:
-        raise FieldError('', str(error), line) from error
+    pattern_expression(pattern)
     if '**' in pattern:
-        raise FieldError('', f"the pattern '{shown(pattern)}' holds **: write * for each folder", line)
+        raise InputError(f"the pattern '{shown(pattern)}' holds **: write * for each folder")
     base = Path(pattern).anchor
     root = Path(base) if base else folder
     relative = pattern[len(base) :]
@@ -409,7 +329,7 @@ def _matches(pattern: str, folder: Path, line: int) -> list[tuple[Path, dict]]:
     try:
         candidates = sorted(root.glob(glob))
     except (ValueError, NotImplementedError, OSError) as error:
-        raise FieldError('', f"'{shown(pattern)}' is not a pattern: {shown(error)}", line) from error
+        raise InputError(f"'{shown(pattern)}' is not a pattern: {shown(error)}") from error
     found = []
     for path in candidates:
         match = expression.fullmatch(_relative(path, root, relative))
@@ -421,7 +341,7 @@ def _matches(pattern: str, folder: Path, line: int) -> list[tuple[Path, dict]]:
         names = sorted(p.name for p in parent.iterdir() if not p.name.startswith('.')) if parent.is_dir() else []
         near = ', '.join(names[:SHOWN_FILES])
         there = f'there are {near}, ...' if near else f'the folder {parent} is empty or does not exist'
-        raise FieldError('', f"no file matches '{pattern}' ({there}): check the folder and the placeholders", line)
+        raise InputError(f"no file matches '{shown(pattern)}' ({there}): check the folder and the placeholders")
     return found
 
 
@@ -434,33 +354,20 @@ def _relative(path: Path, root: Path, pattern: str) -> str:
     return text.removeprefix('./') if not pattern.startswith('./') else f'./{text.removeprefix("./")}'
 
 
-def _without_duplicates(trials: Sequence[TrialEntry], faults: list[Fault]) -> list[TrialEntry]:
+def _without_duplicates(trials: Sequence[TrialEntry], faults: list[str]) -> list[TrialEntry]:
     kept: list[TrialEntry] = []
     known: dict[tuple, TrialEntry] = {}
     for trial in trials:
         file = trial.path.resolve(), trial.axis, trial.start, trial.end
         stated = trial.axis, trial.loading, trial.speed_m_s, trial.initial_angle_deg, trial.repeat
         complete = None not in (trial.initial_angle_deg, trial.repeat)
+        name = f'{trial.where}: {trial.path.name}'
         if file in known:
-            faults.append(
-                Fault(
-                    trial.line,
-                    (
-                        f'{trial.path.name} is already given in line {known[file].line}: it would count twice, name '
-                        'it once'
-                    ),
-                )
-            )
+            faults.append(f'{name} is already given in {known[file].where}: it would count twice, name it once')
         elif complete and stated in known:
             other = known[stated]
             faults.append(
-                Fault(
-                    trial.line,
-                    (
-                        f'{trial.path.name} has the same condition and repeat as {other.path.name} (line '
-                        f'{other.line}): give it another repeat'
-                    ),
-                )
+                f'{name} has the same condition and repeat as {other.path.name} ({other.where}): give it another repeat'
             )
         else:
             kept.append(trial)

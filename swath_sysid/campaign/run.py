@@ -16,7 +16,7 @@ from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.identification.identify import IdentificationSettings
 from swath_sysid.attitude.identification.problem import Problem, prepare
-from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.campaign.evaluation import (
     Condition,
@@ -60,7 +60,7 @@ class TrialOutcome:
 
     def left_out(self, reason: object) -> 'TrialOutcome':
         """The same, not used."""
-        return replace(self, record=None, reason=f'line {self.entry.line}: {reason}', advice=())
+        return replace(self, record=None, reason=f'{self.entry.where}: {reason}', advice=())
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,13 @@ from swath_sysid.formats.export.expressible import Export
 from swath_sysid.formats.export.fossen import LANGUAGES, MATLAB, PYTHON, fossen, fossen_attitude
 from swath_sysid.formats.export.gazebo import gazebo, gazebo_attitude
 from swath_sysid.formats.export.nav2 import nav2
-from swath_sysid.formats.export.ssv import ssv, ssv_attitude
 from swath_sysid.formats.export.vrx import vrx
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
 from swath_sysid.formats.model_file import FORMAT, read_model
 from swath_sysid.formats.outputs import Output, check_outputs
 
-GAZEBO, VRX, NAV2, FOSSEN, FMU_PARAMETERS = TARGETS = ('gazebo', 'vrx', 'nav2', 'fossen', 'fmu-parameters')
-ATTITUDE_TARGETS = (GAZEBO, FOSSEN, FMU_PARAMETERS)
-WITH_INERTIA = (GAZEBO, FOSSEN)
+GAZEBO, VRX, NAV2, FOSSEN = TARGETS = ('gazebo', 'vrx', 'nav2', 'fossen')
+ATTITUDE_TARGETS = (GAZEBO, FOSSEN)
 SNIFFED_BYTES = 4096
 TARGETS_IN_WORDS = """\
 targets:
@@ -28,10 +26,9 @@ targets:
   vrx             the plugin SimpleHydrodynamics of VRX
   nav2            parameters of the MPPI controller and the velocity smoother, and what the craft does at three speeds
   fossen          M, C, D and the thrust in Fossen's axes, as a Python module or a MATLAB function
-  fmu-parameters  every parameter with unit and standard deviation, as SSV (SSP standard 1.0)
 
 What a target cannot express is named in the file and on the terminal, with how far a turning circle and a zig-zag, or a
-decay, differ because of it. Roll and pitch models go to gazebo, fossen and fmu-parameters.
+decay, differ because of it. Roll and pitch models go to gazebo and fossen.
 """
 
 
@@ -77,14 +74,12 @@ def _exported(arguments: Namespace) -> Export:
         if target not in ATTITUDE_TARGETS:
             raise InputError(f'{target} takes no roll or pitch model: choose {" or ".join(ATTITUDE_TARGETS)}')
         models = read_model(arguments.model)
-        _check_inertias(inertias, tuple(models) if target in WITH_INERTIA else ())
+        _check_inertias(inertias, tuple(models))
         if target == GAZEBO:
             return gazebo_attitude(models, inertias)
-        return fossen_attitude(models, inertias, language, output.stem) if target == FOSSEN else ssv_attitude(models)
+        return fossen_attitude(models, inertias, language, output.stem)
     _check_inertias(inertias, ())
     identified = read_manoeuvring_model(arguments.model)
-    if target == FMU_PARAMETERS:
-        return ssv(identified)
     if target == FOSSEN:
         return fossen(identified.model, language, output.stem)
     return {GAZEBO: gazebo, VRX: vrx, NAV2: nav2}[target](identified.model)
@@ -95,7 +90,7 @@ def _check_inertias(inertias: dict[str, float], axes: tuple[str, ...]) -> None:
     if stray:
         raise InputError(
             f'--inertia {stray[0]} is of no use here: it is for the axes of roll and pitch models that go '
-            f'to {" or ".join(WITH_INERTIA)}; leave it out'
+            f'to {" or ".join(ATTITUDE_TARGETS)}; leave it out'
         )
 
 

@@ -11,16 +11,16 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, finite, leads, numbers
+from swath_sysid.cli.settings_flags import add_setting, finite, numbers
+from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, read_record
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
-from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, score, usual_limits
 from swath_sysid.pipeline.vertical_record import even_stretches
@@ -28,9 +28,7 @@ from swath_sysid.report.figures import save_figure
 from swath_sysid.report.forecast_figure import LABELS, forecast_figure
 from swath_sysid.report.forecast_summary import POINT_UNITS, skill_as_data
 
-DEFAULT_LEADS = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
 _LONGEST_WARMUP = 600.0
-_WINDOW = ForecasterSettings().window
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -38,7 +36,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
     parser.add_argument('--axis', choices=AXES, help='score this axis only (default: all measured)')
     parser.add_argument('--model', metavar='MODEL.yaml', help='the identified hull')
-    parser.add_argument('--leads', type=leads, default=DEFAULT_LEADS, metavar='S,S,...', help='leads in seconds')
+    add_setting(parser, '--leads', 'predictor', 'leads_s', meaning='leads that are scored')
     parser.add_argument(
         '--warmup',
         type=_not_negative,
@@ -52,12 +50,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         help='seconds from the start, after which forecasts are not scored (default: to the end); '
         '--warmup 0 --until 60 scores the first minute',
     )
-    parser.add_argument(
+    add_setting(
+        parser,
         '--window',
-        type=_positive,
-        default=_WINDOW,
-        metavar='S',
-        help=f'seconds of past that forecast and baselines are fitted to (default: {_WINDOW:g})',
+        'predictor',
+        'waves_window_s',
+        meaning='length of the past motion that wave models and baselines are fitted to',
     )
     add_reading_arguments(parser)
     parser.add_argument(
@@ -70,7 +68,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='the same of the rates (default: any)'
     )
-    parser.add_argument('--quiet-for', type=_positive, default=5.0, metavar='S', help='for this long (default: 5)')
+    add_setting(parser, '--quiet-for', 'predictor', 'quiet_for_s', default=5.0, meaning='for this long')
     parser.add_argument(
         '--point',
         type=_point,
@@ -89,7 +87,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(arguments: Namespace) -> int:
     """Run the predictor through the record and print its skill."""
     check_model_and_plot(arguments, [arguments.record, arguments.model])
-    trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
+    trial = read_record(arguments.record, arguments)
     refuse_contradictions(trial, arguments.axis)
     if trial.time.size < 3:
         raise InputError(f'{arguments.record} holds too few samples to forecast: give a longer record')
@@ -104,15 +102,17 @@ def run(arguments: Namespace) -> int:
     duration = float(trial.time[-1] - trial.time[0])
     warmup = min(_LONGEST_WARMUP, round(duration / 3.0)) if arguments.warmup is None else arguments.warmup
     angles, rates = (given or (math.inf, math.inf) for given in (arguments.quiet_deg, arguments.quiet_rate_deg_s))
-    quiet = QuiescenceLimits(angles[0], angles[1], rates[0], rates[1], arguments.quiet_for)
-    limits, base = usual_limits(trial, quiet, warmup), ForecasterSettings()
+    base = ForecasterSettings()
+    quiet_for = arguments.quiet_for or base.horizon
+    quiet = QuiescenceLimits(angles[0], angles[1], rates[0], rates[1], quiet_for)
+    limits = usual_limits(trial, quiet, warmup)
     settings = replace(
         base,
         leads=arguments.leads,
         window=arguments.window,
         quiescence=None if limits is None else quiet,
         points=points,
-        horizon=max(base.horizon, arguments.quiet_for, arguments.leads[-1]),
+        horizon=max(base.horizon, quiet_for, arguments.leads[-1]),
     )
     with progress_of('forecasting') as progress:
         run_made = run_through(

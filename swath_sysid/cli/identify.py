@@ -8,12 +8,13 @@ from collections.abc import Sequence
 from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
 from swath_sysid.attitude.identification.fit_quality import REJECTED, Verdict
-from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.sea_motion import heave_of
-from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
+from swath_sysid.attitude.identification.search import PRESETS, SearchSettings
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
+from swath_sysid.cli.settings_flags import add_setting
 from swath_sysid.cli.sources import EXIT_POOR_FIT, add_source_arguments, motions_of, trials_of, write_fit
 from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
 from swath_sysid.common.advice import Advice
@@ -65,21 +66,20 @@ def add_force_argument(parser: ArgumentParser) -> None:
 
 def add_search_arguments(parser: ArgumentParser) -> None:
     """Objective and search; shared with compare."""
-    parser.add_argument('--objective', choices=OBJECTIVES, default=OBJECTIVES[0], help='default: %(default)s')
-    parser.add_argument('--search', choices=ALGORITHMS, default='ga', help='default: %(default)s')
+    for name in ('objective', 'search', 'generations', 'population', 'seed'):
+        add_setting(parser, f'--{name}', 'identifier', name)
     parser.add_argument('--preset', choices=tuple(PRESETS), help='search settings and ranges of a paper')
-    parser.add_argument('--generations', type=int, metavar='N')
-    parser.add_argument('--population', type=int, metavar='N')
-    parser.add_argument('--seed', type=int, default=1, metavar='N', help='default: %(default)s')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
 def settings_of(arguments: Namespace, equation: str = AUTO) -> IdentificationSettings:
     """Identification settings of the command line."""
-    if arguments.seed < 0:
-        raise InputError('the seed must not be negative')
     search = SearchSettings(
-        arguments.search, arguments.preset, arguments.generations, arguments.population, arguments.seed
+        arguments.search,
+        arguments.preset,
+        arguments.generations or None,
+        arguments.population or None,
+        arguments.seed,
     )
     return IdentificationSettings(equation, arguments.objective, search, arguments.start, arguments.end)
 

@@ -2,7 +2,6 @@
 
 from argparse import ArgumentParser, Namespace
 
-from swath_sysid.cli.advice_words import worded
 from swath_sysid.cli.progress import print_result
 from swath_sysid.cli.sources import add_source_arguments, check_model_and_plot, read_trials
 from swath_sysid.report.figures import save_figure
@@ -25,5 +24,6 @@ def run(arguments: Namespace) -> int:
     motions = [trial.axis(axis).between(arguments.start, arguments.end) for axis in axes]
     if arguments.plot:
         save_figure(record_figure(motions), arguments.plot)
-    print_result(arguments.json, record_as_data(trial, motions), record_in_words(trial, motions, worded))
+    data = record_as_data(trial, motions)
+    print_result(arguments.json, data, record_in_words(data))
     return 0

@@ -4,15 +4,15 @@ A verb's module has ``add_arguments(parser)`` and ``run(arguments) -> int``; it 
 when it is asked for.
 """
 
-import argparse
 import importlib
 import sys
 from argparse import ArgumentParser
 from types import ModuleType
+from typing import NoReturn
 
 from swath_sysid import __version__
-from swath_sysid.cli.advice_words import worded
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.sentences import with_flags
 
 VERBS = {
     'identify': 'from decay records to a hull model',
@@ -22,7 +22,7 @@ VERBS = {
     'paper': 'a published study repeated, printed and obtained values side by side',
     'scale': "a model at another scale, by Froude's law",
     'manoeuvre': 'identify, forecast and simulate a twin-thruster craft in surge, sway and yaw',
-    'export': 'an identified model for Gazebo, VRX, Nav2, FMUs or in the form of Fossen',
+    'export': 'an identified model for Gazebo, VRX, Nav2 or in the form of Fossen',
     'forecast': 'how well the predictor forecasts a record, compared with its baselines',
     'sea': "height, periods and axis of the waves, from the craft's own motion",
     'inspect': 'what is in a record: rates, gaps, decays, quality',
@@ -37,9 +37,17 @@ EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130
 
 
+class OneSentenceParser(ArgumentParser):
+    """A parser whose errors are one sentence, as those of everything else."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave the sentence to `main`."""
+        raise InputError(f'{message}; {self.prog} --help lists what there is')
+
+
 def build_parser(verb: str | None) -> ArgumentParser:
     """Parser of the command line, with the arguments of one verb filled in."""
-    parser = argparse.ArgumentParser(
+    parser = OneSentenceParser(
         prog='swath-sysid', description='Record, identify and forecast the motion of small craft.'
     )
     parser.add_argument('--version', action='version', version=f'swath_sysid {__version__}')
@@ -60,11 +68,12 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     argv = sys.argv[1:] if argv is None else argv
     verb = next((word for word in argv if not word.startswith('-')), None)
-    arguments = build_parser(verb).parse_args(argv or ['--help'])
     try:
+        arguments = build_parser(verb).parse_args(argv or ['--help'])
         return module_of(arguments.verb).run(arguments)
     except InputError as error:
-        print(f'swath-sysid {arguments.verb}: {worded(error.code, str(error))}', file=sys.stderr)
+        program = f'swath-sysid {verb}' if verb in VERBS else 'swath-sysid'
+        print(f'{program}: {with_flags(error.code, str(error))}', file=sys.stderr)
         return EXIT_INPUT
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED

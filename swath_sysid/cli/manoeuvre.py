@@ -10,15 +10,8 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
-from swath_sysid.cli.sources import (
-    assignment,
-    check_model_and_plot,
-    finite,
-    leads,
-    provenance_of,
-    refuse_twice,
-    without_copies,
-)
+from swath_sysid.cli.settings_flags import add_setting, finite
+from swath_sysid.cli.sources import assignment, check_model_and_plot, provenance_of, refuse_twice, without_copies
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.input_files import existing
@@ -59,6 +52,7 @@ from swath_sysid.report.manoeuvring_summary import (
 )
 
 PROGRAMME = 'programme'
+PREDICTOR = 'manoeuvring_predictor'
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -136,12 +130,12 @@ def _add_identify(parser: ArgumentParser) -> None:
         '--validate', nargs='+', metavar='RUN', help='runs kept out of the fit (default: a third, of three or more)'
     )
     parser.add_argument('--no-validation', action='store_true', help='identify from all runs')
-    parser.add_argument('--mass', type=finite, metavar='KG', help='of the craft, cargo included')
+    add_setting(parser, '--mass', 'manoeuvring_identifier', 'mass_kg')
     parser.add_argument('--inertia', type=finite, metavar='KGM2', help='yaw inertia of the craft without added inertia')
     parser.add_argument(
         '--thrust-per-command', type=finite, metavar='N', help='thrust of one thruster at full command ahead'
     )
-    parser.add_argument('--lever', type=finite, metavar='M', help='half the distance between the thrusters')
+    add_setting(parser, '--lever', 'manoeuvring_identifier', 'lever_m')
     parser.add_argument('--length', type=finite, metavar='M', help='of the hulls, for the prime system')
     parser.add_argument('--terms', metavar='A,B,..', help='exactly these parameters (default: the simplest adequate)')
     parser.add_argument(
@@ -180,10 +174,10 @@ def _identify(arguments: Namespace):
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
     settings = ManoeuvringSettings(
-        mass=arguments.mass,
+        mass=arguments.mass or None,
         inertia=arguments.inertia,
         thrust_per_command=arguments.thrust_per_command,
-        lever=arguments.lever,
+        lever=arguments.lever or None,
         length=arguments.length,
         terms=tuple(arguments.terms.split(',')) if arguments.terms else None,
         fixed=dict(assignment(text, 'Xu_dot=-18') for text in arguments.fix),
@@ -301,13 +295,7 @@ def _add_forecast(parser: ArgumentParser) -> None:
         default='held',
         help='inputs to come: held at their last value, or known (default: %(default)s)',
     )
-    parser.add_argument(
-        '--leads',
-        type=leads,
-        default=LEADS,
-        metavar='S,S,..',
-        help='default: ' + ','.join(f'{lead:g}' for lead in LEADS),
-    )
+    add_setting(parser, '--leads', PREDICTOR, 'leads_s', default=LEADS, meaning='leads that are scored')
     parser.add_argument('--plot', metavar='FILE.png')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
@@ -331,8 +319,8 @@ def _add_play_through(parser: ArgumentParser) -> None:
     add_run_arguments(parser)
     parser.add_argument('--model', metavar='MODEL.yaml', help='without: steady motion')
     parser.add_argument('--output', required=True, metavar='OUT.mcap')
-    parser.add_argument('--rate', type=finite, default=5.0, metavar='HZ', help='forecasts a second, at most')
-    parser.add_argument('--leads', type=leads, default='1,5,10', metavar='S,S,..', help='default: %(default)s')
+    add_setting(parser, '--rate', PREDICTOR, 'forecast_rate_hz')
+    add_setting(parser, '--leads', PREDICTOR, 'leads_s')
 
 
 def _play_through(arguments: Namespace):

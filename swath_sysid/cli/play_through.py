@@ -9,7 +9,7 @@ from typing import Any
 
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import finite
+from swath_sysid.cli.settings_flags import finite
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
@@ -21,11 +21,11 @@ from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_readings
 from swath_sysid.formats.topics import IMU_TOPIC, WINDOW_TOPIC
-from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, values_from_file
+from swath_sysid.nodes.parameters.files import values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
 from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
-from swath_sysid.nodes.reason_advice import ADVICE
+from swath_sysid.nodes.parameters.table import ATTITUDE_NODES
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 from swath_sysid.pipeline.played_health import PlayedHealth
 
@@ -83,7 +83,7 @@ def run(arguments: Namespace) -> int:
     pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
     pipeline.window.record(buffer['record_at_start'])
     periods = [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)]
-    health = PlayedHealth(ADVICE, pipeline, IMU_TOPIC, periods)
+    health = PlayedHealth(pipeline, IMU_TOPIC, periods)
     verdicts = []
     frames = frames_at(predictor['frames_at_s'])
     # else the collector goes through all that is loaded again and again: 5 % of the time
@@ -104,11 +104,7 @@ def run(arguments: Namespace) -> int:
             if index % PROGRESS_STEP == 0:
                 progress(index / len(readings))
         progress(1.0)
-    beside = Advice(
-        'manoeuvres-beside',
-        f'{arguments.record} also holds odometry and thrust, which are left aside here: swath-sysid manoeuvre '
-        f'play-through forecasts surge, sway and yaw from them',
-    )
+    beside = Advice.of('manoeuvres-beside', record=arguments.record)
     show_advice((*readings.advice, *([beside] if manoeuvres else ())))
     for stamp_ns, verdict in verdicts:
         print(f'{(stamp_ns - int(readings.stamps[0])) / 1e9:.2f} s: {verdict}')

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from swath_sysid.cli.advice_words import worded
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.sentences import with_flags
 
 PLAIN_STEP = 0.25
 
@@ -28,7 +28,7 @@ def progress_of(title: str) -> Iterator[Callable[..., None]]:
 
 
 def _plain(title: str):
-    shown = 0.0
+    shown = -PLAIN_STEP
 
     def show(share: float, what: str = '') -> None:
         nonlocal shown
@@ -42,7 +42,7 @@ def _plain(title: str):
 def show_advice(advice: Iterable[Advice]) -> None:
     """Print warnings, one a line, on standard error."""
     for item in advice:
-        print(f'warning [{item.code}]: {worded(item.code, item.message)}', file=sys.stderr)
+        print(f'warning [{item.code}]: {with_flags(item.code, item.message)}', file=sys.stderr)
 
 
 def print_result(as_json: bool, data: Any, lines: Iterable[str]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.cli.ros_needed import ros_needed
-from swath_sysid.cli.sources import finite
+from swath_sysid.cli.settings_flags import finite
 
 if TYPE_CHECKING:
     from swath_sysid.nodes.replay import Replay

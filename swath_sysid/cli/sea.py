@@ -2,11 +2,11 @@
 
 from argparse import ArgumentParser, Namespace
 
-from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.prediction.sea_state import sea_state
 from swath_sysid.cli.progress import print_result, show_advice
-from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, finite
-from swath_sysid.formats.reading import read_trial
+from swath_sysid.cli.settings_flags import finite
+from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, read_record
 from swath_sysid.formats.sea_state import REMARKS, sea_as_data
 from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
 from swath_sysid.report.figures import save_figure
@@ -28,7 +28,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(arguments: Namespace) -> int:
     """Print height, periods and axis of the waves, from the longest stretch without a gap."""
     check_model_and_plot(arguments, [arguments.record])
-    trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
+    trial = read_record(arguments.record, arguments)
     refuse_contradictions(trial)
     show_advice(trial.advice)
     chosen = trial.between(arguments.start, arguments.end)

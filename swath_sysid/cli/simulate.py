@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from swath_sysid.attitude.hull.catalogue import hull_named, hull_of_family
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.cli.hulls import add_hull_arguments, hull_of
-from swath_sysid.cli.sources import finite
+from swath_sysid.cli.settings_flags import finite
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
 

@@ -1,16 +1,17 @@
 """Arguments and reading of records, shared by the verbs that take them."""
 
-import math
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+import os
+from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from swath_sysid import __version__
-from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
-from swath_sysid.cli.progress import show_advice
+from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.settings_flags import add_setting, finite
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import existing
@@ -21,6 +22,8 @@ from swath_sysid.report.figures import FORMATS, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+LONG_RECORD = 10_000_000  #: Bytes of a file from which its reading is shown.
 
 EXIT_POOR_FIT = 1  #: The result was printed, but explains too little to be written as a model.
 
@@ -44,35 +47,7 @@ def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
 def add_reading_arguments(parser: ArgumentParser) -> None:
     """How to read a record."""
     parser.add_argument('--topic', help='IMU topic, for bags that hold several')
-    parser.add_argument(
-        '--frame',
-        choices=('flu', 'frd'),
-        help='axes of the sensor: x forward, y port, z up, or x forward, y starboard, z down',
-    )
-
-
-def finite(text: str) -> float:
-    """A number for argparse that is neither NaN nor infinite."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(f'{text} is not finite')
-    return value
-
-
-def numbers(text: str) -> tuple[float, ...]:
-    """Finite numbers for argparse, separated by commas."""
-    try:
-        return tuple(finite(part) for part in text.split(','))
-    except ValueError as error:
-        raise ArgumentTypeError(f"'{text}' is not a list of numbers separated by commas") from error
-
-
-def leads(text: str) -> tuple[float, ...]:
-    """Leads in s for argparse, in their order; one that is given twice counts once."""
-    found = numbers(text)
-    if min(found) <= 0.0:
-        raise ArgumentTypeError('leads are positive seconds, separated by commas')
-    return tuple(sorted(set(found)))
+    add_setting(parser, '--frame', 'predictor', 'frame', default=None)
 
 
 def assignment(text: str, example: str) -> tuple[str, float]:
@@ -96,10 +71,20 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
     )
 
 
+def read_record(path: str, arguments: Namespace) -> Trial:
+    """Read one record as the command line says, with progress where it is long."""
+    how = {'topic': arguments.topic, 'frame': arguments.frame}
+    if not os.path.isfile(path) or os.path.getsize(path) < LONG_RECORD:
+        return read_trial(path, **how)
+    with progress_of(f'reading {path}') as progress:
+        progress(0.0)
+        return read_trial(path, **how, progress=progress)
+
+
 def read_trials(paths: Sequence[str], arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...]]:
     """Read the trials of the command line and show all advice on them; of identical files the first counts."""
     once, advice = without_copies(paths)
-    trials = [read_trial(path, topic=arguments.topic, frame=arguments.frame) for path in once]
+    trials = [read_record(path, arguments) for path in once]
     advice = tuple(dict.fromkeys([*advice, *(a for t in trials for a in t.advice)]))
     show_advice(advice)
     return trials, advice
@@ -122,15 +107,7 @@ def without_copies(paths: Sequence[str]) -> tuple[list[str], tuple[Advice, ...]]
     for path in paths:
         original = first.setdefault(source_hash(existing(path)), path)
         if original is not path:
-            advice.append(
-                Advice(
-                    'identical-files',
-                    (
-                        f'{path} has the same content as {original} and is left out: it would count twice as a repeat '
-                        f'that it is not'
-                    ),
-                )
-            )
+            advice.append(Advice.of('identical-files', path=path, original=original))
     return list(first.values()), tuple(advice)
 
 

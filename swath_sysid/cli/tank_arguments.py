@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 from dataclasses import fields
 
 from swath_sysid.attitude.identification.extinction import Particulars, TypeB
-from swath_sysid.cli.sources import finite
+from swath_sysid.cli.settings_flags import finite
 from swath_sysid.common.errors import InputError, check_choice
 
 SOURCES = tuple(f.name for f in fields(TypeB))

@@ -1,39 +1,69 @@
-"""The optional accelerator: numba where it is installed, plain Python where it is not."""
+"""The optional accelerator: numba where it is installed and can be loaded, plain Python where not."""
 
 import os
 from collections.abc import Callable
-from functools import cached_property, update_wrapper
+from functools import cache, cached_property, update_wrapper
 from importlib.util import find_spec
 from typing import Any, TypeVar, cast
 
+from swath_sysid.common.advice import Advice
+
 Function = TypeVar('Function', bound=Callable)
 
-#: Whether `accelerated` compiles.
-HAS_NUMBA = find_spec('numba') is not None and os.environ.get('NUMBA_DISABLE_JIT', '0') in ('', '0')
+_IS_INSTALLED = find_spec('numba') is not None
+_IS_WANTED = os.environ.get('NUMBA_DISABLE_JIT', '0') in ('', '0')
+
+NUMBA_DISABLED, NUMBA_FAILS = 'numba-disabled', 'numba-fails'  #: Codes of `why_uncompiled`.
 
 
 def compiler() -> Any:
-    """The module numba, loaded now; None where it is not installed or wanted, or not for this version of numpy."""
-    if not HAS_NUMBA:
+    """The module numba, loaded now; None where it is not installed, not wanted, or cannot be loaded."""
+    return _loaded()[0]
+
+
+def has_numba() -> bool:
+    """Whether `accelerated` compiles; loads numba."""
+    return compiler() is not None
+
+
+def why_uncompiled() -> Advice | None:
+    """Why all takes longer than it could here; loads numba. None also where it is not installed."""
+    if _IS_INSTALLED and not _IS_WANTED:
+        return Advice(NUMBA_DISABLED, 'NUMBA_DISABLE_JIT is set: fits take longer than they could; unset it')
+    error = _loaded()[1]
+    if error is None:
         return None
+    return Advice(
+        NUMBA_FAILS,
+        f'numba is installed but cannot be loaded ({error}): fits take longer than they could; install versions of '
+        'numba and numpy that fit each other, or remove numba',
+    )
+
+
+@cache
+def _loaded() -> tuple[Any, str | None]:
+    """The module, and what kept it from being loaded."""
+    if not (_IS_INSTALLED and _IS_WANTED):
+        return None, None
     try:
         import numba
-    except ImportError:
-        return None
-    return numba
+    except (ImportError, AttributeError, TypeError, ValueError, RuntimeError, SystemError, OSError) as error:
+        # all that versions of numpy or llvmlite which do not fit have led to
+        return None, ' '.join(str(error).split()) or type(error).__name__
+    return numba, None
 
 
 class _Compiled:
     """A function that numba compiles at its first call: loading numba alone takes as long as loading numpy."""
 
-    def __init__(self, function: Callable) -> None:
-        self._function = function
+    def __init__(self, function: Callable, otherwise: Callable) -> None:
+        self._function, self._otherwise = function, otherwise
         update_wrapper(self, function)
 
     @cached_property
     def _dispatcher(self) -> Any:
         numba = compiler()
-        return self._function if numba is None else numba.njit(cache=True, error_model='numpy')(self._function)
+        return self._otherwise if numba is None else numba.njit(cache=True, error_model='numpy')(self._function)
 
     @property
     def _numba_type_(self) -> Any:
@@ -44,9 +74,10 @@ class _Compiled:
         return self._dispatcher(*arguments)
 
 
-def accelerated(function: Function) -> Function:
-    """Compile with numba (extra ``fast``) at the first call or, without it, return the function itself.
+def accelerated(function: Function, otherwise: Function | None = None) -> Function:
+    """Compile with numba (extra ``fast``) at the first call or, without it, call the function itself, or another.
 
     The same source runs either way, called by position; ``test_hull_simulation`` requires the same results of both.
     """
-    return cast(Function, _Compiled(function)) if HAS_NUMBA else function
+    plain = function if otherwise is None else otherwise
+    return cast(Function, _Compiled(function, plain)) if _IS_INSTALLED and _IS_WANTED else plain

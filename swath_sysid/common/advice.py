@@ -2,17 +2,23 @@
 
 from dataclasses import dataclass
 
+from swath_sysid.common.sentences import SENTENCES
+
 
 @dataclass(frozen=True)
 class Advice:
     """A warning with what to do about it.
 
-    The sentence names neither flags nor parameters: the command line and the nodes add theirs by the code
-    (`swath_sysid.cli.advice_words`).
+    The sentence names neither flags nor parameters: the command line adds its own by the code (`sentences.FLAGS`).
     """
 
     code: str  #: Stable, machine-readable, kebab-case: ``too-few-cycles``.
     message: str  #: One sentence that says what was seen and what to do.
+
+    @classmethod
+    def of(cls, key: str, **values: object) -> 'Advice':
+        """The sentence of the catalogue with this key, its values filled in."""
+        return cls(key.partition(':')[0], SENTENCES[key].format(**values))
 
 
 def counted(number: int, noun: str) -> str:

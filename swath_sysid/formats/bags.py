@@ -95,15 +95,7 @@ def read_bag(
     stamps, advice = record.stamps, list(record.advice)
     if np.all(stamps == stamps[0]) and stamps.size > 1 and record.received is not None:
         stamps = record.received
-        advice.append(
-            Advice(
-                'no-header-stamps',
-                (
-                    f'{record.topic} carries no header stamps, so the times of arrival are used: have the driver '
-                    f'stamp its messages'
-                ),
-            )
-        )
+        advice.append(Advice.of('no-header-stamps', topic=record.topic))
     readings: dict[str, np.ndarray] = {}
     for names, columns, covariance in (
         (QUATERNION, ORIENTATION, ORIENTATION_COVARIANCE),
@@ -151,29 +143,13 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
         problem = f' ({advice[-1].message})' if advice else ''
         raise InputError(f'{path} holds no readable message on {topic}{problem}: record it again')
     if decoder.damaged:
-        advice.append(
-            Advice(
-                'damaged-messages',
-                (
-                    f'{decoder.damaged} messages on {topic} are not of type {IMU_TYPE} and were left out: check the '
-                    'recorder'
-                ),
-            )
-        )
+        advice.append(Advice.of('damaged-messages', number=decoder.damaged, topic=topic, imu_type=IMU_TYPE))
     order = np.argsort(received, kind='stable')
     if np.any(np.diff(order) != 1):
         stamps, received, values = stamps[order], received[order], values[order]
     if len(decoder.frame_ids) > 1:
         names = ', '.join(repr(name[:40]) for name in list(decoder.frame_ids)[:3])
-        advice.append(
-            Advice(
-                'frame-id-changed',
-                (
-                    f'the messages on {topic} come in {len(decoder.frame_ids)} frames ({names}): if these are two '
-                    f'sensors, record each on a topic of its own; else check whether the mounting is still right'
-                ),
-            )
-        )
+        advice.append(Advice.of('frame-id-changed', topic=topic, frames=len(decoder.frame_ids), names=names))
     return ImuRecord(stamps, values, received, topic, next(iter(decoder.frame_ids), ''), advice=tuple(advice))
 
 
@@ -410,13 +386,7 @@ def _choose_topic(path: str | Path, readers: Sequence[Any], topic: str | None) -
 
 
 def _damage(path: str | Path, error: object) -> Advice:
-    return Advice(
-        'damaged-bag',
-        (
-            f'{path} is damaged ({_reason(path, error)}): what is whole was read; stop the recorder before its '
-            f'power is cut'
-        ),
-    )
+    return Advice.of('damaged-bag', path=path, reason=_reason(path, error))
 
 
 def _reason(path: str | Path, error: object) -> str:

@@ -24,6 +24,8 @@ from swath_sysid.formats.tables import (
     PURE,
     RATE_UNITS,
     TIME_UNITS,
+    Progress,
+    TableHead,
     known_columns,
     listed_names,
     plain_name,
@@ -39,6 +41,7 @@ SAMPLES = 'samples'  #: The unit of a time column that numbers the samples; a co
 ACCELERATION_UNITS = {'m_s2': 1.0, 'g': STANDARD_GRAVITY}
 
 TIME_NAMES = ('time', 't', 'stamp', 'timestamp', 'header_stamp')
+DATE_NAMES = (*TIME_NAMES, 'date', 'datetime', 'date_time', 'utc', 'time_utc', 'utc_time')  #: Of dates, without a unit.
 #: Names a column may have before its unit, the reading it holds, and its units with their size in SI.
 QUANTITIES = (
     (('roll', 'roll_angle'), 'roll', ANGLE_UNITS),
@@ -101,7 +104,10 @@ WRITTEN_UNITS = {
 
 
 def read_csv(
-    path: str | Path, frame: str | None = None, mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    path: str | Path,
+    frame: str | None = None,
+    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    progress: Progress | None = None,
 ) -> Trial:
     """Read a trial from a CSV file.
 
@@ -112,7 +118,7 @@ def read_csv(
     ===================================== ======================= ===========================
     column                                units                   reading
     ===================================== ======================= ===========================
-    time, t, stamp, timestamp             s, ms, us, ns, samples  needed
+    time, t, stamp, timestamp             s, ms, us, ns, samples  needed; no unit where it holds ISO 8601 dates
     roll, pitch, yaw                      rad, deg                Euler angles
     heading                               rad, deg                clockwise from north
     quaternion_x, _y, _z, _w              (none)                  orientation
@@ -131,14 +137,12 @@ def read_csv(
     """
     with reading(path):
         head = read_head(path)
-        columns, unitless = _find_columns(path, head.names)
-        values, advice = read_columns(path, head, [column.index for column in columns])
+        columns, unitless = _find_columns(path, head)
+        values, advice = read_columns(path, head, [column.index for column in columns], progress)
     _check_units(path, columns, values)
     readings = _agreeing(path, columns, values)
     if unitless:
-        advice += (
-            Advice('unit-missing', (f'columns without a unit left out ({listed_names(unitless)}): {UNIT_ADVICE}')),
-        )
+        advice += (Advice.of('unit-missing', columns=listed_names(unitless), unit_advice=UNIT_ADVICE),)
     times = [column for column in columns if column.reading in TIMES]
     time = _time([readings.pop(name) for name in TIMES if name in readings])
     if times[0].unit == SAMPLES:
@@ -181,12 +185,13 @@ class Column:
     scale: float
 
 
-def _find_columns(path: str | Path, names: Sequence[str]) -> tuple[list[Column], list[str]]:
+def _find_columns(path: str | Path, head: TableHead) -> tuple[list[Column], list[str]]:
     """The columns to read, those of the time first, and the names of those that lack a unit."""
+    names = head.names
     known = known_columns(QUANTITIES)
     bare = {alias for aliases, _, units in QUANTITIES for alias in aliases if '' not in units}
     plain = [plain_name(name) for name in names]
-    columns, unitless = _time_columns(plain, names), []
+    columns, unitless = _dates(plain, head) or _time_columns(plain, names), []
     if not columns:
         _refuse_without_time(path, names, plain)
     for index, name in enumerate(plain):
@@ -283,19 +288,22 @@ def _small_angle_advice(columns: Sequence[Column], values: Iterable[np.ndarray])
     if samples_a_cycle is None or samples_a_cycle < MIN_SAMPLES_A_CYCLE:
         return ()
     return (
-        Advice(
+        Advice.of(
             'hardly-moves',
-            (
-                f"'{shown(name)}' swings by {swings[name]:.2g} deg only: if it is in rad, call it "
-                f"'{shown(re.sub('deg', 'rad', name, flags=re.IGNORECASE))}'"
-            ),
+            name=shown(name),
+            swing=swings[name],
+            other=shown(re.sub('deg', 'rad', name, flags=re.IGNORECASE)),
         ),
     )
 
 
 def _sample_rate(path: str | Path, remarks: dict[str, str]) -> float:
     rate = remark_number(path, remarks, 'sample_rate_hz')
-    if rate is None or not 0.0 < rate < math.inf:
+    if rate is not None and not 0.0 < rate < math.inf:
+        raise InputError(
+            f"{path} says 'sample_rate_hz: {shown(remarks['sample_rate_hz'])}', which must be greater than zero"
+        )
+    if rate is None:
         raise InputError(
             f'{path} numbers its samples and does not say how many come a second: put a line '
             f"'# sample_rate_hz: 100' above the columns"
@@ -312,8 +320,16 @@ def _refuse_without_time(path: str | Path, names: Sequence[str], plain: Sequence
             )
     raise InputError(
         f'{path} has no time column: looked for time_s, time_ms, time_us, time_ns (or t_, stamp_, '
-        f'timestamp_), found {listed_names(names)}; name the columns so'
+        f'timestamp_), or time with dates such as 2026-05-01T12:00:00.25Z, found {listed_names(names)}; name the '
+        f'columns so'
     )
+
+
+def _dates(plain: Sequence[str], head: TableHead) -> list[Column]:
+    """The column that holds dates with times of day, if it is named as a time."""
+    named = {f'{alias}_{unit}' for alias in TIME_NAMES for unit in TIME_UNITS}.union(DATE_NAMES)
+    found = [place for place in sorted(head.dates) if place < len(plain) and plain[place] in named]
+    return [Column(TIMES[0], head.names[place], place, 's', 1.0) for place in found[:1]]
 
 
 def _time_columns(plain: Sequence[str], names: Sequence[str]) -> list[Column]:

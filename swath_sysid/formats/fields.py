@@ -1,7 +1,7 @@
 """Descriptions of what a file may hold: each checks a plain value and names the field that is wrong.
 
-A description is a function of a value and of the `Place` where it stands; it returns the value as it is used from then
-on, or raises `FieldError`.
+A description is a function of a value and of where it stands; it returns the value that is used from then on, or
+raises `InputError`.
 """
 
 import difflib
@@ -18,7 +18,7 @@ from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.untrusted_yaml import dumped, plain_content, shown, text_of
 
 Built = TypeVar('Built')
-Check = Callable[[Any, Any], Any]  #: Of a value and the `Place` where it stands.
+Check = Callable[[Any, str], Any]  #: Of a value and where it stands, as errors say it.
 
 LONGEST_TEXT = 200
 LONGEST_WORD = 40  #: Characters by which a name is compared with those that there are.
@@ -26,33 +26,14 @@ PSD_ROUNDING = 1e-6  #: Least eigenvalue of a correlation matrix below zero that
 STD_ROUNDING = 1e-6  #: Relative difference of a standard deviation from the root of its variance that is rounding.
 
 
-class Place(str):
-    """Where a value stands, as errors say it: in which line, and how the value is written there.
-
-    Unknown names are noted among the faults and left out; where these are None they are refused.
-    """
-
-    line: int | None = None
-    written: str | None = None
-    faults: 'list[FieldError] | None' = None
-
-    def within(self, container: Any, key: Any, name: str) -> 'Place':
-        """The place of an item of a mapping or list that may carry its lines."""
-        place = Place(f'{self}, {name}' if self else name)
-        lines = getattr(container, 'lines', None)
-        place.line = self.line if lines is None else lines[key]
-        place.written = getattr(container, 'written', {}).get(key)
-        place.faults = self.faults
-        return place
+def within(where: str, name: str) -> str:
+    """Where an item of a mapping or list stands."""
+    return f'{where}, {shown(name)}' if where else shown(name)
 
 
-class FieldError(InputError):
-    """What is wrong with a field: the line, and the sentence without it."""
-
-    def __init__(self, where: str, problem: str, line: int | None = None) -> None:
-        self.line = line or getattr(where, 'line', None)
-        self.problem = f'{where}{problem}' if where else problem.lstrip(': ')
-        super().__init__(self.problem if self.line is None else f'{self.problem} (line {self.line})')
+def refused(where: str, problem: str) -> InputError:
+    """What is wrong with the value that stands there."""
+    return InputError(f'{where}{problem}' if where else problem.lstrip(': '))
 
 
 def number(lowest: float = -math.inf, highest: float = math.inf, above: float | None = None) -> Check:
@@ -61,28 +42,26 @@ def number(lowest: float = -math.inf, highest: float = math.inf, above: float | 
     def check(value: Any, where: str) -> Any:
         # a bool is an int to Python
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise FieldError(where, f": '{shown(value)}' is not a number")
+            raise refused(where, f": '{shown(value)}' is not a number")
         if above is not None and not value > above:
-            raise FieldError(where, f' must be greater than {above:g}, not {shown(value)}')
+            raise refused(where, f' must be greater than {above:g}, not {shown(value)}')
         if not lowest <= value <= highest:
             if lowest == -math.inf:
-                raise FieldError(where, f' must be at most {highest:g}, not {shown(value)}')
-            raise FieldError(where, f' must lie within {lowest:g} and {highest:g}, not {shown(value)}')
+                raise refused(where, f' must be at most {highest:g}, not {shown(value)}')
+            raise refused(where, f' must lie within {lowest:g} and {highest:g}, not {shown(value)}')
         return float(value)
 
     return check
 
 
-def text(longest: int = LONGEST_TEXT, as_written: bool = False) -> Check:
-    """A text on one line that is not too long; where it is taken as written, 007 is one and nothing is none."""
+def text(longest: int = LONGEST_TEXT) -> Check:
+    """A text on one line that is not too long."""
 
     def check(value: Any, where: str) -> Any:
-        if as_written:
-            value = getattr(where, 'written', None) or value
         if not isinstance(value, str):
-            raise FieldError(where, f": '{shown(value)}' is not text")
-        if len(value) > longest or not value.isprintable() or as_written and not value:
-            raise FieldError(where, f": '{shown(value)}' is not a name: at most {longest} characters on one line")
+            raise refused(where, f": '{shown(value)}' is not text: write it in quotes")
+        if len(value) > longest or not value.isprintable():
+            raise refused(where, f": '{shown(value)}' is not a name: at most {longest} characters on one line")
         return value
 
     return check
@@ -94,13 +73,9 @@ def one_of(choices: Collection[str], kind: str | None = None) -> Check:
     def check(value: Any, where: str) -> Any:
         if not isinstance(value, str) or value not in choices:
             if kind is not None:
-                raise FieldError(
-                    '',
-                    f"there is no {kind} '{shown(value)}': choose from {', '.join(choices)}",
-                    getattr(where, 'line', None),
-                )
+                raise refused(where, f": there is no {kind} '{shown(value)}': choose from {', '.join(choices)}")
             allowed = ' or '.join(map(repr, choices)) if len(choices) < 10 else 'one of ' + ', '.join(map(str, choices))
-            raise FieldError(where, f": '{shown(value)}' must be {allowed}")
+            raise refused(where, f": '{shown(value)}' must be {allowed}")
         return value
 
     return check
@@ -112,7 +87,7 @@ def whole(lowest: int) -> Check:
     def check(value: Any, where: str) -> Any:
         found = number(lowest)(value, where)
         if found != int(found):
-            raise FieldError(where, f' must be a whole number from {lowest}, not {shown(value)}')
+            raise refused(where, f' must be a whole number from {lowest}, not {shown(value)}')
         return int(found)
 
     return check
@@ -124,7 +99,7 @@ def one_or_more(description: Check) -> Check:
     def check(value: Any, where: str) -> Any:
         items = value if isinstance(value, list) else [value]
         if not items or isinstance(value, dict):
-            raise FieldError(where, f": '{shown(value)}' must be a list of names")
+            raise refused(where, f": '{shown(value)}' must be a list of names")
         return list_of(description)(items, where)
 
     return check
@@ -150,8 +125,8 @@ def list_of(description: Check, length: int | None = None) -> Check:
     def check(value: Any, where: str) -> Any:
         if not isinstance(value, list) or length not in (None, len(value)):
             counted = '' if length is None else f' of {length} items'
-            raise FieldError(where, f": '{shown(value)}' must be a list{counted}")
-        return [description(item, Place(where).within(value, k, f'{k + 1}')) for k, item in enumerate(value)]
+            raise refused(where, f": '{shown(value)}' must be a list{counted}")
+        return [description(item, within(where, f'{k}')) for k, item in enumerate(value, 1)]
 
     return check
 
@@ -163,23 +138,17 @@ def record(required: Mapping[str, Check], optional: Mapping[str, Check] | None =
 
     def check(value: Any, where: str) -> Any:
         if not isinstance(value, dict):
-            raise FieldError(where, f": '{shown(value)}' must be names and values; fields are {', '.join(known)}")
-        found, where = {}, where if isinstance(where, Place) else Place(where)
+            raise refused(where, f": '{shown(value)}' must be names and values; fields are {', '.join(known)}")
+        found = {}
         for name, item in value.items():
-            place = where.within(value, name, shown(name))
-            if name in known:
-                found[name] = known[name](item, place)
-                continue
-            close = difflib.get_close_matches(name[:LONGEST_WORD], known, 1)
-            meant = f" '{close[0]}' is meant?" if close else ''
-            problem = f": unknown field '{shown(name)}';{meant} fields are {', '.join(known)}"
-            error = FieldError(where, problem, place.line)
-            if where.faults is None:
-                raise error
-            where.faults.append(error)
+            if name not in known:
+                close = difflib.get_close_matches(name[:LONGEST_WORD], known, 1)
+                meant = f" '{close[0]}' is meant?" if close else ''
+                raise refused(where, f": unknown field '{shown(name)}';{meant} fields are {', '.join(known)}")
+            found[name] = known[name](item, within(where, name))
         for name in required:
             if name not in value:
-                raise FieldError(where, f": the field '{name}' is missing")
+                raise refused(where, f": the field '{name}' is missing")
         return found
 
     return check
@@ -193,15 +162,13 @@ def table_of(names: Collection[str], kind: str, description: Check | dict[str, C
 
     def check(value: Any, where: str) -> Any:
         if not isinstance(value, dict):
-            raise FieldError(where, f": '{shown(value)}' must map names to values")
+            raise refused(where, f": '{shown(value)}' must map names to values")
         found = {}
         for name, item in value.items():
-            place = Place(where).within(value, name, shown(name))
             if name not in names:
-                problem = f": there is no {kind} '{shown(name)}'; choose from {', '.join(names)}"
-                raise FieldError(where, problem, place.line)
+                raise refused(where, f": there is no {kind} '{shown(name)}'; choose from {', '.join(names)}")
             one = description[name] if isinstance(description, dict) else description
-            found[name] = one(item, place)
+            found[name] = one(item, within(where, name))
         return found
 
     return check
@@ -222,7 +189,7 @@ def quantities_of(units: Mapping[str, str], kind: str) -> Check:
 def mapping(value: Any, where: str) -> dict:
     """Anything by name; what it holds is plain data already."""
     if not isinstance(value, dict):
-        raise FieldError(where, f": '{shown(value)}' must map names to values")
+        raise refused(where, f": '{shown(value)}' must map names to values")
     return value
 
 
@@ -232,7 +199,7 @@ def metrics(value: Any, where: str) -> dict:
         if isinstance(item, dict):
             metrics(item, f'{where}, {shown(name)}')
         elif isinstance(item, list):
-            raise FieldError(f'{where}, {shown(name)}', f": '{shown(item)}' is not a number")
+            raise refused(f'{where}, {shown(name)}', f": '{shown(item)}' is not a number")
         elif isinstance(item, str):
             text()(item, f'{where}, {shown(name)}')
     return value

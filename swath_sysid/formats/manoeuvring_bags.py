@@ -81,15 +81,7 @@ def read_manoeuvring_bag(
     if thrust_input is None:
         thrust_input = FORCE if effort or most > LARGEST_COMMAND else COMMAND
         if thrust_input == COMMAND:
-            advice.append(
-                Advice(
-                    'taken-as-commands',
-                    (
-                        f'{path}: the thrusters stay within -1 and 1 and are taken as normalised commands; if they '
-                        f'are N, say so'
-                    ),
-                )
-            )
+            advice.append(Advice.of('taken-as-commands', path=path))
     motion = _motion(pose['values'], shifted[chosen['odometry']], path, advice)
     series = {name: (shifted[chosen['odometry']], values) for name, values in motion.items()}
     if 'imu' in chosen and tables[chosen['imu']]['values'].size:
@@ -242,11 +234,7 @@ def _read(path: str | Path, readers: Sequence[Any], topics: Collection[str], adv
             stamp = np.nan if header is None else header.stamp.sec + 1e-9 * header.stamp.nanosec
             rows[connection.topic].append((stamp, 1e-9 * received, *numbers))
     if damaged:
-        advice.append(
-            Advice(
-                'damaged-messages', (f'{path}: {damaged} messages cannot be read and were left out: check the recorder')
-            )
-        )
+        advice.append(Advice.of('damaged-messages: run', path=path, number=damaged))
     tables = {}
     for topic, found in rows.items():
         if not found:
@@ -291,15 +279,7 @@ def _clock_offset(odometry: Table, path: str | Path, advice: list[Advice]) -> fl
     if not np.all(np.isfinite(difference)) or np.ptp(odometry['stamps']) == 0.0:
         return None
     if np.ptp(difference) > CLOCKS_APART:
-        advice.append(
-            Advice(
-                'clocks-apart',
-                (
-                    f'{path}: header stamps and times of arrival run apart, so that times of arrival are used for all '
-                    f'topics: record with one clock'
-                ),
-            )
-        )
+        advice.append(Advice.of('clocks-apart', path=path))
         return None
     # the least delayed messages give the offset of the clocks
     return float(np.quantile(difference, 0.9))
@@ -359,14 +339,6 @@ def _motion(values: np.ndarray, time: np.ndarray, path: str | Path, advice: list
 
         body, world = missed(surge * cosine - sway * sine, surge * sine + sway * cosine), missed(surge, sway)
         if world < 0.5 * body:
-            advice.append(
-                Advice(
-                    'twist-in-world-axes',
-                    (
-                        f'{path}: the twist of the odometry is in world axes and was turned into body axes: publish '
-                        f'it in child_frame_id, as nav_msgs/Odometry defines'
-                    ),
-                )
-            )
+            advice.append(Advice.of('twist-in-world-axes', path=path))
             surge, sway = surge * np.cos(yaw) + sway * np.sin(yaw), -surge * np.sin(yaw) + sway * np.cos(yaw)
     return {'x': x, 'y': y, 'heading': yaw, 'surge': surge, 'sway': sway, 'yaw_rate': rate}

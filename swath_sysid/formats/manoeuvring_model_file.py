@@ -55,13 +55,6 @@ _FORECAST = record(
 )
 
 
-def _forecast(value: Any, where: str) -> dict | None:
-    # in older files thrust to come is the spread of three accelerations, from which its covariance cannot be had
-    if isinstance(value, dict) and 'thrust' in value:
-        return None
-    return _FORECAST(value, where)
-
-
 #: What a model file holds; null stands for what is not known.
 FORMAT = ModelFormat(
     'swath_sysid manoeuvring model',
@@ -81,7 +74,7 @@ FORMAT = ModelFormat(
         'metrics': metrics,
         'provenance': mapping,
     },
-    {'forecast': _forecast},
+    {'forecast': _FORECAST},
     kind='manoeuvring model',
 )
 

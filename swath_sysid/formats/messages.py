@@ -274,12 +274,12 @@ def number_message(value: float, kind: str = 'std_msgs/msg/Float64') -> bytes:
 
 def coefficients_message(models: Mapping[str, IdentifiedModel]) -> bytes:
     """The std_msgs/Float64MultiArray of models by axis, with the labels of rows and columns."""
-    axes, values = coefficients(models)
+    rows, values = coefficients(models)
     dimension, columns = 'std_msgs/msg/MultiArrayDimension', len(COEFFICIENT_NAMES)
     layout = make(
         'std_msgs/msg/MultiArrayLayout',
         [
-            make(dimension, ','.join(axes), len(axes), values.size),
+            make(dimension, ','.join(rows), len(rows), values.size),
             make(dimension, ','.join(COEFFICIENT_NAMES), columns, columns),
         ],
         0,

@@ -12,7 +12,7 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import reading
-from swath_sysid.formats.tables import listed_names, read_columns, read_head
+from swath_sysid.formats.tables import Progress, listed_names, read_columns, read_head
 
 SAMPLE_TIME_FINE_HZ = 10_000  #: Ticks a second of the sensor's clock.
 
@@ -42,7 +42,10 @@ def is_mti(names: Sequence[str]) -> bool:
 
 
 def read_mti(
-    path: str | Path, frame: str | None = None, mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    path: str | Path,
+    frame: str | None = None,
+    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    progress: Progress | None = None,
 ) -> Trial:
     """Read a trial from an Xsens MTi text export.
 
@@ -64,7 +67,7 @@ def read_mti(
                 f'{path} holds no time: looked for SampleTimeFine, PacketCounter, '
                 f'found {listed_names(head.names)}; export one of them in MT Manager'
             )
-        values, advice = read_columns(path, head, [head.names.index(name) for name in wanted])
+        values, advice = read_columns(path, head, [head.names.index(name) for name in wanted], progress)
     columns = dict(zip(wanted, values, strict=True))
     time = _time(path, columns, head.remarks)
     return assemble_trial(

@@ -14,7 +14,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.input_files import existing, reading
 from swath_sysid.formats.mti import is_mti, read_mti
-from swath_sysid.formats.tables import read_head
+from swath_sysid.formats.tables import Progress, read_head
 
 if TYPE_CHECKING:
     from swath_sysid.formats.bags import ImuRecord
@@ -26,6 +26,11 @@ FOREIGN = {
     b'\x1f\x8b': 'compressed with gzip: unpack it first',
     b'\x28\xb5\x2f\xfd': 'compressed with zstd: unpack it, or give its bag folder',
     b'\xd0\xcf\x11\xe0': 'an old spreadsheet: save it as CSV',
+    b'PAR1': 'a Parquet table: save it as CSV, a row a sample',
+    b'TDSm': 'a LabVIEW TDMS file: export it as CSV, with one line of column names',
+    b'LabVIEW Measurem': 'a LabVIEW measurement file: export it as CSV, with one line of column names',
+    b'MATLAB 5.0 MAT-f': 'a MATLAB file: save its signals as CSV (writetable)',
+    b'\x89HDF': 'an HDF5 file (or a MATLAB file of version 7.3): save its signals as CSV',
     b'\xfa\xff': 'a binary MTi log: export it as text in MT Manager',
 }
 
@@ -38,6 +43,7 @@ def read_trial(
     topic: str | None = None,
     frame: str | None = None,
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    progress: Progress | None = None,
 ) -> Trial:
     """Read a trial from a CSV file, a rosbag2 bag, or an MTi text export.
 
@@ -48,6 +54,7 @@ def read_trial(
         topic: The IMU topic, for bags that hold several.
         frame: ``flu`` or ``frd``: the sensor's axes; by default that stated in a CSV file, else ``flu``.
         mounting: Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, that stated in a CSV file.
+        progress: Called with 0 to 1 while a long text is read.
 
     Raises:
         InputError: There is no such file, it cannot be read or is none of these, the choice of the topic is open, a
@@ -69,7 +76,7 @@ def read_trial(
         _refuse_foreign(path)
         try:
             head = read_head(path)
-            return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
+            return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting, progress)
         except InputError as error:
             if path.suffix in MAGIC.values():
                 raise InputError(

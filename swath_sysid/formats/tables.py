@@ -2,8 +2,10 @@
 
 import io
 import re
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -34,11 +36,21 @@ TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text 
 
 QUOTED = re.compile(r'"([^"\n]*)"')
 
+LINES_AROUND = 3  #: Lines that are parsed cell by cell where one of them is damaged.
+AT_ROW = re.compile(r'at row (\d+)')  #: Where numpy found it.
+SOME_WORD = re.compile('[a-df-zA-DF-Z/#?]|-[-,;\t\n]')  #: Where a missing value may be written as a word.
+
+#: A date with a time of day, as ISO 8601 writes it, with or without a zone.
+ISO_TIME = re.compile(r'"?\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?"?', re.I)
+
 LINES_AT_ONCE = 100_000  #: Rows written at once.
 EXTRA_ROWS = 20  #: Rows looked at to find whether they hold more cells than there are names.
 
 #: How a missing value may be written, beside nan.
 MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
+MISSING_WORDS = '|'.join(re.escape(word) for word in sorted(MISSING, reverse=True) if word)
+
+Progress = Callable[[float], None]  #: Takes the share done, 0 to 1.
 
 
 @dataclass(frozen=True)
@@ -51,6 +63,7 @@ class TableHead:
     decimal_comma: bool  #: Whether numbers are written 0,5 rather than 0.5.
     first_line: int  #: The number of the first line of data, from 1.
     offset: int  #: Where it begins, bytes.
+    dates: frozenset[int] = frozenset()  #: Places, from 0, of the columns that hold dates with times of day.
 
 
 def read_head(path: str | Path) -> TableHead:
@@ -99,20 +112,24 @@ def read_head(path: str | Path) -> TableHead:
         decimal_comma=delimiter != ',' and _has_decimal_commas(sample, delimiter),
         first_line=first + 1,
         offset=offset,
+        dates=frozenset(place for place, cell in enumerate(line.split(delimiter)) if ISO_TIME.fullmatch(cell.strip())),
     )
 
 
-def read_columns(path: str | Path, head: TableHead, indices: Sequence[int]) -> tuple[np.ndarray, tuple[Advice, ...]]:
+def read_columns(
+    path: str | Path, head: TableHead, indices: Sequence[int], progress: Progress | None = None
+) -> tuple[np.ndarray, tuple[Advice, ...]]:
     """Some columns of a table, by their places from 0, as numbers: shape (len(indices), N), and advice.
 
     Empty cells and text become NaN, rows that end early are filled with NaN; advice ``text-in-numbers``,
-    ``short-rows``.
+    ``short-rows``. Dates become seconds since 1970; one without a zone counts as UTC.
 
     Raises:
         InputError: A line is too long for a table.
     """
     parser = _BlockParser(head, tuple(indices))
     with _opened(path) as file:
+        size = file.seek(0, io.SEEK_END)
         file.seek(head.offset)
         while block := file.read(BLOCK_BYTES):
             rest = file.readline(LONGEST_LINE)
@@ -121,6 +138,8 @@ def read_columns(path: str | Path, head: TableHead, indices: Sequence[int]) -> t
                     f'{path} has a line longer than {LONGEST_LINE} bytes: give a table with a line a sample'
                 )
             parser.parse(block + rest)
+            if progress is not None:
+                progress(file.tell() / size)
     return parser.columns(), parser.advice()
 
 
@@ -190,6 +209,7 @@ class _BlockParser:
     def __init__(self, head: TableHead, indices: Sequence[int]) -> None:
         self.head = head
         self.indices = indices
+        self.date = next((index for index in indices if index in head.dates), None)
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line
         self.text_cells = 0
@@ -198,18 +218,33 @@ class _BlockParser:
         self.first_short: int | None = None
 
     def parse(self, block: bytes) -> None:
-        text = self._plain(block)
-        lines = text.split('\n')
-        for attempt in (self._parse_fast, self._parse_with_empty_cells):
-            try:
-                parsed = attempt(text)
-                break
-            except ValueError:
-                continue
-        else:
-            parsed = self._parse_cells(lines)
-        self.blocks.append(parsed.T)
+        lines = self._plain(block).split('\n')
+        if self.date is not None:
+            lines = self._with_seconds(lines, self.date)
+        self.blocks.append(self._parsed(lines, self.line).T)
         self.line += len(lines) - (not lines[-1])
+
+    def _parsed(self, lines: list[str], first: int) -> np.ndarray:
+        """The numbers in some lines, of which the first has this number in the file."""
+        try:
+            return self._parse_fast(lines)
+        except ValueError:
+            lines = self._with_missing(lines)
+        parts, start = [np.empty((0, len(self.indices)))], 0
+        while start < len(lines):
+            try:
+                parts.append(self._parse_fast(lines[start:]))
+                break
+            except ValueError as error:
+                row = AT_ROW.search(str(error))
+                sound = max(int(row[1]) - 1, 0) if row else 0
+            # numpy may count the damaged line from 0 or 1
+            parts.append(self._parse_fast(lines[start : start + sound]))
+            start += sound
+            damaged = LINES_AROUND if row else len(lines)
+            parts.append(self._parse_cells(lines[start : start + damaged], first + start))
+            start += damaged
+        return np.concatenate(parts)
 
     def columns(self) -> np.ndarray:
         return np.concatenate(self.blocks, axis=1)
@@ -219,25 +254,10 @@ class _BlockParser:
         if self.first_text is not None:
             line, column, cell = self.first_text
             advice.append(
-                Advice(
-                    'text-in-numbers',
-                    (
-                        f"{self.text_cells} cells that are not numbers taken as missing, the first '{shown(cell)}' in "
-                        'line '
-                        f'{line}, column {shown(column)}: correct them if they matter'
-                    ),
-                )
+                Advice.of('text-in-numbers', number=self.text_cells, cell=shown(cell), line=line, column=shown(column))
             )
         if self.short_rows:
-            advice.append(
-                Advice(
-                    'short-rows',
-                    (
-                        f'{self.short_rows} rows end early, the first in line {self.first_short}: their missing cells '
-                        f'are taken as missing values; check that the file was written to the end'
-                    ),
-                )
-            )
+            advice.append(Advice.of('short-rows', number=self.short_rows, line=self.first_short))
         return tuple(advice)
 
     def _plain(self, block: bytes) -> str:
@@ -250,23 +270,41 @@ class _BlockParser:
             text = text.replace('"', '')
         return text.replace(',', '.') if self.head.decimal_comma else text
 
-    def _parse_fast(self, text: str) -> np.ndarray:
-        if not text or text.isspace():
+    def _parse_fast(self, lines: list[str]) -> np.ndarray:
+        if not any(map(str.strip, lines)):
             return np.empty((0, len(self.indices)))
-        return np.loadtxt(text.split('\n'), delimiter=self.head.delimiter, usecols=self.indices, comments=None, ndmin=2)
+        return np.loadtxt(lines, delimiter=self.head.delimiter, usecols=self.indices, comments=None, ndmin=2)
 
-    def _parse_with_empty_cells(self, text: str) -> np.ndarray:
+    def _with_missing(self, lines: list[str]) -> list[str]:
+        """Lines in which what stands for a missing value is written nan; white space cannot hold an empty cell."""
         mark = self.head.delimiter
         if mark is None:
-            raise ValueError('white space cannot hold an empty cell')
+            return lines
+        text = '\n'.join(lines)
+        has_words = SOME_WORD.search(text)
         for _ in range(2):  # a cell between two empty cells shares both its marks
             text = text.replace(2 * mark, f'{mark}nan{mark}')
-        return self._parse_fast(text.replace(f'{mark}\n', f'{mark}nan\n').replace(f'\n{mark}', f'\nnan{mark}'))
+        text = text.replace(f'{mark}\n', f'{mark}nan\n').replace(f'\n{mark}', f'\nnan{mark}')
+        if has_words:
+            between = f'[^{re.escape(mark)}\n]'
+            text = re.sub(f'(?i)(?<!{between}) *(?:{MISSING_WORDS}) *(?!{between})', 'nan', text)
+        return text.split('\n')
 
-    def _parse_cells(self, lines: Sequence[str]) -> np.ndarray:
+    def _with_seconds(self, lines: list[str], place: int) -> list[str]:
+        """Lines in which the dates of a column are written as seconds since 1970."""
+        mark = self.head.delimiter
+        cells = [line.split(mark, place + 1) for line in lines]
+        written = [row[place].strip() if len(row) > place else '' for row in cells]
+        joint = mark or ' '
+        return [
+            joint.join([*row[:place], value, *row[place + 1 :]]) if len(row) > place else line
+            for row, value, line in zip(cells, _seconds(written), lines, strict=True)
+        ]
+
+    def _parse_cells(self, lines: Sequence[str], first: int) -> np.ndarray:
         rows = []
         needed = max(self.indices) + 1
-        for number, line in enumerate(lines, self.line):
+        for number, line in enumerate(lines, first):
             cells = line.split(self.head.delimiter)
             is_comment = line.lstrip().startswith(COMMENT_MARKS) and cells[0].strip().lower() not in MISSING
             if not line.strip() or is_comment:
@@ -286,6 +324,27 @@ class _BlockParser:
                 self.text_cells += 1
                 self.first_text = self.first_text or (line, self.head.names[index], cell.strip())
             return np.nan
+
+
+def _seconds(dates: Sequence[str]) -> list[str]:
+    """Seconds since 1970 of dates, with or without a zone; what is no date stays."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # numpy applies a zone and warns that it does not keep it
+            moments = np.array(dates, dtype='datetime64[us]')
+    except ValueError:
+        return [_second(date) for date in dates]
+    seconds = (moments.astype(np.int64) * 1e-6).tolist()
+    known = (~np.isnat(moments)).tolist()
+    return [repr(second) if is_known else date for second, is_known, date in zip(seconds, known, dates, strict=True)]
+
+
+def _second(date: str) -> str:
+    try:
+        moment = datetime.fromisoformat(date)
+    except ValueError:
+        return date
+    return repr((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp())
 
 
 def _opened(path: str | Path) -> BinaryIO:

@@ -11,6 +11,7 @@ given twice. Dates stay text.
 import os
 import re
 import stat
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ MAX_VALUES = 8_000  #: A model of both axes scheduled on five drafts has about 2
 LONGEST_NUMBER = 40  #: Characters; a float has at most 24, and nothing that is counted here has 39 digits.
 
 LONGEST_SHOWN = 80
+LONGEST_PATH = 4  #: Names, the innermost, that say where a value stands.
 
 _PARSER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 _NULLS = {'', '~', 'null', 'Null', 'NULL'}
@@ -36,7 +38,6 @@ _FLOAT = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?')
 _NOT_FINITE = re.compile(r'[-+]?\.(?:inf|Inf|INF|nan|NaN|NAN)')
 _LIKE_A_NUMBER = re.compile(r'[-+]?\.?[0-9][-+.0-9eE]*')
 _DIRECTIVE = re.compile(r'^%', re.MULTILINE)
-_BRANCHES = (yaml.SequenceStartEvent, yaml.MappingStartEvent)
 
 
 def shown(value: object) -> str:
@@ -79,36 +80,14 @@ def plain_content(text: str, source: str) -> Any:
     Raises:
         InputError: The text is too large, too deep, no YAML, or uses what is not understood here.
     """
-    root = parsed(text, source)
-    return None if root is None else located(root, source)
-
-
-def parsed(text: str, source: str) -> yaml.Node | None:
-    """The nodes of a YAML text, each with its line, for messages that name lines; None for a text without content.
-
-    Tags are not set: `_scalar_value` says what a scalar is. Parameters and errors are those of `plain_content`, but for
-    what concerns names and numbers.
-    """
     _check_text(text, source)
-    root, open_nodes, values = None, list[yaml.Node](), 0
     try:
-        for event in yaml.parse(text, Loader=_PARSER):
-            if isinstance(event, yaml.NodeEvent):
-                values += 1
-                _check_event(event, values, len(open_nodes), source)
-                node = _node_of(event)
-                if open_nodes:
-                    open_nodes[-1].value.append(node)
-                elif root is not None:
-                    raise InputError(f'{source}, line {line_of(node)}: a second document begins: give one alone')
-                else:
-                    root = node
-                if isinstance(event, _BRANCHES):
-                    open_nodes.append(node)
-            elif isinstance(event, yaml.CollectionEndEvent):
-                ended = open_nodes.pop()
-                if isinstance(ended, yaml.MappingNode):
-                    ended.value = list(zip(ended.value[::2], ended.value[1::2], strict=True))
+        events = _checked(yaml.parse(text, Loader=_PARSER), source)
+        root = next(events, None)
+        content = None if root is None else _value(root, events, (source,))
+        if next(events, None) is not None:
+            raise InputError(f'{source}: a second document begins: give one alone')
+        return content
     except yaml.YAMLError as error:
         # what is missing at the end is missing in the last line
         last = max(1, len(text.splitlines()))
@@ -117,13 +96,38 @@ def parsed(text: str, source: str) -> yaml.Node | None:
         raise InputError(
             f'{source}, line {line}: this is not YAML ({what}): check indentation, colons and quotes'
         ) from error
-    return root
 
 
-def _scalar_value(node: yaml.ScalarNode) -> str | int | float | bool | None:
-    """The value of a scalar node: text, finite number, bool, or None; the error does not say where it stands."""
-    text = node.value
-    if node.style not in (None, ''):
+def _value(event: yaml.Event, events: Iterator[yaml.Event], path: tuple[str, ...]) -> Any:
+    """The value that begins with an event; the path is that of names to it, behind the source."""
+    # recursion is safe here: the depth is limited
+    if isinstance(event, yaml.ScalarEvent):
+        return _scalar_value(event, path)
+    if isinstance(event, yaml.SequenceStartEvent):
+        items: list[Any] = []
+        while not isinstance(item := next(events), yaml.CollectionEndEvent):
+            items.append(_value(item, events, (*path, str(len(items) + 1))))
+        return items
+    found: dict[str, Any] = {}
+    while not isinstance(item := next(events), yaml.CollectionEndEvent):
+        name = _scalar_value(item, path) if isinstance(item, yaml.ScalarEvent) else None
+        if not isinstance(name, str):
+            raise InputError(f'{_told(path)}: names must be texts')
+        if name in found:
+            raise InputError(f"{_told(path)}: '{shown(name)}' is given twice: leave one out")
+        found[name] = _value(next(events), events, (*path, name))
+    return found
+
+
+def _told(path: tuple[str, ...]) -> str:
+    source, *names = path
+    return ', '.join([source, *map(shown, names[-LONGEST_PATH:])])
+
+
+def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...]) -> str | int | float | bool | None:
+    """The value of a scalar: text, finite number, bool, or None."""
+    text = event.value
+    if event.style not in (None, ''):
         return text
     if text in _NULLS:
         return None
@@ -131,18 +135,19 @@ def _scalar_value(node: yaml.ScalarNode) -> str | int | float | bool | None:
         return text in _TRUE
     if len(text) > LONGEST_NUMBER:
         if _LIKE_A_NUMBER.fullmatch(text):
-            found = f'{shown(text)} is a number of {len(text)} characters'
-            raise InputError(f'{found}: {LONGEST_NUMBER} are enough for any')
+            raise InputError(
+                f'{_told(path)}: {shown(text)} is a number of {len(text)} characters: {LONGEST_NUMBER} are enough'
+            )
         return text
     if _INTEGER.fullmatch(text):
         return int(text)
     if _NOT_FINITE.fullmatch(text):
-        raise InputError(f'{text} is not a finite number: write null for what is not known')
+        raise InputError(f'{_told(path)}: {text} is not a finite number: write null for what is not known')
     if not _FLOAT.fullmatch(text):
         return text
     value = float(text)
     if value in (float('inf'), -float('inf')):
-        raise InputError(f'{text} is not a finite number: it is too large')
+        raise InputError(f'{_told(path)}: {text} is not a finite number: it is too large')
     return value
 
 
@@ -184,79 +189,25 @@ def _check_text(text: str, source: str) -> None:
         raise InputError(f'{source}: directives (lines that begin with %) are not understood: leave them out')
 
 
-def _check_event(event: Any, values: int, depth: int, source: str) -> None:
-    wrong = None
-    if event.anchor is not None:
-        wrong = 'anchors (&) and aliases (*) are not understood: write the values out'
-    elif event.tag is not None:
-        wrong = f'the tag {shown(event.tag)} is not understood: leave it out'
-    elif values > MAX_VALUES:
-        wrong = f'more than {MAX_VALUES} values: this is not a file of this software'
-    elif depth >= DEEPEST and isinstance(event, _BRANCHES):
-        wrong = f'lists and mappings lie more than {DEEPEST} deep: this is not a file of this software'
-    if wrong is not None:
-        raise InputError(f'{source}, line {line_of(event)}: {wrong}')
-
-
-def _node_of(event: Any) -> yaml.Node:
-    if isinstance(event, yaml.ScalarEvent):
-        return yaml.ScalarNode(None, event.value, event.start_mark, style=event.style)
-    kind = yaml.MappingNode if isinstance(event, yaml.MappingStartEvent) else yaml.SequenceNode
-    return kind(None, [], event.start_mark)
-
-
-def located(node: yaml.Node, source: str, name: str | None = None) -> Any:
-    """Plain data of a node of `parsed`, whose mappings and lists carry the lines of what they hold.
-
-    Raises:
-        LocatedError: As `plain_content`, for what concerns names and numbers; it names the source and the field.
-    """
-    # recursion is safe here: the depth is limited
-    if isinstance(node, yaml.ScalarNode):
-        try:
-            return _scalar_value(node)
-        except InputError as error:
-            raise LocatedError(source, name, line_of(node), str(error)) from error
-    if isinstance(node, yaml.SequenceNode):
-        items = LocatedList(located(item, source, name) for item in node.value)
-        items.lines = [line_of(item) for item in node.value]
-        return items
-    found = LocatedDict()
-    for name_node, value_node in node.value:
-        inner = located(name_node, source, name) if isinstance(name_node, yaml.ScalarNode) else None
-        if not isinstance(inner, str):
-            raise LocatedError(source, name, line_of(name_node), 'names must be texts')
-        if inner in found:
-            raise LocatedError(source, name, line_of(name_node), f"'{shown(inner)}' is given twice: leave one out")
-        found[inner] = located(value_node, source, inner)
-        found.lines[inner] = line_of(name_node)
-        found.written[inner] = getattr(value_node, 'value', None)
-    return found
-
-
-class LocatedDict(dict):
-    """A mapping with the line of each name, and its value as it is written."""
-
-    def __init__(self) -> None:
-        self.lines: dict[str, int] = {}
-        self.written: dict[str, Any] = {}
-
-
-class LocatedList(list):
-    """A list with the line of each item."""
-
-    lines: list[int]
-
-
-class LocatedError(InputError):
-    """What is wrong with a value, and where it stands."""
-
-    def __init__(self, source: str, name: str | None, line: int, problem: str) -> None:
-        place = '' if name is None else f', {shown(name)}'
-        super().__init__(f'{source}, line {line}{place}: {problem}')
-        self.line, self.problem = line, problem if name is None else f'{shown(name)}: {problem}'
-
-
-def line_of(marked: Any) -> int:
-    """The line of a node or an event, from 1."""
-    return marked.start_mark.line + 1
+def _checked(events: Iterable[yaml.Event], source: str) -> Iterator[yaml.Event]:
+    """The events of values, refused where there are too many, too deep, or of a kind that is not understood."""
+    values = depth = 0
+    for event in events:
+        if isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+            yield event
+        elif isinstance(event, yaml.NodeEvent):
+            values += 1
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            tag = getattr(event, 'tag', None)
+            if event.anchor is not None:
+                raise InputError(f'{source}: anchors (&) and aliases (*) are not understood: write the values out')
+            if tag is not None:
+                raise InputError(f'{source}: the tag {shown(tag)} is not understood: leave it out')
+            if values > MAX_VALUES:
+                raise InputError(f'{source}: more than {MAX_VALUES} values: this is not a file of this software')
+            if depth > DEEPEST:
+                raise InputError(
+                    f'{source}: lists and mappings lie more than {DEEPEST} deep: this is not a file of this software'
+                )
+            yield event

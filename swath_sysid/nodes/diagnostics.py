@@ -1,13 +1,18 @@
 """Publishing on /diagnostics: at steady times, whatever the clock of the craft does."""
 
+from collections import defaultdict
 from collections.abc import Callable
+from time import monotonic
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from swath_sysid.common.accelerator import NUMBA_DISABLED
+from swath_sysid.common.advice import Advice
 from swath_sysid.formats.messages import diagnostics_message
-from swath_sysid.pipeline.health import OK, WARN, Report
+from swath_sysid.pipeline.health import OK, WARN, Changes, Report
 
 
 class DiagnosticsPublisher:
@@ -21,7 +26,7 @@ class DiagnosticsPublisher:
     def __init__(self, node: Node, period: float, reports: Callable[[], list[Report]]):
         self._node = node
         self._reports = reports
-        self._levels: dict[str, int] = {}
+        self._changes: defaultdict[str, Changes] = defaultdict(Changes)
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # a timer of ROS time stalls when a bag loops
         self._timer = node.create_timer(period, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -38,9 +43,8 @@ class DiagnosticsPublisher:
             )
         )
         for report in reports:
-            if self._levels.get(report.name, OK) != report.level:
+            if self._changes[report.name].is_news(report.level, monotonic()):
                 self._log(report)
-            self._levels[report.name] = report.level
 
     def _log(self, report: Report) -> None:
         logger = self._node.get_logger()
@@ -50,3 +54,13 @@ class DiagnosticsPublisher:
             logger.warning(f'{report.name}: {report.message}')
         else:
             logger.error(f'{report.name}: {report.message}')
+
+
+def tell_uncompiled(node: Node, health: Any, why: Advice | None) -> None:
+    """Log why all takes longer than it could, if it does, and have a node's `health` report it."""
+    if why is not None:
+        health.uncompiled_because = why.message
+        if why.code == NUMBA_DISABLED:
+            node.get_logger().info(why.message)
+        else:
+            node.get_logger().warning(why.message)

@@ -13,10 +13,11 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.parameters.files import with_moved_parameters
 
 #: Makers of executors, each with the makers of the nodes that it runs.
 Plan = Sequence[tuple[Callable[[], Executor], Sequence[Callable[[], Node]]]]
+
+OF_ROS = {'/clock', '/parameter_events'}  #: Topics that every node subscribes to.
 
 WAKE_PERIOD = 0.1  #: s; between checks of the main thread whether a signal has come.
 
@@ -36,13 +37,12 @@ def events_executor(context: rclpy.Context | None = None) -> Executor:
     return EventsExecutor(context=context)
 
 
-def run(plan: Plan, args: list[str] | None = None, node_name: str | None = None) -> int:
+def run(plan: Plan, args: list[str] | None = None) -> int:
     """Start nodes, spin them until a signal comes, and stop them.
 
     Args:
         plan: The first executor spins in the main thread, the others each in a thread of its own.
         args: As for `rclpy.init`; by default those of the process.
-        node_name: Of a node whose parameters had other names earlier: those in parameter files are taken too.
 
     Returns:
         Exit code.
@@ -57,12 +57,13 @@ def run(plan: Plan, args: list[str] | None = None, node_name: str | None = None)
     executors: list[Executor] = []
     nodes: list[Node] = []
     try:
-        _initialise(args, node_name)
+        _initialise(args)
         for make_executor, makers in plan:
             executors.append(make_executor())
             for make_node in makers:
                 nodes.append(make_node())
                 executors[-1].add_node(nodes[-1])
+        _say_ready(nodes)
         _spin_all(executors, stop)
         return 0
     except (InputError, InvalidParameterTypeException, InvalidParameterValueException) as error:
@@ -79,15 +80,23 @@ def run(plan: Plan, args: list[str] | None = None, node_name: str | None = None)
             signal.signal(number, signal.SIG_IGN if signalled.is_set() else handler)
 
 
-def _initialise(args: list[str] | None, node_name: str | None) -> None:
+def _say_ready(nodes: Sequence[Node]) -> None:
+    """One line: which nodes run, on which topics, and what has to come first; for nodes that wait for something."""
+    first = dict.fromkeys(node.resolve_topic_name(node.waits_for) for node in nodes if hasattr(node, 'waits_for'))
+    made = {publisher.topic_name for node in nodes for publisher in node.publishers}
+    heard = {subscription.topic_name for node in nodes for subscription in node.subscriptions} - made - OF_ROS
+    if first:
+        nodes[0].get_logger().info(
+            f'ready: {", ".join(node.get_name() for node in nodes)}; subscribed to {", ".join(sorted(heard))}; '
+            f'waiting for the first message on {" and ".join(topic for topic in first if topic not in made)}'
+        )
+
+
+def _initialise(args: list[str] | None) -> None:
     """Start rclpy without its own signal handlers.
 
     Those raise KeyboardInterrupt, at a second Ctrl-C in the midst of destroying nodes.
     """
-    if node_name is not None:
-        args, warnings = with_moved_parameters(sys.argv if args is None else args, node_name)
-        for warning in warnings:
-            print(f'swath_sysid: {warning}', file=sys.stderr, flush=True)
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:

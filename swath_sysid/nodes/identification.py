@@ -1,6 +1,6 @@
 """What the identifiers of both wings have in common: one identification at a time, in a worker process."""
 
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -9,14 +9,15 @@ from rclpy.task import Future
 from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
+from swath_sysid.common.accelerator import why_uncompiled
+from swath_sysid.common.advice import Advice
 from swath_sysid.common.stopping import Cancelled
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.parameter import Table, Values
+from swath_sysid.nodes.parameters.table import Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
-from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.turns import Turns, ending_of
-from swath_sysid.nodes.worker import Worker
+from swath_sysid.nodes.worker import Worker, WorkerError
 from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth, Report
 
 BUSY = 'an identification is running: wait for it or call ~/cancel'
@@ -35,32 +36,28 @@ class IdentificationNode(Node):
         settings_of: Of the values of all parameters.
     """
 
-    def __init__(self, name: str, table: Table, settings_of: Callable[[Values], Any]):
+    def __init__(self, name: str, settings_of: Callable[[Values], Any]):
         super().__init__(name)
-        self.parameters = NodeParameters(self, table, settings_of, self.change)
-        self.health = IdentifierHealth(ADVICE)
+        self.parameters = NodeParameters(self, name, settings_of, self.change)
+        self.health = IdentifierHealth()
         self._ended: Future | None = None
+        self._has_asked = False
         self._turns = Turns(self)
         self._progress = watched_publisher(self, Float32, '~/progress', 10, self.health)
 
-    def serve(
-        self,
-        warm_up: Callable[[], None],
-        identify: Sequence[str] = ('~/identify',),
-        rollback: Sequence[str] = ('~/rollback',),
-    ) -> None:
-        """Make the worker, which first runs ``warm_up()``, and offer the services under these names."""
+    def serve(self, warm_up: Callable[[], None]) -> None:
+        """Make the worker, which first runs ``warm_up()``, and offer the services."""
         # an async service holds its group while it waits: in the node's own it would lock out all else
         waiting: dict[str, Any] = {'callback_group': ReentrantCallbackGroup(), 'qos_profile': SERVICES}
-        for service in identify:
-            self.create_service(Trigger, service, self._on_identify, **waiting)
-        for service in rollback:
-            self.create_service(Trigger, service, self._on_rollback, qos_profile=SERVICES)
+        self.create_service(Trigger, '~/identify', self._on_identify, **waiting)
+        self.create_service(Trigger, '~/rollback', self._on_rollback, qos_profile=SERVICES)
         self.create_service(Trigger, '~/cancel', self._on_cancel, **waiting)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self.reports)
         self.worker = Worker(
             warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), self.parameters['worker_idle_s']
         )
+        if not self.parameters['worker_idle_s']:
+            self._ask_how_fast()
 
     def change(self, settings: Any) -> None:
         """Settings have changed; may be overridden."""
@@ -119,11 +116,24 @@ class IdentificationNode(Node):
 
     async def carried_out(self, function: Callable, request: Any) -> tuple[Any, str]:
         """Have the worker do something: its result and an empty sentence, or None and what went wrong."""
+        self._ask_how_fast()
         self.health.begin()
         outcome, error = await ending_of(self.worker, self.executor, function, request, self._on_progress)
         if error is None:
             return outcome, ''
+        if isinstance(error, WorkerError):
+            self.get_logger().warning(f'{error}; if this repeats, look for a lack of memory with `dmesg`')
         return None, CANCELLED if isinstance(error, Cancelled) else str(error)
+
+    def _ask_how_fast(self) -> None:
+        """Have the worker say, once, why its work takes longer than it could: numba is loaded there, not here."""
+        if not self._has_asked:
+            self._has_asked = True
+            self.worker.submit(why_uncompiled, (), self._on_how_fast)
+
+    def _on_how_fast(self, why: Advice | None, error: Exception | None) -> None:
+        self._has_asked = error is None
+        tell_uncompiled(self, self.health, why)
 
     def _on_progress(self, share: float) -> None:
         self.health.progress = share

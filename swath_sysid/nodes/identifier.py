@@ -14,18 +14,21 @@ from swath_sysid.formats.topics import WINDOW_TOPIC
 from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
 from swath_sysid.nodes.model_publisher import ModelPublisher
-from swath_sysid.nodes.parameters.identifier import TABLE, refit_settings
+from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.window_client import WindowClient
 from swath_sysid.pipeline.health import Report, stability_report
+from swath_sysid.pipeline.validity import verdict_values
 
 
 class Identifier(IdentificationNode):
     """motion/window in, model/* and ~/progress out, services ~/identify, ~/cancel and ~/rollback."""
 
+    waits_for = WINDOW_TOPIC  #: The topic without which it does nothing.
+
     def __init__(self) -> None:
-        super().__init__('identifier', TABLE, refit_settings)
+        super().__init__('identifier', refit_settings)
         self._models = ModelPublisher(self, self.parameters['model_path'], self.health)
-        self.refitter = Refitter(self.parameters.settings, self._models.known())
+        self.refitter = Refitter(self.parameters.settings, self._models.known(), self._models.history())
         #: Windows with a decay that has not been fitted yet.
         self._noticed: deque[MotionTable] = deque(maxlen=MOST_DECAYS)
         self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window)
@@ -52,13 +55,15 @@ class Identifier(IdentificationNode):
         """Return to the model before."""
         if not self.refitter.rollback():
             return False, 'there is no model before this one'
-        remark = self._models.publish(self.refitter.models)
+        remark = self._models.replace(self.refitter.models)
         return True, f'back to {self.refitter.described}; {self.refitter.steps_back} more are kept{remark}'
 
     def reports(self) -> list[Report]:
         """The status of now."""
         return [
-            self.health.report(self.refitter.described, self.refitter.steps_back, self.busy),
+            self.health.report(
+                self.refitter.described, self.refitter.steps_back, self.busy, verdict_values(self.refitter.models)
+            ),
             stability_report(self.refitter.stability),
         ]
 
@@ -94,7 +99,7 @@ class Identifier(IdentificationNode):
         outcome, problem = await self.carried_out(refit, request)
         if problem or not self.refitter.take(outcome):
             return False, problem or outcome.message
-        return True, outcome.message + self._models.publish(self.refitter.models)
+        return True, outcome.message + self._models.replace(self.refitter.models)
 
 
 def main(args: list[str] | None = None) -> int:

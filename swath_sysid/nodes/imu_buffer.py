@@ -12,21 +12,22 @@ from swath_sysid.formats.messages import imu_reading, window_message
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.imu_buffer import TABLE, window_settings
+from swath_sysid.nodes.parameters.imu_buffer import window_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, waiting, watched_publisher
-from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.health import BufferHealth, Report
 
 
 class ImuBuffer(Node):
     """imu/data in, motion/window out, services ~/publish_window, ~/clear and ~/record."""
 
+    waits_for = IMU_TOPIC  #: The topic without which it does nothing.
+
     def __init__(self) -> None:
         super().__init__('imu_buffer')
-        self.parameters = NodeParameters(self, TABLE, window_settings, self._change)
+        self.parameters = NodeParameters(self, 'imu_buffer', window_settings, self._change)
         self.window = MotionWindow(self.parameters.settings)
         self.window.record(self.parameters['record_at_start'])
-        self.health = BufferHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.window)
+        self.health = BufferHealth(self.resolve_topic_name(IMU_TOPIC), self.window)
         self._publisher = watched_publisher(self, PointCloud2, 'motion/window', LATCHED, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self.create_service(Trigger, '~/publish_window', self._on_publish_window)
@@ -36,6 +37,8 @@ class ImuBuffer(Node):
 
     def _change(self, settings: WindowSettings) -> None:
         self.window.detect_decay(settings.detect_decay)
+        if settings.window != self.window.settings.window:
+            self.window.resize(settings.window)
 
     def _on_imu(self, message: Imu) -> None:
         # all that wait at once: beside a busy predictor each return to the executor costs this thread milliseconds
@@ -43,7 +46,7 @@ class ImuBuffer(Node):
             self._take(each)
 
     def _take(self, message: Imu) -> None:
-        begun = perf_counter()
+        begun, clock_ns = perf_counter(), self.get_clock().now().nanoseconds
         reading = imu_reading(message)
         step = self.window.add(reading)
         if step.finished is not None:
@@ -55,7 +58,7 @@ class ImuBuffer(Node):
             )
             self._publish(step.finished.table)
         self.health.note_frame_id(message.header.frame_id)
-        self.health.note_message(reading.stamp_ns, begun, perf_counter())
+        self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
 
     def _publish(self, table: MotionTable) -> None:
         self._publisher.publish(window_message(table, self.parameters['frame_id']))

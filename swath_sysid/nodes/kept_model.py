@@ -6,24 +6,28 @@ from pathlib import Path
 from typing import Any
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.kept_files import keep_copy, kept_files, set_aside
 from swath_sysid.pipeline.health import BAD_MODEL_FILE, NOT_SAVED, IdentifierHealth
 
 PARAMETER = 'model_path'  #: The parameter of both identifiers that names the file.
 
 
 class ModelFile:
-    """A model on the disk; one that cannot be read is left alone, whatever comes later.
+    """A model on the disk, those before it in numbered files; one that cannot be read is left alone for good.
 
     Args:
         path: Empty: none.
         read: Of a path; the model, or `InputError`.
+        text_of: Of a model; what the file would hold.
         write: Of a path and a model.
     """
 
-    def __init__(self, path: str | Path, read: Callable, write: Callable, health: IdentifierHealth):
+    def __init__(
+        self, path: str | Path, read: Callable, text_of: Callable[[Any], str], write: Callable, health: IdentifierHealth
+    ):
         # not Path.expanduser, which raises an error for a user that does not exist
         self._path = Path(os.path.expanduser(path)) if path else None
-        self._read, self._write, self._health = read, write, health
+        self._read, self._text_of, self._write, self._health = read, text_of, write, health
         self._refusal = ''
 
     def read(self) -> Any:
@@ -38,11 +42,37 @@ class ModelFile:
             self._health.note(BAD_MODEL_FILE, PARAMETER, self._refusal)
             return None
 
+    def history(self) -> list:
+        """The models that `rollback` leads back to from the one in the file, oldest first.
+
+        The files are every model that was in use, in order: one that is the last but one again was returned to.
+        """
+        if self._path is None or self._refusal:
+            return []
+        stack: list[tuple[str, Any]] = []
+        for model in [*self._kept(), self.read()]:
+            text = self._text_of(model) if model else ''
+            if len(stack) > 1 and stack[-2][0] == text:
+                stack.pop()
+            elif not stack or stack[-1][0] != text:
+                stack.append((text, model))
+        return [model for _, model in stack[:-1]]
+
+    def _kept(self) -> list:
+        models = []
+        for path in reversed(kept_files(self._path) if self._path is not None else []):
+            try:
+                models.append(self._read(path))
+            except InputError:
+                # it stays where it is, for who can make use of it
+                continue
+        return models
+
     def keep(self, model: Any) -> str:
-        """Replace what is in the file; an empty model takes it away.
+        """Replace what is in the file, which stays beside it; an empty model leaves no file of this name.
 
         Returns:
-            A remark where that was not possible.
+            A remark: where the file before is, or why this was not possible.
         """
         if self._path is None:
             return ''
@@ -50,12 +80,18 @@ class ModelFile:
             self._health.note(NOT_SAVED)
             return f'; not saved: it would replace a file that could not be read, {self._path}'
         try:
-            if model:
-                self._write(self._path, model)
-            else:
-                self._path.unlink(missing_ok=True)
+            before = self._replace(self._path, model)
         except (InputError, OSError) as error:
             self._health.note(NOT_SAVED, PARAMETER)
             return f'; not saved: {error}'
         self._health.settle(PARAMETER)
-        return ''
+        return '' if before is None else f'; the model file before is kept as {before}'
+
+    def _replace(self, path: Path, model: Any) -> Path | None:
+        """Where the file before is now; None where there was none."""
+        is_there = os.path.exists(path)
+        if not model:
+            return set_aside(path) if is_there else None
+        before = keep_copy(path) if is_there else None
+        self._write(path, model)
+        return before

@@ -25,7 +25,7 @@ from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.identification import Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
-from swath_sysid.nodes.parameters.manoeuvring_identifier import TABLE, manoeuvring_settings
+from swath_sysid.nodes.parameters.manoeuvring_identifier import manoeuvring_settings
 from swath_sysid.nodes.qos import LATCHED, SENSOR, THRUSTERS, watched_publisher, watched_subscription
 from swath_sysid.pipeline.health import OK, Report
 
@@ -33,24 +33,20 @@ from swath_sysid.pipeline.health import OK, Report
 class ManoeuvringIdentifier(IdentificationNode):
     """odometry and thrusters in, manoeuvring/model and ~/progress out, services as those of identifier."""
 
+    waits_for = 'odometry'  #: The topic without which it does nothing.
+
     def __init__(self) -> None:
-        super().__init__('manoeuvring_identifier', TABLE, manoeuvring_settings)
+        super().__init__('manoeuvring_identifier', manoeuvring_settings)
         path = self.parameters['model_path']
-        self._file = ModelFile(path, read_manoeuvring_model, write_manoeuvring_model, self.health)
-        self.refitter = ManoeuvreRefitter(self._file.read())
+        self._file = ModelFile(path, read_manoeuvring_model, manoeuvring_to_yaml, write_manoeuvring_model, self.health)
+        self.refitter = ManoeuvreRefitter(self._file.read(), self._file.history())
         self.window = ManoeuvringWindow(self.parameters['window_s'], self.parameters['stop_after_s'])
         self._publisher = watched_publisher(self, String, 'manoeuvring/model', LATCHED, self.health)
         watched_subscription(self, Odometry, 'odometry', self._on_odometry, SENSOR, self.health)
         for side, topic in THRUSTERS.items():
             watched_subscription(self, Float64, topic, self._thrust_taker(side), SENSOR, self.health)
-        # the second names are those from before this node was one of its own
-        self.serve(
-            warm_up,
-            identify=('~/identify', 'identifier/identify_manoeuvring'),
-            rollback=('~/rollback', 'identifier/rollback_manoeuvring'),
-        )
-        if self.refitter.model is not None:
-            self._publish()
+        self.serve(warm_up)
+        self._publish()
 
     async def identify(self) -> Answer:
         """Refit on the window."""
@@ -61,13 +57,14 @@ class ManoeuvringIdentifier(IdentificationNode):
         outcome, problem = await self.carried_out(refit_manoeuvring, request)
         if problem or not self.refitter.take(outcome):
             return False, problem or outcome.message
-        return True, outcome.message + self._publish()
+        return True, outcome.message + self._replace()
 
     def rollback(self) -> Answer:
         """Return to the model before."""
         if not self.refitter.rollback():
             return False, 'there is no manoeuvring model before this one'
-        return True, f'back to the manoeuvring model before{self._publish()}'
+        left = self.refitter.steps_back
+        return True, f'back to the manoeuvring model before; {left} more are kept{self._replace()}'
 
     def reports(self) -> list[Report]:
         """The statuses of now."""
@@ -90,13 +87,14 @@ class ManoeuvringIdentifier(IdentificationNode):
             trial, self.refitter.model, self.parameters.settings, self.parameters['least_improvement'], provenance
         )
 
-    def _publish(self) -> str:
-        """Publish the model and save it; a remark where it could not be saved."""
-        model = self.refitter.model
-        if model is None:
-            return ''
-        self._publisher.publish(String(data=manoeuvring_to_yaml(model)))
-        return self._file.keep(model)
+    def _replace(self) -> str:
+        """Publish the model and save it; the remark of `ModelFile.keep`."""
+        self._publish()
+        return self._file.keep(self.refitter.model)
+
+    def _publish(self) -> None:
+        if self.refitter.model is not None:
+            self._publisher.publish(String(data=manoeuvring_to_yaml(self.refitter.model)))
 
     def _on_odometry(self, message: Odometry) -> None:
         reading = odometry_reading(message)
@@ -110,7 +108,7 @@ class ManoeuvringIdentifier(IdentificationNode):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until a signal comes."""
-    return run([(SingleThreadedExecutor, [ManoeuvringIdentifier])], args, 'manoeuvring_identifier')
+    return run([(SingleThreadedExecutor, [ManoeuvringIdentifier])], args)
 
 
 if __name__ == '__main__':

@@ -21,7 +21,7 @@ from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.manoeuvring_predictor import TABLE, manoeuvring_pipeline_settings
+from swath_sysid.nodes.parameters.manoeuvring_predictor import manoeuvring_pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, SENSOR, THRUSTERS
 from swath_sysid.pipeline.health import Report
 from swath_sysid.pipeline.manoeuvring_health import ManoeuvringHealth
@@ -33,9 +33,11 @@ CLOCKS_APART = 1.0
 class ManoeuvringPredictor(Node):
     """odometry, imu/data and the thrusters in, manoeuvring/* out."""
 
+    waits_for = 'odometry'  #: The topic without which it does nothing.
+
     def __init__(self) -> None:
         super().__init__('manoeuvring_predictor')
-        self.parameters = NodeParameters(self, TABLE, manoeuvring_pipeline_settings)
+        self.parameters = NodeParameters(self, 'manoeuvring_predictor', manoeuvring_pipeline_settings)
         self.pipeline = ManoeuvreOutlook(self.parameters.settings)
         self.health = ManoeuvringHealth(self.resolve_topic_name('odometry'), self.pipeline)
         self._arrival = 0.0
@@ -131,7 +133,7 @@ class ManoeuvringPredictor(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until a signal comes."""
-    return run([(events_executor, [ManoeuvringPredictor])], args, 'manoeuvring_predictor')
+    return run([(events_executor, [ManoeuvringPredictor])], args)
 
 
 if __name__ == '__main__':

@@ -22,7 +22,7 @@ class ModelPublisher:
     """
 
     def __init__(self, node: Node, path: str | Path, health: IdentifierHealth):
-        self._file = ModelFile(path, read_model, write_model, health)
+        self._file = ModelFile(path, read_model, model_to_yaml, write_model, health)
         self._description = watched_publisher(node, String, DESCRIPTION_TOPIC, LATCHED, health)
         self._coefficients = watched_publisher(node, Float64MultiArray, COEFFICIENTS_TOPIC, LATCHED, health)
 
@@ -30,12 +30,16 @@ class ModelPublisher:
         """The models in the file, by axis; empty if the file does not exist or cannot be used."""
         return self._file.read() or {}
 
-    def publish(self, models: dict[str, IdentifiedModel]) -> str:
-        """Publish models by axis and save them.
+    def history(self) -> list[dict[str, IdentifiedModel]]:
+        """Those that the file held before, oldest first; see `ModelFile.history`."""
+        return self._file.history()
 
-        Returns:
-            A remark where they could not be saved.
-        """
+    def replace(self, models: dict[str, IdentifiedModel]) -> str:
+        """Publish models by axis and save them; the remark of `ModelFile.keep`."""
+        self.publish(models)
+        return self._file.keep(models)
+
+    def publish(self, models: dict[str, IdentifiedModel]) -> None:
+        """Publish models by axis."""
         self._description.publish(String(data=model_to_yaml(models) if models else ''))
         self._coefficients.publish(coefficients_message(models))
-        return self._file.keep(models)

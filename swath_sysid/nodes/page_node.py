@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from threading import Lock
 from time import monotonic
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
@@ -29,7 +30,8 @@ from swath_sysid.formats.topics import (
     point_horizon_topic,
 )
 from swath_sysid.nodes.page_requests import PageRequests
-from swath_sysid.nodes.parameters.parameter import installation
+from swath_sysid.nodes.parameters.predictor import quiescence_limits
+from swath_sysid.nodes.parameters.sensor import installation
 from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.pipeline.health import Report
@@ -42,6 +44,11 @@ NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  #
 ASK_PERIOD = 0.1
 #: s between looks at how the predictor's parameters say that the sensor sits: it may have been started anew.
 INSTALLATION_PERIOD = 3.0
+#: What the page asks of the predictor: how the sensor is mounted, which points are forecast, and what counts as quiet.
+ASKED = (
+    'frame mounting_deg points horizon_s quiet_for_s quiet_roll_deg quiet_pitch_deg quiet_roll_rate_deg_s '
+    'quiet_pitch_rate_deg_s quiet_heave_m quiet_vertical_velocity_m_s quiet_about_trim quiet_probability'
+).split()
 
 
 class PageNode(Node):
@@ -78,12 +85,14 @@ class PageNode(Node):
             self.record.is_kept = is_kept
 
     def _ask_predictor(self) -> None:
-        self._requests.get_parameters('predictor', ['frame', 'mounting_deg', 'points'], self._take_parameters)
+        self._requests.get_parameters('predictor', ASKED, self._take_parameters)
 
-    def _take_parameters(self, frame: str, mounting: list[float], points: list[str]) -> None:
+    def _take_parameters(self, *found: Any) -> None:
+        values = dict(zip(ASKED, found, strict=True))
         with self.lock:
-            self.record.install(installation({'frame': frame, 'mounting_deg': list(mounting)}))
-        for point in {point for point in points if point} - self._points:
+            self.record.install(installation({'frame': values['frame'], 'mounting_deg': list(values['mounting_deg'])}))
+            self.record.limits = quiescence_limits(values)
+        for point in {point for point in values['points'] if point} - self._points:
             self._points.add(point)
             self.create_subscription(
                 JointTrajectory,

@@ -9,19 +9,18 @@ from std_msgs.msg import Float64, String
 
 from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
-from swath_sysid.common.accelerator import compiler
+from swath_sysid.common.accelerator import why_uncompiled
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.forecast_publishers import ForecastPublishers
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.predictor import TABLE, frames_at, further, pipeline_settings
+from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
-from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
@@ -34,12 +33,15 @@ PASSED_OVER_NS = 100_000_000
 class Predictor(Node):
     """imu/data, model/description and craft/loading in, forecast/* out."""
 
+    waits_for = IMU_TOPIC  #: The topic without which it does nothing.
+
     def __init__(self) -> None:
         super().__init__('predictor')
-        compiler()  # loaded now, not amid the first samples
-        self.parameters = NodeParameters(self, TABLE, pipeline_settings, self._on_parameters, further)
+        uncompiled = why_uncompiled()  # which loads numba now, not amid the first samples
+        self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         self.pipeline = ForecastPipeline(self.parameters.settings)
-        self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
+        self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
+        tell_uncompiled(self, self.health, uncompiled)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self.parameters['in_step'])
         self._forecasts = ForecastPublishers(
             self,
@@ -69,6 +71,7 @@ class Predictor(Node):
         if self._take_models():
             # who has just seen the model must not read for a period that there is none
             self._diagnostics.publish()
+        clock_ns = self.get_clock().now().nanoseconds
         messages = [message, *waiting(self._subscription, self.parameters['queue_depth'])]
         readings = [imu_reading(each) for each in messages]
         forecast_from = readings[0 if self.parameters['in_step'] else -1].stamp_ns - PASSED_OVER_NS
@@ -76,7 +79,7 @@ class Predictor(Node):
             begun = perf_counter()
             self._add(reading, reading.stamp_ns < forecast_from)
             self.health.note_frame_id(each.header.frame_id)
-            self.health.note_message(reading.stamp_ns, begun, perf_counter())
+            self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
 
     def _add(self, reading: ImuReading, is_passed_over: bool) -> None:
         self.sea.hand_over(reading.stamp_ns)
@@ -86,6 +89,7 @@ class Predictor(Node):
         if is_passed_over:
             self.health.note(PASSED_OVER)
             return
+        self.health.published += step.next is not None
         self._forecasts.publish(step)
 
     def _take_models(self) -> bool:

@@ -9,6 +9,7 @@ MEASURED, FORECAST, CHECKED = '#8a94a0', '#d95f02', '#7570b3'
 BAND_OPACITY = 0.16
 SMALLEST = {'deg': 1.0, 'm': 0.1}  #: Charts do not show less than that either way, or noise would look like motion.
 
+ZOOM = {'dataZoom': {'yAxisIndex': 'none', 'title': {'zoom': 'zoom', 'back': 'zoom back'}}}
 QUIET = {'type': 'line', 'showSymbol': False, 'silent': True, 'animation': False}
 
 
@@ -18,14 +19,7 @@ def motion_options(unit: str) -> dict[str, Any]:
     frame['xAxis']['min'] = -SHOWN_S
     return {
         **frame,
-        'legend': {
-            'data': ['measured', 'forecast', '2 s before'],
-            'top': 0,
-            'right': 8,
-            'icon': 'roundRect',
-            'itemHeight': 3,
-            'textStyle': {'color': MEASURED},
-        },
+        'legend': _legend('measured', 'forecast', '2 s before'),
         'series': [
             *(series for interval in INTERVALS for series in _band(interval)),
             {**QUIET, 'name': 'measured', 'lineStyle': {'width': 2}, 'color': MEASURED},
@@ -52,17 +46,42 @@ def motion_changes(chart: dict[str, list], unit: str) -> dict[str, Any]:
     }
 
 
-def curve_options(name: str) -> dict[str, Any]:
-    """A chart of a quantity against amplitude with its band."""
+def release_options() -> dict[str, Any]:
+    """A chart of a measured decay and the motion of the model over it, which can be zoomed."""
+    frame = _frame('deg', 's from letting go')
+    frame['xAxis']['min'] = 0.0
     return {
-        **_frame(name, 'amplitude [deg]'),
-        'series': [*_band('band'), {**QUIET, 'name': name, 'color': FORECAST, 'lineStyle': {'width': 2}}],
+        **frame,
+        'legend': _legend('measured', 'model'),
+        'toolbox': {'left': 80, 'top': 14, 'iconStyle': {'borderColor': MEASURED}, 'feature': ZOOM},
+        'series': [
+            {**QUIET, 'name': 'measured', 'lineStyle': {'width': 4, 'opacity': 0.6}, 'color': MEASURED},
+            {**QUIET, 'name': 'model', 'lineStyle': {'width': 2}, 'color': FORECAST},
+        ],
     }
 
 
-def curve_series(rows: list) -> list[list]:
+def release_series(chart: dict[str, list]) -> list[list]:
+    """The data of the series of `release_options`."""
+    return [chart['measured'], chart['fitted']]
+
+
+def curve_options(name: str) -> dict[str, Any]:
+    """A chart of a quantity against amplitude with its band, and what single cycles showed."""
+    return {
+        **_frame(name, 'amplitude [deg]'),
+        'legend': _legend('cycles', 'model'),
+        'series': [
+            *_band('band'),
+            {'type': 'scatter', 'name': 'cycles', 'color': MEASURED, 'symbolSize': 7, 'silent': True},
+            {**QUIET, 'name': 'model', 'color': FORECAST, 'lineStyle': {'width': 2}},
+        ],
+    }
+
+
+def curve_series(rows: list, measured: list) -> list[list]:
     """The data of the series of `curve_options`."""
-    return [*_stacked([[x, low, high] for x, _, low, high in rows]), [[x, value] for x, value, _, _ in rows]]
+    return [*_stacked([[x, low, high] for x, _, low, high in rows]), measured, [[x, value] for x, value, _, _ in rows]]
 
 
 def reach_of(chart: dict[str, list], smallest: float) -> float:
@@ -75,6 +94,11 @@ def reach_of(chart: dict[str, list], smallest: float) -> float:
     reach = max(1.05 * drawn, min(bands, 2.0 * drawn), smallest)
     power = 10.0 ** math.floor(math.log10(reach))
     return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= 0.999 * reach)
+
+
+def _legend(*names: str) -> dict[str, Any]:
+    shown = {'top': 0, 'right': 8, 'icon': 'roundRect', 'itemHeight': 3, 'textStyle': {'color': MEASURED}}
+    return {**shown, 'data': list(names)}
 
 
 def _frame(name: str, below: str) -> dict[str, Any]:

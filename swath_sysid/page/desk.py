@@ -10,10 +10,12 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, Protocol
 
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
-from swath_sysid.page.bring_up import STEPS, BringUp, Guidance
+from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Guidance
+from swath_sysid.page.buttons import NO_MODEL, refusals, rollback_question
 from swath_sysid.page.charts import motion_changes
 from swath_sysid.page.live_record import LiveRecord
 from swath_sysid.page.live_view import (
@@ -23,13 +25,17 @@ from swath_sysid.page.live_view import (
     model_chart,
     model_words,
     motion_chart,
+    release_chart,
     sea_words,
 )
+from swath_sysid.page.release import Release
 from swath_sysid.start import verb_command
 
 CAMPAIGN_PERIOD = 5.0  #: s between looks at the folder of the trials.
 
 RECORD_END_S = 10.0
+SHOWN_ANSWERS = 2
+NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
 
 
 class Source(Protocol):
@@ -38,8 +44,7 @@ class Source(Protocol):
     lock: Any
     record: LiveRecord
     description: str
-    sensor: str
-    """Full name of its topic."""
+    sensor: str  #: Full name of its topic.
 
     def press(self, button: str) -> None:
         """``identify``, ``rollback``, ``cancel``, ``accept`` or ``refine``."""
@@ -53,8 +58,12 @@ class View:
     guidance: Guidance = field(default_factory=lambda: Guidance(STEPS[0], ''))
     health: list[tuple[str, int, str]] = field(default_factory=list)
     motion: dict[str, dict[str, Any]] = field(default_factory=dict)
+    release: dict[str, list] = field(default_factory=dict)
+    release_words: str = ''
     model: dict[str, list] = field(default_factory=dict)
     model_words: list[str] = field(default_factory=list)
+    refusals: dict[str, str] = field(default_factory=dict)
+    rollback_question: str = ''
     calm: str = ''
     sea: str = ''
     trials: list[dict[str, Any]] = field(default_factory=list)
@@ -64,14 +73,7 @@ class View:
 
 
 class Desk:
-    """The state of the page.
-
-    Args:
-        folder: Where models and bags are saved.
-        axis: To be identified first.
-        manifest: Of the campaign.
-        clock: That which the source notes arrivals by, s.
-    """
+    """The state of the page; models and bags are saved in ``folder``, and ``clock`` is what the source notes by, s."""
 
     def __init__(
         self,
@@ -82,7 +84,7 @@ class Desk:
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self.view = View()
-        self.answers: deque[str] = deque(maxlen=5)
+        self.answers: deque[str] = deque(maxlen=SHOWN_ANSWERS)
         self.manifest = manifest
         self._source = source
         self._clock = clock
@@ -90,6 +92,8 @@ class Desk:
         self._guides = {each: BringUp(each) for each in AXES}
         self._axis = axis
         self._recorder: subprocess.Popen | None = None
+        self._fitted_to: tuple[Release | None, IdentifiedModel | None] = None, None
+        self._shown_fit = *NO_RELEASE, model_chart(None, None)
         self._campaign: tuple[list, list] = [], []
         self._campaign_read = float('-inf')
 
@@ -108,8 +112,7 @@ class Desk:
                 )
                 for name in dict.fromkeys((*AXES, *record.horizons))
             }
-            verdict = facts.statuses.get('identifier: identification')
-            words = model_words(record, str(verdict.values.get('last_verdict', '')) if verdict else '')
+            words = model_words(record, self._axis, facts.text(IDENTIFICATION, 'last_verdict'))
             waters = calm_words(record), sea_words(record)
         if self.manifest and now - self._campaign_read > CAMPAIGN_PERIOD:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
@@ -119,13 +122,23 @@ class Desk:
             self._guides[self._axis].look(facts),
             health(facts.statuses, facts.motions),
             charts,
-            model_chart(facts.model) if facts.model is not None else {},
+            *self._fit(facts.releases.get(self._axis), facts.model),
             words,
+            refusals(facts),
+            rollback_question(facts, str(self._folder.resolve())),
             *waters,
             *self._campaign,
             self._recorder is not None,
             tuple(self.answers),
         )
+
+    def _fit(self, release: Release | None, model: IdentifiedModel | None) -> tuple[dict, str, dict]:
+        """The charts of the last decay and of the model, made anew where one of them is."""
+        if release is not self._fitted_to[0] or model is not self._fitted_to[1]:
+            self._fitted_to = release, model
+            shown = NO_RELEASE if release is None else release_chart(release, model)
+            self._shown_fit = *shown, model_chart(model, release)
+        return self._shown_fit
 
     def choose(self, axis: str) -> None:
         """Guide the identification of this axis."""
@@ -139,6 +152,10 @@ class Desk:
             self._guides[self._axis].restart()
         elif button == 'save':
             self._save()
+        elif button == 'rollback':
+            # there may be no file of the identifier's own
+            if self._save():
+                self._source.press(button)
         elif button == 'record':
             self._record()
         else:
@@ -154,17 +171,20 @@ class Desk:
                 # what is on the disk is readable
                 self._recorder.kill()
 
-    def _save(self) -> None:
+    def _save(self) -> bool:
+        """Write the models that there are to a file; False where that was not possible."""
         if not self._source.description:
-            self.answer('there is no model to save yet: release the craft first')
-            return
+            self.answer(NO_MODEL)
+            return True
         path = self._folder / f'model_{datetime.now():%Y-%m-%d_%H-%M-%S}.yaml'
         try:
             with replacing(path) as temporary:
                 temporary.write_text(self._source.description, encoding='utf-8')
-            self.answer(f'saved {path}')
         except InputError as error:
             self.answer(str(error))
+            return False
+        self.answer(f'saved {path}')
+        return True
 
     def _record(self) -> None:
         """Begin a bag, by the verb that does it, in a process of its own; or end it."""

@@ -1,11 +1,13 @@
 """The page itself: cards that fit a phone and a wide screen."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.page.bring_up import STEPS
-from swath_sysid.page.charts import curve_options, curve_series, motion_options
+from swath_sysid.page.buttons import BUTTONS
+from swath_sysid.page.charts import curve_options, curve_series, motion_options, release_options, release_series
 from swath_sysid.page.desk import Desk, View
 from swath_sysid.pipeline.health import OK, WARN
 
@@ -19,14 +21,14 @@ SCREEN_PERIOD = 0.4  #: s between pictures.
 COLOURS = {OK: 'positive', WARN: 'warning'}
 CURVES = {'period': 'natural period [s]', 'damping': 'equivalent damping ratio'}
 CARD = 'w-full min-w-0'
-BUTTONS = {
-    'identify': ('Identify', 'fit a model to the last minute of motion now'),
-    'accept': ('Accept', 'keep this model: motion is not refitted by itself any more'),
-    'refine': ('Refine', 'let further releases refine the model again'),
-    'rollback': ('Rollback', 'return to the model before'),
-    'save': ('Save', 'write the model to a file on the machine of the page'),
-    'restart': ('Start again', 'begin with the rest before a push'),
-}
+#: Texts keep their height whatever they say, so that nothing below them jumps; a press shows all of a longer one.
+STYLE = """
+html { scrollbar-gutter: stable }
+.lines { display: -webkit-box; -webkit-box-orient: vertical; overflow: hidden; cursor: pointer;
+         -webkit-line-clamp: var(--lines); min-height: calc(var(--lines) * 1lh); overflow-wrap: anywhere }
+.lines.open { -webkit-line-clamp: unset }
+.fault { color: #c62828 } .body--dark .fault { color: #ff8a80 }
+"""
 TRIAL_COLUMNS = [
     {'name': name, 'label': name, 'field': name, 'align': 'left'} for name in ('file', 'axis', 'loading', 'angle')
 ]
@@ -36,19 +38,22 @@ Update = Callable[[View], None]  #: What brings one card up to date.
 
 def build(desk: Desk) -> None:
     """Lay out the page for one browser and keep it up to date."""
+    ui.add_css(STYLE)
+    ui.colors(primary='#1976d2')
     with ui.header().classes('items-center py-2'):
         ui.label('swath_sysid').classes('text-lg')
         ui.space()
         ui.toggle(list(AXES), value=desk.view.axis or AXES[0], on_change=lambda event: desk.choose(event.value)).props(
             'dense color=primary toggle-color=secondary text-color=white'
         ).mark('axis')
-    with ui.element('div').classes('w-full grid items-start gap-3 grid-cols-1 lg:grid-cols-2 xl:grid-cols-3'):
+    with ui.element('main').classes('w-full grid items-start gap-3 grid-cols-1 lg:grid-cols-2 xl:grid-cols-3'):
         updates = [
             _guide(desk),
-            *(_motion(axis) for axis in AXES),
-            _health(),
+            _release(),
             _model(),
+            *(_motion(axis) for axis in AXES),
             _calm(),
+            _health(),
             _heave(),
         ]
         if desk.manifest:
@@ -71,32 +76,83 @@ def _card(title: str) -> Any:
 def _guide(desk: Desk) -> Update:
     with _card('Bring-up'):
         progress = ui.linear_progress(0.0, show_value=False).props('rounded')
-        sentence = _text('text-h6', 'sentence')
-        cure = _text('text-body1 text-weight-medium text-red-6', 'cure')
+        sentence = _text('text-subtitle1 text-weight-medium', 'sentence', 2)
+        cure = _text('text-body1', 'cure', 2)
+        press = _pressed(desk)
         with ui.row().classes('gap-2'):
-            buttons = {
-                name: ui.button(label, on_click=lambda name=name: desk.press(name))
-                .props(f'no-caps {"" if name == "accept" else "outline"} data-name={name}')
-                .tooltip(meaning)
-                for name, (label, meaning) in BUTTONS.items()
-            }
-            record = ui.button(on_click=lambda: desk.press('record')).props('no-caps outline data-name=record')
-        answers = _text('text-caption opacity-70', 'answers').classes('whitespace-pre-line')
+            buttons = {name: _Button(name, partial(press, name)) for name in BUTTONS}
+        answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 4)
 
     def update(view: View) -> None:
         guidance = view.guidance
         progress.value = (STEPS.index(guidance.step) + 1) / len(STEPS)
         sentence.text = guidance.sentence
-        cure.text = f'{guidance.fault}: {guidance.cure}' if guidance.fault else ''
-        record.text = 'Stop recording' if view.is_recording else 'Record to a bag'
-        answers.text = '\n'.join(view.answers)
-        buttons['accept'].enabled = bool(view.model)
+        cure.text = f'{guidance.fault}: {guidance.cure}' if guidance.fault else guidance.cure
+        cure.classes(add='fault') if guidance.fault else cure.classes(remove='fault')
+        for name, button in buttons.items():
+            button.show(name == guidance.action, view.refusals.get(name, ''))
+        buttons['record'].button.text = 'Stop recording' if view.is_recording else BUTTONS['record'][0]
+        answers.text = '\n'.join(reversed(view.answers))
+
+    return update
+
+
+def _pressed(desk: Desk) -> Callable[[str], None]:
+    """What a button does: at once, or after a question where something goes."""
+    with ui.dialog().props('data-name=question') as dialog, ui.card():
+        question = _text('text-body1', 'rollback-question')
+        with ui.row().classes('self-end gap-2'):
+            ui.button('Keep this model', on_click=dialog.close).props('no-caps flat data-name=keep')
+            back = ui.button('Return to the model before', on_click=dialog.close)
+            back.on_click(lambda: desk.press('rollback')).props('no-caps unelevated data-name=go-back')
+
+    def press(name: str) -> None:
+        if name != 'rollback':
+            desk.press(name)
+            return
+        question.text = desk.view.rollback_question
+        dialog.open()
+
+    return press
+
+
+class _Button:
+    """A button that is quiet, recommended, or cannot be pressed for a reason."""
+
+    def __init__(self, name: str, press: Callable[[], None]) -> None:
+        label, self._meaning = BUTTONS[name]
+        # a disabled button shows no tooltip of its own
+        with ui.element('span') as self._frame:
+            self.button = ui.button(label, on_click=press).props(f'no-caps flat data-name={name}')
+            self._tooltip = ui.tooltip(self._meaning)
+        self._shown: tuple = False, ''
+
+    def show(self, is_recommended: bool, refusal: str) -> None:
+        """Bring it up to date; nothing is sent where it is."""
+        if (is_recommended, refusal) == self._shown:
+            return
+        self._shown = is_recommended, refusal
+        self.button.enabled = not refusal
+        self._tooltip.text = refusal or self._meaning
+        loud = is_recommended and not refusal
+        self.button.props('unelevated' if loud else 'flat', remove='flat' if loud else 'unelevated')
+
+
+def _release() -> Update:
+    with _card('The last free decay, and the model over it'):
+        words = _text('text-body2', 'release', 1)
+        chart = ui.echart(release_options()).classes('w-full h-64').props('data-name=release-chart')
+
+    def update(view: View) -> None:
+        words.text = view.release_words
+        if view.release:
+            _fill(chart, release_series(view.release))
 
     return update
 
 
 def _motion(axis: str) -> Update:
-    with _card(f'{axis.capitalize()} and its forecast with 50, 90 and 99 % intervals'):
+    with _card(f'{axis.capitalize()} and its forecast (50, 90, 99 %)'):
         chart = ui.echart(motion_options('deg')).classes('w-full h-64')
 
     def update(view: View) -> None:
@@ -137,30 +193,29 @@ def _health() -> Update:
                 for name, level, sentence in view.health:
                     with ui.row().classes('items-start no-wrap w-full gap-2'):
                         ui.label('\u25cf').classes(f'text-{COLOURS.get(level, "negative")}')
-                        ui.label(f'{name}: {sentence}').classes('min-w-0 break-words')
+                        _text('', 'status', 2).text = f'{name}: {sentence}'
 
     return update
 
 
 def _model() -> Update:
     with _card('Model'):
-        words = _text('text-body2', 'model').classes('whitespace-pre-line')
-        charts = {name: ui.echart(curve_options(title)).classes('w-full h-52') for name, title in CURVES.items()}
+        words = _text('text-body2 whitespace-pre-line', 'model', 4)
+        charts = {name: ui.echart(curve_options(title)).classes('w-full h-48') for name, title in CURVES.items()}
 
     def update(view: View) -> None:
         words.text = '\n'.join(view.model_words)
         for name, chart in charts.items():
-            chart.visible = bool(view.model)
             if view.model:
-                _fill(chart, curve_series(view.model[name]))
+                _fill(chart, curve_series(view.model[name], view.model[f'measured_{name}']))
 
     return update
 
 
 def _calm() -> Update:
     with _card('Sea and calm'):
-        calm = _text('text-body1', 'calm')
-        sea = _text('text-body2 whitespace-pre-line', 'sea')
+        calm = _text('text-body1', 'calm', 4)
+        sea = _text('text-body2 whitespace-pre-line', 'sea', 4)
 
     def update(view: View) -> None:
         calm.text, sea.text = view.calm, view.sea
@@ -182,8 +237,13 @@ def _trials() -> Update:
     return update
 
 
-def _text(classes: str, name: str) -> Any:
-    return ui.label().classes(f'{classes} min-w-0 break-words').props(f'data-name={name}')
+def _text(classes: str, name: str, lines: int = 0) -> Any:
+    """A text by name, so many lines high; 0: as many as it takes."""
+    label = ui.label().classes(f'{classes} w-full min-w-0 break-words').props(f'data-name={name}')
+    if lines:
+        label.classes('lines').style(f'--lines: {lines}')
+        label.on('click', js_handler="(event) => event.currentTarget.classList.toggle('open')")
+    return label
 
 
 def _move(chart: Any, changes: dict[str, Any]) -> None:

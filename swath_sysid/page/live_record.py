@@ -11,9 +11,11 @@ from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.common.errors import InputError
 from swath_sysid.page.bring_up import Facts
+from swath_sysid.page.release import Release, release_of
 from swath_sysid.pipeline.health import Report
 
 WINDOW_S = 60.0
@@ -22,6 +24,7 @@ STALE_S = 5.0  #: s after which a status does not count any more.
 CHECKED_LEAD = 2.0  #: s; the forecast so far ahead is kept until what it is for has been measured.
 
 KEPT_FORECASTS = 600
+KEPT_MODELS = 5
 MAX_STATUSES = 100
 
 
@@ -36,14 +39,7 @@ class Horizon:
 
 
 def horizon_of(stamp_ns: int, leads_ns: Sequence[int], columns: Sequence[str], positions: Sequence[float]) -> Horizon:
-    """A horizon from the columns of its message.
-
-    Args:
-        stamp_ns: When issued.
-        leads_ns: Times from then.
-        columns: ``roll``, ``roll_std``, ...
-        positions: The columns of each lead in turn.
-    """
+    """A horizon from its message: stamp, times from then, and the columns (``roll``, ``roll_std``, ...) by lead."""
     table = dict(zip(columns, np.asarray(positions, dtype=float).reshape(len(leads_ns), len(columns)).T, strict=True))
     means = {name: values for name, values in table.items() if not name.endswith('_std')}
     return Horizon(
@@ -66,7 +62,9 @@ class LiveRecord:
         self.horizons: dict[str, Horizon] = {}
         self.checked: dict[str, deque[tuple[float, float, float]]] = {}
         self.models: dict[str, IdentifiedModel] = {}
-        self.models_received = 0
+        self.models_before: dict[str, deque[IdentifiedModel]] = {}
+        self.releases: dict[str, Release] = {}
+        self.limits: QuiescenceLimits | None = None
         self.sea: SeaReport | None = None
         self.quiescence: float | None = None
         self.calm: tuple[float, float, float] | None = None
@@ -76,9 +74,7 @@ class LiveRecord:
         """The sensor sits so; readings are taken in from the first time on."""
         if installation != self._installation:
             self._installation = installation
-            self._window = MotionWindow(
-                WindowSettings(window=WINDOW_S, max_rate=2.0 * RATE, detect_decay=False, installation=installation)
-            )
+            self._window = MotionWindow(WindowSettings(window=WINDOW_S, max_rate=2.0 * RATE, installation=installation))
 
     def is_due(self, stamp_ns: int, clock: float) -> bool:
         """Whether a sample of this stamp is due; a sample is counted in any case."""
@@ -89,8 +85,9 @@ class LiveRecord:
     def add_reading(self, reading: ImuReading) -> None:
         """Take in a sample."""
         self._newest_ns = reading.stamp_ns
-        if self._window is not None:
-            self._window.add(reading)
+        finished = None if self._window is None else self._window.add(reading).finished
+        if finished is not None and (release := release_of(finished)) is not None:
+            self.releases[finished.axis] = release
 
     def add_horizon(self, horizon: Horizon, name: str = '') -> None:
         """Take in a forecast: of the attitude, or of the heave of a named point."""
@@ -111,9 +108,14 @@ class LiveRecord:
             self._statuses[report.name] = clock, report
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
-        """These models were published."""
+        """These models were published; an axis without one has none any more."""
+        for axis in AXES:
+            before = self.models_before.setdefault(axis, deque(maxlen=KEPT_MODELS))
+            if axis not in models:
+                before.clear()
+            elif not before or before[-1] != models[axis]:
+                before.append(models[axis])
         self.models = dict(models)
-        self.models_received += 1
 
     def statuses(self, clock: float) -> dict[str, Report]:
         """The fresh ones by name."""
@@ -147,7 +149,7 @@ class LiveRecord:
             self.statuses(clock),
             clock - self._arrival,
             self.motions(),
-            self.models.get(axis),
-            self.models_received,
+            dict(self.releases),
+            tuple(self.models_before.get(axis, ())),
             self.is_kept,
         )

@@ -8,13 +8,15 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.uncertainty import amplitude_bands
-from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import noise_level
-from swath_sysid.page.bring_up import described
 from swath_sysid.page.live_record import LiveRecord
+from swath_sysid.page.model_words import amplitudes, history, of_axis, verdict_of
+from swath_sysid.page.release import Release
 from swath_sysid.pipeline.health import OK, WARN, Report
 from swath_sysid.report.sea_report import sea_in_words
 
@@ -24,6 +26,7 @@ SHOWN_POINTS = 300
 INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NORMAL_QUANTILES, strict=True)}
 
 AMPLITUDES = 25
+FAINTEST_CYCLE = 0.1  #: Part of a release below which noise scatters its cycles.
 NOISE_S = 5.0
 
 STATUSES = {
@@ -57,9 +60,7 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
 def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -> dict[str, list]:
     """Measured motion, the forecast with its intervals and what was forecast before, against the time from now.
 
-    Returns:
-        ``measured``, ``forecast``, ``checked``: lists of (s, deg or m); ``bands``: per interval lists of (s, lower,
-        upper).
+    Lists of (s, deg or m), and for each interval of (s, lower, upper).
     """
     now = record.stamp
     scale = np.degrees(1.0) if motion is not None or quantity in ('roll', 'pitch') else 1.0
@@ -81,37 +82,63 @@ def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -
     return chart
 
 
-def model_chart(model: IdentifiedModel) -> dict[str, list]:
-    """Natural period and equivalent damping against amplitude, with two standard deviations.
+def release_chart(release: Release, model: IdentifiedModel | None) -> tuple[dict[str, list], str]:
+    """A measured decay and the motion of a model over it, lists of (s from letting go, deg), and what it shows."""
+    elapsed, angle = release.motion.time - release.motion.time[0], np.asarray(release.motion.angle)
+    chart = {'measured': _points(elapsed, np.degrees(angle)), 'fitted': []}
+    words = f'From {np.degrees(release.amplitude):.1f} deg, {release.cycles:.1f} cycles'
+    if model is None:
+        return chart, f'{words}; no model yet.'
+    fitted = release.simulated(model.model)
+    chart['fitted'] = _points(elapsed, np.degrees(fitted))
+    misses = float(np.sqrt(np.mean((fitted - angle) ** 2)))
+    if not np.isfinite(misses):
+        return chart, f'{words}; the motion of the model runs away.'
+    return chart, f'{words}; model off by {np.degrees(misses):.2g} deg rms.'
 
-    Returns:
-        ``period`` (s) and ``damping``: lists of (deg, value, lower, upper).
+
+def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[str, list]:
+    """Natural period (s) and equivalent damping, lists of (deg, value, lower, upper) with two standard deviations.
+
+    And the same as each cycle of the last release shows them, lists of (deg, value).
     """
-    low, high = model.amplitude_range
-    high = high if np.isfinite(high) and high > 0.0 else float(np.radians(5.0))
-    amplitude = np.linspace(max(low, 0.05 * high), high, AMPLITUDES)
-    bands = amplitude_bands(model.model, model.covariance, amplitude)
-    period = 2.0 * np.pi / bands.curves.frequency
-    spread = 2.0 * period * bands.frequency_std / bands.curves.frequency
-    damping, wide = bands.curves.damping_ratio, 2.0 * bands.damping_ratio_std
-    degrees = np.degrees(amplitude)
-    return {
-        'period': _points(degrees, period, period - spread, period + spread, decimals=6),
-        'damping': _points(degrees, damping, damping - wide, damping + wide, decimals=6),
-    }
+    chart: dict[str, list] = {name: [] for name in ('period', 'damping', 'measured_period', 'measured_damping')}
+    if model is not None:
+        amplitude = np.linspace(*amplitudes(model), AMPLITUDES)
+        bands = amplitude_bands(model.model, model.covariance, amplitude)
+        period = 2.0 * np.pi / bands.curves.frequency
+        spread = 2.0 * period * bands.frequency_std / bands.curves.frequency
+        damping, wide, degrees = bands.curves.damping_ratio, 2.0 * bands.damping_ratio_std, np.degrees(amplitude)
+        # where the restoring moment vanishes the period has no bounds
+        known = spread < period
+        chart['period'] = _points(*(each[known] for each in (degrees, period, period - spread, period + spread)))
+        chart['damping'] = _points(*(each[known] for each in (degrees, damping, damping - wide, damping + wide)))
+    if release is not None and release.peaks.time.size > 2:
+        peaks, faintest = release.peaks, FAINTEST_CYCLE * release.amplitude
+        clear = peaks.mean_amplitude > (faintest if model is None else max(faintest, amplitudes(model)[0]))
+        degrees = np.degrees(peaks.mean_amplitude[clear])
+        chart['measured_period'] = _points(degrees, peaks.period[clear])
+        chart['measured_damping'] = _points(degrees, peaks.logarithmic_decrement[clear] / (2.0 * np.pi))
+    return chart
 
 
-def model_words(record: LiveRecord, verdict: str) -> list[str]:
-    """Every model in words, and the last verdict."""
-    lines = []
-    for axis, model in record.models.items():
-        low, high = np.degrees(model.amplitude_range)
-        lines.append(f'{axis}: {model.model.equation.name}, {described(model)}, seen from {low:.2g} to {high:.2g} deg')
-    return [*(lines or ['No model yet.']), f'Last verdict: {verdict or "none yet"}']
+def model_words(record: LiveRecord, axis: str, verdict: str) -> list[str]:
+    """The models of an axis, the newest first with its verdict, and the identifier's last sentence about it."""
+    models = list(record.models_before.get(axis, ()))
+    if not models:
+        return ['No model yet.', f'Last identification: {of_axis(verdict, axis) or "none yet"}']
+    low, high = np.degrees(amplitudes(models[-1]))
+    terms = ', '.join(models[-1].model.equation.terms)
+    return [
+        f'{models[-1].model.equation.name} ({terms}), seen from {low:.2g} to {high:.2g} deg',
+        ': '.join(filter(None, verdict_of(models[-1]))),
+        *reversed(history(models)),
+        f'Last identification: {of_axis(verdict, axis) or "none yet"}',
+    ]
 
 
 def calm_words(record: LiveRecord) -> str:
-    """The next window of calm and the probability of staying quiet."""
+    """The next window of calm, the probability of staying quiet, and what counts as quiet."""
     words = []
     if record.quiescence is not None:
         words.append(f'The craft stays within its quiet limits with a probability of {100 * record.quiescence:.0f} %.')
@@ -122,7 +149,23 @@ def calm_words(record: LiveRecord) -> str:
                 f'Calm from {max(begin - record.stamp, 0.0):.1f} to {end - record.stamp:.1f} s from now '
                 f'({100 * probability:.0f} %).'
             )
-    return ' '.join(words) or 'No forecast of calm yet.'
+    return ' '.join(words or ['No forecast of calm yet.']) + limits_in_words(record.limits)
+
+
+def limits_in_words(limits: QuiescenceLimits | None) -> str:
+    """What counts as quiet; empty where it is not known."""
+    if limits is None:
+        return ''
+    point = limits.points[0] if limits.points else None
+    bounds = [
+        *((name, np.degrees(getattr(limits, name)), 'deg') for name in AXES),
+        *((f'{name} rate', np.degrees(getattr(limits, f'{name}_rate')), 'deg/s') for name in AXES),
+        ('heave', point.heave if point else np.inf, 'm'),
+        ('vertical velocity', point.vertical_velocity if point else np.inf, 'm/s'),
+    ]
+    said = [f'{name} {bound:g} {unit}' for name, bound, unit in bounds if np.isfinite(bound)]
+    about = ' about the present trim' if limits.about_trim else ''
+    return f' Quiet means within ±({", ".join(said) or "any motion"}){about} for {limits.duration:g} s.'
 
 
 def sea_words(record: LiveRecord) -> str:
@@ -156,7 +199,7 @@ def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
         for condition, count in repeats.items()
         if count < most
     ]
-    return rows, [*map(str, manifest.faults), *missing]
+    return rows, [*manifest.faults, *missing]
 
 
 def _points(*columns: np.ndarray, decimals: int = 4) -> list[list[float]]:

@@ -38,13 +38,9 @@ def check_installed() -> None:
 
 
 class Guard:
-    """Lets in who has the token, or, where there is none, who asks for this machine by its own name.
+    """ASGI that lets in who has the token or, without one, who asks for this machine by its own name.
 
     Pages of other origins, which any browser may have open too, are refused both.
-
-    Args:
-        application: ASGI.
-        token: Empty: none.
     """
 
     def __init__(self, application: Callable[..., Awaitable[None]], token: str) -> None:
@@ -71,13 +67,7 @@ class Guard:
 
 
 def is_allowed(headers: dict[str, str], token: str, given: str = '') -> bool:
-    """Whether a request may see the page.
-
-    Args:
-        headers: Names in small letters.
-        token: That is asked for; empty: none, but then the host must be this machine by its own name.
-        given: The token in the address, if there was one.
-    """
+    """Whether a request with these headers (small letters), and this token in its address, may see the page."""
     host, origin = headers.get('host', ''), headers.get('origin')
     if origin is not None and urlsplit(origin).netloc != host:
         return False
@@ -102,19 +92,9 @@ async def _refuse(scope: dict[str, Any], send: Any) -> None:
 
 @contextmanager
 def served(desk: Desk, host: str, port: int, token: str) -> Iterator[str]:
-    """Serve the page while the block runs.
+    """Serve the page while the block runs, on a free port for 0; yields its address.
 
-    Args:
-        desk: What the page shows and does.
-        host: Address to listen on.
-        port: 0: one that is free.
-        token: Empty: none.
-
-    Yields:
-        The address for a browser.
-
-    Raises:
-        InputError: nicegui is not installed, or the port is taken.
+    Raises `InputError` where nicegui is not installed, or the port is taken.
     """
     check_installed()
     try:
@@ -127,6 +107,7 @@ def served(desk: Desk, host: str, port: int, token: str) -> Iterator[str]:
         root=lambda: build(desk),
         title='swath_sysid',
         dark=None,
+        language='en-US',
         message_history_length=FEW_MESSAGES,
         show_welcome_message=False,
     )

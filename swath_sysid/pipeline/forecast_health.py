@@ -1,6 +1,5 @@
 """How the forecasts fare, and whether the sensor sits as was given."""
 
-from collections.abc import Mapping
 from math import isnan
 
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
@@ -23,21 +22,18 @@ from swath_sysid.pipeline.health import (
 
 
 class PredictorHealth(StreamHealth):
-    """How samples become forecasts.
+    """How samples become forecasts; see `StreamHealth`."""
 
-    Args:
-        advice, topic: See `StreamHealth`.
-    """
-
-    def __init__(self, advice: Mapping[str, str], topic: str, pipeline: ForecastPipeline):
+    def __init__(self, topic: str, pipeline: ForecastPipeline):
         super().__init__(
-            advice,
             topic,
             (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED),
         )
         self._pipeline = pipeline
         self._model_arrival: float | None = None
         self._refusal = ''
+        self.published = 0  #: Forecasts on forecast/next.
+        self.uncompiled_because = ''  #: Why all takes longer than it could.
 
     def note_model(self, now: float) -> None:
         """A model came, s of the clock of `note_message`."""
@@ -60,8 +56,11 @@ class PredictorHealth(StreamHealth):
         values: dict[str, object] = {
             **{f'has_model_{axis}': state.has_model[axis] for axis in AXES},
             'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,
+            **self._pipeline.validity.verdicts,
             'refused_model': self._refusal,
             'has_waves': state.has_waves,
+            'published': self.published,
+            'uncompiled_because': self.uncompiled_because,
             **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
         }
         for a, axis in enumerate(AXES):

@@ -5,7 +5,7 @@ the same. A sample's way: intake (stamp, frame, plausibility: once), forecaster,
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import NamedTuple
 
@@ -33,6 +33,7 @@ from swath_sysid.pipeline.forecast_messages import (
     horizon_forecast,
     points_at_leads,
 )
+from swath_sysid.pipeline.validity import ModelValidity
 
 PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)  #: Everything that is counted.
 
@@ -99,6 +100,7 @@ class ForecastPipeline:
         self.used = 0
         self._intake = intake or Intake(self.settings.installation, self.settings.stamps)
         self._models = dict.fromkeys(AXES)
+        self.validity = ModelValidity()
         self._first_ns: int | None = None
         self._last_ns = 0
         self._yaw = self._yaw_rate = 0.0
@@ -114,6 +116,7 @@ class ForecastPipeline:
             if model != self._models[axis]:
                 self._models[axis] = model
                 self.forecaster.set_model(axis, model)
+                self.validity.set_model(axis, model)
 
     def install(self, fit: SeaFit) -> None:
         """Take over the fit that a step asked for; it is used from its request's stamp plus the refit delay on."""
@@ -151,6 +154,7 @@ class ForecastPipeline:
         elif JUMPED_BACK not in reasons:
             elapsed = (stamp_ns - self._last_ns) * NANOSECOND
         self._last_ns = stamp_ns
+        self.validity.add(sample.stamp, {'roll': sample.roll, 'pitch': sample.pitch})
         # the heading is not forecast: the last one measured is held
         if sample.yaw == sample.yaw:
             self._yaw = sample.yaw
@@ -183,4 +187,5 @@ class ForecastPipeline:
 
     def diagnostics(self) -> ForecasterDiagnostics:
         """The running state; see `Forecaster.diagnostics`."""
-        return self.forecaster.diagnostics()
+        state = self.forecaster.diagnostics()
+        return replace(state, advice=state.advice + self.validity.advice())

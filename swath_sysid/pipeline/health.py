@@ -1,6 +1,6 @@
 """How a node fares: counts by reason, levels and messages, for its diagnostics.
 
-Time is what the caller says. What to do about a reason is the caller's too: a mapping of reason to advice.
+Time is what the caller says. What to do about a reason is in the catalogue of sentences.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from math import isnan
 from typing import TYPE_CHECKING
 
-from swath_sysid.attitude.motion.intake import NO_ORIENTATION, UNKNOWN_COVARIANCE
+from swath_sysid.attitude.motion.intake import NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.window import MotionWindow
+from swath_sysid.common.sentences import CURES
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.stability_watch import StabilityWatch
@@ -36,10 +37,14 @@ NOT_SAVED = 'model-not-saved'
 FRAME_CHANGED = 'frame-id-changed'
 
 NO_MESSAGE_YET, QUEUED = 'no-message-yet', 'messages-queued'
-#: States that are reported but not counted; the caller has advice for them too.
-CLOCKS_DIFFER, SHORT_OF_MEMORY = 'clocks-differ', 'short-of-memory'
+#: States that are reported but not counted.
+CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory', 'clock-stands-still'
 
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
+
+LASTING = {NO_RATES}  #: Warned of when they begin; then told while they last, without a warning.
+
+CALM_SINCE_WARNING = 30.0  #: s without a warning after which a log says that it is over.
 
 LONGEST_SILENCE = 1.0
 STARTING_TIME = 5.0  #: s; a sensor that has never published is an error after so long: discovery takes up to three.
@@ -75,26 +80,50 @@ class Report:
         return self.level, f'{node}: {self.name}', self.message, texts
 
 
+class Changes:
+    """Which changes of a level deserve a line in a log: of one that comes and goes, few do."""
+
+    def __init__(self) -> None:
+        self._told = OK
+        self._has_been_well = False
+        self._better_since: float | None = None
+
+    def is_news(self, level: int, now: float) -> bool:
+        """Whether to tell this level now, s: what is worse at once, the end of a warning when it has stayed away."""
+        if level >= self._told:
+            self._better_since = None
+        elif self._better_since is None:
+            self._better_since = now
+        lasted = self._better_since is not None and now - self._better_since >= CALM_SINCE_WARNING
+        is_first = level == OK and not self._has_been_well
+        if level > self._told or (level < self._told and (self._told == ERROR or is_first or lasted)):
+            self._told, self._better_since = level, None
+            self._has_been_well = self._has_been_well or level == OK
+            return True
+        return False
+
+
 class Reasons:
     """Counts by reason, and which of them still hold.
 
     Args:
-        advice: Reason to what to do about it.
         reasons: Those that are counted here.
+        cures: Reason to what to do about it.
     """
 
-    def __init__(self, advice: Mapping[str, str], reasons: Iterable[str]):
+    def __init__(self, reasons: Iterable[str], cures: Mapping[str, str] = CURES):
+        self._cures = cures
         self.counts = dict.fromkeys(reasons, 0)
-        self._advice = advice
         self._holding: dict[str, str] = {}
         self._reported_counts = dict(self.counts)
+        self._lasting: list[str] = []
 
     def note(self, reason: str, about: str | None = None, sentence: str = '') -> None:
         """Count one more of a reason; one about something, in a sentence of its own, holds until that is settled."""
         self.counts[reason] += 1
         if about is not None:
-            advice = self._advice[reason]
-            self._holding[about] = f'{reason}: {sentence}; {advice}' if sentence else f'{reason}: {advice}'
+            cure = self._cures[reason]
+            self._holding[about] = f'{reason}: {sentence}; {cure}' if sentence else f'{reason}: {cure}'
 
     def settle(self, about: str) -> None:
         """What was noted about something is over."""
@@ -104,12 +133,20 @@ class Reasons:
         """How much each count has grown since the last call; harmless ones and those that have not are left out."""
         before, self._reported_counts = self._reported_counts, dict(counts)
         grown = {reason: count - before.get(reason, 0) for reason, count in counts.items()}
-        return {reason: growth for reason, growth in grown.items() if growth > 0 and reason not in HARMLESS}
+        grown = {reason: growth for reason, growth in grown.items() if growth > 0}
+        self._lasting = sorted(LASTING & grown.keys())
+        told = HARMLESS | {reason for reason in LASTING if before.get(reason, 0) > 0}
+        return {reason: growth for reason, growth in grown.items() if reason not in told}
 
     def worst(self, fresh: Mapping[str, int]) -> str:
         """The reason that grew most, how often, and what to do about it."""
         reason = max(fresh, key=lambda each: fresh[each])
-        return f'{reason} ({fresh[reason]} times lately): {self._advice[reason]}'
+        return f'{reason} ({fresh[reason]} times lately): {self._cures[reason]}'
+
+    @property
+    def lasting(self) -> str:
+        """What grew of `LASTING` until the last call of `fresh`, and what to do about it."""
+        return '; '.join(f'{reason}: {self._cures[reason]}' for reason in self._lasting)
 
     @property
     def holding(self) -> str:
@@ -121,31 +158,39 @@ class StreamHealth(Reasons):
     """How the messages of one topic come in.
 
     Args:
-        advice: Reason to what to do about it.
         topic: Its name for people.
         reasons: Counted beside those of every stream.
     """
 
-    def __init__(self, advice: Mapping[str, str], topic: str, reasons: Iterable[str] = ()):
-        super().__init__(advice, (SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED, *reasons))
+    def __init__(self, topic: str, reasons: Iterable[str] = ()):
+        super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED, *reasons))
         self.topic = topic
         self._ages: deque[float] = deque(maxlen=REMEMBERED_AGES)
         self.received = 0
-        self._stamp_ns = 0
+        self._age = 0.0
         self._arrival: float | None = None
+        self._silence = 0.0  #: s since the last message, or the first report.
         self._spent = self._longest = 0.0
         self._since_report = 0
         self._silent = self._several = False
         self._frame_id: str | None = None
         self._begun: float | None = None
         self._reported_at: float | None = None
+        self._reported_ns = 0
 
-    def note_message(self, stamp_ns: int, begun: float, ended: float) -> None:
-        """A message was handled between two readings of the same clock, s."""
+    def note_message(self, stamp_ns: int, clock_ns: int, begun: float, ended: float) -> None:
+        """A message was handled.
+
+        Args:
+            stamp_ns: Its stamp.
+            clock_ns: When it came, by the clock that stamps are compared with.
+            begun, ended: Two readings of another clock, s.
+        """
         spent = ended - begun
         self.received += 1
         self._since_report += 1
-        self._stamp_ns, self._arrival = stamp_ns, begun
+        self._age = (clock_ns - stamp_ns) * 1e-9
+        self._arrival = begun
         self._spent += spent
         self._longest = max(self._longest, spent)
 
@@ -175,18 +220,21 @@ class StreamHealth(Reasons):
             interval: Usual time between messages, s, once it is known.
         """
         if self._begun is None:
-            self._begun = now
-        silence = now - (self._begun if self._arrival is None else self._arrival)
+            self._begun, self._reported_ns = now, now_ns
+        self._note_silence(now, now_ns)
+        silence = self._silence
         is_silent = self.received > 0 and silence > max(LONGEST_SILENCE, 5.0 * (interval or 0.0))
         if is_silent and not self._silent:
             self.note(SILENT)
         self._silent = is_silent
         age = None
         if self._arrival is not None:
-            age = (now_ns - self._stamp_ns) * 1e-9 - silence
-            self._ages.append(age)
+            age = self._age
+            # a simulated clock that the node has not read yet makes messages come before their time
+            self._ages.append(max(age, 0.0))
         counts = {**core_counts, **self.counts}
-        level, message = self._verdict(silence, age, self.fresh(counts))
+        stands = now_ns == self._reported_ns and not self._since_report
+        level, message = self._verdict(silence, age, self.fresh(counts), stands)
         period = None if self._reported_at is None else now - self._reported_at
         values: dict[str, object] = {
             'rate_hz': self._since_report / period if period else 0.0,
@@ -197,40 +245,49 @@ class StreamHealth(Reasons):
             'processing_ms_mean': 1e3 * self._spent / max(self._since_report, 1),
             'processing_ms_max': 1e3 * self._longest,
         }
-        self._reported_at = now
+        self._reported_at, self._reported_ns = now, now_ns
         self._spent = self._longest = 0.0
         self._since_report = 0
         return Report('imu', level, message, values)
 
-    def _verdict(self, silence: float, age: float | None, fresh: Mapping[str, int]) -> tuple[int, str]:
+    def _note_silence(self, now: float, now_ns: int) -> None:
+        """Add what has passed by both clocks: none does while that of the stamps stands still."""
+        before = self._begun if self._reported_at is None else self._reported_at
+        by_stamps = max((now_ns - self._reported_ns) * 1e-9, 0.0)
+        if self._since_report and self._arrival is not None:
+            self._silence = min(now - self._arrival, by_stamps)
+        elif before is not None:
+            self._silence += min(now - before, by_stamps)
+
+    def _verdict(
+        self, silence: float, age: float | None, fresh: Mapping[str, int], clock_stands: bool
+    ) -> tuple[int, str]:
         if age is None:
             level = ERROR if silence > STARTING_TIME else WARN
-            return level, f'no message on {self.topic} yet: {self._advice[NO_MESSAGE_YET]}'
+            return level, f'no message on {self.topic} yet: {CURES[NO_MESSAGE_YET]}'
         if self._silent:
-            return ERROR, f'no message on {self.topic} for {silence:.1f} s: {self._advice[SILENT]}'
+            return ERROR, f'no message on {self.topic} for {silence:.1f} s: {CURES[SILENT]}'
         if self._several:
-            return WARN, self._advice[SEVERAL_PUBLISHERS]
+            return WARN, CURES[SEVERAL_PUBLISHERS]
         if fresh:
             return WARN, self.worst(fresh)
         if self.holding:
             return WARN, self.holding
         late = age - min(self._ages)
         if late > LARGEST_STAMP_AGE:
-            return WARN, f'messages come {late:.1f} s later than they can: {self._advice[QUEUED]}'
+            return WARN, f'messages come {late:.1f} s later than they can: {CURES[QUEUED]}'
         if abs(age) > LARGEST_STAMP_AGE:
-            return WARN, f'stamps differ from the clock by {age:.1f} s: {self._advice[CLOCKS_DIFFER]}'
-        return OK, f'receiving {self.topic}'
+            return WARN, f'stamps differ from the clock by {age:.1f} s: {CURES[CLOCKS_DIFFER]}'
+        if clock_stands:
+            return OK, f'no message on {self.topic} while the clock stands still: {CURES[CLOCK_STANDS]}'
+        return OK, f'receiving {self.topic}' + (f'; {self.lasting}' if self.lasting else '')
 
 
 class BufferHealth(StreamHealth):
-    """How the samples of a motion window come in, and what it holds.
+    """How the samples of a motion window come in, and what it holds; see `StreamHealth`."""
 
-    Args:
-        advice, topic: See `StreamHealth`.
-    """
-
-    def __init__(self, advice: Mapping[str, str], topic: str, window: MotionWindow):
-        super().__init__(advice, topic)
+    def __init__(self, topic: str, window: MotionWindow):
+        super().__init__(topic)
         self.decays = 0
         self._window = window
 
@@ -240,7 +297,7 @@ class BufferHealth(StreamHealth):
         level, message = OK, window.described
         if window.is_short_of_memory:
             level = WARN
-            message += f': {self._advice[SHORT_OF_MEMORY]}'
+            message += f': {CURES[SHORT_OF_MEMORY]}'
         values: dict[str, object] = {
             'samples': window.size,
             'duration_s': window.duration,
@@ -254,17 +311,14 @@ class BufferHealth(StreamHealth):
 
 
 class IdentifierHealth(Reasons):
-    """How identification goes.
+    """How identification goes."""
 
-    Args:
-        advice: Reason to what to do about it.
-    """
-
-    def __init__(self, advice: Mapping[str, str]):
-        super().__init__(advice, (BAD_WINDOW, IDENTIFICATION_WORKER_DIED, NOT_SAVED, BAD_MODEL_FILE, QOS_MISMATCH))
+    def __init__(self) -> None:
+        super().__init__((BAD_WINDOW, IDENTIFICATION_WORKER_DIED, NOT_SAVED, BAD_MODEL_FILE, QOS_MISMATCH))
         self.progress = 0.0
         self.refits = self.published = 0
         self.last = 'none yet'
+        self.uncompiled_because = ''  #: Why fits take longer than they could.
 
     def begin(self) -> None:
         """A refit begins."""
@@ -276,21 +330,32 @@ class IdentifierHealth(Reasons):
         self.published += published
         self.last = message
 
-    def report(self, models: str, steps_back: int, is_busy: bool) -> Report:
-        """What to report now, and begin a new period; see `StreamHealth.report`."""
+    def report(
+        self, models: str, steps_back: int, is_busy: bool, verdicts: Mapping[str, object] | None = None
+    ) -> Report:
+        """What to report now, and begin a new period; see `StreamHealth.report`.
+
+        Args:
+            models: For people.
+            steps_back: How many models `rollback` leads back over.
+            is_busy: Whether a refit runs.
+            verdicts: Of `verdict_values`.
+        """
         fresh = list(self.fresh(self.counts))
         doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
         level, message = OK, doing
         if fresh or self.holding:
-            level, message = WARN, self.holding or f'{fresh[0]}: {self._advice[fresh[0]]}'
+            level, message = WARN, self.holding or f'{fresh[0]}: {CURES[fresh[0]]}'
         values: dict[str, object] = {
             'state': 'identifying' if is_busy else 'ready',
             'progress': self.progress,
             'models': models,
+            **(verdicts or {}),
             'rollbacks_kept': steps_back,
             'refits': self.refits,
             'published': self.published,
             'last_verdict': self.last,
+            'uncompiled_because': self.uncompiled_because,
             **self.counts,
         }
         return Report('identification', level, message, values)

@@ -14,7 +14,7 @@ class ManoeuvringHealth(Reasons):
     """
 
     def __init__(self, topic: str, pipeline: ManoeuvreOutlook):
-        super().__init__(REASONS, pipeline.counts)
+        super().__init__(pipeline.counts, REASONS)
         self._topic = topic
         self._pipeline = pipeline
         self._received = self._bad_models = 0

@@ -1,10 +1,11 @@
 """What the diagnostics of the three nodes would be in a play-through."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.health import BufferHealth, IdentifierHealth, Report, stability_report
 from swath_sysid.pipeline.play_through import Played, PlayThrough
+from swath_sysid.pipeline.validity import verdict_values
 
 
 class PlayedHealth:
@@ -13,16 +14,15 @@ class PlayedHealth:
     Nothing takes time there: processing times are zero.
 
     Args:
-        advice: Reason to what to do about it.
         topic: Of the sensor, for people.
         periods: s between the diagnostics of imu_buffer, identifier and predictor.
     """
 
-    def __init__(self, advice: Mapping[str, str], pipeline: PlayThrough, topic: str, periods: Sequence[float]):
+    def __init__(self, pipeline: PlayThrough, topic: str, periods: Sequence[float]):
         self._pipeline = pipeline
-        self._buffer = BufferHealth(advice, topic, pipeline.window)
-        self._identifier = IdentifierHealth(advice)
-        self._predictor = PredictorHealth(advice, topic, pipeline.forecasts)
+        self._buffer = BufferHealth(topic, pipeline.window)
+        self._identifier = IdentifierHealth()
+        self._predictor = PredictorHealth(topic, pipeline.forecasts)
         nodes = 'imu_buffer', 'identifier', 'predictor'
         self._periods_ns = {node: round(1e9 * period) for node, period in zip(nodes, periods, strict=True)}
         self._due_ns: dict[str, int] = {}
@@ -46,10 +46,11 @@ class PlayedHealth:
                 due = self._reports_at(stamp_ns)
             self._now_ns = stamp_ns
         now = (self._now_ns - self._begun_ns) * 1e-9
-        self._buffer.note_message(stamp_ns, now, now)
-        self._predictor.note_message(stamp_ns, now, now)
+        self._buffer.note_message(stamp_ns, self._now_ns, now, now)
+        self._predictor.note_message(stamp_ns, self._now_ns, now, now)
         if played.models is not None:
             self._predictor.note_model(now)
+        self._predictor.published += played.step.next is not None
         if played.window is not None:
             self._buffer.decays += 1
         while self._identifier.refits < self._pipeline.refits:
@@ -80,6 +81,8 @@ class PlayedHealth:
             return self._predictor.reports(now, now_ns)
         refitter = self._pipeline.refitter
         return [
-            self._identifier.report(refitter.described, refitter.steps_back, self._pipeline.is_refitting),
+            self._identifier.report(
+                refitter.described, refitter.steps_back, self._pipeline.is_refitting, verdict_values(refitter.models)
+            ),
             stability_report(refitter.stability),
         ]

@@ -338,15 +338,7 @@ def _advice_on(axis: str, scores: QuantitySkill):
     missing = int(round(float(np.max(np.nan_to_num(scores.stood_in[FORECAST] * scores.counted)))))
     if not missing:
         return []
-    return [
-        Advice(
-            'forecast-missing',
-            (
-                f'{missing} forecasts were issued without a value for {axis} at a lead, and persistence stood in for '
-                'them: see at which samples the sensor gave too little'
-            ),
-        )
-    ]
+    return [Advice.of('forecast-missing', missing=missing, axis=axis)]
 
 
 def _spread(times: Sequence[float]):

@@ -8,19 +8,32 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.motion.trial import AXES
 
-COEFFICIENT_NAMES = (*TERM_NAMES, 'offset')  #: The ratios to inertia, and the trim, rad.
+#: The ratios to inertia, the trim, rad, and in the rows of values the verdict and the amplitudes, rad, of the record.
+COEFFICIENT_NAMES = (*TERM_NAMES, 'offset', 'verdict', 'smallest_amplitude', 'largest_amplitude')
+
+VERDICT_NUMBERS = {'': -1.0, 'doubtful': 1.0, 'adequate': 2.0}  #: The empty one is not known; any other is 0.
 
 
 def coefficients(models: Mapping[str, IdentifiedModel]) -> tuple[tuple[str, ...], np.ndarray]:
-    """The ratios and the trim of models, a row an axis.
+    """The numbers of models, for each axis a row of values and one of their standard deviations.
 
     Args:
         models: By axis.
 
     Returns:
-        axes: Of the rows.
-        values: (axes, 10); columns as `COEFFICIENT_NAMES`.
+        rows: Their names: ``pitch``, ``pitch_std``.
+        values: (2 axes, 13); columns as `COEFFICIENT_NAMES`; a term that is not in use is 0 with a deviation of 0.
     """
     axes = tuple(axis for axis in AXES if axis in models)
-    rows = [[*models[axis].model.ratios.tolist(), models[axis].model.trim] for axis in axes]
-    return axes, np.array(rows, dtype=float).reshape(len(axes), len(COEFFICIENT_NAMES))
+    names = tuple(f'{axis}{kind}' for axis in axes for kind in ('', '_std'))
+    rows = [row for axis in axes for row in _rows(models[axis])]
+    return names, np.array(rows, dtype=float).reshape(len(names), len(COEFFICIENT_NAMES))
+
+
+def _rows(identified: IdentifiedModel) -> tuple[list[float], list[float]]:
+    model, std = identified.model, identified.std
+    verdict = VERDICT_NUMBERS.get(identified.verdict, 0.0)
+    return (
+        [*model.ratios.tolist(), model.trim, verdict, *identified.amplitude_range],
+        [*(std.get(name, 0.0) for name in TERM_NAMES), identified.trim_std, 0.0, 0.0, 0.0],
+    )

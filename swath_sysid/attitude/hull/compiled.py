@@ -8,6 +8,7 @@ damping_moment = accelerated(terms.damping_moment)
 restoring_moment = accelerated(terms.restoring_moment)
 damping_slope = accelerated(terms.damping_slope)
 restoring_slope = accelerated(terms.restoring_slope)
+term_moments = accelerated(terms.term_moments)
 
 
 def step_of_arrays(

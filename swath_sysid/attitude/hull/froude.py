@@ -12,8 +12,9 @@ from fractions import Fraction
 
 import numpy as np
 
+from swath_sysid.attitude.hull.catalogue import composed
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
 from swath_sysid.common.advice import Advice
@@ -96,10 +97,20 @@ def scaled(identified: IdentifiedModel, ratio: Fraction) -> IdentifiedModel:
         model=scaled_model(origin.model, total),
         covariance=origin.covariance * np.outer(factors, factors),
         metrics=metrics,
+        posterior=_scaled_posterior(origin.posterior, total),
         provenance={
             **origin.provenance,
             'froude_scaling': {'length_ratio': str(total), 'scale_of_trials': _plain(origin)},
         },
+    )
+
+
+def _scaled_posterior(posterior: HullPosterior | None, ratio: Fraction):
+    if posterior is None:
+        return None
+    factors = _factors(ratio)[posterior.equation.indices]
+    return HullPosterior(
+        posterior.equation, posterior.ratios * factors, posterior.covariance * np.outer(factors, factors)
     )
 
 
@@ -122,19 +133,10 @@ def scaling_advice(model: DecayModel, ratio: Fraction) -> tuple[Advice, ...]:
     """
     damping = [name for name in DAMPING_NAMES if name in model.equation.terms and name != 'b0']
     side = 'smaller' if ratio > 1 else 'larger'
-    viscous = Advice(
-        'viscous-scale-effect',
-        f'Froude scaling keeps wave damping, but not viscous damping: the Reynolds number changes by a factor '
-        f'{float(ratio) ** 1.5:.3g}, so that the frictional part of {", ".join(damping)} will be {side} than scaled '
-        'here; correct it with a friction line (ITTC 7.5-02-07-04.5) or confirm it at the other scale',
-    )
+    viscous = Advice.of('viscous-scale-effect', factor=float(ratio) ** 1.5, damping=', '.join(damping), side=side)
     if 'b0' not in model.equation.terms:
         return (viscous,)
-    return viscous, Advice(
-        'dry-friction-scaled',
-        'b0 is dry friction of a rig or mooring, which does not scale with the hull: use the result with b0 = 0 '
-        'unless such a rig exists there too',
-    )
+    return viscous, Advice.of('dry-friction-scaled')
 
 
 def _factors(ratio: float | Fraction) -> np.ndarray:
@@ -163,6 +165,7 @@ def _at_scale_of_trials(identified: IdentifiedModel) -> tuple[IdentifiedModel, F
             ),
             covariance=np.array(kept['covariance'], dtype=float),
             metrics=kept['metrics'],
+            posterior=_posterior_of(kept.get('posterior')),
             provenance={key: value for key, value in identified.provenance.items() if key != 'froude_scaling'},
         )
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -191,4 +194,20 @@ def _plain(identified: IdentifiedModel) -> dict:
         'covariance': identified.covariance.tolist(),
         'friction_rate_rad_s': identified.model.friction_rate,
         'metrics': identified.metrics,
+        **_plain_posterior(identified.posterior),
     }
+
+
+def _plain_posterior(posterior: HullPosterior | None) -> dict:
+    if posterior is None:
+        return {}
+    ratios = dict(zip(posterior.equation.terms, posterior.ratios.tolist(), strict=True))
+    return {'posterior': {'ratios': ratios, 'covariance': posterior.covariance.tolist()}}
+
+
+def _posterior_of(plain: dict | None) -> HullPosterior | None:
+    if plain is None:
+        return None
+    equation = composed(tuple(plain['ratios']))
+    ratios = np.array([plain['ratios'][name] for name in equation.terms], dtype=float)
+    return HullPosterior(equation, ratios, np.array(plain['covariance'], dtype=float))

@@ -65,6 +65,16 @@ class IdentifiedModel:
         return cls(model, np.zeros((n, n)))
 
     @property
+    def verdict(self) -> str:
+        """Of the fit: ``adequate`` or ``doubtful``; empty where it is not known."""
+        return str(self.metrics.get('verdict', ''))
+
+    @property
+    def verdict_sentence(self) -> str:
+        """Cause and cure; empty where they are not known."""
+        return str(self.metrics.get('verdict_sentence', ''))
+
+    @property
     def std(self) -> dict[str, float]:
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))

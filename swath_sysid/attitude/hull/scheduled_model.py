@@ -152,18 +152,17 @@ class ScheduledModel:
         return np.array([m.model.ratios[TERM_INDEX[name]] for m in self.models])
 
     def _outside(self, loading: float, nearest: float) -> Advice:
-        return Advice(
+        return Advice.of(
             'loading-outside',
-            f'the model was identified for {self.quantity} {self.loadings[0]:g} to {self.loadings[-1]:g} and is not '
-            f'extrapolated to {loading:g}: that of {nearest:g} is used; add trials at this loading',
+            quantity=self.quantity,
+            lowest=self.loadings[0],
+            highest=self.loadings[-1],
+            loading=loading,
+            nearest=nearest,
         )
 
     def _curvature_unknown(self) -> Advice:
-        return Advice(
-            'loading-curvature-unknown',
-            f'the model was identified at two values of {self.quantity} only, so that how its ratios bend between '
-            'them is unknown: add trials at a third',
-        )
+        return Advice.of('loading-curvature-unknown', quantity=self.quantity)
 
 
 def models_at(

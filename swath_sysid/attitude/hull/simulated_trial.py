@@ -55,7 +55,7 @@ def simulated_trial(
         InputError: Too few or too many samples, or the motion runs away from that angle.
     """
     if not (duration > 0.0 and rate_hz > 0.0 and hold >= 0.0):
-        raise InputError('duration and rate must be greater than zero, hold not negative')
+        raise InputError('duration and rate must be greater than zero, hold not negative', 'times-of-trial')
     count = int(round((hold + duration) * rate_hz))
     if not 8 <= count <= MAX_SAMPLES:
         raise InputError(

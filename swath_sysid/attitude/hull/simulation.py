@@ -6,7 +6,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.compiled import motion_step, step_of_arrays
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
+from swath_sysid.common.accelerator import accelerated, has_numba
 
 STEPS_PER_PERIOD = 60  #: Runge-Kutta steps a natural period: phase error below 1e-7 rad a step.
 
@@ -86,7 +86,7 @@ def runge_kutta_population(
     """
     angles, rates, accelerations = (np.empty((steps + 1, x.size)) for _ in range(3))
     # one step, two loops: compiled code is fast in registers, numpy on whole rows
-    integrate = _one_by_one if HAS_NUMBA else _side_by_side
+    integrate = _one_by_one if has_numba() else _side_by_side
     integrate(x, rate, ratios, active, friction_rate, step, angles, rates, accelerations)
     return angles, rates, accelerations
 

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swath_sysid.attitude.hull.simulation import longest_step, runge_kutta_population
-from swath_sysid.attitude.hull.terms import TERM_NAMES, damping_moment
-from swath_sysid.attitude.identification.scaling import UPPER
+from swath_sysid.attitude.hull.identified_model import HullPosterior
+from swath_sysid.attitude.identification.uncertainty import release_error
 from swath_sysid.attitude.motion.time_base import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
@@ -19,14 +18,10 @@ if TYPE_CHECKING:
 
 ADEQUATE, DOUBTFUL, REJECTED = 'adequate', 'doubtful', 'rejected'
 
-#: Error of the next release, a share of its motion, up to which a model is adequate, and from which it is rejected:
-#: it is then no better than a forecast of rest.
+#: Error of the next release, a share of its motion, up to which a model is adequate, and from which it is rejected: the
+#: forecast is then no better than that of rest.
 ADEQUATE_ERROR, REJECTED_ERROR = 0.1, 1.0
 LARGEST_UNEXPLAINED = 0.5  #: Share of the motion: a fit that leaves more is of something else.
-UPPER_PART = 0.9  #: Part of the draws whose error is smaller than the error stated.
-DRAWS = 100  #: Hulls of the posterior that are simulated,
-CANDIDATES = 1000  #: out of so many: those whose damping would give energy are left out.
-RELEASE_PERIODS = 4.0  #: Length of the next release.
 #: Autocorrelation of the residuals at one period from which they swing with the motion; white noise has 0.
 SWINGING = 0.5
 #: What the rate and the angle's slope differ by, over the rate, root mean squares: a wrong unit, sign or delay.
@@ -34,7 +29,9 @@ MAX_RATE_MISMATCH = 0.35
 LEAST_USABLE = 0.5  #: Part of a record's rows that a fit must rest on.
 BLOCKS_PER_PERIOD = 24  #: Within one of them the motion hardly changes.
 CHANCE_STDS = 2.0  #: Standard deviations of the products of white residuals that are taken for chance.
-AT_BOUND = 0.999  #: Of the search range: a stiffness beyond it ended at the bound.
+LARGEST_PERIOD_RATIO = 2.2  #: Of the natural period and that of the swings, one way or the other.
+#: Righting moment at the release over that of the linear stiffness: a craft that was moved sets out with less.
+LEAST_RIGHTING = 0.3
 
 
 @dataclass(frozen=True)
@@ -99,9 +96,7 @@ def _contradictions(found: 'Identification', unexplained: float) -> Iterator[tup
     if not unexplained <= LARGEST_UNEXPLAINED:
         yield REJECTED, 'poor-fit', _poor_fit(unexplained)
     period = found.model.natural_period
-    places = [TERM_NAMES.index(name) for name in ('r1', 's1')]
-    stiffness = found.model.ratios[places] / found.problem.scales.ratio_units[places]
-    if not (np.isfinite(period) and (stiffness <= AT_BOUND * UPPER[places]).all()):
+    if not np.isfinite(period):
         yield (
             REJECTED,
             'no-period',
@@ -149,12 +144,24 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
             'few-samples',
             f'only {usable:.0%} of the recorded rows have a time of their own: write the time with more digits',
         )
-    if any(r.segment.beginning == 'pushed' and r.segment.cycles < 1.0 for r in found.records):
+    swings = 2.0 * np.pi / found.problem.scales.frequency
+    if not 1.0 / LARGEST_PERIOD_RATIO < found.model.natural_period / swings < LARGEST_PERIOD_RATIO:
+        yield (
+            DOUBTFUL,
+            'implausible-period',
+            f'the natural period came out as {found.model.natural_period:.3g} s where the craft swings in '
+            f'{swings:.3g} s: choose the decay by its start and end, or release the craft again in still water',
+        )
+    start = largest_release(found)
+    righting = -float(found.model.acceleration(found.model.trim + start, 0.0)) / start
+    brief = any(r.segment.beginning == 'pushed' and r.segment.cycles < 1.0 for r in found.records)
+    if brief or not righting >= LEAST_RIGHTING * found.model.natural_frequency**2:
+        seen = 'less than one swing was seen' if brief else 'it hardly sped up at first'
         yield (
             DOUBTFUL,
             'no-release',
-            'less than one swing was seen and the craft was not held before it, so that it may not have swung freely: '
-            'hold the craft still at an angle in still water, and release it',
+            f'the craft may have been moved and not released, because {seen}: hold it still at an angle in still '
+            'water, and let it go',
         )
     absent = found.absent_term
     if absent is not None:
@@ -167,58 +174,17 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
         )
 
 
+def largest_release(found: 'Identification') -> float:
+    """The largest amplitude seen, rad from trim, to the side on which that record begins."""
+    return float(np.copysign(found.problem.scales.amplitude, max((r.state.x for r in found.records), key=abs)))
+
+
 def posterior_error(found: 'Identification') -> float:
-    """Error of the next release that the uncertainty of every term and of the trim leaves, a share of its motion.
-
-    The craft is released from the largest amplitude seen; the motion of the model is held against that of draws from
-    the posterior whose damping takes energy.
-    """
-    model, problem = found.model, found.problem
-    posterior = getattr(found, 'posterior', None)
-    equation, ratios, covariance = (
-        (model.equation, model.ratios[model.equation.indices], found.covariance)
-        if posterior is None
-        else (posterior.equation, posterior.ratios, posterior.covariance)
-    )
-    if not np.isfinite(covariance).all():
-        return float('inf')
-    rng = np.random.default_rng(0)
-    hulls = np.zeros((len(TERM_NAMES), CANDIDATES))
-    hulls[equation.indices] = ratios[:, None] + _normal(covariance, rng)
-    trims = np.nan_to_num(found.trim_std) * rng.normal(size=DRAWS)
-    first = max((r.state.x for r in found.records), key=abs)
-    start = float(np.copysign(problem.scales.amplitude, first))
-    rates = np.linspace(0.0, problem.scales.rate, 30)[1:]
-    active = tuple(a or b for a, b in zip(equation.active, model.equation.active, strict=True))
-    taken = damping_moment(rates[:, None], hulls[:, None, :], active, model.friction_rate)
-    hulls = hulls[:, (taken >= 0.0).all(axis=0)][:, :DRAWS]
-    count = hulls.shape[1]
-    if not count:
-        return float('inf')
-    step = longest_step(model, start)
-    steps = int(np.ceil(RELEASE_PERIODS * 2.0 * np.pi / problem.scales.frequency / step))
-    offset = np.append(trims[:count], 0.0)
-    with np.errstate(over='ignore', invalid='ignore'):
-        angles, _, _ = runge_kutta_population(
-            start - offset,
-            np.zeros(count + 1),
-            np.column_stack([hulls, model.ratios]),
-            active,
-            model.friction_rate,
-            step,
-            steps,
-        )
-        motion = angles[:, -1]
-        error = np.sqrt(np.mean((angles[:, :-1] + offset[:-1] - motion[:, None]) ** 2, axis=0) / np.mean(motion**2))
-    return float(np.quantile(np.where(np.isfinite(error), error, np.inf), UPPER_PART, method='higher'))
-
-
-def _normal(covariance: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draws about zero, shape (n, CANDIDATES), of a covariance (n, n) that may be singular and badly scaled."""
-    std = np.sqrt(np.diag(covariance))
-    scale = np.where(std > 0.0, std, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    return scale[:, None] * (vectors * np.sqrt(np.maximum(values, 0.0))) @ rng.normal(size=(std.size, CANDIDATES))
+    """The `release_error` of a fit from the largest amplitude seen."""
+    model, scales = found.model, found.problem.scales
+    start = largest_release(found)
+    own = HullPosterior(model.equation, model.ratios[model.equation.indices], found.covariance)
+    return release_error(model, found.posterior or own, found.trim_std, start, scales)
 
 
 def unexplained_share(found: 'Identification', quantity: str) -> float:

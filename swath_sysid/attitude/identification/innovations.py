@@ -22,7 +22,7 @@ from swath_sysid.attitude.hull.compiled import (
     restoring_slope,
 )
 from swath_sysid.attitude.motion.attitude import Value
-from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
+from swath_sysid.common.accelerator import accelerated, has_numba
 
 Pair = tuple[Value, Value]
 STATES = 12
@@ -118,7 +118,6 @@ def times_transition(transition: np.ndarray, given: np.ndarray, found: np.ndarra
             found[j, i] = total
 
 
-@accelerated
 def propagate_one(transition: np.ndarray, m: np.ndarray, c: np.ndarray, q: np.ndarray) -> None:
     """Mean (12,), but for x and w, and covariance (12, 12) after a step that adds ``q``, in place."""
     half = np.empty_like(c)
@@ -146,7 +145,6 @@ def propagate_all(transition: np.ndarray, m: np.ndarray, c: np.ndarray, q: np.nd
     m[TRIM:] = (f[:, TRIM:, TRIM:] @ m.T[:, TRIM:, None])[..., 0].T
 
 
-@accelerated
 def read_one(
     m: np.ndarray,
     c: np.ndarray,
@@ -216,7 +214,7 @@ def read_all(
 
 
 # a covariance is worth a loop to compiled code, a call to numpy
-propagate, read = (propagate_one, read_one) if HAS_NUMBA else (propagate_all, read_all)
+propagate, read = accelerated(propagate_one, propagate_all), accelerated(read_one, read_all)
 
 
 @accelerated
@@ -329,8 +327,6 @@ def innovations(
     angle: np.ndarray,
     rate: np.ndarray,
     counts: np.ndarray,
-    *,
-    compiled: bool = HAS_NUMBA,
 ) -> np.ndarray:
     """Innovations and their variances under B sets of parameters.
 
@@ -344,7 +340,6 @@ def innovations(
         bias_std: Of the gyro's bias before anything was read, rad/s.
         floor: (2,); standard deviation of what no model explains of a block's mean, rad and rad/s.
         counts: ndarray of float, shape (N, 2); samples in each mean of the angle and of the rate.
-        compiled: Whether one after the other.
 
     Returns:
         Zero and one where nothing was read.
@@ -372,7 +367,7 @@ def innovations(
     noise = np.where(unread, np.inf, variances / np.where(unread, 1.0, counts) + floor**2)
     record = step, bend, angle, rate
     found = np.empty((2, count, angle.size, 2))
-    if compiled:
+    if has_numba():
         columns = np.ascontiguousarray(ratios.T), active, friction_rate, m, c, q, transition, noise
         run_one_by_one(*columns, *record, *found)
     else:

@@ -5,7 +5,7 @@ decay is identified at sea. The linear equivalent that this gives never replaces
 other amplitudes too; a decay replaces either.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -269,7 +269,10 @@ def _refit_at_sea(
     try:
         found = identify_at_sea(motion, heave, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
-        raise InputError(f'{error} (the window holds what window_s says)') from error
+        raise InputError(
+            f'{error}; the window is as long as window_s of imu_buffer: raise it where more is needed, as in '
+            '`ros2 param set /imu_buffer window_s 300.0`, and identify when it is full'
+        ) from error
     estimate = None
     if found.has_period:
         begin, end = seen.newest.rows[[0, -1], 0].tolist()
@@ -324,15 +327,21 @@ class Refitter:
 
     Args:
         models: Known at the start, by axis.
+        history: Those before them, oldest first.
     """
 
-    def __init__(self, settings: RefitSettings | None = None, models: Mapping[str, IdentifiedModel] | None = None):
+    def __init__(
+        self,
+        settings: RefitSettings | None = None,
+        models: Mapping[str, IdentifiedModel] | None = None,
+        history: Sequence[dict[str, IdentifiedModel]] = (),
+    ):
         self.settings = settings or RefitSettings()
         self.models = dict(models or {})
         self.decays: dict[str, HeldDecays] = {}
         self.version = 0
         self.stability = StabilityWatch()
-        self._history: list[tuple[dict[str, IdentifiedModel], dict[str, HeldDecays]]] = []
+        self._history = [(each, dict[str, HeldDecays]()) for each in history]
         self._forgot = False
 
     def request(self, *windows: MotionTable, is_asked: bool = True, **origin: Any) -> RefitRequest:

@@ -16,7 +16,7 @@ from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
 from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 from swath_sysid.common.swarm import ParticleSwarm, SwarmSettings
 
-ALGORITHMS = ('ga', 'pso', 'de')
+ALGORITHMS = ('ga', 'pso')
 Budget = TypeVar('Budget', GeneticSettings, SwarmSettings)
 
 
@@ -104,7 +104,7 @@ WHOLE_NUMBERS = {'generations': (1, 100_000), 'population': (8, 100_000), 'seed'
 class SearchSettings:
     """Which algorithm with which budget."""
 
-    algorithm: str = 'ga'  #: ``ga``, ``pso`` or ``de``.
+    algorithm: str = 'ga'  #: ``ga`` or ``pso``.
     preset: str | None = None  #: A name in ``PRESETS``: its parameters, and the published variables and ranges.
     generations: int | None = None  #: Override the budget of the preset or of the algorithm's default.
     population: int | None = None  #: Override the budget of the preset or of the algorithm's default.
@@ -170,8 +170,6 @@ def run_search(
         if should_cancel is not None and should_cancel():
             raise Cancelled
 
-    if settings.algorithm == 'de':
-        return _differential_evolution(objective, space, settings, first, note)
     if settings.algorithm == 'pso':
         swarm = settings.budget(SwarmSettings())
         search: GeneticSearch | ParticleSwarm = ParticleSwarm(space.lower, space.upper, swarm, settings.seed, first)
@@ -186,46 +184,6 @@ def run_search(
     return SearchResult(
         search.best.copy(), search.best_value, search.generation, search.evaluations, search.should_stop() or ''
     )
-
-
-def _differential_evolution(
-    objective: Callable[[np.ndarray], np.ndarray],
-    space: SearchSpace,
-    settings: SearchSettings,
-    first: ArrayLike,
-    note: Callable[[int, int], None],
-):
-    """scipy's differential evolution; its population is spread around the bounds' scale."""
-    from scipy.optimize import differential_evolution
-
-    budget = settings.budget(GeneticSettings())
-    generation = 0
-
-    def count(*_, **__):
-        nonlocal generation
-        generation += 1
-        note(generation, budget.generations)
-
-    population = np.random.default_rng(settings.seed).uniform(
-        space.lower, space.upper, (budget.population, space.lower.size)
-    )
-    first = np.reshape(first, (-1, space.lower.size))
-    population[: len(first)] = np.clip(first, space.lower, space.upper)
-    largest = 1e100
-    found = differential_evolution(
-        lambda columns: np.minimum(objective(space.to_ratios(columns.T)), largest),
-        list(zip(space.lower, space.upper, strict=True)),
-        init=population,
-        maxiter=budget.generations,
-        tol=1e-3,
-        seed=settings.seed,
-        polish=False,
-        vectorized=True,
-        updating='deferred',
-        callback=count,
-    )
-    stop = 'convergence' if found.success else 'generations'
-    return SearchResult(found.x, float(found.fun), int(found.nit), int(found.nfev), stop)
 
 
 def full_ratios(dimensionless: np.ndarray, equation: Equation, scales: Scales) -> np.ndarray:

@@ -7,10 +7,18 @@ import numpy as np
 
 from swath_sysid.attitude.hull.amplitude import AmplitudeCurves, amplitude_curves
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RESTORING_NAMES
+from swath_sysid.attitude.hull.identified_model import HullPosterior
+from swath_sysid.attitude.hull.simulation import longest_step, runge_kutta_population
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RESTORING_NAMES, TERM_NAMES, damping_moment
+from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 
 RELATIVE_STEP = 1e-4
+UPPER_PART = 0.9  #: Part of the draws whose error is smaller than the error stated.
+DRAWS = 100  #: Hulls of the posterior that are simulated,
+CANDIDATES = 1000  #: of so many that are drawn.
+RATES = 30  #: At which the damping of each is looked at.
+RELEASE_PERIODS = 4.0  #: Length of the next release.
 
 
 def known_together(terms: Sequence[str], covariance: np.ndarray) -> tuple[tuple[str, ...], ...]:
@@ -81,3 +89,59 @@ def amplitude_bands(model: DecayModel, covariance: np.ndarray, amplitude: np.nda
 def _spread(slopes: np.ndarray, covariance: np.ndarray):
     """Standard deviation of a quantity of slopes (n, A) by the delta method, shape (A,)."""
     return np.sqrt(np.maximum(np.einsum('ia,ij,ja->a', slopes, covariance, slopes), 0.0))
+
+
+def release_error(model: DecayModel, posterior: HullPosterior, trim_std: float, start: float, scales: Scales) -> float:
+    """Error of the next release that the uncertainty of every term and of the trim leaves, a share of its motion.
+
+    The motion of the model is held against that of hulls drawn from the posterior; `UPPER_PART` of them are nearer.
+
+    Args:
+        model: Whose release is forecast.
+        posterior: Of every term; draws whose damping would give energy are left out.
+        trim_std: rad; NaN where the trim is not known, and then has no part.
+        start: Angle from trim at which the craft is released, rad.
+        scales: Of the records.
+
+    Returns:
+        Infinite where most of the hulls do not return, or the posterior is not finite.
+    """
+    active = tuple(a or b for a, b in zip(posterior.equation.active, model.equation.active, strict=True))
+    hulls, trim = _drawn(posterior, active, model.friction_rate, scales.rate)
+    count = hulls.shape[1]
+    if not count:
+        return float('inf')
+    trim = np.append(np.nan_to_num(trim_std) * trim[:count], 0.0)
+    step = longest_step(model, start)
+    steps = int(np.ceil(RELEASE_PERIODS * 2.0 * np.pi / scales.frequency / step))
+    with np.errstate(over='ignore', invalid='ignore'):
+        angles, _, _ = runge_kutta_population(
+            start - trim,
+            np.zeros(count + 1),
+            np.column_stack([hulls, model.ratios]),
+            active,
+            model.friction_rate,
+            step,
+            steps,
+        )
+        motion = angles + trim
+        error = np.sqrt(np.mean((motion[:, :-1] - motion[:, -1:]) ** 2, axis=0) / np.mean(motion[:, -1] ** 2))
+    return float(np.quantile(np.where(np.isfinite(error), error, np.inf), UPPER_PART, method='higher'))
+
+
+def _drawn(posterior: HullPosterior, active: Sequence[bool], friction_rate: float, largest_rate: float):
+    """Ratios (9, up to `DRAWS`) of a posterior, and as many standard normal values for the trim."""
+    rng = np.random.default_rng(0)
+    if not np.isfinite(posterior.covariance).all():
+        return np.empty((len(TERM_NAMES), 0)), np.empty(0)
+    # the covariance may be singular, and is badly scaled
+    std = np.sqrt(np.diag(posterior.covariance))
+    values, vectors = np.linalg.eigh(correlation(posterior.covariance))
+    normal = rng.normal(size=(std.size, CANDIDATES))
+    hulls = np.zeros((len(TERM_NAMES), CANDIDATES))
+    hulls[posterior.equation.indices] = posterior.ratios[:, None] + std[:, None] * (
+        (vectors * np.sqrt(np.maximum(values, 0.0))) @ normal
+    )
+    rates = np.linspace(0.0, largest_rate, RATES)[1:, None]
+    taken = damping_moment(rates, hulls[:, None, :], active, friction_rate)
+    return hulls[:, (taken >= 0.0).all(axis=0)][:, :DRAWS], rng.normal(size=DRAWS)

@@ -4,6 +4,7 @@ from bisect import bisect_left
 
 import numpy as np
 
+from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.errors import InputError
 
@@ -13,7 +14,7 @@ MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 #: wave lifts a craft by 50 m.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
 
-GAP_INTERVALS = 3.0  #: An interval longer than this many median intervals is a gap.
+SHARED_STAMPS = 0.1  #: Share of the rows with the stamp of the row before from which the stamps may be rounded.
 
 #: The 90 % band of the intervals, relative to their median, from which a time base counts as uneven.
 UNEVEN_SPREAD = 0.1
@@ -28,33 +29,28 @@ def clean(
     """Leave out what cannot be used, mark what cannot be true, and say so.
 
     Rows without a finite stamp, with the stamp of the row before, or out of order are left out
-    (the longest increasing sequence of stamps stays, so one stray stamp costs one row). Absurd
-    values become NaN. Channels without a finite value are left out. Gaps and an uneven time base
-    are only reported.
+    (the longest increasing sequence of stamps stays, so one stray stamp costs one row). Rows that share rounded
+    stamps are spread evenly. Absurd values become NaN. Channels without a finite value are left out. Gaps and an
+    uneven time base are only reported.
 
     Args:
         time: (N,); seconds.
-        channels: dict of str to (N,); SI units. What a value may be follows from the name: ``roll`` and ``pitch`` are
-            angles, ``yaw`` and ``heading`` headings, ``*_rate`` and ``gyro_*`` rates, ``accel_*`` accelerations,
-            ``heave`` itself; others are only looked at for NaN.
+        channels: dict of str to (N,); SI units. What a value may be follows from the name (`limit_of`).
         source: What to call the record in messages.
 
     Returns:
         time: (M,); strictly increasing and finite.
-        channels: dict of str to (M,); naN marks a missing value.
-        advice: Codes ``missing-stamps``, ``repeated-stamps``, ``out-of-order-stamps``, ``absurd-values``,
-            ``missing-values``, ``empty-channel``, ``gaps``, ``uneven-time-base``.
+        channels: dict of str to (M,); NaN marks a missing value.
+        advice: Codes ``missing-stamps``, ``rounded-stamps``, ``repeated-stamps``, ``out-of-order-stamps``,
+            ``absurd-values``, ``missing-values``, ``empty-channel``, ``gaps``, ``uneven-time-base``.
 
     Raises:
-        InputError: Fewer than `MIN_ROWS` rows have a stamp of their own, or hold a usable value.
+        InputError: Fewer than `MIN_ROWS` rows have a stamp of their own, or hold a usable value; the time runs
+            backwards; most rows share rounded stamps that no even time base explains.
     """
     time = np.asarray(time, dtype=float)
-    rows, advice = _usable_rows(time)
-    if rows is not None:
-        time = time[rows]
-    channels = {
-        name: np.asarray(values, dtype=float)[... if rows is None else rows] for name, values in channels.items()
-    }
+    channels = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
+    time, channels, advice = _in_time(time, channels, source)
     channels, value_advice = _plausible_channels(channels)
     advice += value_advice
     if time.size < MIN_ROWS:
@@ -74,35 +70,52 @@ def clean(
     return time, channels, tuple(advice + _time_base_advice(time))
 
 
-def _usable_rows(time: np.ndarray) -> tuple[np.ndarray | None, list[Advice]]:
-    """A mask of the rows to keep (None: all of them) and advice."""
-    advice: list[Advice] = []
+def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndarray, Channels, list[Advice]]:
+    """The rows with a stamp of their own, in order, and advice on the others."""
     with np.errstate(invalid='ignore'):
         if np.isfinite(time).all() and np.all(np.diff(time) > 0):
-            return None, advice
+            return time, channels, []
+    advice: list[Advice] = []
     rows = np.flatnonzero(np.isfinite(time))
     if rows.size < time.size:
+        missing = counted(time.size - rows.size, 'row')
         advice.append(
-            Advice(
-                'missing-stamps',
-                (
-                    f'{counted(time.size - rows.size, "row")} without a finite time left out: check what wrote the '
-                    'stamps'
-                ),
-            )
+            Advice('missing-stamps', f'{missing} without a finite time left out: check what wrote the stamps')
         )
+    _refuse_reversed(time[rows], source)
     fresh = np.ones(rows.size, dtype=bool)
-    fresh[1:] = time[rows][1:] != time[rows][:-1]
-    repeated = int(rows.size - np.count_nonzero(fresh))
+    fresh[1:] = np.diff(time[rows]) != 0.0
+    copies = _copies(rows, ~fresh, channels)
+    single = rows[~copies]
+    shared = int(np.count_nonzero(~fresh & ~copies))
+    if shared > SHARED_STAMPS * single.size:
+        spread, resolution = _spread_evenly(time[single])
+        if spread is not None:
+            interval = float(np.median(np.diff(spread)))
+            each = round(resolution / interval)
+            advice.append(
+                Advice(
+                    'rounded-stamps',
+                    f'the stamps are rounded to {resolution:.4g} s, about {each} rows each: these were spread evenly, '
+                    f'one every {interval:.4g} s; write the time with more digits',
+                )
+            )
+            time = time.copy()
+            time[single] = spread
+            rows, fresh = single, np.ones(single.size, dtype=bool)
+        elif shared > 0.5 * single.size:
+            raise InputError(
+                f'{source}: {shared} of {single.size} rows have the stamp of the row before, and no even sampling '
+                f'explains it: write the time with more digits'
+            )
+    repeated = int(np.count_nonzero(~fresh))
     rows = rows[fresh]
     if repeated:
         advice.append(
             Advice(
                 'repeated-stamps',
-                (
-                    f'{counted(repeated, "row")} with the stamp of the row before left out: if most are, write the '
-                    f'time with more digits'
-                ),
+                f'{counted(repeated, "row")} with the stamp of the row before left out: if most are, write the time '
+                f'with more digits',
             )
         )
     ordered = _longest_increasing(time[rows])
@@ -111,15 +124,53 @@ def _usable_rows(time: np.ndarray) -> tuple[np.ndarray | None, list[Advice]]:
         advice.append(
             Advice(
                 'out-of-order-stamps',
-                (
-                    f'{counted(disordered, "row")} out of order left out: if these are two recordings in one file or a '
-                    f'replay that looped, split it'
-                ),
+                f'{counted(disordered, "row")} out of order left out: if these are two recordings in one file or a '
+                f'replay that looped, split it',
             )
         )
-    keep = np.zeros(time.size, dtype=bool)
-    keep[rows[ordered]] = True
-    return keep, advice
+    rows = rows[ordered]
+    return time[rows], {name: values[rows] for name, values in channels.items()}, advice
+
+
+def _refuse_reversed(time: np.ndarray, source: str) -> None:
+    """Refuse a record of which hardly a stamp is after the one before."""
+    if MIN_ROWS * np.count_nonzero(np.diff(time) > 0.0) < time.size and time[-1] < time[0]:
+        raise InputError(
+            f'{source}: the time runs backwards, from {time[0]:.6g} to {time[-1]:.6g} s: reverse the order of its '
+            f'rows, or correct the sign of its time'
+        )
+
+
+def _copies(rows: np.ndarray, repeats: np.ndarray, channels: Channels) -> np.ndarray:
+    """Of the rows with the stamp of the row before, those that also hold its values, where most of them do."""
+    copies = repeats.copy()
+    for values in channels.values():
+        own = values[rows]
+        copies[1:] &= (own[1:] == own[:-1]) | (np.isnan(own[1:]) & np.isnan(own[:-1]))
+    return copies if np.count_nonzero(copies) > 0.5 * np.count_nonzero(repeats) else np.zeros_like(copies)
+
+
+def _spread_evenly(time: np.ndarray) -> tuple[np.ndarray | None, float]:
+    """Even stamps of which those given are roundings, and the step of the rounding; None where there are no such.
+
+    Between gaps the rows are placed on a straight line by least squares, and every row must then be within one step of
+    its stamp.
+    """
+    steps = np.diff(time)
+    if np.any(steps < 0.0) or not np.any(steps > 0.0):
+        return None, 0.0
+    resolution = float(np.median(steps[steps > 0.0]))
+    ends = [*(np.flatnonzero(steps > GAP_INTERVALS * resolution) + 1).tolist(), time.size]
+    spread, start = np.empty(time.size), 0
+    for end in ends:
+        if end - start < MIN_ROWS:
+            return None, resolution
+        rows = np.arange(end - start) - 0.5 * (end - start - 1)
+        slope = float(rows @ time[start:end] / (rows @ rows))
+        spread[start:end] = np.mean(time[start:end]) + slope * rows
+        start = end
+    is_even = np.all(np.abs(spread - time) < resolution) and np.all(np.diff(spread) > 0.0)
+    return (spread if is_even else None), resolution
 
 
 def _longest_increasing(values: np.ndarray) -> np.ndarray:
@@ -155,43 +206,30 @@ def _longest_increasing(values: np.ndarray) -> np.ndarray:
 
 def _plausible_channels(channels: Channels) -> tuple[Channels, list[Advice]]:
     """The channels that hold something, absurd values as NaN, and advice."""
-    plausible, advice = {}, []
-    missing: dict[str, int] = {}
-    absurd: dict[str, int] = {}
-    empty: list[str] = []
+    plausible: Channels = {}
+    missing, absurd = {}, {}
     for name, values in channels.items():
         finite = np.isfinite(values)
         missing[name] = values.size - int(np.count_nonzero(finite))
-        largest = LARGEST_VALUES.get(_kind(name), np.inf)
-        wild = finite & (np.abs(values) > largest)
-        absurd[name] = int(np.count_nonzero(wild))
-        if absurd[name] or np.isinf(values).any():
-            values = np.where(finite & ~wild, values, np.nan)
-        if np.isfinite(values).any():
-            plausible[name] = values
-        else:
-            empty.append(name)
-    if any(absurd.values()):
-        advice.append(
-            Advice(
-                'absurd-values',
-                (
-                    f'values no craft can have left out ({_listed(absurd)}): check the units in the column names, or '
-                    f'look for broken packets'
-                ),
-            )
-        )
-    missing = {name: count for name, count in missing.items() if name in plausible}
-    if any(missing.values()):
-        advice.append(Advice('missing-values', (f'values missing ({_listed(missing)}): they are left out of the fit')))
-    if empty:
-        advice.append(
-            Advice(
-                'empty-channel',
-                (f'no usable value in {", ".join(empty)}: left out; check that the sensor was set to send it'),
-            )
-        )
-    return plausible, advice
+        possible = finite & (np.abs(values) <= limit_of(name))
+        absurd[name] = int(np.count_nonzero(finite & ~possible))
+        if possible.any():
+            plausible[name] = values if possible.all() else np.where(possible, values, np.nan)
+    seen = {
+        'absurd-values': (
+            _listed(absurd),
+            'values no craft can have left out ({}): check the units in the column names, or look for broken packets',
+        ),
+        'missing-values': (
+            _listed({name: missing[name] for name in plausible}),
+            'values missing ({}): they are left out of the fit',
+        ),
+        'empty-channel': (
+            ', '.join(name for name in channels if name not in plausible),
+            'no usable value in {}: left out; check that the sensor was set to send it',
+        ),
+    }
+    return plausible, [Advice(code, sentence.format(what)) for code, (what, sentence) in seen.items() if what]
 
 
 def _time_base_advice(time: np.ndarray) -> list[Advice]:
@@ -225,17 +263,18 @@ def _time_base_advice(time: np.ndarray) -> list[Advice]:
     return advice
 
 
-def _kind(name: str) -> str:
-    """The kind of quantity a channel holds, by its name."""
+def limit_of(name: str) -> float:
+    """The largest value that a channel of that name may hold, of a record or of a message; infinite: any."""
+    kind = name
     if name in ('roll', 'pitch'):
-        return 'angle'
-    if name in ('yaw', 'heading'):
-        return 'heading'
-    if name == 'heave':
-        return name
-    if name.endswith('_rate') or name.startswith('gyro_'):
-        return 'rate'
-    return 'acceleration' if name.startswith('accel_') else ''
+        kind = 'angle'
+    elif name in ('yaw', 'heading'):
+        kind = 'heading'
+    elif name.endswith('_rate') or name.startswith('gyro_'):
+        kind = 'rate'
+    elif name.startswith('accel_'):
+        kind = 'acceleration'
+    return LARGEST_VALUES.get(kind, np.inf)
 
 
 def _listed(counts: dict[str, int]) -> str:

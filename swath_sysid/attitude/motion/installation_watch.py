@@ -4,17 +4,19 @@ from operator import itemgetter
 
 import numpy as np
 
-from swath_sysid.attitude.motion.contradictions import GRAVITY_CODES, RATE_CODES, Contradiction
-from swath_sysid.attitude.motion.installation_checks import (
+from swath_sysid.attitude.motion.intake import NANOSECOND, CraftSample
+from swath_sysid.attitude.motion.sensor_checks import (
+    GRAVITY_CODES,
     PARTS,
+    RATE_CODES,
     WINDOW,
     WINDOW_BINS,
+    Contradiction,
     Judgement,
     binned,
     judge,
     samples_a_bin,
 )
-from swath_sysid.attitude.motion.intake import NANOSECOND, CraftSample
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.common.row_buffer import RowBuffer
 

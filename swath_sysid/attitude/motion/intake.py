@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion import attitude
-from swath_sysid.attitude.motion.cleaning import LARGEST_VALUES
+from swath_sysid.attitude.motion.cleaning import limit_of
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import NANOSECOND, StampOrder, StampSettings
 
@@ -15,6 +15,7 @@ NOT_FINITE = 'not-finite'
 ABSURD = 'absurd-value'
 BAD_QUATERNION = 'bad-quaternion'
 NO_ORIENTATION = 'no-orientation'
+NO_RATES = 'no-rates'
 UNKNOWN_COVARIANCE = 'unknown-covariance'
 ABSURD_COVARIANCE = 'absurd-covariance'
 NEAR_VERTICAL = 'near-vertical'
@@ -25,6 +26,7 @@ INTAKE_REASONS = (
     ABSURD,
     BAD_QUATERNION,
     NO_ORIENTATION,
+    NO_RATES,
     UNKNOWN_COVARIANCE,
     ABSURD_COVARIANCE,
     NEAR_VERTICAL,
@@ -35,10 +37,10 @@ NOT_MEASURED = -1.0  #: First element of a covariance whose quantity the sensor 
 
 _UNKNOWN = (nan, nan)
 _NOT_MEASURED = (nan, nan, nan)
-_LARGEST_RATE, _LARGEST_ACCELERATION = LARGEST_VALUES['rate'], LARGEST_VALUES['acceleration']
+_LARGEST_RATE, _LARGEST_ACCELERATION = limit_of('roll_rate'), limit_of('accel_x')
 
 #: A sensor with a larger variance measures nothing, or its covariance is not in rad^2 and rad^2/s^2.
-LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE = LARGEST_VALUES['angle'] ** 2, LARGEST_VALUES['rate'] ** 2
+LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE = limit_of('roll') ** 2, _LARGEST_RATE**2
 
 #: Beyond it roll and yaw can hardly be separated, and every rate error is more than five times as large in theirs.
 LARGEST_PITCH = radians(80.0)
@@ -108,6 +110,8 @@ def take_in(reading: ImuReading, installation: Installation) -> Taken:
     reasons: list[str] = []
     quaternion = _orientation(orientation, angle_covariance, reasons)
     rates = _vector(body_rates, rate_covariance, _LARGEST_RATE, reasons)
+    if rate_covariance[0] == NOT_MEASURED:
+        reasons.append(NO_RATES)
     force = _vector(specific_force, force_covariance, _LARGEST_ACCELERATION, reasons)
     if quaternion is None and rates is None:
         return Taken(None, (*reasons, EMPTY))

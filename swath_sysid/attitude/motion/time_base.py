@@ -66,12 +66,13 @@ def check_time_base(
 
 def _check_numbering(time: np.ndarray, motions: Sequence[np.ndarray], name: str) -> tuple[Advice, ...]:
     """Advice on a column that counts one by one: 1 Hz, or the numbers of the samples?"""
-    consecutive = np.mean(np.abs(np.diff(time) - 1.0) < 1e-9)
+    if np.mean(np.abs(np.diff(time) - 1.0) < 1e-9) < CONSECUTIVE_SHARE:
+        return ()
     plain, periods = (
         [p for p in (motion_period(time, motion, cycles) for motion in motions) if p is not None]
         for cycles in (MIN_CYCLES, 1)
     )
-    if consecutive < CONSECUTIVE_SHARE or not periods or min(periods) <= DOUBTFUL_PERIOD:
+    if not periods or min(periods) <= DOUBTFUL_PERIOD:
         return ()
     doubt = (
         f'{name} counts 0, 1, 2, ..., by which the craft would take {min(periods):.3g} s a cycle: if it numbers the '

@@ -112,7 +112,7 @@ class MotionWindow:
         self.counts = dict.fromkeys(WINDOW_REASONS, 0)
         self.samples = 0
         self.recording = True
-        self._rows = RowBuffer(ceil(self.settings.window * self.settings.max_rate) + 1, len(COLUMNS))
+        self._rows = RowBuffer(self._capacity, len(COLUMNS))
         self._watch = DecayWatch(self.settings)
         self.clear()
 
@@ -149,6 +149,20 @@ class MotionWindow:
         self._rows.clear()
         self._stamp_ns = 0
         self._watch.restart()
+
+    def resize(self, length: float) -> None:
+        """Hold so many seconds from now on; what is there stays, as far as it fits."""
+        self.settings = replace(self.settings, window=length)
+        before = self._rows.last()
+        self._rows = RowBuffer(self._capacity, len(COLUMNS))
+        for row in before[-self._rows.capacity :]:
+            self._rows.append(row)
+        self._rows.drop_below(self._stamp_ns * NANOSECOND - length)
+        self._watch.resize(self.settings)
+
+    @property
+    def _capacity(self) -> int:
+        return ceil(self.settings.window * self.settings.max_rate) + 1
 
     def record(self, on: bool) -> None:
         """Begin a new window, or keep the one there is as it is."""
@@ -214,6 +228,12 @@ class DecayWatch:
         self._watches = {axis: _AxisWatch(ceil(self._settings.window / WATCH_BLOCK)) for axis in AXES}
         self._reported_until: dict[str, float | None] = dict.fromkeys(AXES)
         self._block_end: float | None = None
+
+    def resize(self, settings: WindowSettings) -> None:
+        """Look in a window of another length; what was reported stays so."""
+        reported, self._settings = self._reported_until, settings
+        self.restart()
+        self._reported_until = reported
 
     def look(self, sample: CraftSample, window: MotionWindow) -> FinishedDecay | None:
         """Take in a sample that the window holds already; the decay that has ended, if one has."""

@@ -11,7 +11,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -60,44 +59,22 @@ def fit_excitation(request: ExcitationRequest) -> ExcitationFit | None:
     """
     if request.angle.size < MIN_SAMPLES or not np.isfinite(request.angle + request.rate).all():
         return None
-    hull = _Hull.of(request.model, *request.hull_mean.tolist())
-    moment = reduced_moment(moment_spectrum(request, hull), request, hull)
+    moment = reduced_moment(moment_spectrum(request), request)
     return ExcitationFit(moment, *_state_at_end(request, moment))
 
 
-@dataclass(frozen=True)
-class _Hull:
-    """A hull about its trim, scaled."""
-
-    model: DecayModel
-    trim: float
-    restoring_scale: float
-    damping_scale: float
-
-    @classmethod
-    def of(cls, model: DecayModel, trim: float, stiffness: float, damping: float) -> Self:
-        return cls(model, trim, math.exp(stiffness), math.exp(damping))
-
-    def moment(self, angle: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-        """The exciting moment that makes this motion, rad/s^2."""
-        still = self.model.trim
-        restoring = -self.model.acceleration(angle - self.trim + still, 0.0)
-        damping = -self.model.acceleration(still, rate)
-        return acceleration + self.restoring_scale * restoring + self.damping_scale * damping
-
-    def linearised(self, rates: np.ndarray) -> tuple[float, float]:
-        """Stiffness, 1/s^2, and the damping, 1/s, that takes as much energy from these rates."""
-        by_angle, _ = self.model.jacobian(self.model.trim, 0.0)
-        damping = -self.model.acceleration(self.model.trim, rates)
-        return -by_angle * self.restoring_scale, self.damping_scale * float(damping @ rates / (rates @ rates))
+def equivalent_hull(model: DecayModel, rates: np.ndarray) -> tuple[float, float]:
+    """Stiffness at trim, 1/s^2, and the damping, 1/s, that takes as much energy from these rates."""
+    by_angle, _ = model.jacobian(model.trim, 0.0)
+    damping = -model.acceleration(model.trim, rates)
+    return -by_angle, float(damping @ rates / (rates @ rates))
 
 
-def moment_spectrum(request: ExcitationRequest, hull: _Hull) -> Spectrum:
+def moment_spectrum(request: ExcitationRequest) -> Spectrum:
     """Spectrum of the moment, noise subtracted.
 
     Args:
         request: The window.
-        hull: That of the request.
     """
     step, n = request.step, request.angle.size
     ramp = max(20, n // 100)
@@ -115,8 +92,8 @@ def moment_spectrum(request: ExcitationRequest, hull: _Hull) -> Spectrum:
     precision *= kept**2
     best[w > HIGHEST_FREQUENCY] = 0.0
     parts = [irfft(factor * best, length)[ramp : n - ramp] for factor in (1.0, 1j * w, -w * w)]
-    moment = hull.moment(parts[0] + centre, parts[1], parts[2])
-    stiffness, damping = hull.linearised(parts[1])
+    moment = parts[2] - request.model.acceleration(parts[0] + centre, parts[1])
+    stiffness, damping = equivalent_hull(request.model, parts[1])
     noise = np.abs(stiffness - w * w + 1j * w * damping) ** 2 * step / precision
     f, density = _sine_taper_spectrum(moment - moment.mean(), step)
     f, density = f[1:], density[1:]
@@ -156,18 +133,18 @@ def autocovariance(spectrum: Spectrum, step: float, lags: int) -> np.ndarray:
     return irfft(np.append(0.0, spectrum.density), round(2.0 * np.pi / (first * step)))[:lags] / step
 
 
-def reduced_moment(spectrum: Spectrum, request: ExcitationRequest, hull: _Hull) -> ModalMoment:
+def reduced_moment(spectrum: Spectrum, request: ExcitationRequest) -> ModalMoment:
     """The few states of the moment that forecasts of the angle need.
 
     Args:
         spectrum: Of the moment, from `moment_spectrum`.
-        request, hull: As of `moment_spectrum`.
+        request: As of `moment_spectrum`.
     """
     step = request.step
     order = min(round(AUTOREGRESSION_SPAN / step), request.angle.size // 10)
     covariance = autocovariance(spectrum, step, order + 1)
     coefficients, noise = autoregression(covariance)
-    stiffness, damping = hull.linearised(request.rate)
+    stiffness, damping = equivalent_hull(request.model, request.rate)
     p, first = order, np.eye(1, order)[0]
     companion = np.zeros((p, p))
     companion[0] = coefficients

@@ -18,7 +18,7 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.blend import Blend
 from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
-from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings, HullUncertainty
+from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
 from swath_sysid.attitude.prediction.oscillator import oscillators
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, point_motion
 from swath_sysid.attitude.prediction.quiescence import (
@@ -213,10 +213,7 @@ class Forecaster:
             identified: None: none is known.
         """
         self._models[axis] = identified
-        if identified is None:
-            self._hulls[axis].set_hull(None)
-        else:
-            self._hulls[axis].set_hull(identified.model, HullUncertainty.of(identified))
+        self._hulls[axis].set_hull(identified)
         if self._blend is not None:
             self._blend.renew(_PLACE[HULL], AXES.index(axis))
         self._refit_due = -math.inf
@@ -651,14 +648,10 @@ class Forecaster:
     def diagnostics(self) -> ForecasterDiagnostics:
         """The running state, for people."""
         started = {axis: hull for axis, hull in self._hulls.items() if hull.is_started}
-        advice = tuple(
-            Advice('no-model', f'no {axis} model has arrived, so the forecast does without one: identify the hull')
-            for axis in started
-            if self._models[axis] is None
-        )
+        advice = tuple(Advice.of('no-model', axis=axis) for axis in started if self._models[axis] is None)
         has_waves = any(name in self._spaces for name in SEA_MODELS)
         if not has_waves:
-            advice += (Advice('no-waves', 'no waves have been fitted yet: forecasts improve within a minute or two'),)
+            advice += (Advice.of('no-waves'),)
         advice += tuple(note for hull in started.values() for note in hull.advice())
         shape = len(CANDIDATES), len(AXES), len(self.settings.leads)
         candidate, weights = np.full((2, *shape), math.nan)

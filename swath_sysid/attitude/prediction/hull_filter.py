@@ -1,54 +1,50 @@
 """The filter of one axis on a known hull: an extended Kalman filter whose exciting moment is a state space inside it.
 
     d(angle)/dt = rate
-    d(rate)/dt  = -exp(d) D(rate) - exp(k) R(angle - trim) + h z        D, R: the identified damping and restoring
-    d(trim)/dt, dk/dt, dd/dt = slow random walks, from their identified uncertainty
+    d(rate)/dt  = -D(rate) - R(angle - trim) + h z        D, R: damping and restoring, linear in the ratios c
+    d(trim)/dt, dc/dt = slow random walks, from their identified covariance
     dz/dt       = A z + w                                               (`modal_moment`)
 
 Two of them follow every sample: one on which nothing acts, and one that is driven by the sum of two moments: one of
-which nothing is known but its size (second-order Markov: a hand on the craft, a gust, a sea not yet learnt) and, once
-learnt, that of the sea (`excitation_model`). Which one is used is decided by the likelihood of their innovations, in
-Wald's sequential test: once a hand lets go, the hull alone remains within some tenths of a second.
+which nothing is known but its size (second-order Markov: an external push, a gust, a sea state not yet learnt) and,
+once learnt, that of the waves (`excitation_model`). Which one is used is decided by the likelihood of their
+innovations, in Wald's sequential test: once a hand lets go, the hull alone remains within some tenths of a second.
 """
 
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.special import chdtri
 
+from swath_sysid.attitude.hull.compiled import term_moments
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.terms import term_moments
-from swath_sysid.attitude.prediction import hull_step
-from swath_sysid.attitude.prediction.hull_step import HULL_STATES
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
+from swath_sysid.attitude.hull.terms import B0, B3, R1, S2, TERM_NAMES
+from swath_sysid.attitude.prediction.hull_step import HULL_STATES, TRIM
+from swath_sysid.attitude.prediction.hull_track import OF_HULL, HullTrack
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
-from swath_sysid.common.accelerator import HAS_NUMBA
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
-ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
-OF_HULL = slice(TRIM, HULL_STATES)
+ANGLE, RATE = 0, 1
+FACTORS = {'stiffness': slice(R1, S2 + 1), 'damping': slice(B0, B3 + 1)}  #: Places of their ratios.
 
-Pair = tuple[float, float]  #: Of the angle and of the rate.
-
-NO_HULL = (0.0,) * 9, (False,) * 9, 1.0
-NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
-
-TRIM_DRIFT = 3e-6**2  #: rad^2/s; .01 deg in an hour. Thirty times the drift would hide the slow parts of the sea.
-SCALE_DRIFT = 1e-4**2  #: 1/s; the scales move by 2 % in ten hours of a voyage.
+TRIM_DRIFT = 3e-6**2  #: rad^2/s; .01 deg in an hour. Thirty times the drift would hide the slow parts of the waves.
+RATIO_DRIFT = 1e-4**2  #: 1/s, relative; stiffness and damping move by 2 % in ten hours of a voyage.
 
 UNKNOWN_TRIM_STD = 0.02
 IDENTIFIED_TRIM_STD = 5e-4  #: rad; identification reports 3e-5 to 7e-4.
 
-MIN_STIFFNESS_STD = 0.001
-MIN_DAMPING_STD = 0.005
-MAX_SCALE_STD = 1.0  #: Of the logarithms of the scales: no model is exact, and none is worth nothing.
+#: Relative, of factors common to all restoring and to all damping terms, where no covariance was identified: of a
+#: published hull built anew, or loaded otherwise.
+ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
+MOST_STD = 1.0  #: The same, of what is believed of a covariance.
 
-#: rad; where the ratios' covariance is weighed, if the identification does not state its amplitudes.
+#: rad; where stiffness and damping are compared, if the identification does not state its amplitudes.
 USUAL_AMPLITUDE = 0.05
 
 INITIAL_ANGLE_STD = 0.3
@@ -71,53 +67,70 @@ CONVINCING, LOST = 10.0, 2.0
 
 UNFORESEEN = 1e-8  #: Of a learnt sea's variance: that of the unknown moment beside it, at first.
 
-STRAIN_GAIN = 0.2
-#: Running mean of the innovations squared over their expectation, and from where on something new must be acting.
-MAX_STRAIN = 3.5
+MAX_STRAIN = 3.5  #: Innovations squared over their expectation from where on something new must be acting.
 
 #: Of the moment that one interval's innovation shows: it has often acted for longer. Too little is raised again.
 NEWCOMER = 0.5
 
 RECENT = 400  #: Samples that are kept to be taken in anew when a fit arrives.
 INSIGNIFICANT = 0.01  #: rad/s^2; an unknown moment of less is none.
-QUIET = 3.0  #: s; trim and scales are learnt once the unknown moment has been insignificant for so long.
-LONGEST_STEP = 0.05  #: s; the moment acts by the mean of its values at both ends of a step.
+QUIET = 3.0  #: s; trim and ratios are learnt once the unknown moment has been insignificant for so long.
 CONTRADICTION = 3.0  #: Standard deviations.
 
-#: Logarithms of the scales of stiffness and damping that are worth a word however little was known before.
-MUCH = 0.1, 0.3
+#: Relative changes that are reported however little was known before.
+MUCH = {'stiffness': 0.1, 'damping': 0.3}
 
 
-class HullUncertainty(NamedTuple):
-    """What is not known of an identified hull."""
+@dataclass(frozen=True)
+class HullPrior:
+    """What is known of trim and ratios before a sample: `OF_HULL` of the state of a filter."""
 
-    trim_std: float = IDENTIFIED_TRIM_STD  #: rad; NaN: not known.
-    stiffness_std: float = 0.0  #: Relative.
-    damping_std: float = 0.0  #: Relative.
+    mean: np.ndarray  #: (10,)
+    covariance: np.ndarray  #: (10, 10)
+    drift: np.ndarray  #: (10, 10); growth of the covariance in a second.
+    #: Name of a factor to the (10,) derivatives of its logarithm at the usual amplitude.
+    directions: dict[str, np.ndarray]
 
     @classmethod
-    def of(cls, identified: IdentifiedModel) -> Self:
-        """Relative uncertainty of the restoring and damping moments at the amplitude of the identification.
+    def of(cls, identified: IdentifiedModel | None) -> Self:
+        """From the posterior of every term where the model has one, else from its own terms."""
+        size = HULL_STATES - TRIM
+        mean, covariance, drift = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+        if identified is None:
+            covariance[0, 0], drift[0, 0] = UNKNOWN_TRIM_STD**2, TRIM_DRIFT
+            return cls(mean, covariance, drift, {})
+        model, every = identified.model, identified.posterior
+        if every is None:
+            every = HullPosterior(model.equation, model.ratios[model.equation.indices], identified.covariance)
+        at = 1 + every.equation.indices
+        mean[0], mean[at], covariance[np.ix_(at, at)] = model.trim, every.ratios, every.covariance
+        directions = _directions(model, identified.amplitude_range[1], mean)
+        of = max(float(d @ covariance @ d) for d in directions.values())
+        is_exact = of == 0.0
+        covariance *= MOST_STD**2 / max(of, MOST_STD**2)
+        for name, ratios in FACTORS.items():
+            common = np.zeros(size)
+            common[1:][ratios] = mean[1:][ratios]
+            drift += RATIO_DRIFT * np.outer(common, common)
+            covariance += is_exact * ASSUMED_STD[name] ** 2 * np.outer(common, common)
+        trim_std = identified.trim_std
+        if trim_std != trim_std:
+            trim_std = IDENTIFIED_TRIM_STD if is_exact else UNKNOWN_TRIM_STD
+        covariance[0, 0], drift[0, 0] = trim_std**2, TRIM_DRIFT
+        return cls(mean, covariance, drift, directions)
 
-        Args:
-            identified: With the covariance of its ratios; where that is zero, the defaults hold.
-        """
-        if not identified.covariance.any():
-            return cls()
-        model, (_, largest) = identified.model, identified.amplitude_range
-        amplitude = 0.5 * largest if math.isfinite(largest) and largest > 0.0 else USUAL_AMPLITUDE
-        frequency = model.natural_frequency
-        rate = amplitude * (frequency if frequency == frequency else 1.0)
-        moments = term_moments(amplitude, rate, model.friction_rate)[model.equation.indices]
-        parts = model.ratios[model.equation.indices] * moments
-        is_damping = model.equation.indices < 4
 
-        def relative(chosen: np.ndarray) -> float:
-            direction = np.where(chosen, moments, 0.0)
-            variance = float(direction @ identified.covariance @ direction)
-            return math.sqrt(max(variance, 0.0)) / max(abs(float(parts[chosen].sum())), 1e-12)
-
-        return cls(identified.trim_std, relative(~is_damping), relative(is_damping))
+def _directions(model: DecayModel, largest: float, mean: np.ndarray):
+    """Derivatives of the logarithms of restoring and damping at the usual amplitude, by trim and ratios."""
+    amplitude = 0.5 * largest if math.isfinite(largest) and largest > 0.0 else USUAL_AMPLITUDE
+    frequency = model.natural_frequency
+    rate = amplitude * (frequency if frequency == frequency else 1.0)
+    moments, directions = term_moments(amplitude, rate, model.friction_rate), {}
+    for name, ratios in FACTORS.items():
+        directions[name] = direction = np.zeros(mean.size)
+        direction[1:][ratios] = moments[ratios]
+        direction /= max(abs(float(direction @ mean)), 1e-12)
+    return directions
 
 
 @dataclass(frozen=True)
@@ -150,11 +163,8 @@ class Observed(NamedTuple):
 class ExcitationRequest:
     """A window to learn a moment from (`excitation_model.fit_excitation`)."""
 
-    model: DecayModel  #: The hull.
-    #: (3,) and (3, 3); Trim, rad, and logarithms of the scales of stiffness and damping, as now estimated.
-    hull_mean: np.ndarray
-    #: (3,) and (3, 3); Trim, rad, and logarithms of the scales of stiffness and damping, as now estimated.
-    hull_covariance: np.ndarray
+    model: DecayModel  #: The hull, with trim and ratios as now estimated.
+    hull: HullPrior  #: The same, with its covariance.
     hull_is_learnt: bool  #: Whether the filter has learnt them in this window already.
     step: float  #: s between the samples.
     angle: np.ndarray  #: (N,); rad, rad/s, each the mean of the sensor's samples in a step.
@@ -176,103 +186,6 @@ class ExcitationFit:
     levels: tuple[float, float]  #: Sizes of the unknown moment and of this one then.
 
 
-class HullTrack:
-    """Extended Kalman filter of a hull under a moment; each call says how much time has passed."""
-
-    def __init__(self) -> None:
-        self.x, self.P = np.zeros(HULL_STATES), np.eye(HULL_STATES)
-        self.moment = NO_MOMENT
-        self.strain = 1.0
-        self.set_hull(None)
-
-    def set_hull(self, model: DecayModel | None) -> None:
-        """Swap the equation; None: a constant rate that the moment drives."""
-        self.hull = (
-            NO_HULL
-            if model is None
-            else (tuple(model.ratios.tolist()), model.equation.active, float(model.friction_rate))
-        )
-        fastest = 0.0
-        if model is not None:
-            by_angle, by_rate = model.jacobian(model.trim, 0.0)
-            fastest = max(math.sqrt(abs(by_angle)), abs(by_rate))
-        self.drifts = TRIM_DRIFT, 0.0 if model is None else SCALE_DRIFT
-        self.longest = min(LONGEST_STEP, 0.25 / fastest if fastest > 0.0 else LONGEST_STEP)
-        self.foreseen: Any = None
-
-    def set_state(self, mean: np.ndarray, covariance: np.ndarray) -> None:
-        """Replace the state, of whatever size."""
-        self.x, self.P = np.array(mean), np.array(covariance)
-        self.foreseen = None
-
-    def set_part(self, places: slice, mean: Any, covariance: np.ndarray) -> None:
-        """Replace some states, which become independent of the others."""
-        self.x[places] = mean
-        self.P[places] = self.P[:, places] = 0.0
-        self.P[places, places] = covariance
-        self.foreseen = None
-
-    def advance(self, duration: float) -> None:
-        """Predict over a duration, s."""
-        foreseen, self.foreseen = self.foreseen, None
-        if foreseen is not None and abs(foreseen[0] - duration) < 1e-6:
-            _, self.x, self.P = foreseen
-        elif duration > 0.0:
-            self._predict(duration)
-
-    def ahead(self, lead: float) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and covariance one lead after the present state, which stays as it is."""
-        if self.foreseen is None or self.foreseen[0] != lead:
-            now = self.x.copy(), self.P.copy()
-            self._predict(lead)
-            self.foreseen = lead, self.x, self.P
-            self.x, self.P = now
-        return self.foreseen[1:]
-
-    def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean, (L, 2), and covariance, (L, 2, 2), of angle and rate at increasing leads, s."""
-        now = self.x, self.P
-        self.x, self.P = self.x.copy(), self.P.copy()
-        found = self._predict_to(np.diff(np.asarray(leads, dtype=float), prepend=0.0))
-        self.x, self.P = now
-        return found
-
-    def _predict_to(self, durations: np.ndarray):
-        means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
-        hull_step.predict_to(
-            self.x, self.P, self.moment, self.hull, self.drifts, durations, self.longest, means, spreads
-        )
-        return means, spreads
-
-    def _predict(self, duration: float):
-        """Move the state on by a duration, s, longer than zero."""
-        hull_step.predict(self.x, self.P, self.moment, self.hull, self.drifts, duration, self.longest)
-
-    def innovation(self, elapsed: float, values: Pair, variances: Pair) -> tuple[int, float, float, float]:
-        """Number of values, their NIS and log likelihood, and the NIS had the moment jumped."""
-        (angle, rate), (of_angle, of_rate) = values, variances
-        found = hull_step.innovation(
-            self.x, self.P, self.moment[1], self.hull, elapsed, angle, rate, of_angle, of_rate, MARKOV_STD
-        )
-        if found[0] > 0:
-            self.strain += STRAIN_GAIN * (found[1] / found[0] - self.strain)
-        return found
-
-    def take_in(self, values: Pair, variances: Pair, learns: bool) -> None:
-        """Update with what was measured of angle and rate (NaN: not measured); see `hull_step.update`."""
-        (angle, rate), (of_angle, of_rate) = values, variances
-        hull_step.observe(self.x, self.P, angle, rate, of_angle, of_rate, learns)
-
-
-def _track():
-    """A track, compiled or carried by filterpy, which loads scipy.stats and so takes 30 MB in every process."""
-    if HAS_NUMBA:
-        return HullTrack()
-    from swath_sysid.attitude.prediction.filterpy_track import FilterpyTrack
-
-    return FilterpyTrack()
-
-
 class HullFilter:
     """The filter of one axis: free and driven hull, of which one is in use.
 
@@ -286,7 +199,7 @@ class HullFilter:
 
     def __init__(self, settings: HullFilterSettings | None = None) -> None:
         self.settings = s = settings or HullFilterSettings()
-        self.free, self.driven = _track(), _track()
+        self.free, self.driven = HullTrack(), HullTrack()
         self.is_started = self.is_free = False
         self.rejections = 0
         self._may_learn = True
@@ -303,7 +216,7 @@ class HullFilter:
     def for_window(cls, request: ExcitationRequest, moment: ModalMoment) -> Self:
         """A filter for the window of a request, with the moment learnt from it, not started yet.
 
-        Trim and scales are learnt only if the filter that asked has not learnt them in this window: no sample
+        Trim and ratios are learnt only if the filter that asked has not learnt them in this window: no sample
         counts twice.
 
         Args:
@@ -311,13 +224,12 @@ class HullFilter:
             moment: Learnt from the window.
         """
         made = cls()
-        made.set_hull(request.model)
+        made._set_hull(request.model, request.hull)
         hand = made.moments[0]
         made._use_moments([hand, moment], (UNFORESEEN * moment.variance / hand.variance, 1.0))
         size = HULL_STATES + hand.size + moment.size
         made.driven.set_state(np.zeros(size), np.eye(size))
-        for track in (made.free, made.driven):
-            track.set_part(OF_HULL, request.hull_mean, request.hull_covariance)
+        made.driven.set_part(OF_HULL, request.hull.mean, request.hull.covariance)
         made._may_learn = not request.hull_is_learnt
         made._quiet = math.inf
         return made
@@ -331,7 +243,7 @@ class HullFilter:
 
     @property
     def x(self) -> np.ndarray:
-        """Mean of the state, shape (n,): angle, rate, trim, logarithms of the scales, the moment's."""
+        """Mean of the state, shape (n,): angle, rate, trim, nine ratios, the moment's."""
         return self.active.x
 
     @property
@@ -346,41 +258,32 @@ class HullFilter:
 
     @property
     def learns_hull(self) -> bool:
-        """Whether trim and scales are learnt: not while a moment of which nothing is known may explain anything."""
+        """Whether trim and ratios are learnt: not while a moment of which nothing is known may explain anything."""
         return self._may_learn and self._quiet > QUIET
 
-    def set_hull(self, model: DecayModel | None, uncertainty: HullUncertainty | None = None) -> None:
+    def set_hull(self, identified: IdentifiedModel | None) -> None:
         """Swap the hull; the state of motion and the moment's estimate go on.
 
         Args:
-            model: None: no restoring and no damping, a constant rate that the moment drives.
-            uncertainty: None: exactly known, but for what no model is exact in.
+            identified: None: no restoring and no damping, a constant rate that the moment drives.
         """
-        was_without, self.model = self.model is None, model
-        self._prior = self._prior_of(uncertainty or HullUncertainty(IDENTIFIED_TRIM_STD))
-        mean = [model.trim if model else 0.0, 0.0, 0.0]
+        model = None if identified is None else identified.model
+        if model is not None and identified is not None and identified.posterior is not None:
+            model = replace(model, equation=identified.posterior.equation, ratios=np.zeros(len(TERM_NAMES)))
+        self._set_hull(model, HullPrior.of(identified))
+
+    def _set_hull(self, model: DecayModel | None, prior: HullPrior):
+        was_without, self.prior = self.model is None, prior
+        self.model = None if model is None else _hull_of(model, prior.mean)
         for track in (self.free, self.driven):
-            track.set_hull(model)
-            track.set_part(OF_HULL, mean, np.diag(self._prior))
+            track.set_hull(self.model, prior.drift)
+            track.set_part(OF_HULL, prior.mean, prior.covariance)
         if model is None:
             self.is_free = False
         elif was_without and self.is_started:
             # the moment that stood for the hull's own has nothing to say of the one that is left
             self.levels[0] = 1.0
             self.start(*self.x[:2].tolist(), *np.diag(self.P)[:2].tolist())
-
-    def _prior_of(self, uncertainty: HullUncertainty):
-        """Variances of trim and the logarithms of the scales."""
-        if self.model is None:
-            return np.array([UNKNOWN_TRIM_STD**2, 0.0, 0.0])
-        trim_std = uncertainty.trim_std if uncertainty.trim_std == uncertainty.trim_std else UNKNOWN_TRIM_STD
-        return np.square(
-            [
-                trim_std,
-                min(max(uncertainty.stiffness_std, MIN_STIFFNESS_STD), MAX_SCALE_STD),
-                min(max(uncertainty.damping_std, MIN_DAMPING_STD), MAX_SCALE_STD),
-            ]
-        )
 
     def set_excitation(self, fit: ExcitationFit, age: float = 0.0) -> None:
         """Take up a learnt moment.
@@ -432,10 +335,10 @@ class HullFilter:
         """
         if self.model is None:
             return None
+        mean, covariance = self.x[OF_HULL].copy(), self.P[OF_HULL, OF_HULL].copy()
         return ExcitationRequest(
-            self.model,
-            self.x[OF_HULL].copy(),
-            self.P[OF_HULL, OF_HULL].copy(),
+            _hull_of(self.model, mean),
+            replace(self.prior, mean=mean, covariance=covariance),
             self.learns_hull,
             step,
             angle,
@@ -465,7 +368,7 @@ class HullFilter:
     # -- the samples -------------------------------------------------------------------------------------------
 
     def start(self, angle: float, rate: float, angle_variance: float, rate_variance: float) -> None:
-        """Begin anew from one sample (NaN: not measured). Trim, scales and the moments' sizes are kept.
+        """Begin anew from one sample (NaN: not measured). Trim, ratios and the moments' sizes are kept.
 
         Args:
             angle, rate: rad, rad/s.
@@ -499,10 +402,10 @@ class HullFilter:
         self._recent.append((elapsed, angle, rate, angle_variance, rate_variance))
         values, variances, driven, free = (angle, rate), (angle_variance, rate_variance), self.driven, self.free
         driven.advance(elapsed)
-        found = of_driven = driven.innovation(elapsed, values, variances)
+        found = of_driven = driven.innovation(elapsed, values, variances, MARKOV_STD)
         if self.model is not None:
             free.advance(elapsed)
-            of_free = free.innovation(elapsed, values, variances)
+            of_free = free.innovation(elapsed, values, variances, MARKOV_STD)
             found = of_free if self.is_free else of_driven
         measured, nis, log_likelihood, gate_nis = found
         if measured == 0:
@@ -590,34 +493,32 @@ class HullFilter:
         """Let each moment's size follow what its estimated states support."""
         for place, (moment, part, inverse) in enumerate(zip(self.moments, self._parts, self._inverses, strict=True)):
             level = float(self.levels[place])
-            unknown, square = hull_step.support(self.driven.x, self.driven.P, part.start, inverse)
-            known, square = moment.size - unknown / level, square / level
+            state, covariance = self.driven.x[part], self.driven.P[part, part]
+            known = moment.size - float(np.vdot(inverse, covariance)) / level
+            square = float(state @ inverse @ state) / level
             gain = min(elapsed / LEVEL_TIMES[place], 1.0)
             self._set_level(place, level * math.exp(gain * min(max((square - known) / moment.size, -1.0), 2.0)))
 
     def advice(self) -> tuple[Advice, ...]:
-        """What to say of the model: whether the sea, or the craft in still water, contradicts it.
+        """Whether the waves, or the craft in still water, contradict the model.
 
-        The scales begin at one with their identified uncertainty. Innovations that draw one further than
-        `CONTRADICTION` of its standard deviations were not made by this hull.
+        Stiffness and damping at the usual amplitude start with their identified uncertainty. Innovations that draw one
+        further than `CONTRADICTION` of its standard deviations were not made by this hull.
         """
-        if self.model is None:
-            return ()
         found = []
-        prior, spread = self._prior[1:], np.diag(self.P)[STIFFNESS:HULL_STATES]
-        scales = self.x[STIFFNESS:HULL_STATES]
-        for name, log_scale, before, now, much in zip(
-            ('stiffness', 'damping'), scales.tolist(), prior.tolist(), spread.tolist(), MUCH, strict=True
-        ):
-            is_unlikely = abs(log_scale) > CONTRADICTION * math.sqrt(before)
-            is_much = abs(log_scale) > much and abs(log_scale) > CONTRADICTION * math.sqrt(now)
-            if is_unlikely or is_much:
+        prior, covariance = self.prior, self.P[OF_HULL, OF_HULL]
+        for name, direction in prior.directions.items():
+            change = float(direction @ (self.x[OF_HULL] - prior.mean))
+            before, now = (math.sqrt(direction @ spread @ direction) for spread in (prior.covariance, covariance))
+            is_unlikely = abs(change) > CONTRADICTION * before
+            is_much = abs(change) > max(MUCH[name], CONTRADICTION * now)
+            if self.model is not None and (is_unlikely or is_much):
                 found.append(
                     Advice(
                         'model-contradicted',
-                        f'the motion shows {"more" if log_scale > 0.0 else "less"} {name} than the {self.model.axis} '
-                        f'model has, and than its uncertainty allows ({log_scale / math.sqrt(before):+.1f} standard '
-                        'deviations): identify again',
+                        f'the motion shows {"more" if change > 0.0 else "less"} {name} than the {self.model.axis} '
+                        f'model has, and than its uncertainty allows ({change / before:+.1f} standard deviations): '
+                        'identify again',
                     )
                 )
         return tuple(found)
@@ -645,3 +546,8 @@ class HullFilter:
         """
         means, spreads = self.active.forecast(leads)
         return means[:, 0], means[:, 1], spreads
+
+
+def _hull_of(model: DecayModel, mean: np.ndarray):
+    """The hull with trim and ratios of the state."""
+    return replace(model, trim=float(mean[0]), ratios=mean[1:])

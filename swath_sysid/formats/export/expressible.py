@@ -93,11 +93,11 @@ def losses(model: ManoeuvringModel, expressible: Collection[str], target: str, *
         if name not in changed and reduced[name] != model[name]
     ]
     instead = f' ({", ".join(stands_in)} stands in at {approach_speed(model):.3g} m/s)' if stands_in else ''
-    found = [Advice('terms-dropped', f'{target} cannot express {named}{instead}: see how far the tests differ')]
+    found = [Advice.of('terms-dropped', target=target, named=named, instead=instead)]
     for test, names in COMPARED.items():
         whole, part = run_test(test, model).numbers, run_test(test, reduced).numbers
         changes = '; '.join(change(name, whole[name], part[name]) for name in names)
-        found.append(Advice('tests-differ', f'{test} of the model and as exported: {changes}'))
+        found.append(Advice.of('tests-differ', test=test, changes=changes))
     return tuple(found)
 
 
@@ -126,13 +126,7 @@ def added_mass_advice(model: ManoeuvringModel) -> tuple[Advice, ...]:
     """Advice where the plugins' explicit added mass would diverge, as a tuple."""
     if not added_mass_diverges(model):
         return ()
-    return (
-        Advice(
-            'added-mass-diverges',
-            'added mass exceeds mass: the plugin applies it by the acceleration of the '
-            'step before and diverges; identify again with the mass as weighed',
-        ),
-    )
+    return (Advice.of('added-mass-diverges'),)
 
 
 def force_lines(model: ManoeuvringModel) -> list[str]:

@@ -215,19 +215,13 @@ def _attitude_losses(axis: str, identified: IdentifiedModel, inertia: float) -> 
     """Advice on restoring, which the craft's shape is to give, and on a decay without the terms that gz-sim lacks."""
     model = identified.model
     if not np.isfinite(model.natural_frequency):
-        return [
-            Advice(
-                'restoring-not-exported',
-                f'{axis}: this hull is not stable at its trim; gz-sim takes restoring '
-                'from the shape of the hull, and only its damping is exported',
-            )
-        ]
+        return [Advice.of('restoring-not-exported: unstable', axis=axis)]
     found = [
-        Advice(
+        Advice.of(
             'restoring-not-exported',
-            f'{axis}: gz-sim takes restoring from the Buoyancy plugin and the '
-            f'shape of the hull: see that it gives {inertia * model.natural_frequency**2:.4g} N m/rad, for a '
-            f'natural period of {model.natural_period:.4g} s',
+            axis=axis,
+            stiffness=inertia * model.natural_frequency**2,
+            natural_period=model.natural_period,
         )
     ]
     dropped = {name: value for name, value in model.terms.items() if value and name not in EXPRESSED_TERMS}
@@ -237,12 +231,14 @@ def _attitude_losses(axis: str, identified: IdentifiedModel, inertia: float) -> 
         whole, part = crest(model, angle), crest(gazebo_decay(model), angle)
         named = ', '.join(f'{n} = {v:.4g}' for n, v in dropped.items())
         found.append(
-            Advice(
-                'terms-dropped',
-                f'{axis}: gz-sim cannot express {named}: of a decay from '
-                f'{math.degrees(angle):.3g} deg crest {CRESTS} of the model and as exported: '
-                f'{change("time_s", whole[0], part[0])}; '
-                f'{change("height_deg", math.degrees(whole[1]), math.degrees(part[1]))}',
+            Advice.of(
+                'terms-dropped: decay',
+                axis=axis,
+                named=named,
+                angle=math.degrees(angle),
+                crests=CRESTS,
+                time=change('time_s', whole[0], part[0]),
+                height=change('height_deg', math.degrees(whole[1]), math.degrees(part[1])),
             )
         )
     return found

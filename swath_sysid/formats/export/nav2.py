@@ -97,12 +97,7 @@ def _simplified(rows: Sequence[dict]) -> tuple[Advice, ...]:
     fastest = rows[-1]
     change = fastest['turning_speed_m_s'] / fastest['speed_m_s'] - 1.0
     return (
-        Advice(
-            'motion-simplified',
-            'Nav2 moves a craft along its heading at the speed asked for: this one drifts '
-            f'by up to {math.degrees(max(row["drift_angle_rad"] for row in rows)):.3g} deg and its '
-            f'speed changes by {change:+.0%} in the hardest turn at the highest speed',
-        ),
+        Advice.of('motion-simplified', drift=math.degrees(max(row['drift_angle_rad'] for row in rows)), change=change),
     )
 
 

@@ -36,13 +36,7 @@ def vrx(model: ManoeuvringModel) -> Export:
     implied = {'Xvr': -model['Xu_dot'], 'Yur': model['Yv_dot']}
     advice = (*losses(model, ELEMENTS, "VRX's SimpleHydrodynamics", **implied), *added_mass_advice(model))
     if any(model.current):
-        advice += (
-            Advice(
-                'current-not-exported',
-                "VRX's SimpleHydrodynamics has no current: that of the model, "
-                f'{model.current[0]:.3g} m/s east and {model.current[1]:.3g} m/s north, is left out',
-            ),
-        )
+        advice += (Advice.of('current-not-exported', east=model.current[0], north=model.current[1]),)
     reduced, _ = expressed(model, ELEMENTS, **implied)
     lever = effective_lever(model)
     notes = [

@@ -103,19 +103,9 @@ def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...
     for run in runs:
         speed, rate = _largest(run.smooth[0]), _largest(run.smooth[2])
         if speed < AT_ANCHOR_SPEED and rate < AT_ANCHOR_YAW_RATE:
-            advice.append(
-                Advice(
-                    'at-anchor',
-                    (
-                        f'{run.source}: never faster than {speed:.2f} m/s and {np.degrees(rate):.1f} deg/s, as if at '
-                        f'anchor or drifting: left out; give runs under way'
-                    ),
-                )
-            )
+            advice.append(Advice.of('at-anchor', source=run.source, speed=speed, rate=np.degrees(rate)))
         elif not np.any((run.port != 0.0) | (run.starboard != 0.0)):
-            advice.append(
-                Advice('no-thrust', (f'{run.source}: the thrust is always zero: left out; give runs under way'))
-            )
+            advice.append(Advice.of('no-thrust', source=run.source))
         else:
             kept.append(run)
     if not kept:
@@ -241,33 +231,12 @@ def _excited_rows(
         moved = _largest(speeds) - float(np.nanquantile(speeds, 0.02))
         if np.std(total) < 0.05 * size:
             separating = 'only its run-up from rest' if moved > 0.3 * _largest(speeds) else 'nothing'
-            advice.append(
-                Advice(
-                    'constant-thrust',
-                    (
-                        f'the total thrust is constant, so that {separating} separates inertia and resistance: add '
-                        f'thrust steps up and down on a straight course'
-                    ),
-                )
-            )
+            advice.append(Advice.of('constant-thrust', separating=separating))
             flags.update(dict.fromkeys(('m', 'Xu_dot', 'gain', 'Xu', 'Xuu', 'Xuuu'), 'constant-thrust'))
     else:
-        advice.append(
-            Advice(
-                'no-speed',
-                ('no run holds a speed: surge is assumed, not identified; add surge_m_s, or position and heading'),
-            )
-        )
+        advice.append(Advice.of('no-speed'))
     if np.std(difference) < 0.05 * _largest(difference):
-        advice.append(
-            Advice(
-                'constant-difference',
-                (
-                    'the difference of the thrusts is constant, so that nothing separates yaw inertia and added '
-                    'masses from damping: add zig-zags and turns to both sides'
-                ),
-            )
-        )
+        advice.append(Advice.of('constant-difference'))
         names = ('Iz', 'Nr_dot', 'Yv_dot', 'Nr', 'Yv', 'lag', 'delay')
         flags.update(dict.fromkeys(names, 'constant-difference'))
     turning = np.isfinite(rates).any() and _largest(rates) > NO_TURN
@@ -276,22 +245,9 @@ def _excited_rows(
         if np.isfinite(sways).any() and _largest(sways) > SWAY_SEEN:
             rows.append('Y')
         else:
-            advice.append(
-                Advice(
-                    'no-sway',
-                    ('no run holds a sway velocity: what it does is assumed; add sway_m_s, or position and heading'),
-                )
-            )
+            advice.append(Advice.of('no-sway'))
     else:
-        advice.append(
-            Advice(
-                'no-turn',
-                (
-                    f'no run turns (yaw rate within {np.degrees(_largest(rates)):.1f} deg/s) under a difference of the '
-                    f'thrusts: yaw and sway are assumed, not identified; add turns and zig-zags'
-                ),
-            )
-        )
+        advice.append(Advice.of('no-turn', rate=np.degrees(_largest(rates))))
     if not rows:
         raise InputError('nothing can be identified: ' + '; '.join(a.message for a in advice))
     return rows
@@ -310,25 +266,9 @@ def _craft(runs: Sequence[Run], settings: ManoeuvringSettings, advice: list[Advi
             'lever-assumed',
         )
     if lever is None:
-        advice.append(
-            Advice(
-                'lever-assumed',
-                (
-                    f'half the distance between the thrusters is taken as that of a WAM-V 16, {DEFAULT_LEVER:.2f} m: '
-                    f'give it, all yaw derivatives are proportional to it'
-                ),
-            )
-        )
+        advice.append(Advice.of('lever-assumed', default_lever=DEFAULT_LEVER))
     if length is None:
-        advice.append(
-            Advice(
-                'length-assumed',
-                (
-                    f'the length is taken as that of a WAM-V 16, {DEFAULT_LENGTH:.2f} m: give it if the prime system '
-                    f'is of use'
-                ),
-            )
-        )
+        advice.append(Advice.of('length-assumed', default_length=DEFAULT_LENGTH))
     return lever or DEFAULT_LEVER, length or DEFAULT_LENGTH
 
 
@@ -357,26 +297,9 @@ def _anchors(
     free, assumed = [], []
     if thrust_input == COMMAND and settings.thrust_per_command is None:
         if settings.mass is None:
-            advice.append(
-                Advice(
-                    'scale-not-given',
-                    (
-                        'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass '
-                        'or the thrust of one thruster at full command'
-                    ),
-                )
-            )
+            advice.append(Advice.of('scale-not-given'))
         else:
-            advice.append(
-                Advice(
-                    'surge-inertia-assumed',
-                    (
-                        'thrust scale and added mass in surge cannot be told apart with commands: Xu_dot is taken as '
-                        f'{settings.fixed.get("Xu_dot", 0.0):g} kg; give the thrust of one thruster at full command to '
-                        'identify it'
-                    ),
-                )
-            )
+            advice.append(Advice.of('surge-inertia-assumed', added_mass=settings.fixed.get('Xu_dot', 0.0)))
         mass = settings.mass or 1.0
         values.update(m=mass, gain=gain_ratio * mass)
         thrust_scale = values['gain']
@@ -389,12 +312,7 @@ def _anchors(
         if settings.mass is None:
             values['m'] = heavy
             free.append('m')
-            advice.append(
-                Advice(
-                    'mass-not-given',
-                    ('m is mass and added mass in surge together, which free running cannot tell apart: give the mass'),
-                )
-            )
+            advice.append(Advice.of('mass-not-given'))
         else:
             values['m'] = settings.mass
             values['Xu_dot'] = float(np.clip(settings.mass - heavy, -2.0 * settings.mass, 0.4 * settings.mass))
@@ -410,15 +328,7 @@ def _anchors(
         values['Iz'] = inertia
         (free if 'N' in rows else assumed).append('Iz')
         if 'N' in rows:
-            advice.append(
-                Advice(
-                    'inertia-includes-added',
-                    (
-                        'Iz is yaw inertia and added inertia together, which free running cannot tell apart: give the '
-                        'inertia to see Nr_dot'
-                    ),
-                )
-            )
+            advice.append(Advice.of('inertia-includes-added'))
     else:
         values['Iz'] = settings.inertia
         values['Nr_dot'] = float(np.clip(settings.inertia - inertia, -2 * settings.inertia, 0.4 * settings.inertia))
@@ -443,16 +353,7 @@ def _ties(settings: ManoeuvringSettings, free: list[str], advice: list[Advice]):
     """
     if settings.terms is not None or 'Yv_dot' not in free or {'Yur', 'Yv_dot'} & {*settings.fixed, *settings.towards}:
         return {}
-    advice.append(
-        Advice(
-            'sway-scale-assumed',
-            (
-                'nothing drives a craft sideways, so that its masses and damping in sway are known to a common factor '
-                'only, which their standard deviations leave out: Yur is taken equal to Xu_dot, as in potential flow; '
-                'give Yv_dot or Yur where it is known'
-            ),
-        )
-    )
+    advice.append(Advice.of('sway-scale-assumed'))
     return {'Yur': 'Xu_dot'}
 
 

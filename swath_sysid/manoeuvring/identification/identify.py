@@ -262,49 +262,28 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
                 flags[name].append('not-separable')
                 flags[other].append('not-separable')
                 advice.append(
-                    Advice(
-                        'not-separable',
-                        (
-                            f'{other} and {name} cannot be told apart on these runs (correlation '
-                            f'{matrix[i, j]:+.3f}): use them together only, or add {_separating(other, name)}'
-                        ),
+                    Advice.of(
+                        'not-separable: derivatives',
+                        other=other,
+                        name=name,
+                        correlation=matrix[i, j],
+                        runs=_separating(other, name),
                     )
                 )
     for k, name in enumerate(found.names):
         value = found.values[k]
         if name not in CURRENT and at_bound(problem, name, value):
             flags[name].append('at-bound')
-            advice.append(
-                Advice(
-                    'at-bound',
-                    (
-                        f'{name} ended at the limit of its range ({value:.3g}): the runs do not determine it; leave '
-                        f'it out, or add {_separating(name)}'
-                    ),
-                )
-            )
+            advice.append(Advice.of('at-bound', name=name, value=value, runs=_separating(name)))
         size = max(abs(value), 0.1 * unknowns.units[k])
         if name not in CURRENT and not std[k] < UNCERTAIN * size:
             flags[name].append('uncertain')
-            advice.append(
-                Advice(
-                    'uncertain',
-                    (f'{name} is uncertain by {std[k]:.3g} beside a value of {value:.3g}: add {_separating(name)}'),
-                )
-            )
+            advice.append(Advice.of('uncertain', name=name, std=std[k], value=value, runs=_separating(name)))
         if name in problem.flags:
             flags[name].append(problem.flags[name])
         if name == 'Xu_dot' and not -STRANGE_MASS * problem.scales.mass < value < 0.2 * problem.scales.mass:
             flags[name].append('strange-inertia')
-            advice.append(
-                Advice(
-                    'strange-inertia',
-                    (
-                        f'the craft answers to thrust as if it weighed {problem.scales.mass - value:.4g} kg, not '
-                        f'{problem.scales.mass:.4g} kg: check the mass and the scale of the thrust'
-                    ),
-                )
-            )
+            advice.append(Advice.of('strange-inertia', apparent=problem.scales.mass - value, mass=problem.scales.mass))
     derivatives = {}
     for k, name in enumerate(found.names):
         if name in CURRENT:
@@ -326,16 +305,7 @@ def _exchangeable(model: ManoeuvringModel, found: Fit, region: Region):
     damping = -model.jacobian(0.5 * region.fastest, 0.0, 0.0)[0, 0]
     if 'lag' not in found.names or damping <= 0.0 or not ALIKE < model['lag'] * damping < 1.0 / ALIKE:
         return ()
-    return (
-        Advice(
-            'lag-like-surge',
-            (
-                f'lag and mass can be exchanged: the lag of the thrusters ({model["lag"]:.2f} s) is near the time '
-                f'constant of surge ({1.0 / damping:.2f} s), and their standard deviations leave that out; excite '
-                f'with {_separating("lag")}, or measure the lag and give it'
-            ),
-        ),
-    )
+    return (Advice.of('lag-like-surge', lag=model['lag'], surge=1.0 / damping, runs=_separating('lag')),)
 
 
 def _distinct_currents(model: ManoeuvringModel, currents: np.ndarray):
@@ -350,16 +320,7 @@ def _drifts(model: ManoeuvringModel, currents: np.ndarray):
     if np.all(currents == model.current):
         return ()
     strength = np.hypot(*currents.T)
-    return (
-        Advice(
-            'current-by-run',
-            (
-                f'the drift of each run ({strength.min():.2f} to {strength.max():.2f} m/s: current, and what wind '
-                'does like it) was found from its own motion; the model holds the mean, which validation uses; ask '
-                f'for one current for all runs if it was the same'
-            ),
-        ),
-    )
+    return (Advice.of('current-by-run', least=strength.min(), most=strength.max()),)
 
 
 def _white(runs: Sequence[Run]):
@@ -384,52 +345,26 @@ def _verdicts(
     advice = []
     if not (keeps_course or stability.stable) and stability.bounded:
         advice.append(
-            Advice(
+            Advice.of(
                 'course-unstable',
-                (
-                    f'the craft does not keep a straight course by itself: at {stability.unstable_speed:.2f} m/s '
-                    f'small turns grow {stability.largest_growth:.2g} times a second, until damping ends that; steer '
-                    f'it, and trust no forecast of its heading for longer than {3.0 / stability.largest_growth:.0f} s'
-                ),
+                speed=stability.unstable_speed,
+                growth=stability.largest_growth,
+                time=3.0 / stability.largest_growth,
             )
         )
     elif not stability.stable:
         where = '' if np.isnan(stability.unstable_speed) else f' (at {stability.unstable_speed:.2f} m/s)'
-        advice.append(
-            Advice(
-                'unstable',
-                (
-                    f'the model is unstable at speeds it was identified at{where}: do not use it; add turns at several '
-                    f'speeds'
-                ),
-            )
-        )
+        advice.append(Advice.of('unstable', where=where))
     for label, found in (('identification', scores), ('validation', validated)):
         if found is None:
             continue
         if found.diverged:
-            advice.append(
-                Advice(
-                    'diverged',
-                    (
-                        f'{found.diverged} of {found.windows} windows of the {label} runs ran away in free '
-                        f'simulation: look at their thrust and speed'
-                    ),
-                )
-            )
+            advice.append(Advice.of('diverged', diverged=found.diverged, windows=found.windows, label=label))
         low = [
             f'{name} {found.r2[name]:.2f}'
             for name, good in GOOD_R2.items()
             if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white[name]
         ]
         if low:
-            advice.append(
-                Advice(
-                    'poor-simulation',
-                    (
-                        f'free simulation explains little of the {label} runs ({", ".join(low)}; r2): wind, waves, a '
-                        f'wrong thrust or a reversed channel; look at the pictures'
-                    ),
-                )
-            )
+            advice.append(Advice.of('poor-simulation', label=label, channels=', '.join(low)))
     return tuple(advice)

@@ -1,6 +1,6 @@
 """Refitting a manoeuvring model on a window of the craft's own motion: what is fitted, accepted, and the way back."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -153,11 +153,14 @@ class ManoeuvreRefitter:
 
     Args:
         model: Known at the start.
+        history: Models before it, oldest first.
     """
 
-    def __init__(self, model: IdentifiedManoeuvringModel | None = None):
+    def __init__(
+        self, model: IdentifiedManoeuvringModel | None = None, history: Sequence[IdentifiedManoeuvringModel] = ()
+    ):
         self.model = model
-        self._history: list[IdentifiedManoeuvringModel | None] = []
+        self._history: list[IdentifiedManoeuvringModel | None] = [*history]
 
     def take(self, outcome: ManoeuvreRefitOutcome) -> bool:
         """Believe a refit that found a better model; whether it did."""

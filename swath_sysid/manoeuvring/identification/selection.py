@@ -353,15 +353,7 @@ def regularised_to_stable(problem: Problem, found: Fit) -> tuple[Fit, tuple[Advi
         found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
     advice: tuple[Advice, ...] = ()
     if removed:
-        advice = (
-            Advice(
-                'made-stable',
-                (
-                    f'with {", ".join(removed)} the model was unstable at speeds it was identified at: taken out; add '
-                    f'turns at several speeds to identify them'
-                ),
-            ),
-        )
+        advice = (Advice.of('made-stable', removed=', '.join(removed)),)
     return found, advice
 
 

@@ -34,15 +34,7 @@ def without_constant(trials: list[ManoeuvringTrial], advice: list[list[Advice]])
             continue
         for k in holding:
             trials[k] = _with(trials[k], name, None)
-            advice[k].append(
-                Advice(
-                    'constant-channel',
-                    (
-                        f'{trials[k].source}: {name} never changes, as where nothing is measured: it is taken as '
-                        f'unknown; check its sender'
-                    ),
-                )
-            )
+            advice[k].append(Advice.of('constant-channel', source=trials[k].source, name=name))
     return trials
 
 
@@ -60,15 +52,7 @@ def _in_order(trial: ManoeuvringTrial, advice: list[Advice]):
     if good.sum() < 20:
         raise InputError(f'{trial.source} holds {int(good.sum())} samples in order of time: record 30 s or more')
     if not good.all():
-        advice.append(
-            Advice(
-                'time-disorder',
-                (
-                    f'{trial.source}: {int((~good).sum())} rows with missing, repeated or backward time left out: '
-                    f'check the recorder'
-                ),
-            )
-        )
+        advice.append(Advice.of('time-disorder', source=trial.source, number=int((~good).sum())))
     for name in ('port', 'starboard', *MEASURED):
         values = getattr(trial, name)
         if values is not None:
@@ -83,31 +67,19 @@ def _without_absurd(trial: ManoeuvringTrial, advice: list[Advice]):
             bad = ~(np.abs(values) <= ABSURD[name])
         if bad.all():
             trial = _with(trial, name, None)
-            advice.append(Advice('empty-channel', f'{trial.source}: {name} holds no usable value and is left out'))
+            advice.append(Advice.of('empty-channel: run', source=trial.source, name=name))
             continue
         wild = bad & np.isfinite(values)
         if wild.any():
             advice.append(
-                Advice(
-                    'absurd-values',
-                    (
-                        f'{trial.source}: {int(wild.sum())} values of {name} beyond {ABSURD[name]:g} left out: check '
-                        f'its unit'
-                    ),
+                Advice.of(
+                    'absurd-values: run', source=trial.source, number=int(wild.sum()), name=name, limit=ABSURD[name]
                 )
             )
         trial = _with(trial, name, np.where(bad, np.nan, values))
     rows = np.all([~np.isfinite(getattr(trial, n)) for n in names if getattr(trial, n) is not None], axis=0)
     if np.sum(rows):
-        advice.append(
-            Advice(
-                'missing-rows',
-                (
-                    f'{trial.source}: {int(np.sum(rows))} rows hold no measured value and are bridged by the '
-                    f'simulation: check the logger if they are many'
-                ),
-            )
-        )
+        advice.append(Advice.of('missing-rows', source=trial.source, number=int(np.sum(rows))))
     return trial
 
 
@@ -123,15 +95,7 @@ def _without_spikes(trial: ManoeuvringTrial, advice: list[Advice]):
         spikes = away > np.maximum(SPIKE * usual, least)
         if not spikes.any() or spikes.mean() > MAX_SPIKES:
             continue
-        advice.append(
-            Advice(
-                'spikes',
-                (
-                    f'{trial.source}: {int(spikes.sum())} values of {name} jump away for a moment and are left out: '
-                    f'look at the sensor if they are many'
-                ),
-            )
-        )
+        advice.append(Advice.of('spikes: run', source=trial.source, number=int(spikes.sum()), name=name))
         cleaned = values.copy()
         cleaned[known[spikes]] = np.nan
         trial = _with(trial, name, cleaned)

@@ -56,13 +56,11 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
         return trials
     for item, trial in zip(advice, trials, strict=True):
         item.append(
-            Advice(
+            Advice.of(
                 'compass-misaligned',
-                (
-                    f'{trial.source}: the craft moves {abs(math.degrees(offset)):.1f} deg to '
-                    f'{"port" if offset > 0.0 else "starboard"} of its heading on straight courses: heading and '
-                    f'speeds were turned by that much; calibrate the compass'
-                ),
+                source=trial.source,
+                offset=abs(math.degrees(offset)),
+                side='port' if offset > 0.0 else 'starboard',
             )
         )
     return [_turned(trial, offset) for trial in trials]

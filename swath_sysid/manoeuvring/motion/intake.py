@@ -106,7 +106,7 @@ def _derive_channels(
     heading, x, y = (pose[name] for name in POSE)
     if 'yaw_rate' not in measured and heading is not None:
         measured['yaw_rate'] = slope(heading, step, 1.1)
-        advice.append(Advice('yaw-rate-derived', f'{source}: no yaw rate: it is derived from the heading'))
+        advice.append(Advice.of('yaw-rate-derived', source=source))
     if heading is None or x is None or y is None or ('surge' in measured and 'sway' in measured):
         return
     east, north = slope(x, step, 2.1), slope(y, step, 2.1)
@@ -116,6 +116,4 @@ def _derive_channels(
     }
     missing = [name for name in derived if name not in measured]
     measured.update({name: derived[name] for name in missing})
-    advice.append(
-        Advice('speed-derived', (f'{source}: no {" and no ".join(missing)}: derived from position and heading'))
-    )
+    advice.append(Advice.of('speed-derived', source=source, missing=' and no '.join(missing)))

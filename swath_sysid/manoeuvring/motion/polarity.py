@@ -6,7 +6,7 @@ stays.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,32 +46,30 @@ def set_right(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> lis
             raise InputError(f"{trial.source}: there is no frame '{trial.frame}': state enu or ned")
     trials = [mirrored(t) if t.frame == 'ned' else t for t in trials]
     trials = _with_heading_along_course(trials, advice)
-    for name, pair, meaning in _CHANNELS:
+    for name, (pair, key) in _CHANNELS.items():
         if _likeness([pair(t) for t in trials]) < -SEEN:
-            trials = _reversed(trials, advice, (name,), f'{name.replace("_", "-")}-reversed', meaning)
+            trials = _reversed(trials, advice, (name,), key)
     trials = _with_thrust_ahead(trials, advice)
     return _with_sides(trials, advice)
 
 
-def _likeness(pairs: Sequence[tuple]):
+def _likeness(pairs: Sequence[tuple | None]):
     """Correlation about zero of pairs of series, pooled; 0 where none is usable."""
-    pairs = [pair for pair in pairs if pair is not None and len(pair[0])]
-    if not pairs:
+    usable = [pair for pair in pairs if pair is not None and len(pair[0])]
+    if not usable:
         return 0.0
-    a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    a, b = (np.concatenate(side) for side in zip(*usable, strict=True))
     size = math.sqrt(float(a @ a) * float(b @ b))
     return float(a @ b) / size if size > 0.0 else 0.0
 
 
-def _reversed(
-    trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]], names: Sequence[str], code: str, meaning: str
-):
+def _reversed(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]], names: Sequence[str], key: str):
     """The trials with channels multiplied by -1, where they hold any of them."""
     found = []
     for trial, item in zip(trials, advice, strict=True):
         held = {name: -getattr(trial, name) for name in names if getattr(trial, name) is not None}
         if held:
-            item.append(Advice(code, f'{trial.source}: {meaning}'))
+            item.append(Advice.of(key, source=trial.source))
         found.append(replace(trial, **held))
     return found
 
@@ -106,26 +104,12 @@ def _with_heading_along_course(trials: Sequence[ManoeuvringTrial], advice: list[
     mirror = abs(reverse) > abs(straight) + 0.2 or (alike and mirrored_quarters == 1)
     if alike and not mirror:
         return trials
-    if mirror:
-        turn, meaning = (
-            mirrored_quarters,
-            (
-                f'heading and position are in different frames (one in NED, one in ENU): the heading is taken as '
-                f'{90 * mirrored_quarters} deg minus what was recorded; give both in one frame'
-            ),
-        )
-    else:
-        turn, meaning = (
-            quarters,
-            (
-                f'the heading is off the course by {90 * quarters} deg and was turned by that much: check which axis '
-                f'heading and position are measured from'
-            ),
-        )
+    turn = mirrored_quarters if mirror else quarters
+    key = 'mixed-frames' if mirror else 'mixed-frames: turned'
     found = []
     for trial, item in zip(trials, advice, strict=True):
         if trial.heading is not None:
-            item.append(Advice('mixed-frames', f'{trial.source}: {meaning}'))
+            item.append(Advice.of(key, source=trial.source, turn=90 * turn))
             sign = -1.0 if mirror else 1.0
             trial = replace(trial, heading=turn * math.pi / 2 + sign * trial.heading)
         found.append(trial)
@@ -153,17 +137,12 @@ def _speed_and_track(name: str, place: int):
     return pair
 
 
-_OPPOSITE = '{0} is opposite to the change of position and is reversed: check its sign'
-_CHANNELS = (
-    (
-        'yaw_rate',
-        _heading_and_rate,
-        'yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate is '
-        'reversed; give both in one frame',
-    ),
-    ('surge', _speed_and_track('surge', 0), _OPPOSITE.format('surge')),
-    ('sway', _speed_and_track('sway', 1), _OPPOSITE.format('sway')),
-)
+#: Channel to what it is compared with, and the advice where they are opposite.
+_CHANNELS: dict[str, tuple[Callable[[ManoeuvringTrial], tuple | None], str]] = {
+    'yaw_rate': (_heading_and_rate, 'yaw-rate-reversed'),
+    'surge': (_speed_and_track('surge', 0), 'surge-reversed: by position'),
+    'sway': (_speed_and_track('sway', 1), 'sway-reversed'),
+}
 
 
 def _with_thrust_ahead(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
@@ -179,14 +158,12 @@ def _with_thrust_ahead(trials: Sequence[ManoeuvringTrial], advice: list[list[Adv
             advice,
             ('port', 'starboard'),
             'thrust-reversed',
-            ('the craft moves astern under positive thrust: both thrusts are reversed; check their sign'),
         )
     return _reversed(
         trials,
         advice,
         ('surge',),
         'surge-reversed',
-        ('the speed is negative under positive thrust and is reversed: check its sign, or that of both thrusts'),
     )
 
 
@@ -231,24 +208,8 @@ def _with_sides(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
             trial = trials[k]
             if stated:
                 found[k] = replace(trial, port=trial.starboard, starboard=trial.port)
-                advice[k].append(
-                    Advice(
-                        'thrusters-swapped',
-                        (
-                            f'{trial.source}: more thrust to starboard turns to starboard in the frame stated '
-                            f'({trial.frame}), so port and starboard were exchanged; check the channels, or the frame'
-                        ),
-                    )
-                )
+                advice[k].append(Advice.of('thrusters-swapped', source=trial.source, frame=trial.frame))
             else:
                 found[k] = mirrored(trial)
-                advice[k].append(
-                    Advice(
-                        'frame-assumed',
-                        (
-                            f'{trial.source}: more thrust to starboard turns to negative yaw, so yaw is taken as in '
-                            f'NED; state the frame (ned or enu): if it is ENU, port and starboard are swapped'
-                        ),
-                    )
-                )
+                advice[k].append(Advice.of('frame-assumed', source=trial.source))
     return found

@@ -71,15 +71,7 @@ def thrust_on(
     driven = started & (age <= max(LONGEST_GAP, hold))
     lost = 1.0 - driven.mean()
     if lost > 0.001:
-        advice.append(
-            Advice(
-                'thrust-gaps',
-                (
-                    f'{trial.source}: the thrust is missing for {lost * (grid[-1] - grid[0]):.0f} s, which are left '
-                    f'out: if commands are published only while driving, say that a gap means zero'
-                ),
-            )
-        )
+        advice.append(Advice.of('thrust-gaps', source=trial.source, lost=lost * (grid[-1] - grid[0])))
     return np.where(driven, port, 0.0), np.where(driven, starboard, 0.0), driven
 
 
@@ -93,12 +85,7 @@ def without_held(name: str, values: np.ndarray, advice: list[Advice], source: st
     usual = float(np.median(runs))
     if usual < 3.0 or np.mean(runs[runs > 1] <= 2.5 * usual) < 0.7:
         return values
-    advice.append(
-        Advice(
-            'held-samples',
-            (f'{source}: {name} changes only at every {usual:.0f}th sample: the repetitions are taken as missing'),
-        )
-    )
+    advice.append(Advice.of('held-samples', source=source, name=name, usual=usual))
     fresh = values.copy()
     fresh[known[1:][~changed]] = np.nan
     return fresh

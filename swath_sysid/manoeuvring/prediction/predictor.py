@@ -231,11 +231,11 @@ class ManoeuvreFilter:
         if innovation**2 > self._gate * spread:
             self._rejections[name] += 1
             if self._rejections[name] <= self.settings.gate_patience:
-                return (Advice('outlier', f'{name} {value:.3g} was refused: expected {expected:.3g}'),)
+                return (Advice.of('outlier', name=name, value=value, expected=expected),)
             self.P = self.P + np.outer(row, row) * innovation**2
             seen = self.P @ row
             spread = float(row @ seen) + variance
-            advice = (Advice('sensor-followed', f'{name} jumped and stayed: the filter follows it; check the sensor'),)
+            advice = (Advice.of('sensor-followed', name=name),)
         self._rejections[name] = 0
         self.x = self.x + seen * (innovation / spread)
         self.P = self.P - np.outer(seen, seen) / spread

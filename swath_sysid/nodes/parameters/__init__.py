@@ -1,5 +1,4 @@
-"""The parameters of the nodes: one table a node, and the settings of the core that its values make.
+"""The parameters of the nodes: one table (parameters.yaml), and for each node the settings of the core from its values.
 
-Only `declared` needs ROS: the same tables make the nodes' declarations, the configuration file and the documentation.
-A node imports its own table only, and so loads no more of the core than it runs.
+Only `declared` needs ROS. A node imports its own settings only, and so loads no more of the core than it runs.
 """

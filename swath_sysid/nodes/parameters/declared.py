@@ -1,6 +1,7 @@
-"""Declaring a node's parameters from its table, and checking every change."""
+"""Declaring a node's parameters from the table, and checking every change."""
 
 from collections.abc import Callable
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -8,16 +9,16 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.parameters.parameter import NodeParameter, Table, Values
+from swath_sysid.nodes.parameters.table import NODES, NodeParameter, Values, parameters_of, table_of
 
 
 class NodeParameters:
     """The parameters of one node, declared and kept valid.
 
     Args:
+        node_name: As the table has it; the node itself may be remapped.
         settings_of: Turns a dict of all values into the settings of the core, or raises `InputError`.
         on_change: Called with the new settings after a change was accepted.
-        further: Turns the values into a table of parameters that exist only with them.
 
     Raises:
         InputError: A value given at the start is not allowed.
@@ -26,16 +27,21 @@ class NodeParameters:
     def __init__(
         self,
         node: Node,
-        table: Table,
+        node_name: str,
         settings_of: Callable[[Values], Any],
         on_change: Callable[[Any], None] | None = None,
-        further: Callable[[Values], Table] = lambda values: (),
     ):
         self._settings_of = settings_of
         self._on_change = on_change
-        self.values = _declared(node, table)
-        self.values |= _declared(node, further(self.values))
+        self.values: Values = {}
+        # twice: the first values may name points, which have a parameter each
+        for _ in range(2):
+            new = [p for p in parameters_of(node_name, self.values) if p.name not in self.values]
+            self.values |= {
+                p.name: _plain(node.declare_parameter(p.name, p.default, _descriptor(p)).value) for p in new
+            }
         self._names = set(self.values)
+        _warn_of_unknown(node, self._names)
         self.settings = settings_of(self.values)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
@@ -63,8 +69,15 @@ class NodeParameters:
                 self._on_change(self.settings)
 
 
-def _declared(node: Node, table: Table) -> Values:
-    return {p.name: _plain(node.declare_parameter(p.name, p.default, _descriptor(p)).value) for p in table}
+def _warn_of_unknown(node: Node, names: set[str]) -> None:
+    """Of what was given at the start and is a parameter of none of the nodes: one file often serves them all."""
+    known = names.union(*({p.name for p in table_of(each)} for each in NODES))
+    for name in node._parameter_overrides:
+        if name in known or node.has_parameter(name) or name.startswith('points.'):
+            continue
+        meant = get_close_matches(name, sorted(known), 1)
+        hint = f'did you mean {meant[0]}?' if meant else 'see `ros2 param list`'
+        node.get_logger().warning(f'there is no parameter {name}, so it is left out: {hint}')
 
 
 def _plain(value: Any) -> Any:
@@ -74,13 +87,15 @@ def _plain(value: Any) -> Any:
 
 def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
     unit = f' [{parameter.unit}]' if parameter.unit else ''
-    descriptor = ParameterDescriptor(description=f'{parameter.meaning}{unit}', read_only=parameter.read_only)
-    if parameter.range_text:
-        descriptor.additional_constraints = parameter.range_text
-    if isinstance(parameter.default, float) and parameter.lowest is not None:
-        descriptor.floating_point_range = [
-            FloatingPointRange(from_value=float(parameter.lowest), to_value=float(parameter.highest or 0.0), step=0.0)
-        ]
-    elif type(parameter.default) is int and parameter.lowest is not None:
-        descriptor.integer_range = [IntegerRange(from_value=parameter.lowest, to_value=parameter.highest, step=1)]
+    descriptor = ParameterDescriptor(
+        description=f'{parameter.meaning}{unit}',
+        read_only=parameter.read_only,
+        additional_constraints=parameter.allowed,
+    )
+    if parameter.range:
+        lowest, highest = parameter.range
+        if isinstance(parameter.default, float):
+            descriptor.floating_point_range = [FloatingPointRange(from_value=lowest, to_value=highest, step=0.0)]
+        elif isinstance(parameter.default, int):
+            descriptor.integer_range = [IntegerRange(from_value=lowest, to_value=highest, step=1)]
     return descriptor

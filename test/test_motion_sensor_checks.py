@@ -1,6 +1,9 @@
 """What a sensor's own data say of its installation: each wrong one is named with its cure, no right one is."""
 
+import importlib
 import json
+from pathlib import Path
+from string import Formatter
 
 import numpy as np
 import pytest
@@ -13,19 +16,21 @@ from wrong_installations import GRAVITY, WRONG, buoy, declared, named_by, readin
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.attitude.motion.contradictions import (
-    DOUBTFUL_CODES,
-    FROZEN_CODES,
-    GRAVITY_CODES,
-    OFFSET_CODES,
-    RATE_CODES,
-    Contradiction,
-)
-from swath_sysid.attitude.motion.installation_checks import contradictions_in, judge
+from swath_sysid.attitude.motion import sensor_checks
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import CraftSample
-from swath_sysid.attitude.motion.sensor_mount import Installation
-from swath_sysid.attitude.motion.turned_axes import TURNS, angles_of
+from swath_sysid.attitude.motion.sensor_checks import (
+    DOUBTFUL_CODES,
+    FAULTS,
+    Contradiction,
+    Slope,
+    compare_rates,
+    contradictions_in,
+    judge,
+    refuse_contradictions,
+)
+from swath_sysid.attitude.motion.sensor_mount import TURNS, Installation, angles_of
+from swath_sysid.cli.main import main
 from swath_sysid.formats.reading import read_trial
 
 STRAIGHT = Installation()
@@ -83,6 +88,44 @@ def test_nothing_is_named_of_any_measured_record(data_folder):
     for path in paths:
         trial = read_trial(path, frame='frd' if 'morro' in path.name or 'oahu' in path.name else None)
         assert [each for each in trial.advice if isinstance(each, Contradiction)] == [], path
+
+
+SHIP = ('roll', 'pitch', 'heading', 'heave')
+
+
+@pytest.mark.parametrize('kept', [SHIP, ('roll', 'heading'), ('pitch', 'heave'), ('roll', 'pitch')])
+def test_a_ship_without_rates_is_accepted_with_any_of_its_channels(data_folder, tmp_path, capsys, kept):
+    table = np.genfromtxt(data_folder / 'waves/nbp1406_ship.csv', delimiter=',', names=True)[:400]
+    units = {'heave': 'm'}
+    names = ['time_s', *(f'{name}_{units.get(name, "deg")}' for name in kept)]
+    path = tmp_path / 'ship.csv'
+    np.savetxt(path, np.column_stack([table[name] for name in names]), '%.6g', ',', header=','.join(names), comments='')
+    assert main(['inspect', str(path)]) == 0
+    printed = capsys.readouterr()
+    assert 'nan' not in printed.out + printed.err
+    trial = read_trial(path)
+    refuse_contradictions(trial)
+    assert not any(isinstance(each, Contradiction) for each in trial.advice)
+
+
+@pytest.mark.parametrize('first', range(0, 60, 20))
+def test_nothing_is_named_of_sound_sensors_whatever_they_leave_out(first, monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
+    sensor_records = importlib.import_module('sensor_checks')
+    for seed in range(first, first + 20):
+        sound = sensor_records.record(seed)
+        found = sensor_records.faults_of(sound)
+        found += sensor_records.faults_live(sound) if seed % 6 == 0 else []
+        assert found == [], (seed, sound.kind)
+
+
+def test_a_value_that_is_not_known_makes_no_fault():
+    """Slopes of which nothing is known but that the angle moves: no comparison may take that for a finding."""
+    unknown = Slope(0, np.full(3, np.nan), *[np.nan] * 5, frequency=1.0, speed=1.0)
+    assert sensor_checks._rates_against_angles([unknown], 0.01, 0, STRAIGHT) == []
+    for name, fault in FAULTS.items():
+        values = {field: np.nan for _, field, _, _ in Formatter().parse(fault.sentence) if field not in (None, 'axis')}
+        assert not values or sensor_checks._found(name, 'roll', **values) == []
 
 
 @pytest.mark.parametrize('name,reversed_,code', [('deg', 180 / np.pi, 'rate-unit'), ('sign', -1.0, 'rate-sign')])
@@ -223,12 +266,6 @@ def test_a_decay_with_a_wrong_rate_column_is_named(fault, code):
     assert [each.code for each in found] == [code] and found[0].is_plain
 
 
-def test_stamps_in_milliseconds_are_named():
-    trial = simulated_trial(HULLS[0].model, np.radians(5.0), 15.0, 100.0, SensorNoise(), 1, 2.0)
-    (found,) = contradictions_in(1e3 * trial.time, trial.channels, STRAIGHT)
-    assert found.code == 'rate-unit' and 'the time is in ms where s is expected' in found.message
-
-
 numbers = st.one_of(st.floats(-10.0, 10.0), st.sampled_from([np.nan, 0.0, 1e200, -np.pi, np.pi]))
 
 
@@ -240,6 +277,76 @@ def test_any_values_are_judged_without_an_error(values, frame):
         judgement = judge(
             time, values[:, :3], values[:, 3:6], values[:, 6:], installation=Installation(frame), interval=0.1
         )
-    known = GRAVITY_CODES | RATE_CODES | OFFSET_CODES | FROZEN_CODES
+    known = {fault.code for fault in FAULTS.values()}
     assert all(each.code in known for each in judgement.contradictions)
     assert DOUBTFUL_CODES < known
+    assert not any('nan' in each.message or 'inf' in each.message for each in judgement.contradictions)
+
+
+STEP = 0.05
+
+
+def rolling(seed, duration=30.0, delay=0.0):
+    """Roll and pitch of a few waves, shape (N, 2), and the derivatives of roll, pitch, yaw some time ago, (N, 3)."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, STEP)
+    angles, rates = np.zeros((2, time.size, 3))
+    for axis in range(3):
+        for _ in range(6):
+            w, phase = 2 * np.pi * rng.uniform(0.1, 0.5), rng.uniform(0, 2 * np.pi)
+            angles[:, axis] += 0.03 * np.sin(w * time + phase)
+            rates[:, axis] += 0.03 * w * np.cos(w * (time - delay) + phase)
+    return angles[:, :2], rates
+
+
+@given(st.integers(0, 10_000), st.floats(-0.5, 0.5))
+def test_a_delay_is_found_with_its_sign(seed, delay):
+    found = compare_rates(STEP, *rolling(seed, delay=delay))
+    assert [slope.axis for slope in found] == [0, 1]
+    assert [slope.lag for slope in found] == pytest.approx([delay] * 2, abs=0.02)
+    assert all(slope.lagged > 0.99 and slope.gain == pytest.approx(1.0, abs=0.1) for slope in found)
+
+
+@given(st.integers(0, 10_000), st.floats(0.01, 100.0), st.floats(-2.0, 2.0))
+def test_a_gain_is_found_whatever_the_offset(seed, gain, offset):
+    angles, rates = rolling(seed)
+    found = compare_rates(STEP, angles, gain * rates + offset)
+    assert [slope.gain for slope in found] == pytest.approx([gain] * 2, rel=0.02)
+
+
+def test_a_rate_on_another_axis_is_found_there():
+    angles, rates = rolling(3)
+    roll, pitch = compare_rates(STEP, angles, rates[:, [1, 0, 2]] * [1.0, -1.0, 1.0])
+    assert pitch.correlations[0] > 0.99 and roll.correlations[1] < -0.99
+    assert not roll.follows and not pitch.follows
+
+
+def test_the_standard_deviation_of_a_delay_is_that_of_repeats():
+    lags, told = [], []
+    for seed in range(200):
+        angles, rates = rolling(7)
+        noise = np.random.default_rng(seed).normal(0.0, 0.15, rates.shape)
+        found = compare_rates(STEP, angles, rates + noise)[0]
+        lags.append(found.lag)
+        told.append(found.lag_std)
+    assert 0.3 < np.std(lags) / np.mean(told) < 1.5
+
+
+def test_what_hardly_moves_or_is_mere_noise_shows_nothing():
+    rng = np.random.default_rng(1)
+    assert compare_rates(STEP, *(1e-3 * part for part in rolling(1))) == ()
+    assert compare_rates(STEP, rng.normal(0.0, 0.05, (600, 2)), rng.normal(0.0, 0.05, (600, 3))) == ()
+
+
+def test_a_decay_shows_within_a_long_rest():
+    """One decay in 40 s of noise, from which only the part that moves may be looked at."""
+    time = np.arange(0.0, 40.0, STEP)
+    since = np.maximum(time - 20.0, 0.0)
+    angle = 0.1 * np.exp(-0.2 * since) * np.cos(3.0 * since)
+    rate = np.where(time < 20.0, 0.0, np.gradient(angle, STEP))
+    noise = np.random.default_rng(2).normal(0.0, 1.0, (2, time.size)) * [[1e-3], [2e-2]]
+    unknown = np.full((time.size, 1), np.nan)
+    (found,) = compare_rates(
+        STEP, np.column_stack([angle + noise[0], unknown]), np.column_stack([-rate + noise[1], unknown, unknown])
+    )
+    assert found.axis == 0 and found.correlations[0] < -0.95 and np.isnan(found.correlations[1])

@@ -1,0 +1,801 @@
+"""Whether the angles, rates and accelerations of a sensor agree: two comparisons, and a table of what can be wrong.
+
+The rates are compared with the slopes of their angles, and gravity with the attitude. A fault is reported only where
+the data decide it; where something is missing, the checks that need it are silent. A sensor whose orientation, rates
+and accelerations are all turned alike about the vertical agrees with itself: no such check can see it.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from swath_sysid.attitude.motion import attitude
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
+from swath_sysid.attitude.motion.sensor_mount import (
+    TURNS,
+    Installation,
+    angles_of,
+    in_degrees,
+    mounting_after,
+    nearest_quarter,
+)
+from swath_sysid.attitude.motion.trial import AXES, Trial
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+
+WINDOW = 30.0  #: s over which the accelerations of waves average out.
+
+#: s; samples are averaged to so coarse a time base, unless their own is coarser: craft roll in 1 s and more.
+BIN = 0.05
+
+WINDOW_BINS = 300  #: Bins of a window of a sensor so slow that `WINDOW` holds fewer.
+MIN_BINS = 40  #: Fewer are not judged.
+MAX_STRETCHES = 20  #: Of a long record, over which they are spread; up to twice as many are judged.
+
+FROZEN = 5.0  #: s of fresh stamps with the same values.
+#: Steps of its resolution by which the values of a sensor change just before it freezes; those of a coarse one at rest
+#: change by one or none.
+MIN_STEPS = 3.0
+MIN_TURN = np.radians(3.0)  #: rad that the rates turn while the angles stand still; no angle is as coarse.
+
+#: Of gravity by which a mean specific force may differ; consumer accelerometers are within a few percent.
+GRAVITY_TOLERANCE = 0.2
+NO_GRAVITY = 0.3  #: Of gravity below which a mean specific force holds none.
+MIN_UPRIGHT = np.cos(np.radians(45.0))  #: Cosine of the largest mean list at which a craft floats.
+#: Cosine between gravity and attitude below which they contradict each other; alignment errors are a few degrees.
+CONTRADICTED = np.cos(np.radians(30.0))
+
+MIN_ANGLE = np.radians(0.25)  #: rad, standard deviation; a craft that moves less shows nothing.
+#: rad/s, standard deviation of the slope; slower angles may be the wander of an attitude filter.
+MIN_RATE = np.radians(0.5)
+#: Share of an angle's power below the highest frequency that is looked at; what is above is mostly noise.
+BAND_POWER = 0.98
+#: Of the Nyquist frequency. An angle that fills more of it is too coarsely sampled, or too noisy, to be differentiated:
+#: up to half of it, noise was taken for motion in 20 of 960 simulated decays of 1 to 3 deg, up to this in none.
+WIDEST_BAND = 0.3
+LIVELY = 0.9  #: Share of the energy of the slopes within the part of a stretch that is looked at.
+LAG_OF_PERIOD = 0.45  #: Longest lag as a share of the mean period: beyond half of it a delay looks like a reversal.
+
+FOLLOWS = 0.7  #: Correlation with the slope of its angle from which a rate is that of the angle.
+EXPLAINS = 0.9  #: Correlation from which a delay, a factor or another arrangement of the axes explains the rates.
+UNRELATED = 0.4  #: Correlation with the slope of its angle at every delay below which a rate does not follow it.
+MIN_FREEDOM = 3.0  #: Degrees of freedom below which a correlation proves nothing: less than a cycle and a half.
+SIGNIFICANT = 4.0  #: Standard deviations beyond which a delay, a factor or an offset is not chance.
+UNIT_TOLERANCE = 1.3  #: Factor by which a rate may differ from the slope of its angle, and from a unit of `UNITS`.
+MAX_OFFSET = np.radians(2.0)  #: rad/s; uncalibrated gyroscopes at rest stay within 1 deg/s by their data sheets.
+LAG_INTERVALS = 2.5  #: Sample intervals up to which a delay is not reported.
+LAG_PHASE = 0.15  #: rad of the mean circular frequency up to which a delay is not reported.
+
+#: What is wrong where the rate is this many times the slope of the angle.
+UNITS = {
+    57.29578: 'the rate is in deg/s where rad/s is expected',
+    1.0 / 57.29578: 'the angle is in degrees where rad is expected',
+}
+
+#: Which slopes the rates of roll and pitch hold, where gravity agrees with the attitude: by row the rate, by column the
+#: angle. The first needs one axis that moves, the others need two.
+ARRANGEMENTS = {
+    'reversed': ((-1, 0), (0, -1)),
+    'roll reversed': ((-1, 0), (0, 1)),
+    'pitch reversed': ((1, 0), (0, -1)),
+    'to port': ((0, 1), (-1, 0)),
+    'to starboard': ((0, -1), (1, 0)),
+    'exchanged': ((0, 1), (1, 0)),
+    'exchanged and reversed': ((0, -1), (-1, 0)),
+}
+
+FRAMES_ALIKE = {'flu': 'forward-left-up', 'frd': 'forward-right-down'}
+OPPOSITE_FRAME = {'flu': 'frd', 'frd': 'flu'}
+
+PARTS = ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate'), ('accel_x', 'accel_y', 'accel_z')
+
+REPEATS, GRAVITY, RATES, OFFSETS = 'repeats', 'gravity', 'rates', 'offsets'
+
+TURN_CURE = (
+    'rates and accelerations are turned by {turn} deg (roll, pitch, yaw) against the orientation; let the driver give '
+    'all of them in the axes of the sensor and set mounting_deg to {mounting}, or all in those of the craft with '
+    'mounting_deg [0, 0, 0]'
+)
+CROSSED = 'the roll rate follows the pitch angle and the pitch rate the roll angle'
+BOTH_REVERSED = 'roll and pitch rate are the derivatives of their angles with the opposite sign'
+REVERSE_BOTH = 'reverse the signs of the rates in the driver or the file'
+MOUNTING_CURE = 'set mounting_deg to {mounting} (roll, pitch, yaw, of which the yaw does not show)'
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What can be wrong with a sensor."""
+
+    code: str
+    compared: str  #: What must have been compared to find it: `REPEATS`, `GRAVITY`, `RATES` or `OFFSETS`.
+    sentence: str  #: With the names of its values in braces.
+    refuses: bool = True  #: Whether nothing should be identified or forecast from such data before it is mended.
+
+
+#: Everything that the checks can find. Those that do not refuse leave the rest of the data as good as it was.
+FAULTS = {
+    'all frozen': Fault(
+        'sensor-frozen',
+        REPEATS,
+        'every value of the sensor has been the same for {seconds:g} s while its stamps go on: restart its driver, and '
+        'look for one that repeats its last message',
+        refuses=False,
+    ),
+    'angles frozen': Fault(
+        'angles-frozen',
+        REPEATS,
+        'the orientation has been the same for {seconds:g} s while the rates show motion: check what gives the '
+        'orientation, or have the driver set orientation_covariance[0] to -1',
+        refuses=False,
+    ),
+    'in g': Fault(
+        'accelerations-in-g',
+        GRAVITY,
+        'the accelerations average {force:.2f} where gravity is {gravity:.2f} m/s^2: they are in g; give them in m/s^2 '
+        '(multiplied by {gravity:.2f})',
+    ),
+    'no gravity': Fault(
+        'gravity-missing',
+        GRAVITY,
+        'the accelerations average {force:.2f} m/s^2, without gravity: have the driver give the specific force, which '
+        'reads {gravity:.2f} upward at rest, or none',
+        refuses=False,
+    ),
+    'scaled': Fault(
+        'accelerations-scaled',
+        GRAVITY,
+        'the accelerations average {force:.2f} where gravity is {gravity:.2f} m/s^2: give them in m/s^2, or calibrate '
+        'the accelerometer',
+        refuses=False,
+    ),
+    'listing': Fault(
+        'sensor-turned',
+        GRAVITY,
+        'the attitude averages roll {roll} deg and pitch {pitch} deg, at which no craft floats, so this is its '
+        'mounting: ' + MOUNTING_CURE,
+    ),
+    'other frame': Fault(
+        'axes-of-sensor',
+        GRAVITY,
+        '{reading}, opposite to that of the attitude: its axes are {other_axes}; set frame to {other_frame} (or, if '
+        'they are {axes}, have the driver give the specific force, which points up at rest)',
+    ),
+    'turned': Fault('axes-of-sensor', GRAVITY, '{reading}, which the attitude contradicts: ' + TURN_CURE),
+    'not right-angled': Fault(
+        'axes-of-sensor',
+        GRAVITY,
+        'gravity is {off:.0f} deg away from where the attitude puts it, which no right-angled mounting explains: have '
+        'the driver give orientation and accelerations in the same axes, and mounting_deg say how these sit',
+    ),
+    'on its side': Fault('axes-of-sensor', GRAVITY, '{reading}: ' + MOUNTING_CURE),
+    'hanging': Fault(
+        'axes-of-sensor',
+        GRAVITY,
+        '{reading}: set frame to {other_frame} if its axes are {other_axes}, or, if it hangs upside down, '
+        + MOUNTING_CURE,
+    ),
+    'crossed': Fault('rates-swapped', RATES, CROSSED + ': exchange the x and y gyroscopes'),
+    'crossed and reversed': Fault(
+        'rates-swapped', RATES, CROSSED + ': exchange the x and y gyroscopes, and reverse both'
+    ),
+    'quarter turn': Fault('rates-turned', RATES, CROSSED + ', one of them reversed: ' + TURN_CURE),
+    'half turn': Fault('rates-turned', RATES, BOTH_REVERSED + ', and the accelerations are opposite too: ' + TURN_CURE),
+    'both reversed': Fault(
+        'rate-sign', RATES, BOTH_REVERSED + ', while the accelerations are as they should be: ' + REVERSE_BOTH
+    ),
+    'both reversed or half turn': Fault(
+        'rate-sign', RATES, BOTH_REVERSED + ': ' + REVERSE_BOTH + ', unless ' + TURN_CURE
+    ),
+    'reversed': Fault(
+        'rate-sign',
+        RATES,
+        'the {axis} rate is the derivative of the {axis} angle with the opposite sign: reverse one of the two (roll is '
+        'positive to starboard, pitch bow down, and so are their rates)',
+    ),
+    'unit': Fault(
+        'rate-unit',
+        RATES,
+        'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: {unit}; give each in the unit '
+        'expected, or name the one it is in',
+    ),
+    'scale': Fault(
+        'rate-scale',
+        RATES,
+        'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: check the units of angle, rate and '
+        'time, and the scale of the gyroscope',
+    ),
+    'late': Fault(
+        'rate-late',
+        RATES,
+        'the {axis} rate comes {lag:.2f} s after the {axis} angle: have the driver stamp both when they are measured '
+        'and look for a slow filter on the rate, or move its column by as much',
+    ),
+    'early': Fault(
+        'angle-late',
+        RATES,
+        'the {axis} angle comes {lag:.2f} s after the {axis} rate: have the driver stamp both when they are measured '
+        'and look for a slow filter on the angle, or move its column by as much',
+    ),
+    'unrelated': Fault(
+        'rate-unrelated',
+        RATES,
+        'the {axis} angle moves and its rate does not follow it at any delay: check what gives the rate, or leave it '
+        'out',
+    ),
+    'offset': Fault(
+        'rate-offset',
+        OFFSETS,
+        'the {axis} rate is {offset:+.1f} deg/s off the change of the angle: calibrate the gyroscope at rest, or take '
+        'the offset away',
+    ),
+}
+
+
+def _codes(compared: str) -> frozenset[str]:
+    return frozenset(fault.code for fault in FAULTS.values() if fault.compared == compared)
+
+
+REPEAT_CODES, GRAVITY_CODES, RATE_CODES, OFFSET_CODES = map(_codes, (REPEATS, GRAVITY, RATES, OFFSETS))
+DOUBTFUL_CODES = frozenset(fault.code for fault in FAULTS.values() if not fault.refuses)
+
+
+@dataclass(frozen=True)
+class Contradiction(Advice):
+    """A record or a sensor that contradicts itself, with what would mend it; the axis where only one is concerned."""
+
+    axis: str | None = None
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether nothing should be identified or forecast from such data before it is mended."""
+        return self.code not in DOUBTFUL_CODES
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a stretch of data says of the sensor, and the codes for which there was enough to judge by."""
+
+    contradictions: tuple[Contradiction, ...] = ()
+    decided: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Slope:
+    """What the rates have in common with the slope of one angle, in the band in which that angle moves."""
+
+    axis: int  #: 0 is roll, 1 is pitch.
+    correlations: np.ndarray  #: (3,); of each rate at the same time; NaN where there is no such rate.
+    lagged: float  #: Highest correlation of its own rate over the lags.
+    lag: float  #: s at which it is reached; positive where the rate comes late.
+    lag_std: float  #: s.
+    gain: float  #: Of its own rate over the slope at that lag, by least squares.
+    gain_std: float
+    frequency: float  #: rad/s, mean of the slope.
+    speed: float  #: rad/s, standard deviation of the slope.
+
+    @property
+    def follows(self) -> bool:
+        """Whether its own rate is that of the angle."""
+        return bool(self.correlations[self.axis] >= FOLLOWS)
+
+    @property
+    def differs(self) -> bool:
+        """Whether its own rate is more than noise away from the slope."""
+        return not _is_near(self.gain, 1.0) and abs(self.gain - 1.0) > SIGNIFICANT * self.gain_std
+
+
+def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
+    """Refuse a record whose angles, rates and accelerations contradict each other plainly.
+
+    Contradictions that concern only another axis than the one given are ignored.
+
+    Raises:
+        InputError: What contradicts itself, and what mends it.
+    """
+    for advice in trial.advice:
+        if isinstance(advice, Contradiction) and advice.is_plain and (axis is None or advice.axis in (None, axis)):
+            raise InputError(f'{trial.source}: {advice.message}' if trial.source else advice.message)
+
+
+def contradictions_in(
+    time: np.ndarray, channels: dict[str, np.ndarray], installation: Installation
+) -> tuple[Contradiction, ...]:
+    """What contradicts itself in a whole record.
+
+    The record is judged in stretches. A contradiction must show in most that can show it; a frozen sensor, in any.
+
+    Args:
+        time: (N,); s, increasing.
+        channels: dict of str to (N,); any of roll, pitch and yaw, their rates, and the accelerations, as the
+            installation makes them.
+        installation: What frame and mounting were taken to be.
+    """
+    if time.size < MIN_BINS:
+        return ()
+    interval = float(np.median(np.diff(time)))
+    size = max(WINDOW_BINS * samples_a_bin(interval), round(WINDOW / interval))
+    starts = range(0, max(time.size - size // 2, 1), size // 2)
+    judgements = []
+    for start in starts[:: max(len(starts) // MAX_STRETCHES, 1)]:
+        rows = slice(start, start + size)
+        unknown = np.full(time[rows].size, np.nan)
+        parts = [np.stack([channels[n][rows] if n in channels else unknown for n in names], axis=1) for names in PARTS]
+        judgements.append(judge(*binned(time[rows], parts, interval), installation=installation, interval=interval))
+    found: dict[tuple[str, str | None], list[Contradiction]] = {}
+    for judgement in judgements:
+        for contradiction in judgement.contradictions:
+            found.setdefault((contradiction.code, contradiction.axis), []).append(contradiction)
+    return tuple(
+        each[len(each) // 2]
+        for (code, _), each in found.items()
+        if code in REPEAT_CODES or len(each) > 0.5 * sum(code in judgement.decided for judgement in judgements)
+    )
+
+
+def judge(
+    time: np.ndarray,
+    angles: np.ndarray,
+    rates: np.ndarray,
+    force: np.ndarray,
+    *,
+    installation: Installation,
+    interval: float,
+) -> Judgement:
+    """Judge one stretch of data.
+
+    Args:
+        time: (N,); s, increasing.
+        angles, rates, force: (N, 3); roll, pitch, yaw, rad; their rates, rad/s; specific force in the axes of the
+            craft, m/s^2. All as the installation makes them; NaN where not known.
+        installation, interval: What frame and mounting were taken to be; s between the samples of the sensor.
+    """
+    repeated = [] if time.size < MIN_BINS else _repeats(time, angles, rates, force)
+    if repeated is None or time.size < MIN_BINS:
+        return Judgement()
+    if repeated:
+        return Judgement(tuple(repeated), REPEAT_CODES)
+    up, mean_force = mean_up(angles), mean_force_of(force)
+    evened = _evened(time, angles[:, :2], rates)
+    slopes = () if evened is None else compare_rates(*evened)
+    decided = REPEAT_CODES
+    if mean_force is not None or up is not None:
+        decided |= GRAVITY_CODES
+    is_turned, found = _gravity_against_attitude(mean_force, up, slopes, installation)
+    if evened is not None and not is_turned:
+        decided |= OFFSET_CODES | (RATE_CODES if slopes else frozenset())
+        found += _rates_against_angles(slopes, interval, accelerations_follow(angles, force), installation)
+        if not any(
+            each.code in ('rate-unit', 'rate-scale', 'rate-sign', 'rates-turned', 'rates-swapped') for each in found
+        ):
+            found += _offsets(*evened)
+    return Judgement(tuple(found), decided)
+
+
+def samples_a_bin(interval: float) -> int:
+    """This many samples of an interval (s) are averaged to a bin."""
+    return max(int(BIN / interval + 0.5), 1)
+
+
+def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tuple[np.ndarray, ...]:
+    """Samples averaged over bins of `BIN` s; a value that is missing leaves its bin unknown.
+
+    Args:
+        time: (N,); s.
+        parts: sequence of 3 ndarrays, shape (N, 3); angles, rates and specific force.
+        interval: s between samples.
+
+    Returns:
+        time: (M,)
+        angles, rates, force: (M, 3)
+    """
+    count = samples_a_bin(interval)
+    if count == 1 or time.size < 2 * count:
+        return time, *parts
+    whole = time.size // count * count
+    angles, *others = (part[:whole].reshape(-1, count, 3) for part in parts)
+    # a mean of angles across the jump at pi would be none
+    first = angles[:, :1]
+    angles = first + (angles - first + np.pi) % (2.0 * np.pi) - np.pi
+    return (
+        time[:whole].reshape(-1, count).mean(axis=1),
+        angles.mean(axis=1),
+        *(other.mean(axis=1) for other in others),
+    )
+
+
+def _found(name: str, axis: str | None = None, **values: Any) -> list[Contradiction]:
+    """A fault of the table with its values; nothing where one of them is not finite."""
+    if not all(isfinite(value) for value in values.values() if isinstance(value, float)):
+        return []
+    fault = FAULTS[name]
+    return [Contradiction(fault.code, fault.sentence.format(axis=axis, **values), axis)]
+
+
+def _repeats(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.ndarray) -> list[Contradiction] | None:
+    """What has stopped changing though it should have; None where nothing changes, so that nothing can be judged."""
+    values = np.hstack([angles, rates, force])
+    steps = np.abs(np.diff(values, axis=0))
+    if not np.any(steps > 0.0):
+        return None
+    since = 1 + int(np.flatnonzero(np.any(steps > 0.0, axis=1))[-1])
+    if time[-1] - time[since] >= FROZEN and time.size - since >= MIN_BINS // 2:
+        before = steps[:since, 3:]  # the noise of rates and accelerations; angles that come alone may stand still
+        resolution = np.min(before, axis=0, where=before > 0.0, initial=np.inf)
+        usual = np.median(before[-(MIN_BINS // 2) :], axis=0)
+        return _found('all frozen', seconds=FROZEN) if np.any(usual >= MIN_STEPS * resolution) else []
+    still = min(int(np.searchsorted(time, time[-1] - FROZEN)), time.size - MIN_BINS // 2)
+    if still <= 0:
+        return []
+    angles_still = np.isfinite(angles[still:, :2]).all() and not np.any(steps[still:, :3] > 0.0)
+    is_turning = angles_still and _is_turning(rates[still:, :2], float(np.median(np.diff(time))))
+    return _found('angles frozen', seconds=FROZEN) if is_turning else []
+
+
+def _is_turning(rates: np.ndarray, step: float) -> bool:
+    """Whether rates turn a craft to and fro by more than their noise, taken from their differences, adds up to."""
+    turned = np.ptp(np.cumsum(rates - rates.mean(axis=0), axis=0), axis=0) * step
+    walk = np.sqrt(0.5 * np.mean(np.diff(rates, axis=0) ** 2, axis=0) * len(rates)) * step
+    return bool(np.any(turned > np.maximum(MIN_TURN, SIGNIFICANT * walk)))
+
+
+def mean_up(angles: np.ndarray) -> np.ndarray | None:
+    """Mean direction of up in the axes of the craft, shape (3,), as the angles (N, 3) have it; None: unknown."""
+    known = np.isfinite(angles[:, :2]).all(axis=1)
+    if not known.any():
+        return None
+    up = np.mean(attitude.up_in_body(angles[known, 0], angles[known, 1]), axis=1)
+    length = float(np.linalg.norm(up))
+    return up / length if length > MIN_UPRIGHT else None
+
+
+def mean_force_of(force: np.ndarray) -> np.ndarray | None:
+    """Mean of a specific force (N, 3) in units of gravity; None where unknown, or all zero: not set by the driver."""
+    known = np.isfinite(force).all(axis=1)
+    if not known.any() or not np.any(force[known]):
+        return None
+    mean = force[known].mean(axis=0) / STANDARD_GRAVITY
+    size, usual = np.linalg.norm(mean), np.linalg.norm(force[known], axis=1).mean() / STANDARD_GRAVITY
+    # a craft that rolls heavily turns gravity to and fro, so that its mean is shorter than it is
+    return mean * usual / size if size > NO_GRAVITY and abs(usual - 1.0) <= GRAVITY_TOLERANCE else mean
+
+
+def _gravity_against_attitude(
+    mean_force: np.ndarray | None, up: np.ndarray | None, slopes: Sequence[Slope], installation: Installation
+) -> tuple[bool, list[Contradiction]]:
+    """Whether rates and accelerations are turned against the attitude, and what size and direction of gravity show."""
+    if mean_force is None:
+        return False, [] if up is None else _list_of_craft(up, installation)
+    size = float(np.linalg.norm(mean_force))
+    in_g = abs(size * STANDARD_GRAVITY - 1.0) <= GRAVITY_TOLERANCE
+    found: list[Contradiction] = []
+    if abs(size - 1.0) > GRAVITY_TOLERANCE:
+        name = 'in g' if in_g else 'no gravity' if size < NO_GRAVITY else 'scaled'
+        found = _found(name, force=size * STANDARD_GRAVITY, gravity=STANDARD_GRAVITY)
+    if size <= NO_GRAVITY and not in_g:
+        return False, found + ([] if up is None else _list_of_craft(up, installation))
+    direction = mean_force / size
+    if up is None:
+        return False, found + _direction_alone(direction, installation)
+    if direction @ up >= CONTRADICTED:
+        return False, found + _list_of_craft(up, installation)
+    is_turned, contradictions = _turned_gravity(direction, up, slopes, installation)
+    return is_turned, found + contradictions
+
+
+def _list_of_craft(up: np.ndarray, installation: Installation) -> list[Contradiction]:
+    """A craft that would float on its side or upside down: a sensor that is turned, and consistently so."""
+    if up[2] >= MIN_UPRIGHT:
+        return []
+    roll, pitch = attitude.tilt_angles(*up)
+    mounting = mounting_after((nearest_quarter(roll), nearest_quarter(pitch), 0.0), installation)
+    degrees = in_degrees([roll, pitch])
+    return _found('listing', roll=degrees[0], pitch=degrees[1], mounting=mounting)
+
+
+def _turned_gravity(
+    direction: np.ndarray, up: np.ndarray, slopes: Sequence[Slope], installation: Installation
+) -> tuple[bool, list[Contradiction]]:
+    """What turn, or which frame, explains gravity that is elsewhere than the attitude puts it."""
+    as_it_is = agreement(slopes, np.eye(3))
+    best, best_score = None, -np.inf
+    for turn in TURNS:
+        score = agreement(slopes, turn.T)
+        if direction @ (turn.T @ up) >= CONTRADICTED and score > best_score + 1e-6:
+            best, best_score = turn, score
+    cosine = float(direction @ up)
+    reading = _reading_of(direction)
+    # the frame explains gravity that is opposite; a turn needs rates that say so, or no such explanation
+    if -cosine >= CONTRADICTED and (best is None or as_it_is >= best_score - 1e-6):
+        return False, _found('other frame', reading=reading, **_frames(installation))
+    if best is None:
+        return True, _found('not right-angled', off=float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))))
+    return True, _found('turned', reading=reading, **_turn_values(angles_of(best), installation))
+
+
+def _direction_alone(direction: np.ndarray, installation: Installation) -> list[Contradiction]:
+    """Without an orientation gravity alone gives the mounting, but for its yaw."""
+    turn = max(TURNS, key=lambda turn: float(turn[2] @ direction))
+    if direction[2] >= MIN_UPRIGHT or turn[2] @ direction < MIN_UPRIGHT:
+        return []
+    return _found(
+        'hanging' if direction[2] <= -MIN_UPRIGHT else 'on its side',
+        reading=_reading_of(direction),
+        mounting=mounting_after(angles_of(turn), installation),
+        **_frames(installation),
+    )
+
+
+def _frames(installation: Installation) -> dict[str, str]:
+    other = OPPOSITE_FRAME[installation.frame]
+    return {'axes': FRAMES_ALIKE[installation.frame], 'other_axes': FRAMES_ALIKE[other], 'other_frame': other}
+
+
+def _turn_values(turn: Sequence[float], installation: Installation) -> dict[str, Any]:
+    return {'turn': in_degrees(turn), 'mounting': mounting_after(turn, installation)}
+
+
+def _reading_of(direction: np.ndarray) -> str:
+    """What gravity reads, in words."""
+    axis = int(np.argmax(np.abs(direction)))
+    seen = f"gravity reads {STANDARD_GRAVITY * direction[axis]:+.1f} m/s^2 on the craft's {'xyz'[axis]} axis"
+    along_z = '' if axis == 2 else f' and {STANDARD_GRAVITY * direction[2]:+.1f} on z,'
+    return f'{seen}{along_z} where {STANDARD_GRAVITY:+.1f} is expected'
+
+
+def accelerations_follow(angles: np.ndarray, force: np.ndarray) -> int:
+    """Sign with which horizontal accelerations (of ``force``, (N, 3)) follow the tilt; 0 where they do not show it."""
+    known = np.isfinite(angles[:, :2]).all(axis=1) & np.isfinite(force).all(axis=1)
+    up = np.stack(attitude.up_in_body(angles[known, 0], angles[known, 1])[:2], axis=1)
+    horizontal = force[known, :2]
+    scale = np.sqrt(np.sum(up**2) * np.sum(horizontal**2))
+    common = float(np.sum(up * horizontal) / scale) if scale > 0.0 else 0.0
+    return int(np.sign(common)) if abs(common) > FOLLOWS else 0
+
+
+def _rates_against_angles(
+    slopes: Sequence[Slope], interval: float, accelerations: int, installation: Installation
+) -> list[Contradiction]:
+    """What contradicts itself between rates and angles.
+
+    Args:
+        slopes, interval: Of the angles that move; s between the samples of the sensor.
+        accelerations: Sign with which the accelerations follow the tilt; 0: not known.
+        installation: What frame and mounting were taken to be.
+    """
+    if slopes and not all(slope.follows for slope in slopes):
+        delayed = float(np.mean([slope.lagged for slope in slopes]))
+        rearranged = _rearranged(slopes, accelerations, installation, max(EXPLAINS, delayed))
+        if rearranged:
+            return rearranged
+    return [
+        *(found for slope in slopes for found in _scale(slope)),
+        *(found for slope in slopes for found in _delay(slope, interval)),
+        *(found for slope in slopes for found in _unrelated(slope)),
+    ]
+
+
+def _rearranged(
+    slopes: Sequence[Slope], accelerations: int, installation: Installation, least: float
+) -> list[Contradiction]:
+    """Rates on other axes, or with another sign, than their angles."""
+    possible = ARRANGEMENTS if len(slopes) == 2 else {'reversed': ARRANGEMENTS['reversed']}
+    scores = {name: agreement(slopes, np.array(arrangement)) for name, arrangement in possible.items()}
+    name = max(scores, key=lambda name: scores[name])
+    if scores[name] < least:
+        return []
+    if 'exchanged' in name:
+        # what stands exchanged in FRD axes is exchanged and reversed in those of the craft
+        return _found('crossed' if (name == 'exchanged') == (installation.frame == 'flu') else 'crossed and reversed')
+    if name in ('to port', 'to starboard'):
+        turn = (0.0, 0.0, 0.5 * np.pi if name == 'to port' else -0.5 * np.pi)
+        return _found('quarter turn', **_turn_values(turn, installation))
+    if name == 'reversed' and len(slopes) == 2:
+        both = {-1: 'half turn', 0: 'both reversed or half turn', 1: 'both reversed'}[accelerations]
+        return _found(both, **_turn_values((0.0, 0.0, np.pi), installation))
+    return _found('reversed', AXES[slopes[0].axis] if name == 'reversed' else name.split()[0])
+
+
+def _scale(slope: Slope) -> list[Contradiction]:
+    """A rate in another unit than the slope of its angle."""
+    if slope.lagged < EXPLAINS or not slope.differs:
+        return []
+    unit = next((unit for factor, unit in UNITS.items() if _is_near(slope.gain, factor)), None)
+    axis = AXES[slope.axis]
+    return _found('scale', axis, gain=slope.gain) if unit is None else _found('unit', axis, gain=slope.gain, unit=unit)
+
+
+def _is_near(gain: float, factor: float) -> bool:
+    return factor / UNIT_TOLERANCE < gain < factor * UNIT_TOLERANCE
+
+
+def _delay(slope: Slope, interval: float) -> list[Contradiction]:
+    """A rate later, or earlier, than its angle."""
+    limit = max(LAG_INTERVALS * interval, LAG_PHASE / slope.frequency, SIGNIFICANT * slope.lag_std)
+    if slope.lagged < EXPLAINS or not abs(slope.lag) > limit:
+        return []
+    return _found('late' if slope.lag > 0.0 else 'early', AXES[slope.axis], lag=abs(slope.lag))
+
+
+def _unrelated(slope: Slope) -> list[Contradiction]:
+    """A rate that has nothing to do with its angle while that moves."""
+    # noise makes the rate larger, and the slope: together they allow a gain up to this
+    largest_gain = slope.gain / max(slope.lagged**2, 1e-6)
+    least = EXPLAINS if largest_gain < 1.0 / UNIT_TOLERANCE else UNRELATED
+    is_poor = slope.lagged < least and slope.gain < UNRELATED**2 and slope.differs and slope.speed >= MIN_RATE
+    return _found('unrelated', AXES[slope.axis]) if is_poor else []
+
+
+def _offsets(step: float, angles: np.ndarray, rates: np.ndarray) -> list[Contradiction]:
+    """Rates that are off by a constant; arguments as for `compare_rates`."""
+    apart = 0.5 * (rates[1:] + rates[:-1])[:, :2] - np.diff(angles, axis=0) / step
+    mean, std = apart.mean(axis=0), apart.std(axis=0) / np.sqrt(len(apart))
+    return [
+        contradiction
+        for axis, offset, deviation in zip(AXES, mean.tolist(), std.tolist(), strict=True)
+        if abs(offset) > max(MAX_OFFSET, SIGNIFICANT * deviation)
+        for contradiction in _found('offset', axis, offset=float(np.degrees(offset)))
+    ]
+
+
+def _evened(time: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> tuple[float, np.ndarray, np.ndarray] | None:
+    """Step, angles and rates on an even time base; None where there is too little of either."""
+    values = np.hstack([angles, rates])
+    measured = np.isfinite(values).any(axis=0)
+    if not measured[:2].any() or not measured[2:].any():
+        return None
+    whole = np.isfinite(values[:, measured]).all(axis=1)
+    # what is left out is bridged, unless it is much
+    if np.count_nonzero(whole) < max(MIN_BINS, 0.5 * time.size):
+        return None
+    step, kept = float(np.median(np.diff(time))), time[whole]
+    even = np.arange(kept[0], kept[-1], step)
+    if np.max(np.diff(kept)) > max(1.0, 4.0 * step) or even.size < MIN_BINS:
+        return None
+    values[whole, :2] = np.unwrap(angles[whole], axis=0)
+    evened = np.full((even.size, values.shape[1]), np.nan)
+    for place in np.flatnonzero(measured):
+        evened[:, place] = np.interp(even, kept, values[whole, place])
+    return step, evened[:, :2], evened[:, 2:]
+
+
+def agreement(slopes: Iterable[Slope], arrangement: np.ndarray) -> float:
+    """Mean correlation of the rates with the slopes of the angles when rearranged; 0 where nothing moves.
+
+    Args:
+        slopes: Of the angles that move.
+        arrangement: (2, 2) or (3, 3); row i has +1 or -1 in the column of the angle whose slope rate i holds.
+    """
+    rows = np.argmax(np.abs(arrangement), axis=0)
+    correlations = [arrangement[rows[each.axis], each.axis] * each.correlations[rows[each.axis]] for each in slopes]
+    known = [float(correlation) for correlation in correlations if isfinite(correlation)]
+    return float(np.mean(known)) if known else 0.0
+
+
+def compare_rates(step: float, angles: np.ndarray, rates: np.ndarray) -> tuple[Slope, ...]:
+    """Compare rates with the slopes of roll and pitch, those of them that move and have a rate of their own.
+
+    Angle differences are compared with the mean rate between the same two samples, both tapered and limited to
+    the band in which the angle has its power, so that the noise of neither is amplified. Yaw is left out on the side
+    of the angles: compasses are too slow and too rough to be differentiated.
+
+    Args:
+        step: s between rows, even.
+        angles: (N, 2); roll and pitch without jumps, rad; a column of NaN is not known.
+        rates: (N, 3); rates of roll, pitch and yaw as measured, rad/s; a column of NaN is not known.
+
+    Correlations, gain and delay are those of the cross-spectrum: J. S. Bendat, A. G. Piersol, Random Data, 4th
+    edition, Wiley, 2010, chapters 5 and 6. The standard deviation of the delay is its equation for the phase of a
+    coherent pair over the mean circular frequency, with twice band times duration degrees of freedom.
+    """
+    differences, means = np.diff(angles, axis=0) / step, 0.5 * (rates[1:] + rates[:-1])
+    known = np.isfinite(differences).all(axis=0) & np.isfinite(means[:, :2]).all(axis=0)
+    if not known.any():
+        return ()
+    lively = _lively(differences[:, known], step)
+    angles, differences, means = angles[lively], differences[lively], means[lively]
+    slopes = (_slope(int(axis), step, angles[:, axis], differences[:, axis], means) for axis in np.flatnonzero(known))
+    return tuple(slope for slope in slopes if slope is not None)
+
+
+def _slope(axis: int, step: float, angle: np.ndarray, differences: np.ndarray, rates: np.ndarray) -> Slope | None:
+    """What the rates have in common with the slope of one angle; None where it does not move, or not enough."""
+    size = len(differences)
+    taper = _taper(size)
+    highest = _highest_frequency(angle, step)
+    freedom = 2.0 * (highest or 0.0) * step * np.sum(taper**2)
+    if highest is None or highest > WIDEST_BAND * 0.5 / step or freedom < MIN_FREEDOM:
+        return None
+    frequency = np.fft.rfftfreq(2 * size, step)
+    band = (frequency > 0.0) & (frequency <= highest)
+    spectra = (np.fft.rfft((part - part.mean()) * taper, 2 * size) for part in (differences, *rates.T))
+    whole, *others = spectra
+    if _noise_share(whole, frequency, band, step) > 1.0 - 1.0 / UNIT_TOLERANCE:
+        return None
+    spectrum, others = whole[band], [other[band] for other in others]
+    power = np.abs(spectrum) ** 2
+    mean_square = np.sum((2.0 * np.pi * frequency[band]) ** 2 * power) / np.sum(power)
+    longest = LAG_OF_PERIOD * 2.0 * np.pi / np.sqrt(mean_square)
+    lag, lagged, gain = _lag(spectrum, others[axis], frequency[band], step, longest)
+    incoherent = np.sqrt(max(1.0 - lagged**2, 0.0) / max(lagged**2, 1e-6) / freedom)
+    return Slope(
+        axis=axis,
+        correlations=np.array([_correlation(spectrum, other) for other in others]),
+        lagged=lagged,
+        lag=lag,
+        lag_std=float(incoherent / np.sqrt(mean_square)),
+        gain=gain,
+        gain_std=float(abs(gain) * incoherent),
+        frequency=float(np.sqrt(mean_square)),
+        speed=float(np.sqrt(np.sum(power) / size / np.sum(taper**2))),
+    )
+
+
+def _taper(size: int) -> np.ndarray:
+    """A window that rises and falls as a cosine over a quarter of its length each.
+
+    That of scipy.signal would add a third of a second to the start of every node.
+    """
+    edge = size // 4
+    rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
+    return np.concatenate([rise, np.ones(size - 2 * edge), rise[::-1]])
+
+
+def _lively(differences: np.ndarray, step: float) -> slice:
+    """The part of a stretch in which the angles change: a decay is short beside what lies before and after it."""
+    width = max(round(5.0 * BIN / step), 1)
+    energy = np.cumsum(np.sum(uniform_filter1d(differences - differences.mean(axis=0), width, axis=0) ** 2, axis=1))
+    quiet = 0.5 * (1.0 - LIVELY)
+    first, last = np.searchsorted(energy, [quiet * energy[-1], (1.0 - quiet) * energy[-1]])
+    margin = max(width, (MIN_BINS - (last - first)) // 2 + 1, (last - first) // 4)
+    return slice(max(first - margin, 0), min(last + margin, len(differences)))
+
+
+def _correlation(first: np.ndarray, second: np.ndarray) -> float:
+    """Correlation at the same time, from spectra; NaN where one is not known."""
+    scale = np.sqrt(np.sum(np.abs(first) ** 2) * np.sum(np.abs(second) ** 2))
+    return 0.0 if scale == 0.0 else float(np.sum((np.conj(first) * second).real) / scale)
+
+
+def _highest_frequency(angle: np.ndarray, step: float) -> float | None:
+    """Hz below which an angle has `BAND_POWER` of its power; None where it hardly moves."""
+    size = len(angle)
+    row = np.linspace(-1.0, 1.0, size)
+    centred = angle - angle.mean()
+    centred = centred - row * (row @ centred) / (row @ row)
+    if np.std(centred) < MIN_ANGLE:
+        return None
+    power = np.cumsum(np.abs(np.fft.rfft(centred * _taper(size))) ** 2)
+    return float(np.fft.rfftfreq(size, step)[np.searchsorted(power, BAND_POWER * power[-1])])
+
+
+def _noise_share(spectrum: np.ndarray, frequency: np.ndarray, band: np.ndarray, step: float) -> float:
+    """Share of the slope's power in the band that is noise of the angle, by what is in the octave above."""
+    response = (2.0 / step * np.sin(np.pi * frequency * step)) ** 2
+    highest = frequency[band][-1]
+    above = (frequency > highest) & (frequency <= 2.0 * highest)
+    floor = np.mean(np.abs(spectrum[above]) ** 2 / response[above])
+    return float(floor * np.sum(response[band]) / np.sum(np.abs(spectrum[band]) ** 2))
+
+
+def _lag(
+    slope: np.ndarray, measured: np.ndarray, frequency: np.ndarray, step: float, longest: float
+) -> tuple[float, float, float]:
+    """The delay of the measured rate, s, with correlation and gain at that delay."""
+    cross = np.conj(slope) * measured
+    power = np.sum(np.abs(slope) ** 2)
+    scale = np.sqrt(power * np.sum(np.abs(measured) ** 2))
+    if not scale > 0.0:
+        return 0.0, 0.0, 0.0
+    count = max(int(np.ceil(4.0 * longest / step)), 2)
+    lags = np.linspace(-longest, longest, 2 * count + 1)
+    common = (cross[None, :] * np.exp(2j * np.pi * lags[:, None] * frequency)).real.sum(axis=1)
+    best = int(np.argmax(common))
+    lag = lags[best]
+    if 0 < best < lags.size - 1:
+        before, at, after = common[best - 1 : best + 2]
+        lag += 0.5 * (before - after) / (before - 2.0 * at + after) * (lags[1] - lags[0])
+    return float(lag), float(common[best] / scale), float(common[best] / power)

@@ -1,0 +1,73 @@
+"""Flags of settings that a parameter of a node makes too: the table of parameters says what they are."""
+
+import math
+from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from swath_sysid.nodes.parameters.table import NodeParameter, table_of
+
+OF_TABLE = object()
+
+
+def add_setting(
+    parser: ArgumentParser, flag: str, node_name: str, name: str, default: Any = OF_TABLE, meaning: str = ''
+) -> None:
+    """Add a flag with the type, the range, the unit, the default and the meaning of a node's parameter.
+
+    Args:
+        default: Where the command line has another; None: as the meaning says.
+        meaning: Where the setting means something else here.
+    """
+    parameter = next(p for p in table_of(node_name) if p.name == name)
+    if default is OF_TABLE:
+        default = tuple(parameter.default) if isinstance(parameter.default, list) else parameter.default
+    told = meaning or f'{parameter.meaning[0].lower()}{parameter.meaning[1:]}'
+    bounds = f'{parameter.allowed} {parameter.unit}'.rstrip() if parameter.range else ''
+    if default is not None:
+        shown = ','.join(each if isinstance(each, str) else f'{each:g}' for each in _each_of(default))
+        bounds = f'{bounds}; default: {shown}' if bounds else f'default: {shown}'
+    told = f'{told} ({bounds})' if bounds else told
+    if parameter.choices:
+        parser.add_argument(flag, choices=tuple(parameter.choices), default=default, help=told)
+    else:
+        unit = 'N' if isinstance(parameter.default, int) else parameter.unit.upper()
+        metavar = f'{unit},...' if isinstance(parameter.default, list) else unit
+        parser.add_argument(flag, type=_converter(parameter), default=default, metavar=metavar, help=told)
+
+
+def _each_of(value: Any) -> Sequence[Any]:
+    return value if isinstance(value, list | tuple) else (value,)
+
+
+def _converter(parameter: NodeParameter) -> Callable[[str], Any]:
+    """From a text of the command line to a checked value; a list in its order, each value once."""
+
+    def value(text: str) -> Any:
+        kind = type(parameter.default)
+        try:
+            found = tuple(sorted(set(numbers(text)))) if kind is list else int(text) if kind is int else finite(text)
+        except ValueError as error:
+            raise ArgumentTypeError(f"'{text}' is not a {'whole ' if kind is int else ''}number") from error
+        problem = parameter.problem(found)
+        if problem:
+            raise ArgumentTypeError(problem)
+        return found
+
+    return value
+
+
+def finite(text: str) -> float:
+    """A number for argparse that is neither NaN nor infinite."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f'{text} is not finite')
+    return value
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Finite numbers for argparse, separated by commas."""
+    try:
+        return tuple(finite(part) for part in text.split(','))
+    except ValueError as error:
+        raise ArgumentTypeError(f"'{text}' is not a list of numbers separated by commas") from error

@@ -1,0 +1,105 @@
+"""The table of parameters (parameters.yaml), which declares, checks and documents them and writes config/."""
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from swath_sysid.common.errors import InputError
+
+Values = dict[str, Any]
+
+ATTITUDE_NODES = ('imu_buffer', 'identifier', 'predictor')
+NODES = (*ATTITUDE_NODES, 'manoeuvring_identifier', 'manoeuvring_predictor')
+
+
+@dataclass(frozen=True)
+class NodeParameter:
+    """One parameter of a node; its fields are documented at the top of parameters.yaml."""
+
+    name: str
+    default: Any
+    meaning: str
+    unit: str = ''
+    range: Collection[float] = ()
+    choices: Collection[str] = ()
+    read_only: bool = False
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values, for people."""
+        if self.choices:
+            return ', '.join(self.choices)
+        return ' to '.join(str(bound) if isinstance(bound, int) else f'{bound:g}' for bound in self.range)
+
+    def problem(self, value: Any) -> str:
+        """What is wrong with a value; empty where it is allowed."""
+        for element in value if isinstance(value, list | tuple) else [value]:
+            if self.choices and element not in self.choices:
+                return f"cannot be '{element}': choose from {self.allowed}"
+            if self.range and not min(self.range) <= element <= max(self.range):
+                return f'cannot be {element}: give {self.allowed} {self.unit}'.rstrip()
+        return ''
+
+
+Table = tuple[NodeParameter, ...]
+
+
+@cache
+def table_of(node_name: str) -> Table:
+    """The parameters of a node, one of `NODES`; those of named points as ``points.NAME``."""
+    sections = _sections()
+    return tuple(
+        NodeParameter(name, **fields)
+        for nodes, parameters in sections.items()
+        if node_name in nodes.split(', ')
+        for name, fields in parameters.items()
+    )
+
+
+@cache
+def _sections() -> dict[str, dict[str, dict]]:
+    text = Path(__file__).with_name('parameters.yaml').read_text(encoding='utf-8')
+    return yaml.load(text, getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+
+
+def parameters_of(node_name: str, values: Values | None = None) -> Table:
+    """What a node declares: with the values of its parameters, also one for each point that they name.
+
+    Raises:
+        InputError: A name cannot be that of a topic, or is given twice.
+    """
+    table = []
+    for parameter in table_of(node_name):
+        group, dot, _ = parameter.name.partition('.')
+        names = _names(group, values or {}) if dot else ()
+        table += [replace(parameter, name=f'{group}.{name}') for name in names] if dot else [parameter]
+    return tuple(table)
+
+
+def _names(group: str, values: Values) -> list[str]:
+    names = [name for name in values.get(group, ()) if name]
+    for name in names:
+        if not re.fullmatch(r'[a-z][a-z0-9_]*', name) or names.count(name) > 1:
+            raise InputError(
+                f"the parameter {group} cannot hold '{name}': give each point a name of its own, of small letters, "
+                'digits and underscores'
+            )
+    return names
+
+
+def defaults(node_name: str, values: Values | None = None) -> Values:
+    """Name to default value of a node's parameters, see `parameters_of`."""
+    return {parameter.name: parameter.default for parameter in parameters_of(node_name, values)}
+
+
+def check(node_name: str, values: Values) -> None:
+    """Raise `InputError` unless every value is allowed."""
+    for parameter in parameters_of(node_name, values):
+        problem = parameter.problem(values[parameter.name])
+        if problem:
+            raise InputError(f'the parameter {parameter.name} {problem}')

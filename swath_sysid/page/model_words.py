@@ -1,0 +1,84 @@
+"""An identified model in words: its numbers, its verdict, and what each release added."""
+
+import re
+from collections.abc import Sequence
+from math import isfinite
+
+import numpy as np
+
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE
+from swath_sysid.attitude.identification.uncertainty import AmplitudeBands, amplitude_bands
+from swath_sysid.attitude.motion.trial import AXES
+
+ASSUMED_REACH = float(np.radians(5.0))  #: Amplitude up to which a model is shown that names none.
+NOT_JUDGED = 'not judged'
+FAINTEST = 0.05  #: Part of the largest amplitude from which on such a model is shown.
+
+
+def amplitudes(model: IdentifiedModel) -> tuple[float, float]:
+    """Between which a model was identified, rad."""
+    low, high = model.amplitude_range
+    high = high if isfinite(high) and high > 0.0 else ASSUMED_REACH
+    return (low if 0.0 < low < high else FAINTEST * high), high
+
+
+def reference(model: IdentifiedModel) -> tuple[float, AmplitudeBands]:
+    """The geometric mean of the amplitudes seen, rad, and the curves there."""
+    amplitude = float(np.sqrt(np.prod(amplitudes(model))))
+    return amplitude, amplitude_bands(model.model, model.covariance, np.array([amplitude]))
+
+
+def described(model: IdentifiedModel) -> str:
+    """One period with its amplitude, and the damping with two standard deviations."""
+    amplitude, bands = reference(model)
+    period = 2.0 * np.pi / float(bands.curves.frequency[0])
+    damping, std = float(bands.curves.damping_ratio[0]), float(bands.damping_ratio_std[0])
+    return f'{period:.2f} s at {np.degrees(amplitude):.2g} deg, damping ratio {damping:.3f} ± {2.0 * std:.2g}'.replace(
+        ' ± ', '\u00a0±\u00a0'
+    )
+
+
+def verdict_of(model: IdentifiedModel) -> tuple[str, str]:
+    """Level of a model's verdict and, unless it is adequate, cause and cure in one sentence."""
+    level = str(model.metrics.get('verdict') or NOT_JUDGED)
+    if level == ADEQUATE:
+        return level, ''
+    return level, str(model.metrics.get('verdict_sentence') or 'release again in still water, from a larger angle')
+
+
+def releases_in(model: IdentifiedModel) -> int:
+    """Number of decays in a fit."""
+    return len(model.provenance.get('segments_s', ()))
+
+
+def error_of(model: IdentifiedModel) -> str:
+    """How far the motion of the next release may be off; empty where that is not known."""
+    error = model.metrics.get('motion_error')
+    return f'{100.0 * error:.2g} %' if isinstance(error, float) and isfinite(error) else ''
+
+
+def gain(models: Sequence[IdentifiedModel]) -> str:
+    """What the last release added to the models of an axis, the newest last; empty where that is not known."""
+    error = error_of(models[-1])
+    if not error:
+        return ''
+    before = error_of(models[-2]) if len(models) > 1 and releases_in(models[-2]) < releases_in(models[-1]) else ''
+    return f'Next release forecast within {error} of its motion' + (f' ({before} before).' if before else '.')
+
+
+def history(models: Sequence[IdentifiedModel]) -> list[str]:
+    """The models of an axis in words, the newest last."""
+    lines = []
+    for model in models:
+        count, error = releases_in(model), error_of(model)
+        fit = f'{count} release{"s" if count != 1 else ""}' if count else 'identified'
+        lines.append(f'{fit}: {described(model)}' + (f', next release within {error}' if error else ''))
+    return lines
+
+
+def of_axis(message: str, axis: str) -> str:
+    """The part of an identifier's message that is about an axis; all of it where no axis is named."""
+    clauses = re.split(rf'(?:^|; )({"|".join(AXES)}): ', message)
+    found = dict(zip(clauses[1::2], clauses[2::2], strict=True))
+    return found.get(axis, message)

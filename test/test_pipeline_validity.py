@@ -1,0 +1,69 @@
+"""Whether a model holds for what the craft does: its verdict, and the amplitude of the motion."""
+
+from dataclasses import replace
+from math import nan, pi, radians, sin
+
+import pytest
+from imu_stream import EPOCH_NS, reading
+
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.pipeline.forecast_health import PredictorHealth
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
+from swath_sysid.pipeline.health import WARN
+from swath_sysid.pipeline.validity import ModelValidity, Reach
+
+HULL = IdentifiedModel.exactly(hull_named('swath-pitch').model)
+PERIOD = HULL.model.natural_period
+FOUND = replace(HULL, amplitude_range=(radians(0.5), radians(6.0)))
+
+
+def swung(model, degrees, periods=6.0, rate=50.0):
+    """The codes of what is wrong after a motion of this amplitude about some trim."""
+    validity = ModelValidity()
+    validity.set_model('pitch', model)
+    for k in range(round(periods * PERIOD * rate)):
+        angle = 0.03 + radians(degrees) * sin(2.0 * pi * k / rate / PERIOD)
+        validity.add(k / rate, {'roll': nan, 'pitch': angle})
+    return [each.code for each in validity.advice()]
+
+
+@pytest.mark.parametrize(('degrees', 'is_outside'), [(0.1, False), (6.3, False), (7.3, True), (20.0, True)])
+def test_motion_beyond_the_amplitudes_of_the_record_is_told(degrees, is_outside):
+    assert swung(FOUND, degrees) == is_outside * ['outside-valid-amplitude']
+
+
+def test_an_amplitude_is_that_of_the_last_two_periods():
+    reach, seen = Reach(PERIOD), {}
+    for k in range(1500):
+        time = 0.02 * k
+        reach.add(time, 0.1 * sin(2.0 * pi * time / PERIOD) if time < 10.0 else nan)
+        seen[time] = reach.amplitude
+    for time, amplitude in seen.items():
+        if 2.0 * PERIOD < time < 10.0 + 0.8 * PERIOD:
+            assert amplitude == pytest.approx(0.1, rel=0.02)
+        elif time > 10.0 + 2.3 * PERIOD:
+            assert amplitude == 0.0
+
+
+def test_what_no_amplitude_is_known_of_is_not_judged():
+    assert swung(HULL, 40.0) == []
+    # at sea: an equivalent of one amplitude, which is none of the crests'
+    assert swung(replace(HULL, amplitude_range=(radians(2.0), radians(2.0))), 5.0) == []
+
+
+def test_the_predictor_tells_verdict_and_sentence():
+    pipeline = ForecastPipeline()
+    health = PredictorHealth('imu/data', pipeline)
+    metrics = {'verdict': 'doubtful', 'verdict_sentence': 'too few cycles: release it from a larger angle'}
+    pipeline.set_models(
+        {'pitch': replace(FOUND, metrics=metrics), 'roll': replace(FOUND, metrics={'verdict': 'adequate'})}
+    )
+    for k in range(400):
+        pipeline.add(reading(EPOCH_NS + k * 10_000_000, 0.0, radians(12.0) * sin(k / 30)))
+    _, told, _ = health.reports(1.0, EPOCH_NS)
+    assert told.level == WARN and 'the pitch model is doubtful: too few cycles: release it' in told.message
+    assert 'pitch swings by 12.0 deg, but its model was found at 6.0 deg and less' in told.message
+    assert 'roll' not in told.message
+    assert told.values['verdict_pitch'] == 'doubtful' and told.values['verdict_roll'] == 'adequate'
+    assert told.values['verdict_sentence_pitch'] == metrics['verdict_sentence'] and told.values['published'] == 0
