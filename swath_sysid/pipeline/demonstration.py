@@ -94,7 +94,7 @@ class Verdict:
         """One line."""
         comparison = (
             f'forecast {self.lead:g} s (one natural period) ahead: NRMSE {self.after:.3f} with the identified model, '
-            f'{self.unaided:.3f} without it, {self.before:.3f} in the release before'
+            f'{self.unaided:.3f} without it, {self.before:.3f} in the previous release'
         )
         if self.is_good:
             return f'passed: {comparison}'
