@@ -47,14 +47,9 @@ class Played(NamedTuple):
 
 
 class PlayThrough:
-    """Buffer, identifier and predictor on one thread, with stamps for a clock.
+    """Buffer, identifier and predictor on one thread, clocked by the stamps; ``models`` are those known at the start.
 
-    Deterministic: the same messages, settings and models give the same results.
-
-    Args:
-        models: Known at the start, by axis.
-        fit: Turns a `RefitRequest` into a `RefitOutcome`.
-        fit_sea: Turns a `SeaRequest` into a `SeaFit`.
+    Deterministic. ``fit`` turns a `RefitRequest` into a `RefitOutcome`, ``fit_sea`` a `SeaRequest` into a `SeaFit`.
     """
 
     def __init__(
@@ -87,11 +82,7 @@ class PlayThrough:
         return self._running is not None
 
     def add(self, reading: ImuReading) -> Played:
-        """Take in one IMU message.
-
-        Args:
-            reading: The message.
-        """
+        """Process one IMU message."""
         stamp_ns = reading.stamp_ns
         models, verdict = self._finish_refit(stamp_ns)
         taken = None if self._intake is None else self._intake.take(reading)
