@@ -232,11 +232,7 @@ def _noticed(stamps: np.ndarray, marks: np.ndarray) -> NoticedDecay | None:
 
 
 def window_table(message: Any) -> MotionTable:
-    """The `MotionTable` of a sensor_msgs/PointCloud2, whatever order its columns have.
-
-    Raises:
-        InputError: A column is missing or of another type, or the data are cut off.
-    """
+    """The `MotionTable` of a sensor_msgs/PointCloud2, whatever order its columns have."""
     fields = {field.name: field for field in message.fields}
     order = '>' if message.is_bigendian else '<'
     count = message.width * message.height
