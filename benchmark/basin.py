@@ -2,7 +2,7 @@
 
     python benchmark/basin.py                                   every scene, 12 seeds, the true equation
     python benchmark/basin.py --scenes white,waves-0.3 --seeds 3
-    python benchmark/basin.py --choose                          without an equation: a wrong choice must be called one
+    python benchmark/basin.py --equation auto                   without an equation: the general hull, pruned
     python benchmark/basin.py --equation odd-cubic              the same with one equation for every hull
 
 The trials are made by scipy's solve_ivp from coefficients copied out of the papers; nothing of the package makes them.
@@ -185,17 +185,15 @@ def equation_of(truth):
 
 
 def fit_of(made, equation):
-    """The package's fit of a trial made, or its refusal; without an equation the package chooses one."""
+    """The package's fit of a trial made, or its refusal."""
     from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
     from swath_sysid.attitude.identification.problem import prepare
-    from swath_sysid.attitude.identification.selection import choose
     from swath_sysid.attitude.motion.trial import AxisMotion
     from swath_sysid.common.errors import InputError
 
     try:
         problem = prepare([AxisMotion(made.axis, made.time, made.angle, made.rate)])
-        settings = IdentificationSettings(equation)
-        return choose(problem, settings) if equation is None else identify_problem(problem, settings)
+        return identify_problem(problem, IdentificationSettings(equation))
     except InputError as error:
         return str(error)
 
@@ -316,7 +314,6 @@ def main():
     parser.add_argument('--hulls', default=','.join(HULLS))
     parser.add_argument('--seeds', type=int, default=12)
     parser.add_argument('--jobs', type=int, default=2)
-    parser.add_argument('--choose', dest='equation', action='store_const', const=None, default=TRUE_EQUATION)
     parser.add_argument('--equation', default=TRUE_EQUATION)
     parser.add_argument('--rows', action='store_true', help='print every coefficient')
     given = parser.parse_args()

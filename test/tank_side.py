@@ -9,7 +9,6 @@ from swath_sysid.attitude.motion.intake import Intake
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
-from swath_sysid.common.sentences import CURES
 from swath_sysid.page.bring_up import BringUp
 from swath_sysid.page.live_record import LiveRecord
 from swath_sysid.pipeline.forecast_health import installation_report
@@ -32,8 +31,8 @@ class TankSide:
         self.steps_back = 0
         self._intake, self._check = Intake(installation, StampSettings()), InstallationCheck(installation)
         self._window = MotionWindow(WindowSettings(installation=installation))
-        self._stream = StreamHealth(CURES, '/imu/data')
-        self._buffer, self._identifier = BufferHealth(CURES, '/imu/data', self._window), IdentifierHealth(CURES)
+        self._stream = StreamHealth('/imu/data')
+        self._buffer, self._identifier = BufferHealth('/imu/data', self._window), IdentifierHealth()
         self._rng = np.random.default_rng(1)
         self._next_report = 0.0
         self.record.install(installation)
@@ -94,7 +93,7 @@ class TankSide:
     def identify(self, table=None):
         """What the identifier does with a window."""
         self._identifier.begin()
-        outcome = refit(self.refitter.request(table or self._window.table()))
+        outcome = refit(self.refitter.request(table or self._window.table(), is_asked=table is None))
         is_published = self.refitter.take(outcome)
         self._identifier.end(is_published, outcome.message)
         if is_published:

@@ -18,7 +18,7 @@ from swath_sysid.attitude.hull.froude import (
     scaled_schedule,
     scaling_advice,
 )
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS, TERM_NAMES
@@ -39,7 +39,8 @@ def identified(model):
     n = len(model.equation.terms)
     root = np.random.default_rng(1).normal(size=(n, n)) * 0.01
     metrics = {'r2': 0.999, 'rate_rmse_rad_s': 0.013}
-    return IdentifiedModel(model, root @ root.T, 0.002, (0.01, 0.15), metrics, {'software': 'test'})
+    every = HullPosterior(model.equation, model.ratios[model.equation.indices], 2.0 * root @ root.T)
+    return IdentifiedModel(model, root @ root.T, 0.002, (0.01, 0.15), metrics, {'software': 'test'}, every)
 
 
 @pytest.mark.parametrize('ratio', [25.0, 0.3])
@@ -83,6 +84,8 @@ def test_uncertainty_and_metrics_follow():
     assert there.model.natural_period == pytest.approx(4.0 * start.model.natural_period)
     assert there.model.damping_ratio == pytest.approx(start.model.damping_ratio)
     assert there.amplitude_range == start.amplitude_range
+    assert there.posterior.ratios == pytest.approx(there.model.ratios[there.model.equation.indices])
+    assert there.posterior.covariance == pytest.approx(2.0 * there.covariance)
 
 
 @pytest.mark.parametrize('quantity, factor', [('draft_factor', 1), ('draft_m', 25), ('displacement_kg', 25**3)])

@@ -13,6 +13,7 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE, DOUBTFUL, REJECTED, judge, posterior_error
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
+from swath_sysid.attitude.motion.assembly import assemble_trial
 from swath_sysid.cli.main import main
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_model, write_model
@@ -162,11 +163,14 @@ def test_what_is_no_decay_is_not_adequate(kind, seed):
     assert level != ADEQUATE, (code, words)
 
 
-def test_a_tenth_of_the_rows_is_never_adequate(tmp_path, capsys):
-    path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'
-    write_csv(path, replace(TRUE, time=TRUE.time.round(1)))
-    main(['identify', str(path), '--axis', 'pitch', '--equation', 'swath-pitch-2', '--json', '--output', str(model)])
-    assert json.loads(capsys.readouterr().out)['verdict']['level'] != ADEQUATE
+def test_a_fraction_of_the_rows_is_never_adequate(found):
+    """Most rows have no time."""
+    stamped = np.where(np.random.default_rng(1).random(TRUE.time.size) < 0.15, TRUE.time, np.nan)
+    motion = assemble_trial(stamped, {'pitch': TRUE.pitch, 'pitch_rate': TRUE.pitch_rate}).axis('pitch')
+    assert motion.usable_share == pytest.approx(0.15, abs=0.02)
+    records = tuple(replace(r, motion=replace(r.motion, usable_share=motion.usable_share)) for r in found.records)
+    verdict = judge(replace(found, records=records))
+    assert (verdict.level, verdict.code) == (DOUBTFUL, 'few-samples')
 
 
 def test_a_period_of_minutes_is_a_time_in_another_unit(tmp_path, capsys):

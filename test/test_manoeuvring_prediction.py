@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 from manoeuvring_runs import OLD, identified, trial_of
 
 from swath_sysid.common.errors import InputError
@@ -35,20 +34,6 @@ def test_model_file_round_trip(tmp_path):
     assert found.model == replace(model, values=found.model.values)
     assert np.array_equal(found.covariance, identified().covariance)
     assert manoeuvring_to_yaml(found) == (tmp_path / 'm.yaml').read_text()
-
-
-def test_an_older_model_file_is_read_without_its_noise_of_forecasts():
-    older = {
-        'disturbance': [0.1, 0.1, 0.1],
-        'disturbance_time': [2.0, 2.0, 2.0],
-        'thrust': [0.2, 0.0, 0.1],
-        'sensors': [0.05, 0.01, 0.02, 0.5],
-        'leads': [1.0, 5.0],
-        'scale': [[1.0, 1.0] for _ in range(6)],
-    }
-    found = manoeuvring_from_yaml(manoeuvring_to_yaml(identified()) + yaml.safe_dump({'forecast': older}))
-    assert found.forecast is None
-    assert np.array_equal(found.model.values, identified().model.values)
 
 
 @pytest.mark.parametrize(

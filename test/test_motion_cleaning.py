@@ -197,3 +197,9 @@ def test_time_that_runs_backwards_is_refused():
     for reversed_ in (time[::-1], -time):
         with pytest.raises(InputError, match='the time runs backwards, from .* s: reverse the order'):
             clean(reversed_, channels)
+
+
+@pytest.mark.parametrize('rate,code', [(11.4, 'rounded-stamps'), (10.8, 'repeated-stamps')])
+def test_stamps_that_few_rows_share_are_not_taken_for_rounded(rate, code):
+    true = np.arange(2000) / rate
+    assert code in codes(clean(np.floor(true / 0.1) * 0.1, {'roll': np.sin(true)})[2])

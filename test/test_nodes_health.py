@@ -4,7 +4,7 @@ import pytest
 from imu_stream import EPOCH_NS, reading
 
 from swath_sysid.attitude.motion.window import WINDOW_REASONS, MotionWindow
-from swath_sysid.common.sentences import CURES, REASONS, reasons_table
+from swath_sysid.common.sentences import REASONS, reasons_table
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import PIPELINE_REASONS, ForecastPipeline
 from swath_sysid.pipeline.health import (
@@ -45,14 +45,14 @@ def test_every_reason_has_an_advice():
 
 
 def test_a_sensor_never_heard_is_waited_for_and_then_an_error():
-    health = StreamHealth(CURES, 'imu/data')
+    health = StreamHealth('imu/data')
     levels = [report(health, now).level for now in (0.0, 1.0, 4.0, 6.0)]
     assert levels == [WARN, WARN, WARN, ERROR]
     assert 'remap' in report(health, 7.0).message
 
 
 def test_a_healthy_stream_is_told_with_its_rate():
-    health = StreamHealth(CURES, 'imu/data')
+    health = StreamHealth('imu/data')
     report(health, 0.0)
     receive(health, 0.0, 1.0)
     told = report(health, 1.0, used=100)
@@ -62,7 +62,7 @@ def test_a_healthy_stream_is_told_with_its_rate():
 
 
 def test_silence_is_an_error_counted_once_each_time():
-    health = StreamHealth(CURES, 'imu/data')
+    health = StreamHealth('imu/data')
     counted = []
     for second in range(12):
         if second % 6 < 2:
@@ -74,7 +74,7 @@ def test_silence_is_an_error_counted_once_each_time():
 @pytest.mark.parametrize('speed', [1, 5])
 def test_a_paused_clock_is_no_silent_sensor_and_nothing_is_late_afterwards(speed):
     """A bag that is replayed so many times as fast, with a pause of a minute."""
-    health = StreamHealth(CURES, 'imu/data')
+    health = StreamHealth('imu/data')
     told, clock = [], EPOCH_NS
     for second in range(90):
         is_playing = not 20 <= second < 80
@@ -92,7 +92,7 @@ def test_a_paused_clock_is_no_silent_sensor_and_nothing_is_late_afterwards(speed
 
 
 def test_missing_rates_are_warned_of_once_and_told_while_they_miss():
-    health = StreamHealth(CURES, 'imu/data')
+    health = StreamHealth('imu/data')
     told = []
     for second in range(4):
         receive(health, second, second + 1.0)
@@ -114,7 +114,7 @@ def test_a_log_is_told_once_of_a_warning_that_comes_and_goes():
 
 
 def test_a_slow_sensor_is_not_silent():
-    health = StreamHealth(CURES, 'imu/data')
+    health = StreamHealth('imu/data')
     for second in range(0, 30, 1):
         if second % 2 == 0:
             receive(health, second, second + 1, rate=1.0)
@@ -123,7 +123,7 @@ def test_a_slow_sensor_is_not_silent():
 
 
 def test_new_counts_warn_once_and_harmless_ones_never():
-    health = StreamHealth(CURES, 'imu/data')
+    health = StreamHealth('imu/data')
     receive(health, 0.0, 1.0)
     report(health, 1.0)
     receive(health, 1.0, 3.0)
@@ -132,7 +132,7 @@ def test_new_counts_warn_once_and_harmless_ones_never():
 
 
 def test_several_publishers_warn_while_there_are_and_count_once():
-    health = StreamHealth(CURES, 'imu/data')
+    health = StreamHealth('imu/data')
     levels = []
     for second, publishers in enumerate([1, 2, 2, 1, 3]):
         receive(health, second, second + 1.0)
@@ -142,14 +142,14 @@ def test_several_publishers_warn_while_there_are_and_count_once():
 
 
 def test_stamps_of_another_clock_warn():
-    health = StreamHealth(CURES, 'imu/data')
+    health = StreamHealth('imu/data')
     receive(health, 0.0, 1.0, age=86400.0)
     told = report(health, 1.0, age=86400.0)
     assert told.level == WARN and 'use_sim_time' in told.message
 
 
 def test_a_backlog_is_none_of_the_clocks():
-    health = StreamHealth(CURES, '/imu/data')
+    health = StreamHealth('/imu/data')
     receive(health, 0.0, 1.0)
     assert report(health, 1.0, age=0.01).level == OK
     receive(health, 1.0, 2.0, age=7.0)
@@ -163,7 +163,7 @@ def test_a_backlog_is_none_of_the_clocks():
 
 
 def test_what_holds_warns_until_it_is_settled():
-    health = IdentifierHealth(CURES)
+    health = IdentifierHealth()
     health.note(NOT_SAVED, 'model_path')
     health.note(NOT_SAVED, 'manoeuvre_model_path')
     levels = [health.report('pitch odd-cubic', 1, False).level for _ in range(3)]
@@ -175,7 +175,7 @@ def test_what_holds_warns_until_it_is_settled():
 
 
 def test_a_sensor_warns_too_while_something_holds():
-    health = PredictorHealth(CURES, '/imu/data', ForecastPipeline())
+    health = PredictorHealth('/imu/data', ForecastPipeline())
     receive(health, 0.0, 1.0)
     health.note(BAD_LOADING, 'loading')
     levels = []
@@ -188,7 +188,7 @@ def test_a_sensor_warns_too_while_something_holds():
 
 def test_the_buffer_tells_its_window():
     window = MotionWindow()
-    health = BufferHealth(CURES, 'imu/data', window)
+    health = BufferHealth('imu/data', window)
     for k in range(100):
         window.add(reading(EPOCH_NS + k * 10_000_000))
     stream, state = health.reports(1.0, EPOCH_NS)
@@ -198,7 +198,7 @@ def test_the_buffer_tells_its_window():
 
 def test_the_predictor_tells_that_it_has_no_model():
     pipeline = ForecastPipeline()
-    health = PredictorHealth(CURES, 'imu/data', pipeline)
+    health = PredictorHealth('imu/data', pipeline)
     for k in range(100):
         pipeline.add(reading(EPOCH_NS + k * 10_000_000))
     stream, state, _ = health.reports(1.0, EPOCH_NS)
@@ -208,7 +208,7 @@ def test_the_predictor_tells_that_it_has_no_model():
 
 
 def test_a_refused_model_is_told_until_a_good_one_comes():
-    health = PredictorHealth(CURES, 'imu/data', ForecastPipeline())
+    health = PredictorHealth('imu/data', ForecastPipeline())
     for _ in range(2):
         health.note_refused_model('model/description, pitch: the trim')
     for _ in range(3):
@@ -223,7 +223,7 @@ def test_a_refused_model_is_told_until_a_good_one_comes():
 
 
 def test_a_model_file_that_cannot_be_used_is_told_for_good():
-    health = IdentifierHealth(CURES)
+    health = IdentifierHealth()
     health.note(BAD_MODEL_FILE, 'model_path', 'a.yaml is a folder')
     health.note(BAD_MODEL_FILE, 'manoeuvre_model_path', 'b.yaml is a folder')
     health.end(True, 'found one')
@@ -235,7 +235,7 @@ def test_a_model_file_that_cannot_be_used_is_told_for_good():
 
 
 def test_the_identifier_tells_what_it_does():
-    health = IdentifierHealth(CURES)
+    health = IdentifierHealth()
     assert health.report('no model', 0, False).level == OK
     health.begin()
     health.progress = 0.4
@@ -248,7 +248,7 @@ def test_the_identifier_tells_what_it_does():
 
 
 def test_a_frame_id_that_changes_is_counted_and_warned_of():
-    health = StreamHealth(CURES, 'imu/data')
+    health = StreamHealth('imu/data')
     report(health, 0.0)
     receive(health, 0.0, 1.0)
     for name in ('imu_link', 'imu_link', 'imu_raw', 'imu_link'):
@@ -259,7 +259,7 @@ def test_a_frame_id_that_changes_is_counted_and_warned_of():
 
 def test_a_wrong_installation_stays_a_warning():
     pipeline = ForecastPipeline()
-    health = PredictorHealth(CURES, 'imu/data', pipeline)
+    health = PredictorHealth('imu/data', pipeline)
     levels = []
     for second in range(40):
         for k in range(20):

@@ -8,7 +8,6 @@ from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.refit import Refitter
-from swath_sysid.common.sentences import CURES
 from swath_sysid.formats.model_file import model_to_yaml, read_model, write_model
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.pipeline.health import IdentifierHealth
@@ -20,7 +19,7 @@ def model(number):
 
 
 def model_file(path):
-    return ModelFile(path, read_model, model_to_yaml, write_model, IdentifierHealth(CURES))
+    return ModelFile(path, read_model, model_to_yaml, write_model, IdentifierHealth())
 
 
 def restarted(path):

@@ -8,7 +8,6 @@ from imu_stream import EPOCH_NS, reading
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.common.sentences import CURES
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 from swath_sysid.pipeline.health import WARN
@@ -55,7 +54,7 @@ def test_what_no_amplitude_is_known_of_is_not_judged():
 
 def test_the_predictor_tells_verdict_and_sentence():
     pipeline = ForecastPipeline()
-    health = PredictorHealth(CURES, 'imu/data', pipeline)
+    health = PredictorHealth('imu/data', pipeline)
     metrics = {'verdict': 'doubtful', 'verdict_sentence': 'too few cycles: release it from a larger angle'}
     pipeline.set_models(
         {'pitch': replace(FOUND, metrics=metrics), 'roll': replace(FOUND, metrics={'verdict': 'adequate'})}

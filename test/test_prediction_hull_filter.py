@@ -259,7 +259,7 @@ def test_what_convinces_is_the_likelihood_ratio_of_two_filters(monkeypatch):
     """Free and driven hull as two filters of their own, of which neither knows of the other."""
     monkeypatch.setattr(hull_filter, 'LEVEL_INTERVAL', math.inf)
     attitude = HullFilter()
-    attitude.set_hull(IdentifiedModel.exactly(LINEAR))
+    attitude.set_hull(known_to(LINEAR, 5e-4, 0.001, 0.005))
     attitude.start(0.03, 0.0, *VARIANCES)
     alone = [copy.deepcopy(track) for track in (attitude.free, attitude.driven)]
     rng, ratio = np.random.default_rng(3), 0.0
@@ -270,7 +270,7 @@ def test_what_convinces_is_the_likelihood_ratio_of_two_filters(monkeypatch):
             track.advance(0.01)
             spread = track.P[:2, :2] + np.diag(VARIANCES)
             likelihoods.append(multivariate_normal(track.x[:2], spread).logpdf(seen))
-            track.take_in(seen.tolist(), VARIANCES, False)
+            track.take_in(tuple(seen.tolist()), VARIANCES, False)
         ratio += likelihoods[0] - likelihoods[1]
         if attitude.observe(0.01, *seen.tolist(), *VARIANCES).surprised:
             break

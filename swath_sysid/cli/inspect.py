@@ -4,7 +4,6 @@ from argparse import ArgumentParser, Namespace
 
 from swath_sysid.cli.progress import print_result
 from swath_sysid.cli.sources import add_source_arguments, check_model_and_plot, read_trials
-from swath_sysid.common.sentences import with_flags
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.record_figure import record_figure
 from swath_sysid.report.record_summary import record_as_data, record_in_words
@@ -26,5 +25,5 @@ def run(arguments: Namespace) -> int:
     if arguments.plot:
         save_figure(record_figure(motions), arguments.plot)
     data = record_as_data(trial, motions)
-    print_result(arguments.json, data, record_in_words(data, with_flags))
+    print_result(arguments.json, data, record_in_words(data))
     return 0

@@ -12,7 +12,6 @@ from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.settings_flags import finite
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.sentences import CURES
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
@@ -84,7 +83,7 @@ def run(arguments: Namespace) -> int:
     pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
     pipeline.window.record(buffer['record_at_start'])
     periods = [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)]
-    health = PlayedHealth(CURES, pipeline, IMU_TOPIC, periods)
+    health = PlayedHealth(pipeline, IMU_TOPIC, periods)
     verdicts = []
     frames = frames_at(predictor['frames_at_s'])
     # else the collector goes through all that is loaded again and again: 5 % of the time

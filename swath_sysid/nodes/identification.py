@@ -11,7 +11,6 @@ from std_srvs.srv import Trigger
 
 from swath_sysid.common.accelerator import why_uncompiled
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.sentences import CURES
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
 from swath_sysid.nodes.parameters.declared import NodeParameters
@@ -40,7 +39,7 @@ class IdentificationNode(Node):
     def __init__(self, name: str, settings_of: Callable[[Values], Any]):
         super().__init__(name)
         self.parameters = NodeParameters(self, name, settings_of, self.change)
-        self.health = IdentifierHealth(CURES)
+        self.health = IdentifierHealth()
         self._ended: Future | None = None
         self._has_asked = False
         self._turns = Turns(self)

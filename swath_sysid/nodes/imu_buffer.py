@@ -8,13 +8,12 @@ from sensor_msgs.msg import Imu, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
-from swath_sysid.common.sentences import CURES
 from swath_sysid.formats.messages import imu_reading, window_message
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, watched_publisher
+from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, waiting, watched_publisher
 from swath_sysid.pipeline.health import BufferHealth, Report
 
 
@@ -28,7 +27,7 @@ class ImuBuffer(Node):
         self.parameters = NodeParameters(self, 'imu_buffer', window_settings, self._change)
         self.window = MotionWindow(self.parameters.settings)
         self.window.record(self.parameters['record_at_start'])
-        self.health = BufferHealth(CURES, self.resolve_topic_name(IMU_TOPIC), self.window)
+        self.health = BufferHealth(self.resolve_topic_name(IMU_TOPIC), self.window)
         self._publisher = watched_publisher(self, PointCloud2, 'motion/window', LATCHED, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self.create_service(Trigger, '~/publish_window', self._on_publish_window)
@@ -42,6 +41,11 @@ class ImuBuffer(Node):
             self.window.resize(settings.window)
 
     def _on_imu(self, message: Imu) -> None:
+        # all that wait at once: beside a busy predictor each return to the executor costs this thread milliseconds
+        for each in (message, *waiting(self._subscription, self.parameters['queue_depth'])):
+            self._take(each)
+
+    def _take(self, message: Imu) -> None:
         begun, clock_ns = perf_counter(), self.get_clock().now().nanoseconds
         reading = imu_reading(message)
         step = self.window.add(reading)
@@ -70,6 +74,8 @@ class ImuBuffer(Node):
 
     def _on_clear(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.window.clear()
+        # empty: the identifier forgets its decays, too
+        self._publish(self.window.table())
         response.success, response.message = True, self.window.described
         return response
 

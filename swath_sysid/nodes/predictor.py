@@ -11,7 +11,6 @@ from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.common.accelerator import why_uncompiled
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.sentences import CURES
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC
@@ -41,7 +40,7 @@ class Predictor(Node):
         uncompiled = why_uncompiled()  # which loads numba now, not amid the first samples
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         self.pipeline = ForecastPipeline(self.parameters.settings)
-        self.health = PredictorHealth(CURES, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
+        self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         tell_uncompiled(self, self.health, uncompiled)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self.parameters['in_step'])
         self._forecasts = ForecastPublishers(

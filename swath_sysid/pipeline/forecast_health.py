@@ -1,6 +1,5 @@
 """How the forecasts fare, and whether the sensor sits as was given."""
 
-from collections.abc import Mapping
 from math import isnan
 
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
@@ -23,15 +22,10 @@ from swath_sysid.pipeline.health import (
 
 
 class PredictorHealth(StreamHealth):
-    """How samples become forecasts.
+    """How samples become forecasts; see `StreamHealth`."""
 
-    Args:
-        advice, topic: See `StreamHealth`.
-    """
-
-    def __init__(self, advice: Mapping[str, str], topic: str, pipeline: ForecastPipeline):
+    def __init__(self, topic: str, pipeline: ForecastPipeline):
         super().__init__(
-            advice,
             topic,
             (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED),
         )
@@ -85,11 +79,7 @@ class PredictorHealth(StreamHealth):
 
 
 def installation_report(check: InstallationCheck) -> Report:
-    """Whether the sensor sits as was given.
-
-    Args:
-        check: Of the running sensor; it judges anew where that is due.
-    """
+    """Whether the sensor is mounted as given; the check judges anew where that is due."""
     contradictions = check.judge()
     level, message = OK, check.described
     if contradictions:

@@ -1,6 +1,6 @@
 """How a node fares: counts by reason, levels and messages, for its diagnostics.
 
-Time is what the caller says. What to do about a reason is the caller's too: a mapping of reason to advice.
+Time is what the caller says. What to do about a reason is in the catalogue of sentences.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.motion.intake import NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.window import MotionWindow
+from swath_sysid.common.sentences import CURES
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.stability_watch import StabilityWatch
@@ -36,7 +37,7 @@ NOT_SAVED = 'model-not-saved'
 FRAME_CHANGED = 'frame-id-changed'
 
 NO_MESSAGE_YET, QUEUED = 'no-message-yet', 'messages-queued'
-#: States that are reported but not counted; the caller has advice for them too.
+#: States that are reported but not counted.
 CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory', 'clock-stands-still'
 
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
@@ -65,15 +66,9 @@ class Report:
     values: dict[str, object] = field(default_factory=dict)
 
     def status_of(self, node: str) -> tuple[int, str, str, dict[str, str]]:
-        """The fields of its diagnostic_msgs/DiagnosticStatus.
+        """Level, name, message and values of a node's diagnostic_msgs/DiagnosticStatus.
 
-        Args:
-            node: Its full name without the first slash.
-
-        Returns:
-            level
-            name, message
-            values
+        Its full name without first slash.
         """
         texts = {key: f'{value:.6g}' if isinstance(value, float) else str(value) for key, value in self.values.items()}
         return self.level, f'{node}: {self.name}', self.message, texts
@@ -103,16 +98,11 @@ class Changes:
 
 
 class Reasons:
-    """Counts by reason, and which of them still hold.
+    """Counts by reason, which of them still hold, and what to do about them."""
 
-    Args:
-        advice: Reason to what to do about it.
-        reasons: Those that are counted here.
-    """
-
-    def __init__(self, advice: Mapping[str, str], reasons: Iterable[str]):
+    def __init__(self, reasons: Iterable[str], cures: Mapping[str, str] = CURES):
+        self._cures = cures
         self.counts = dict.fromkeys(reasons, 0)
-        self._advice = advice
         self._holding: dict[str, str] = {}
         self._reported_counts = dict(self.counts)
         self._lasting: list[str] = []
@@ -121,8 +111,8 @@ class Reasons:
         """Count one more of a reason; one about something, in a sentence of its own, holds until that is settled."""
         self.counts[reason] += 1
         if about is not None:
-            advice = self._advice[reason]
-            self._holding[about] = f'{reason}: {sentence}; {advice}' if sentence else f'{reason}: {advice}'
+            cure = self._cures[reason]
+            self._holding[about] = f'{reason}: {sentence}; {cure}' if sentence else f'{reason}: {cure}'
 
     def settle(self, about: str) -> None:
         """What was noted about something is over."""
@@ -140,12 +130,12 @@ class Reasons:
     def worst(self, fresh: Mapping[str, int]) -> str:
         """The reason that grew most, how often, and what to do about it."""
         reason = max(fresh, key=lambda each: fresh[each])
-        return f'{reason} ({fresh[reason]} times lately): {self._advice[reason]}'
+        return f'{reason} ({fresh[reason]} times lately): {self._cures[reason]}'
 
     @property
     def lasting(self) -> str:
         """What grew of `LASTING` until the last call of `fresh`, and what to do about it."""
-        return '; '.join(f'{reason}: {self._advice[reason]}' for reason in self._lasting)
+        return '; '.join(f'{reason}: {self._cures[reason]}' for reason in self._lasting)
 
     @property
     def holding(self) -> str:
@@ -154,16 +144,10 @@ class Reasons:
 
 
 class StreamHealth(Reasons):
-    """How the messages of one topic come in.
+    """How the messages of one topic arrive, counting further reasons beside those of every stream."""
 
-    Args:
-        advice: Reason to what to do about it.
-        topic: Its name for people.
-        reasons: Counted beside those of every stream.
-    """
-
-    def __init__(self, advice: Mapping[str, str], topic: str, reasons: Iterable[str] = ()):
-        super().__init__(advice, (SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED, *reasons))
+    def __init__(self, topic: str, reasons: Iterable[str] = ()):
+        super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED, *reasons))
         self.topic = topic
         self._ages: deque[float] = deque(maxlen=REMEMBERED_AGES)
         self.received = 0
@@ -179,13 +163,7 @@ class StreamHealth(Reasons):
         self._reported_ns = 0
 
     def note_message(self, stamp_ns: int, clock_ns: int, begun: float, ended: float) -> None:
-        """A message was handled.
-
-        Args:
-            stamp_ns: Its stamp.
-            clock_ns: When it came, by the clock that stamps are compared with.
-            begun, ended: Two readings of another clock, s.
-        """
+        """Count a message: its stamp and the clock at its arrival, ns, and two readings around its handling, s."""
         spent = ended - begun
         self.received += 1
         self._since_report += 1
@@ -210,14 +188,10 @@ class StreamHealth(Reasons):
     def report(
         self, now: float, now_ns: int, core_counts: Mapping[str, int], used: int, interval: float | None = None
     ) -> Report:
-        """What to report now, and begin a new period.
+        """The report now, and start a new period.
 
-        Args:
-            now: Of the clock of `note_message`, s.
-            now_ns: Of the clock that stamps are compared with.
-            core_counts: By the node's core, since its start.
-            used: Messages the core used.
-            interval: Usual time between messages, s, once it is known.
+        ``now`` is of the clock of `note_message`, s, ``now_ns`` of that of the stamps; ``core_counts`` count since the
+        start, ``used`` messages the core used; ``interval``, s, is the usual one.
         """
         if self._begun is None:
             self._begun, self._reported_ns = now, now_ns
@@ -264,34 +238,30 @@ class StreamHealth(Reasons):
     ) -> tuple[int, str]:
         if age is None:
             level = ERROR if silence > STARTING_TIME else WARN
-            return level, f'no message on {self.topic} yet: {self._advice[NO_MESSAGE_YET]}'
+            return level, f'no message on {self.topic} yet: {CURES[NO_MESSAGE_YET]}'
         if self._silent:
-            return ERROR, f'no message on {self.topic} for {silence:.1f} s: {self._advice[SILENT]}'
+            return ERROR, f'no message on {self.topic} for {silence:.1f} s: {CURES[SILENT]}'
         if self._several:
-            return WARN, self._advice[SEVERAL_PUBLISHERS]
+            return WARN, CURES[SEVERAL_PUBLISHERS]
         if fresh:
             return WARN, self.worst(fresh)
         if self.holding:
             return WARN, self.holding
         late = age - min(self._ages)
         if late > LARGEST_STAMP_AGE:
-            return WARN, f'messages come {late:.1f} s later than they can: {self._advice[QUEUED]}'
+            return WARN, f'messages come {late:.1f} s later than they can: {CURES[QUEUED]}'
         if abs(age) > LARGEST_STAMP_AGE:
-            return WARN, f'stamps differ from the clock by {age:.1f} s: {self._advice[CLOCKS_DIFFER]}'
+            return WARN, f'stamps differ from the clock by {age:.1f} s: {CURES[CLOCKS_DIFFER]}'
         if clock_stands:
-            return OK, f'no message on {self.topic} while the clock stands still: {self._advice[CLOCK_STANDS]}'
+            return OK, f'no message on {self.topic} while the clock stands still: {CURES[CLOCK_STANDS]}'
         return OK, f'receiving {self.topic}' + (f'; {self.lasting}' if self.lasting else '')
 
 
 class BufferHealth(StreamHealth):
-    """How the samples of a motion window come in, and what it holds.
+    """How the samples of a motion window come in, and what it holds; see `StreamHealth`."""
 
-    Args:
-        advice, topic: See `StreamHealth`.
-    """
-
-    def __init__(self, advice: Mapping[str, str], topic: str, window: MotionWindow):
-        super().__init__(advice, topic)
+    def __init__(self, topic: str, window: MotionWindow):
+        super().__init__(topic)
         self.decays = 0
         self._window = window
 
@@ -301,7 +271,7 @@ class BufferHealth(StreamHealth):
         level, message = OK, window.described
         if window.is_short_of_memory:
             level = WARN
-            message += f': {self._advice[SHORT_OF_MEMORY]}'
+            message += f': {CURES[SHORT_OF_MEMORY]}'
         values: dict[str, object] = {
             'samples': window.size,
             'duration_s': window.duration,
@@ -315,14 +285,10 @@ class BufferHealth(StreamHealth):
 
 
 class IdentifierHealth(Reasons):
-    """How identification goes.
+    """How identification goes."""
 
-    Args:
-        advice: Reason to what to do about it.
-    """
-
-    def __init__(self, advice: Mapping[str, str]):
-        super().__init__(advice, (BAD_WINDOW, IDENTIFICATION_WORKER_DIED, NOT_SAVED, BAD_MODEL_FILE, QOS_MISMATCH))
+    def __init__(self) -> None:
+        super().__init__((BAD_WINDOW, IDENTIFICATION_WORKER_DIED, NOT_SAVED, BAD_MODEL_FILE, QOS_MISMATCH))
         self.progress = 0.0
         self.refits = self.published = 0
         self.last = 'none yet'
@@ -341,19 +307,12 @@ class IdentifierHealth(Reasons):
     def report(
         self, models: str, steps_back: int, is_busy: bool, verdicts: Mapping[str, object] | None = None
     ) -> Report:
-        """What to report now, and begin a new period; see `StreamHealth.report`.
-
-        Args:
-            models: For people.
-            steps_back: How many models `rollback` leads back over.
-            is_busy: Whether a refit runs.
-            verdicts: Of `verdict_values`.
-        """
+        """The report now, and start a new period; ``steps_back``: how many models `rollback` can return to."""
         fresh = list(self.fresh(self.counts))
         doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
         level, message = OK, doing
         if fresh or self.holding:
-            level, message = WARN, self.holding or f'{fresh[0]}: {self._advice[fresh[0]]}'
+            level, message = WARN, self.holding or f'{fresh[0]}: {CURES[fresh[0]]}'
         values: dict[str, object] = {
             'state': 'identifying' if is_busy else 'ready',
             'progress': self.progress,
@@ -370,11 +329,7 @@ class IdentifierHealth(Reasons):
 
 
 def stability_report(watch: StabilityWatch) -> Report:
-    """What the natural period of roll says of the stability.
-
-    Args:
-        watch: Its newest finding is reported.
-    """
+    """What the natural period of roll says of the stability, by the newest finding of the watch."""
     found = watch.newest
     if found is None:
         return Report('stability', OK, 'too few estimates of the natural period yet', {'estimates': watch.count})

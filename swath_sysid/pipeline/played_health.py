@@ -1,6 +1,6 @@
 """What the diagnostics of the three nodes would be in a play-through."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.health import BufferHealth, IdentifierHealth, Report, stability_report
@@ -9,21 +9,16 @@ from swath_sysid.pipeline.validity import verdict_values
 
 
 class PlayedHealth:
-    """What the three nodes would report in a play-through, where the stamps are the clock.
+    """What the three nodes would report in a play-through, clocked by the stamps, with processing times of zero.
 
-    Nothing takes time there: processing times are zero.
-
-    Args:
-        advice: Reason to what to do about it.
-        topic: Of the sensor, for people.
-        periods: s between the diagnostics of imu_buffer, identifier and predictor.
+    ``periods``, s: between the diagnostics of imu_buffer, identifier and predictor.
     """
 
-    def __init__(self, advice: Mapping[str, str], pipeline: PlayThrough, topic: str, periods: Sequence[float]):
+    def __init__(self, pipeline: PlayThrough, topic: str, periods: Sequence[float]):
         self._pipeline = pipeline
-        self._buffer = BufferHealth(advice, topic, pipeline.window)
-        self._identifier = IdentifierHealth(advice)
-        self._predictor = PredictorHealth(advice, topic, pipeline.forecasts)
+        self._buffer = BufferHealth(topic, pipeline.window)
+        self._identifier = IdentifierHealth()
+        self._predictor = PredictorHealth(topic, pipeline.forecasts)
         nodes = 'imu_buffer', 'identifier', 'predictor'
         self._periods_ns = {node: round(1e9 * period) for node, period in zip(nodes, periods, strict=True)}
         self._due_ns: dict[str, int] = {}
@@ -31,14 +26,7 @@ class PlayedHealth:
         self._now_ns: int | None = None
 
     def follow(self, played: Played) -> list[list[tuple]]:
-        """Take in one step.
-
-        Args:
-            played: As `PlayThrough.add` gave it.
-
-        Returns:
-            Where diagnostics are due: those of each node, every one as `Report.status_of` gives it.
-        """
+        """Process one step; where diagnostics are due, those of each node, each as of `Report.status_of`."""
         due: list[list[tuple]] = []
         stamp_ns = played.stamp_ns
         # a stray stamp must not be taken for the time

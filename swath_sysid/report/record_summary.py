@@ -8,12 +8,13 @@ import numpy as np
 
 from swath_sysid.attitude.motion.quality import check_decay, check_motion
 from swath_sysid.attitude.motion.segmentation import find_decays
+from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.figures import measured_channel
 from swath_sysid.report.fit_summary import warnings_as_data
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 
@@ -64,11 +65,8 @@ def _axis_as_data(motion: AxisMotion):
     }
 
 
-def record_in_words(data: dict, worded: Callable[[str, str], str]) -> list[str]:
-    """Lines for a reader of what `record_as_data` gives.
-
-    ``worded`` makes of the code and the message of an advice what the reader is to see.
-    """
+def record_in_words(data: dict) -> list[str]:
+    """Lines for a reader of what `record_as_data` gives."""
     lines = [
         f'{data["source"]}: {data["samples"]} samples from {data["start_s"]:.2f} to {data["end_s"]:.2f} s, '
         f'{data["rate_hz"]:.1f} Hz, longest interval {data["longest_interval_s"]:.3g} s',
@@ -84,5 +82,5 @@ def record_in_words(data: dict, worded: Callable[[str, str], str]) -> list[str]:
             f'{np.degrees(d["final_amplitude"]):.2f} {unit} ({d["beginning"]}, ended by {d["ending"]})'
             for d in found['decays']
         ]
-        lines += [f'    [{w["code"]}] {worded(w["code"], w["message"])}' for w in found['warnings']]
+        lines += [f'    [{w["code"]}] {with_flags(w["code"], w["message"])}' for w in found['warnings']]
     return lines

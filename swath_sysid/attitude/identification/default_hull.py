@@ -23,6 +23,8 @@ class PrunedHull:
     equation: Equation  #: Named by its terms.
     parameters: np.ndarray  #: Of `MotionFit`, dimensionless.
     basin: BasinFit | None  #: None where least squares has found it.
+    share: float  #: See `Pruned`.
+    spread: np.ndarray  #: (n, n); see `Pruned`, of the ratios.
     posterior: HullPosterior  #: Of every term.
 
 
@@ -74,7 +76,9 @@ def _by_basin(problem: Problem, ratios: np.ndarray, states: Sequence[InitialStat
         return None
     every = general.described(general.minimise([optima[0].z, pruned.optimum.z]))
     posterior = HullPosterior(GENERAL_HULL, every.ratios[GENERAL_HULL.indices], every.covariance)
-    return PrunedHull(equation, fit.refine_states(parameters), basin, posterior)
+    return PrunedHull(
+        equation, fit.refine_states(parameters), basin, pruned.share, _spread(problem, equation, pruned), posterior
+    )
 
 
 def _by_residuals(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]):
@@ -102,13 +106,20 @@ def _by_residuals(problem: Problem, ratios: np.ndarray, states: Sequence[Initial
     units = problem.scales.ratio_units[complete.indices]
     covariance = np.linalg.inv(every.information[np.ix_(free, free)])[: units.size, : units.size]
     posterior = HullPosterior(complete, every.z[of_terms] * units, covariance * np.outer(units, units))
-    return PrunedHull(_kept(general, pruned), pruned.optimum.z[_with_the_rest(pruned)], None, posterior)
+    equation = _kept(general, pruned)
+    parameters = pruned.optimum.z[_with_the_rest(pruned)]
+    return PrunedHull(equation, parameters, None, pruned.share, _spread(problem, equation, pruned), posterior)
 
 
 def _decayed_to(problem: Problem):
     """The last amplitude of the record that decays least, over the first."""
     unit = problem.scales.rate if problem.motions[0].angle is None else problem.scales.amplitude
     return min(1.0, max(s.final_amplitude for s in problem.segments) / unit)
+
+
+def _spread(problem: Problem, equation: Equation, pruned: Pruned):
+    units = problem.scales.ratio_units[equation.indices]
+    return pruned.spread * np.outer(units, units)
 
 
 def _kept(equation: Equation, pruned: Pruned):

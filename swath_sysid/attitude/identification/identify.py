@@ -18,7 +18,7 @@ from swath_sysid.attitude.identification.absent_terms import (
     lacks_terms,
 )
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
-from swath_sysid.attitude.identification.default_hull import pruned_hull, suits_likelihood
+from swath_sysid.attitude.identification.default_hull import PrunedHull, pruned_hull, suits_likelihood
 from swath_sysid.attitude.identification.fit_quality import Verdict, judge
 from swath_sysid.attitude.identification.motion_fit import (
     SEARCH_STEPS_PER_PERIOD,
@@ -144,11 +144,6 @@ class Identification:
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
-    @property
-    def keeps_least_squares(self) -> bool:
-        """Whether the likelihood was tried and left the ratios to least squares."""
-        return self.basin is None and self.log_likelihood is not None
-
     @cached_property
     def verdict(self) -> Verdict:
         """Whether the fit can be used."""
@@ -268,11 +263,21 @@ def identify_problem(
     if settings.equation == AUTO and settings.objective == 'simulation':
         hull = pruned_hull(problem, *fit.unpack(parameters))
         fit = motion_fit(problem, hull.equation)
-        identified = conclude(problem, settings, hull.equation, fit, hull.parameters, found, hull.basin, hull.posterior)
+        concluded = conclude(problem, settings, hull.equation, fit, hull.parameters, found, hull.basin)
+        identified = _with_open_choice(concluded, hull)
     else:
         identified = refined_in_basin(conclude(problem, settings, equation, fit, parameters, found))
     report(1.0)
     return identified
+
+
+def _with_open_choice(found: Identification, hull: PrunedHull):
+    """The fit of a pruned hull, only as certain as the choice of its terms leaves it."""
+    covariance = hull.share * found.covariance + hull.spread
+    terms = zip(found.model.terms.items(), np.sqrt(np.diag(covariance)), strict=True)
+    intervals = {name: tuple(interval(value, std, name in DAMPING_NAMES).tolist()) for (name, value), std in terms}
+    bands = amplitude_bands(found.model, covariance, found.bands.curves.amplitude)
+    return replace(found, covariance=covariance, intervals=intervals, bands=bands, posterior=hull.posterior)
 
 
 def refit_from(
@@ -411,7 +416,6 @@ def conclude(
     parameters: np.ndarray,
     search: SearchResult,
     basin: BasinFit | None = None,
-    posterior: HullPosterior | None = None,
 ) -> Identification:
     """Everything a fit must say besides its coefficients."""
     ratios, states = fit.unpack(parameters)
@@ -460,7 +464,6 @@ def conclude(
         settings=settings,
         basin=basin,
         log_likelihood=None if basin is None else basin.log_likelihood,
-        posterior=posterior,
         advice=(*problem.advice, *((ONE_STEP_BIASED,) if settings.objective == 'one-step' else ())),
     )
 

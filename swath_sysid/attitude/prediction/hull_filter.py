@@ -39,8 +39,9 @@ RATIO_DRIFT = 1e-4**2  #: 1/s, relative; stiffness and damping move by 2 % in te
 UNKNOWN_TRIM_STD = 0.02
 IDENTIFIED_TRIM_STD = 5e-4  #: rad; identification reports 3e-5 to 7e-4.
 
-#: Relative, of factors common to all restoring and to all damping terms: no model is exact.
-LEAST_STD = {'stiffness': 0.001, 'damping': 0.005}
+#: Relative, of factors common to all restoring and to all damping terms, where no covariance was identified: of a
+#: published hull built anew, or loaded otherwise.
+ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
 MOST_STD = 1.0  #: The same, of what is believed of a covariance.
 
 #: rad; where stiffness and damping are compared, if the identification does not state its amplitudes.
@@ -73,7 +74,7 @@ NEWCOMER = 0.5
 
 RECENT = 400  #: Samples that are kept to be taken in anew when a fit arrives.
 INSIGNIFICANT = 0.01  #: rad/s^2; an unknown moment of less is none.
-QUIET = 3.0  #: s; trim and scales are learnt once the unknown moment has been insignificant for so long.
+QUIET = 3.0  #: s; trim and ratios are learnt once the unknown moment has been insignificant for so long.
 CONTRADICTION = 3.0  #: Standard deviations.
 
 #: Relative changes that are reported however little was known before.
@@ -105,16 +106,17 @@ class HullPrior:
         mean[0], mean[at], covariance[np.ix_(at, at)] = model.trim, every.ratios, every.covariance
         directions = _directions(model, identified.amplitude_range[1], mean)
         of = max(float(d @ covariance @ d) for d in directions.values())
-        covariance *= min(1.0, MOST_STD**2 / of) if of > 0.0 else 1.0
-        trim_std = identified.trim_std
-        if trim_std != trim_std:
-            trim_std = UNKNOWN_TRIM_STD if identified.covariance.any() else IDENTIFIED_TRIM_STD
-        covariance[0, 0], drift[0, 0] = trim_std**2, TRIM_DRIFT
+        is_exact = of == 0.0
+        covariance *= MOST_STD**2 / max(of, MOST_STD**2)
         for name, ratios in FACTORS.items():
             common = np.zeros(size)
             common[1:][ratios] = mean[1:][ratios]
-            covariance += LEAST_STD[name] ** 2 * np.outer(common, common)
             drift += RATIO_DRIFT * np.outer(common, common)
+            covariance += is_exact * ASSUMED_STD[name] ** 2 * np.outer(common, common)
+        trim_std = identified.trim_std
+        if trim_std != trim_std:
+            trim_std = IDENTIFIED_TRIM_STD if is_exact else UNKNOWN_TRIM_STD
+        covariance[0, 0], drift[0, 0] = trim_std**2, TRIM_DRIFT
         return cls(mean, covariance, drift, directions)
 
 

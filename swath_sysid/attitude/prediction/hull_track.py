@@ -41,7 +41,7 @@ class HullTrack:
             self.hull = model.equation.active, float(model.friction_rate)
             by_angle, by_rate = model.jacobian(model.trim, 0.0)
             fastest = max(math.sqrt(abs(by_angle)), abs(by_rate))
-            self.longest = min(LONGEST_STEP, 0.25 / fastest)
+            self.longest = 0.25 / max(fastest, 0.25 / LONGEST_STEP)
         self.foreseen: Any = None
 
     def set_state(self, mean: np.ndarray, covariance: np.ndarray) -> None:
