@@ -158,15 +158,13 @@ def rest_then(play):
     return both
 
 
+def release(**how):
+    return rest_then(lambda tank: tank.release(5.0, **how))
+
+
 FAULTS = {
     # what is wrong: (how the tank is made, what happens, code, step, what the cure must name)
-    'frame': (
-        {'installation': Installation('frd')},
-        wrongly(lambda each: each),
-        'axes-of-sensor',
-        SENSOR,
-        'set frame to flu',
-    ),
+    'frame': ({'installation': Installation('frd')}, release(), 'axes-of-sensor', SENSOR, 'set frame to flu'),
     'upside down': ({}, wrongly(turned_over), 'sensor-turned', SENSOR, 'set mounting_deg to [180, 0, 0]'),
     'g for m/s^2': ({}, wrongly(in_g), 'accelerations-in-g', SENSOR, 'they are in g'),
     'deg/s for rad/s': ({}, wrongly(rates_times(57.29578)), 'rate-unit', SENSOR, 'deg/s where rad/s is expected'),
@@ -178,28 +176,10 @@ FAULTS = {
     'no orientation': ({}, wrongly(without_orientation), 'no-orientation', SENSOR, 'press Identify'),
     'waves': ({}, lambda tank: tank.send(40.0, waves), 'waves', REST, 'wait for calm water'),
     'waves after rest': ({}, rest_then(lambda tank: tank.send(70.0, waves)), 'waves', DECAY, 'wait for calm water'),
-    'held': ({}, rest_then(lambda tank: tank.release(5.0, hold=30.0)), 'held', PUSH, 'let go at once'),
-    'lowered by hand': (
-        {},
-        rest_then(lambda tank: tank.release(5.0, damping=0.95)),
-        'no-decay',
-        PUSH,
-        'instead of lowering it',
-    ),
-    'other axis': (
-        {},
-        rest_then(lambda tank: tank.release(5.0, axis='roll')),
-        'other-axis',
-        PUSH,
-        'or choose roll above',
-    ),
-    'not noticed': (
-        {'auto_identify': False},
-        rest_then(lambda tank: tank.release(5.0, duration=45.0)),
-        'not-noticed',
-        IDENTIFY,
-        'press Identify',
-    ),
+    'held': ({}, release(hold=30.0), 'held', PUSH, 'let go at once'),
+    'lowered by hand': ({}, release(damping=0.95), 'no-decay', PUSH, 'instead of lowering it'),
+    'other axis': ({}, release(axis='roll'), 'other-axis', PUSH, 'or choose roll above'),
+    'not noticed': ({'auto_identify': False}, release(duration=45.0), 'not-noticed', IDENTIFY, 'press Identify'),
 }
 
 
