@@ -182,7 +182,7 @@ def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', [1, 2])
+@pytest.mark.parametrize('seed', [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, simulated):
     """Twenty of them, with terms of choice: benchmark/manoeuvring.py --vices unstable."""
     craft = simulated.unstable_hull(np.random.default_rng(seed))
