@@ -275,18 +275,9 @@ def test_nothing_is_written_of_what_is_refused(malformed, tmp_path, capsys):
 
 
 def test_unusual_but_clear_tables_are_read_right(malformed):
-    clear = [
-        'utf-8-sig',
-        'utf-16',
-        'utf-16-le',
-        'utf-16-be',
-        "separated by ';', decimal commas",
-        'lines end in cr',
-        "separated by '\\t', decimal commas",
-        'quoted decimal commas',
-        'rad and the same deg',
-    ]
-    for name in clear:
+    encodings = ('utf-8-sig', 'utf-16', 'utf-16-le', 'utf-16-be')
+    commas = ("separated by ';', decimal commas", "separated by '\\t', decimal commas", 'quoted decimal commas')
+    for name in (*encodings, *commas, 'lines end in cr', 'rad and the same deg'):
         assert is_true(name, malformed[name]), name
 
 

@@ -50,15 +50,8 @@ def test_forecasts_over_dds():
         left = bench.publisher(Float64, 'thrusters/left/thrust')
         right = bench.publisher(Float64, 'thrusters/right/thrust')
         model = bench.publisher(String, 'manoeuvring/model', LATCHED)
-        wait_for(
-            lambda: (
-                odometry.get_subscription_count()
-                and left.get_subscription_count()
-                and right.get_subscription_count()
-                and imu.get_subscription_count()
-            ),
-            'subscriptions',
-        )
+        sensors = odometry, left, right, imu
+        wait_for(lambda: all(sensor.get_subscription_count() for sensor in sensors), 'subscriptions')
         wait_for(
             lambda: any('no model' in text or 'no odometry' in text for _, text, _ in bench.statuses.values()),
             'diagnostic',

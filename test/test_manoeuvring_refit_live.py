@@ -95,14 +95,8 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         bench.node.create_subscription(Odometry, 'manoeuvring/lead_2_0s', forecasts.append, RELIABLE)
         bench.node.create_subscription(String, 'manoeuvring/model', models.append, LATCHED)
         bench.node.create_subscription(Float32, 'manoeuvring_identifier/progress', progress.append, RELIABLE)
-        wait_for(
-            lambda: (
-                craft.odometry.get_subscription_count() == 2
-                and craft.left.get_subscription_count() == 2
-                and craft.right.get_subscription_count() == 2
-            ),
-            'subscriptions',
-        )
+        sensors = craft.odometry, craft.left, craft.right
+        wait_for(lambda: all(sensor.get_subscription_count() == 2 for sensor in sensors), 'subscriptions')
         response = bench.call('manoeuvring_identifier/identify')
         assert not response.success
         assert 'check its topic' in response.message

@@ -104,17 +104,8 @@ def stamp_of(message):
 def numbers_of(message):
     """The floats of a sensor_msgs/Imu that a forecast fills."""
     turn, rates = message.orientation, message.angular_velocity
-    return (
-        turn.x,
-        turn.y,
-        turn.z,
-        turn.w,
-        rates.x,
-        rates.y,
-        rates.z,
-        *message.orientation_covariance,
-        *message.angular_velocity_covariance,
-    )
+    covariances = *message.orientation_covariance, *message.angular_velocity_covariance
+    return turn.x, turn.y, turn.z, turn.w, rates.x, rates.y, rates.z, *covariances
 
 
 @pytest.fixture

@@ -82,18 +82,11 @@ def test_a_hull_is_asked_for_its_moment_and_gets_it():
     """The request of a forecaster that knows a hull; the axis without one is not asked for."""
     forecaster, values = Forecaster(ForecasterSettings(leads=(0.5,), horizon=0.5)), waves(400)
     forecaster.set_model('roll', IdentifiedModel.exactly(hull_named('swath-roll').model))
-    asked = [
-        observed.sea_request
-        for number, row in enumerate(values.tolist())
-        if (
-            observed := forecaster.observe(
-                CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7),
-                STEP * number,
-                STEP if number else None,
-            )
-        ).sea_request
-        is not None
-    ]
+    asked = []
+    for number, row in enumerate(values.tolist()):
+        sample = CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7)
+        observed = forecaster.observe(sample, STEP * number, STEP if number else None)
+        asked += [observed.sea_request] if observed.sea_request is not None else []
     assert asked and set(asked[-1].excitations) == {'roll'} and asked[-1].names == CHANNELS
     assert asked[-1].step == pytest.approx(STEP) and asked[-1].values.shape[1] == len(CHANNELS)
     fit = fit_sea(asked[-1])
