@@ -54,10 +54,7 @@ class Record:
         return self.values[:, self.names.index(name)] if name in self.names else None
 
     def at(self, wanted: np.ndarray, places: Sequence[int] | None = None) -> np.ndarray:
-        """The channels (some, by place) at times (...), s, linear between samples.
-
-        NaN outside, and beside a missing sample.
-        """
+        """The channels (some, by place) at times (...), s, linear between samples; NaN where one is missing."""
         values = self.values if places is None else self.values[:, list(places)]
         near = ON_A_SAMPLE * self.interval
         after = np.clip(np.searchsorted(self.time, wanted - near), 1, self.time.size - 1)

@@ -63,10 +63,7 @@ class Demonstration:
         return LeadForecasts(forecasts.lead, forecasts.time[chosen], forecasts.angle[chosen], forecasts.std[chosen])
 
     def error(self, forecasts: LeadForecasts, release: int) -> float:
-        """Root mean square error over the standard deviation of the motion since release (NRMSE).
-
-        NaN if no forecast was due.
-        """
+        """NRMSE: error over the standard deviation of the motion since release; NaN if no forecast was due."""
         scored = self.during(forecasts, release)
         if not scored.time.size:
             return float('nan')

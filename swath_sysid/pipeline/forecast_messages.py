@@ -49,7 +49,7 @@ class HorizonForecast:
 def attitude_forecast(
     stamp_ns: int, lead: float, axes: Mapping[str, Sequence[float]], yaw: float, yaw_rate: float
 ) -> AttitudeForecast:
-    """The forecast at one lead, s, as an attitude with covariance, with a held heading, rad, and its rate, rad/s.
+    """The forecast at one lead, s, as an attitude, with a held heading, rad, and its rate, rad/s.
 
     By measured axis: angle, rate, angle variance, covariance of both, rate variance.
     """

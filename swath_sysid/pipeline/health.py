@@ -66,10 +66,7 @@ class Report:
     values: dict[str, object] = field(default_factory=dict)
 
     def status_of(self, node: str) -> tuple[int, str, str, dict[str, str]]:
-        """Level, name, message and values of a node's diagnostic_msgs/DiagnosticStatus.
-
-        Its full name without first slash.
-        """
+        """Level, name, message and values of a DiagnosticStatus of a node, by its full name without first slash."""
         texts = {key: f'{value:.6g}' if isinstance(value, float) else str(value) for key, value in self.values.items()}
         return self.level, f'{node}: {self.name}', self.message, texts
 

@@ -290,10 +290,7 @@ def block_sums(stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def resampled(sums: np.ndarray, seed: int) -> np.ndarray:
-    """Totals of block sums (K, B, L) drawn with replacement (Kuensch 1989, blocks without overlap).
-
-    NaN for too few blocks.
-    """
+    """Totals of block sums (K, B, L) drawn with replacement (Kuensch 1989); NaN for too few blocks."""
     count = sums.shape[1]
     if count < _MIN_BLOCKS:
         return np.full((sums.shape[0], _REPLICATES, sums.shape[2]), np.nan)

@@ -83,10 +83,7 @@ def runge_kutta_population(
 
 
 def hermite_weights(fraction: np.ndarray, step: float) -> np.ndarray:
-    """Cubic Hermite weights (4, N) at places (N,), 0 to 1, in a step, s.
-
-    Value and slope before, value and slope after.
-    """
+    """Cubic Hermite weights (4, N) of value, slope, next value and next slope, at (N,) of 0 to 1 in a step, s."""
     t = fraction
     return np.array(
         [

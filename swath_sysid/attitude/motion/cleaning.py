@@ -157,10 +157,7 @@ def _spread_evenly(time: np.ndarray) -> tuple[np.ndarray | None, float]:
 
 
 def _longest_increasing(values: np.ndarray) -> np.ndarray:
-    """A mask of the longest strictly increasing subsequence.
-
-    Patience sorting (Fredman, 1975) of the rows in dispute.
-    """
+    """A mask of the longest strictly increasing subsequence, by patience sorting (Fredman, 1975)."""
     keep = np.ones(values.size, dtype=bool)
     if values.size < 2:
         return keep

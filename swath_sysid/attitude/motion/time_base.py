@@ -72,10 +72,7 @@ def _check_numbering(time: np.ndarray, motions: Sequence[np.ndarray], name: str)
 
 
 def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CYCLES) -> float | None:
-    """Mean period, s, of a motion (N,) by its upward crossings of the median.
-
-    None with fewer than ``min_cycles`` cycles.
-    """
+    """Mean period, s, of a motion (N,) by its upward crossings of the median; None with fewer cycles than these."""
     known = np.isfinite(motion)
     if np.count_nonzero(known) < 4:
         return None
