@@ -18,17 +18,11 @@ class PublishedForm:
 
     inertia: float  #: I', with added inertia, kg m^2 (the papers non-dimensionalise; any unit shared by all).
     linear_damping: float = 0.0  #: N; the linear damping moment is 2 N w.
-    quadratic_damping: float = 0.0  #: W and x.
-    cubic_damping: float = 0.0  #: W and x.
-    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
-    #: C2 sine (also printed D H).
-    c1: float = 0.0
-    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
-    #: C2 sine (also printed D H).
-    c2: float = 0.0
-    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
-    #: C2 sine (also printed D H).
-    c3: float = 0.0
+    quadratic_damping: float = 0.0  #: W.
+    cubic_damping: float = 0.0  #: x.
+    c1: float = 0.0  #: Restoring: cubic, or sine-squared in sine forms.
+    c2: float = 0.0  #: Quadratic, or sine (also printed D H).
+    c3: float = 0.0  #: Linear (also printed D h); not in sine forms.
     friction: float = 0.0  #: Dry friction moment, ours; not in any paper.
 
     def __post_init__(self) -> None:

@@ -25,7 +25,7 @@ def _one_by_one(
     rates: np.ndarray,
     accelerations: np.ndarray,
 ) -> None:
-    """All candidates step by step, each in registers: without temporary arrays twice as fast, compiled."""
+    """All candidates one after the other, in registers: without temporary arrays twice as fast, compiled."""
     x, rate = x.copy(), rate.copy()
     for k in range(angles.shape[0]):
         for p in range(x.size):
@@ -55,7 +55,7 @@ def _side_by_side(
     rates: np.ndarray,
     accelerations: np.ndarray,
 ) -> None:
-    """All candidates at once: what plain Python is fast at."""
+    """All candidates at once, which is fast in plain Python."""
     rows = tuple(ratios)
     for k in range(angles.shape[0]):
         angles[k], rates[k] = x, rate
