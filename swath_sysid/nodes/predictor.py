@@ -105,7 +105,7 @@ class Predictor(Node):
 
     def _refuse_model(self, sentence: str) -> None:
         self.health.note_refused_model(sentence)
-        self.get_logger().error(f'{sentence}; the model before it stays')
+        self.get_logger().error(f'{sentence}; the previous model stays')
 
     def _on_loading(self, message: Float64) -> None:
         before, self._published_loading = self._published_loading, message.data
@@ -114,7 +114,7 @@ class Predictor(Node):
         except InputError as error:
             self._published_loading = before
             self.health.note(BAD_LOADING, 'loading')
-            self.get_logger().error(f'{error}; the loading before it stays')
+            self.get_logger().error(f'{error}; the previous loading stays')
 
     def _on_parameters(self, settings: PipelineSettings) -> None:
         self.pipeline.forecaster.set_quiescence(settings.forecaster.quiescence)
