@@ -1,7 +1,7 @@
 """Conversion between ratios to inertia and the coefficients as the papers print them.
 
-    b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
-    s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
+b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
+s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
 """
 
 from dataclasses import dataclass
