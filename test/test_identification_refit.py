@@ -97,6 +97,16 @@ def test_a_longer_view_of_a_decay_takes_the_place_of_the_shorter(table):
     assert held.end == whole.end
 
 
+def test_the_tail_of_a_decay_is_no_release_of_its_own(table):
+    """Of a window that the release has left already."""
+    since = table.rows[:, 0] - table.rows[0, 0]
+    short, tail = (replace(table, rows=table.rows[chosen]) for chosen in (since < 14.0, since > 14.5))
+    refitter, outcome = after(short, tail)
+    assert refitter.version == 1 and 'as well' in outcome.message
+    (held,) = refitter.decays['pitch'].decays
+    assert held.end < tail.rows[0, 0]
+
+
 def test_several_releases_are_one_fit_as_several_records_are(table):
     tables = table, table_of(2)
     refitter, outcome = after(*tables)

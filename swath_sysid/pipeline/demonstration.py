@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,8 @@ class Verdict:
     @property
     def text(self) -> str:
         """One line."""
+        if not isfinite(self.after):
+            return 'NOT PASSED: no forecast came due after the second release; the machine may be too busy, see the log'
         comparison = (
             f'forecast {self.lead:g} s (one natural period) ahead: NRMSE {self.after:.3f} with the identified model, '
             f'{self.unaided:.3f} without it, {self.before:.3f} in the previous release'

@@ -5,7 +5,9 @@ from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import NamedTuple
 
+from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, CraftSample, ImuReading, Intake, Taken
 from swath_sysid.attitude.motion.sensor_mount import Installation
@@ -174,3 +176,12 @@ class ForecastPipeline:
         """The running state; see `Forecaster.diagnostics`."""
         state = self.forecaster.diagnostics()
         return replace(state, advice=state.advice + self.validity.advice())
+
+
+def warm_up() -> None:
+    """Forecasts of a hull at rest, so that the first samples find everything loaded and compiled."""
+    pipeline = ForecastPipeline()
+    pipeline.set_models({'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)})
+    at_rest = CraftSample(0, *(0.0,) * 6, STANDARD_GRAVITY, *(1e-6,) * 4)
+    for number in range(3):
+        pipeline.add_sample(at_rest._replace(stamp_ns=number * 10_000_000))

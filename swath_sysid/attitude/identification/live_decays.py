@@ -34,6 +34,11 @@ class LiveDecay:
         """Stamp of its last sample, s."""
         return self.origin + self.segment.end
 
+    @property
+    def has_begun(self) -> bool:
+        """Whether the window shows how it began; else the window, which is cut anywhere, began amid it."""
+        return self.segment.beginning in ('released', 'pushed')
+
     def overlaps(self, other: 'LiveDecay') -> bool:
         """Whether both are of one release: free decays of one craft share no moment."""
         return self.start < other.end and other.start < self.end

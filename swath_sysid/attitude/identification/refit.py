@@ -184,7 +184,8 @@ def _refit_axis(
     axis: str, seen: Seen, request: RefitRequest, progress: Progress, should_cancel: ShouldCancel | None
 ) -> AxisVerdict:
     held = request.held.get(axis, HeldDecays())
-    old, new = held.with_new(seen.decays)
+    # where the window begins amid a swing, that is the tail of a release that was held before
+    old, new = held.with_new([each for each in seen.decays if each.has_begun or not held.decays])
     if not seen.decays:
         absence = explain_absence(seen.trial.axis(axis))
         if absence.code == FORCED_MOTION:
