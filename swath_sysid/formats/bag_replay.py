@@ -74,7 +74,7 @@ def merged_messages(readers: Sequence[Any], topics: Collection[str]) -> Iterator
 
 @dataclass(frozen=True)
 class Timeline:
-    """Bag time, ns, against wall time, s: ``first_ns`` is published at ``begun``, the rest at so many times real time."""
+    """Bag time, ns, against wall time, s: ``first_ns`` is published at ``begun``, the rest at that rate."""
 
     begun: float
     first_ns: int

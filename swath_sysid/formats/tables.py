@@ -132,7 +132,7 @@ def read_columns(
 
 
 def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> None:
-    """Write columns of shape (N,), with the remarks that are not None as comments; `read_columns` restores them exactly."""
+    """Write columns of shape (N,) that `read_columns` restores exactly; remarks that are None are left out."""
     values = [np.asarray(column, dtype=float) for column in columns.values()]
     with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
         file.writelines(f'# {key}: {value}\n' for key, value in remarks.items() if value is not None)

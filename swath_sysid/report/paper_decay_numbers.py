@@ -47,7 +47,7 @@ def coefficient_names(study: DecayStudy) -> list[str]:
 
 
 def trend_of(values: ArrayLike, steady: float = STEADY) -> str:
-    """How a curve runs: ``falls``, ``rises then falls``, ``mixed`` and so on; ``steady`` within a share of its largest."""
+    """How a curve runs: ``falls``, ``rises then falls``, ``mixed``; ``steady`` within a share of its largest value."""
     values = np.asarray(values, dtype=float)
     if np.ptp(values) <= steady * np.abs(values).max():
         return 'steady'
