@@ -40,7 +40,7 @@ PARAMETER_RANGES = {
 
 
 def check_physical(model: ManoeuvringModel) -> None:
-    """Reject a model with a parameter outside its range, or whose mass matrix of sway and yaw is not positive definite."""
+    """Reject a parameter outside its range, or a mass matrix of sway and yaw that is not positive definite."""
     for name, (lowest, highest) in PARAMETER_RANGES.items():
         if not lowest <= model[name] <= highest:
             raise InputError(

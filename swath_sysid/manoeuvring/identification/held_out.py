@@ -52,7 +52,7 @@ def held_out_costs(shooting: MultipleShooting, values_without_it: np.ndarray) ->
 
 
 def helps(costs: np.ndarray, costs_before: np.ndarray) -> bool:
-    """Whether terms help runs held out beyond the scatter of the runs, by `held_out_costs` (K,) with and without them."""
+    """Whether terms help runs held out beyond their scatter, by `held_out_costs` (K,) with and without them."""
     if costs.size < 2:
         # nothing can be held out of a single window
         return True

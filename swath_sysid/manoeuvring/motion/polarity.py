@@ -31,7 +31,7 @@ def mirrored(trial: ManoeuvringTrial) -> ManoeuvringTrial:
 
 
 def set_right(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[ManoeuvringTrial]:
-    """The trials of one craft in ENU, reversed and swapped channels corrected; appends to the ``advice`` of each trial."""
+    """The trials of one craft in ENU, reversed and swapped channels corrected; appends to each ``advice``."""
     for trial in trials:
         if trial.frame not in (None, 'enu', 'ned'):
             raise InputError(f"{trial.source}: there is no frame '{trial.frame}': state enu or ned")
