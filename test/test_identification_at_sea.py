@@ -303,7 +303,7 @@ def test_the_command_line_takes_waves_for_waves(sea_file, tmp_path, capsys):
 @pytest.mark.parametrize(
     'arguments, sentence',
     [
-        (['--decay'], 'swings from beginning to end'),
+        (['--decay'], 'oscillates from start to end'),
         (['--decay'], '--start and --end)'),
         (['--at-sea', '--equation', 'odd-cubic'], '--equation has no meaning'),
         (['--at-sea', '--end', '60'], 'record at least'),

@@ -214,7 +214,7 @@ def test_a_refused_model_is_told_until_a_good_one_comes():
     for _ in range(3):
         stream, forecast, _ = health.reports(1.0, EPOCH_NS)
         assert forecast.level == WARN
-        assert forecast.message.startswith('model/description, pitch: the trim; the model before it stays')
+        assert forecast.message.startswith('model/description, pitch: the trim; the previous model stays')
         assert forecast.values['refused_model'] == 'model/description, pitch: the trim'
         assert stream.values[BAD_MODEL] == 2
     health.note_model(2.0)
