@@ -36,9 +36,7 @@ from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.pipeline.health import Report
 
-#: What this node is too slow for is lost to it alone.
-SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-
+SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Lossy: it slows nobody else.
 NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  #: No publisher waits for a page.
 
 ASK_PERIOD = 0.1

@@ -10,8 +10,7 @@ from rclpy.task import Future
 
 from swath_sysid.nodes.worker import OnProgress, Worker
 
-#: s. A client receives the replies to all clients of its service and keeps ten: a burst of fifty pushes its own out.
-PERIOD = 0.1
+PERIOD = 0.1  #: s. A client keeps ten of the replies to all clients: a burst of fifty pushes its own out.
 
 
 async def ending_of(

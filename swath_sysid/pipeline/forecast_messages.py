@@ -15,12 +15,8 @@ from swath_sysid.attitude.prediction.forecast import Forecast
 UNKNOWN_ANGLE_VARIANCE = math.pi**2
 
 UNKNOWN_RATE_VARIANCE = 100.0  #: rad^2/s^2.
-
-#: The covariance of a quantity that a sensor_msgs/Imu does not give.
-NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-#: m^2, m^2/s^2 and m^2/s^4; of the horizontal motion of the sensor, which is not forecast.
-UNKNOWN_PLACE_VARIANCE = 100.0
+NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  #: Covariance that a sensor_msgs/Imu does not give.
+UNKNOWN_PLACE_VARIANCE = 100.0  #: m^2 (and per s^2 and s^4); the horizontal motion is not forecast.
 
 _NOTHING_KNOWN = 0.0, 0.0, UNKNOWN_ANGLE_VARIANCE, 0.0, UNKNOWN_RATE_VARIANCE
 

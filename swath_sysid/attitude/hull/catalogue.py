@@ -118,9 +118,7 @@ class PublishedHull:
     description: str
     model: DecayModel  #: The ratios, trim zero.
     form: PublishedForm | None  #: The coefficients as printed, where they were printed in that form.
-    #: As printed for the record and the equation that these coefficients are of: the error of the rate one step ahead,
-    #: root mean square, rad/s.
-    objective_value: float
+    objective_value: float  #: As printed: root mean square error of the rate one step ahead, rad/s.
 
     @property
     def rate_noise(self) -> float:

@@ -26,8 +26,7 @@ LOADING_POWERS = {'draft_factor': 0, 'draft_m': 1, 'displacement_kg': 3}
 
 RATE_METRICS = ('rate_rmse_rad_s',)
 
-#: Length ratios reach to this and to its inverse: from a bath tub to the largest ship it is 1,000.
-LARGEST_RATIO = 10_000
+LARGEST_RATIO = 10_000  #: And its inverse: from a bath tub to the largest ship it is 1,000.
 
 LONGEST_SHOWN = 40
 LONGEST_RATIO = 200  #: Characters; the product of several scalings is kept as an exact fraction.
@@ -168,20 +167,17 @@ def _ratio_in_all(before: Fraction, ratio: Fraction) -> Fraction:
 
 
 def _plain(identified: IdentifiedModel) -> dict:
-    return {
+    plain = {
         'ratios': identified.model.terms,
         'covariance': identified.covariance.tolist(),
         'friction_rate_rad_s': identified.model.friction_rate,
         'metrics': identified.metrics,
-        **_plain_posterior(identified.posterior),
     }
-
-
-def _plain_posterior(posterior: HullPosterior | None) -> dict:
-    if posterior is None:
-        return {}
-    ratios = dict(zip(posterior.equation.terms, posterior.ratios.tolist(), strict=True))
-    return {'posterior': {'ratios': ratios, 'covariance': posterior.covariance.tolist()}}
+    posterior = identified.posterior
+    if posterior is not None:
+        ratios = dict(zip(posterior.equation.terms, posterior.ratios.tolist(), strict=True))
+        plain['posterior'] = {'ratios': ratios, 'covariance': posterior.covariance.tolist()}
+    return plain
 
 
 def _posterior_of(plain: dict | None) -> HullPosterior | None:

@@ -6,8 +6,7 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.common.errors import InputError
 
 SHORTEST_PERIOD = 0.05
-#: s; models of a few centimetres roll in tenths of a second, the largest ships in less than a minute.
-LONGEST_PERIOD = 1000.0
+LONGEST_PERIOD = 1000.0  #: s; small models roll in tenths of a second, the largest ships within a minute.
 
 _SMALLEST_AMPLITUDE = math.radians(0.05)
 _FASTEST = 2.0 * math.pi / SHORTEST_PERIOD

@@ -15,9 +15,7 @@ MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
 
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
-
-#: The 90 % band of the intervals, relative to their median, from which a time base counts as uneven.
-UNEVEN_SPREAD = 0.1
+UNEVEN_SPREAD = 0.1  #: 90 % band of the intervals over their median from which a time base is uneven.
 
 
 Channels = dict[str, np.ndarray]

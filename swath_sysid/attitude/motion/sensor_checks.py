@@ -27,10 +27,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 WINDOW = 30.0  #: s over which the accelerations of waves average out.
-
-#: s; samples are averaged to so coarse a time base, unless their own is coarser: craft roll in 1 s and more.
-BIN = 0.05
-
+BIN = 0.05  #: s; samples are averaged to this time base, unless their own is coarser: craft roll in 1 s and more.
 WINDOW_BINS = 300  #: Bins of a window of a sensor so slow that `WINDOW` holds fewer.
 MIN_BINS = 40  #: Fewer are not judged.
 MAX_STRETCHES = 20  #: Of a long record, over which they are spread; up to twice as many are judged.
@@ -40,19 +37,15 @@ FROZEN = 5.0  #: s of fresh stamps with the same values.
 #: change by one or none.
 MIN_STEPS = 3.0
 MIN_TURN = np.radians(3.0)  #: rad that the rates turn while the angles stand still; no angle is as coarse.
-
-#: Of gravity by which a mean specific force may differ; consumer accelerometers are within a few percent.
-GRAVITY_TOLERANCE = 0.2
+GRAVITY_TOLERANCE = 0.2  #: Of gravity; consumer accelerometers are within a few percent.
 NO_GRAVITY = 0.3  #: Of gravity below which a mean specific force holds none.
 MIN_UPRIGHT = np.cos(np.radians(45.0))  #: Cosine of the largest mean list at which a craft floats.
 #: Cosine between gravity and attitude below which they contradict each other; alignment errors are a few degrees.
 CONTRADICTED = np.cos(np.radians(30.0))
 
 MIN_ANGLE = np.radians(0.25)  #: rad, standard deviation; a craft that moves less shows nothing.
-#: rad/s, standard deviation of the slope; slower angles may be the wander of an attitude filter.
-MIN_RATE = np.radians(0.5)
-#: Share of an angle's power below the highest frequency that is looked at; what is above is mostly noise.
-BAND_POWER = 0.98
+MIN_RATE = np.radians(0.5)  #: rad/s, standard deviation; slower angles may be drift of an attitude filter.
+BAND_POWER = 0.98  #: Share of an angle's power below the highest frequency used; the rest is mostly noise.
 #: Of the Nyquist frequency. An angle that fills more of it is too coarsely sampled, or too noisy, to be differentiated:
 #: up to half of it, noise was taken for motion in 20 of 960 simulated decays of 1 to 3 deg, up to this in none.
 WIDEST_BAND = 0.3

@@ -1,6 +1,7 @@
 """The order of a sensor's stamps: what to leave out, and when the clock itself has moved."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 from swath_sysid.common.errors import InputError
@@ -82,18 +83,14 @@ class StampOrder:
             return Placed(False, (DUPLICATE,))
         if -self._settings.backward_jump <= elapsed < 0.0:
             return Placed(False, (OUT_OF_ORDER,))
-        if elapsed < 0.0 or self._is_long(elapsed):
+        longest = inf if self._interval is None else max(self._settings.gap_limit, LONG_GAP_INTERVALS * self._interval)
+        if elapsed < 0.0 or elapsed > longest:
             return self._doubt(stamp_ns, elapsed)
         reasons = self._judge_interval(elapsed)
         if self._suspect is not None:
             reasons = self._refuted() + reasons
         self._last = stamp_ns
         return Placed(True, reasons) if reasons else FOLLOWS
-
-    def _is_long(self, elapsed: float) -> bool:
-        if self._interval is None:
-            return False
-        return elapsed > max(self._settings.gap_limit, LONG_GAP_INTERVALS * self._interval)
 
     def _doubt(self, stamp_ns: int, elapsed: float) -> Placed:
         if self._suspect is not None and stamp_ns > self._suspect:

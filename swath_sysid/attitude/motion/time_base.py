@@ -17,8 +17,7 @@ LONGEST_PERIOD, DOUBTFUL_PERIOD = 60.0, 30.0  #: s: roll and pitch of small craf
 
 CONSECUTIVE_SHARE = 0.99
 MIN_CYCLES = 2
-#: A crossing counts when the motion has gone beyond this part of its standard deviation on both sides.
-HYSTERESIS = 0.3
+HYSTERESIS = 0.3  #: Of the standard deviation, to be exceeded on both sides of a crossing.
 
 
 def check_time_base(

@@ -12,14 +12,9 @@ from scipy import fft
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value, up_in_body
 
 BAND_HZ = (0.04, 1.5)  #: Of heave and vertical velocity: slower motion drowns in the drift of twice integrated noise.
-
-#: s at either end of a stretch where its zero-phase integrals are not yet what a longer stretch would give.
-EDGE = 30.0
-
+EDGE = 30.0  #: s at either end of a stretch where its zero-phase integrals are not valid.
 HEAVE, VELOCITY, ACCELERATION = 2, 1, 0  #: How often the vertical acceleration is integrated.
-
-#: s; time constants of the leaky integrals, one after another.
-_LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))
+_LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))  #: s; chained time constants.
 
 
 def vertical_acceleration(roll: Value, pitch: Value, specific_force: np.ndarray) -> Value:
