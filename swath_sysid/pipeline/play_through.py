@@ -8,13 +8,7 @@ from typing import NamedTuple
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
-from swath_sysid.attitude.identification.refit import (
-    RefitOutcome,
-    RefitRequest,
-    RefitSettings,
-    Refitter,
-    refit,
-)
+from swath_sysid.attitude.identification.refit import RefitOutcome, RefitRequest, RefitSettings, Refitter, refit
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading, Intake
 from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
 from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest, fit_sea

@@ -71,12 +71,7 @@ class ScheduledModel:
         if not first * (1.0 - SAME) <= loading <= last * (1.0 + SAME):
             nearest = min(max(loading, first), last)
             advice = Advice.of(
-                'loading-outside',
-                quantity=self.quantity,
-                lowest=first,
-                highest=last,
-                loading=loading,
-                nearest=nearest,
+                'loading-outside', quantity=self.quantity, lowest=first, highest=last, loading=loading, nearest=nearest
             )
             return self._mixed(nearest), (advice,)
         mixed = self._mixed(min(max(loading, first), last))

@@ -198,9 +198,7 @@ def prominence_of(signal: EvenSignal) -> float:
     if signal.value.size < 2:
         return 0.0
     return max(
-        PROMINENCE * signal.noise,
-        RESOLVED_STEPS * signal.resolution,
-        SMALLEST_PROMINENCE * float(np.ptp(signal.value)),
+        PROMINENCE * signal.noise, RESOLVED_STEPS * signal.resolution, SMALLEST_PROMINENCE * float(np.ptp(signal.value))
     )
 
 
