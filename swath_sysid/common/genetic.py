@@ -17,14 +17,14 @@ BLEND = 0.6
 
 @dataclass(frozen=True)
 class GeneticSettings:
-    """Parameters of the genetic algorithm, by the papers' names; see the module."""
+    """Parameters of the genetic algorithm; the papers name them without definition."""
 
     generations: int = 300
     population: int = 80
-    crossover: float = 0.8
-    mutation: float = 0.15
-    genetic_factor: float = 0.05
-    evolution_weight: float = 0.9
+    crossover: float = 0.8  #: Probability that a pair of parents is recombined, else the first is copied.
+    mutation: float = 0.15  #: Probability that a variable of a child is disturbed.
+    genetic_factor: float = 0.05  #: Share of the population that is inherited unchanged (elitism).
+    evolution_weight: float = 0.9  #: Probability that the better of two wins the tournament for parenthood.
     final_mutation: float | None = None  #: If given, mutation falls geometrically to this over the budget.
     patience: int = 25  #: Generations without improvement before it stops; 0: never.
     tolerance: float = 1e-4  #: Relative improvement of the objective that counts as one.

@@ -1,4 +1,4 @@
-"""The node of the page: subscribes to what the nodes publish."""
+"""The node of the page: subscribes to the topics of the other nodes."""
 
 from collections.abc import Callable
 from functools import partial
@@ -40,9 +40,8 @@ SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)  #: L
 NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  #: No publisher waits for a page.
 
 ASK_PERIOD = 0.1
-#: s between looks at how the predictor's parameters say that the sensor sits: it may have been started anew.
-INSTALLATION_PERIOD = 3.0
-#: What the page asks of the predictor: how the sensor is mounted, which points are forecast, and what counts as quiet.
+INSTALLATION_PERIOD = 3.0  #: s between requests for the predictor's parameters: it may have been restarted.
+#: The predictor's parameters that the page shows.
 ASKED = (
     'frame mounting_deg points horizon_s quiet_for_s quiet_roll_deg quiet_pitch_deg quiet_roll_rate_deg_s '
     'quiet_pitch_rate_deg_s quiet_heave_m quiet_vertical_velocity_m_s quiet_about_trim quiet_probability'

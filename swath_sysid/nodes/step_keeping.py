@@ -12,7 +12,7 @@ from swath_sysid.formats.topics import NEXT_TOPIC
 from swath_sysid.nodes.qos import NEWEST
 
 AHEAD_NS = 2 * SECOND_NS  #: By which samples may be ahead of the forecasts: few enough to wait at the node.
-PATIENCE = 5.0  #: s from one forecast to the next: samples that the node refuses bring none.
+PATIENCE = 5.0  #: s from one forecast to the next: rejected samples bring none.
 
 
 class StepKeeping:

@@ -1,4 +1,4 @@
-"""Waiting in coroutines of a node: for the end of a worker, and for a turn to answer."""
+"""Waiting in coroutines of a node for the end of a worker and for a turn to answer."""
 
 from collections import deque
 from collections.abc import Callable
@@ -37,7 +37,7 @@ class Turns:
         self._timer.cancel()
 
     async def wait(self) -> None:
-        """Go on when it is this one's turn: at once, unless another one went on just before."""
+        """Continue in turn: at once, unless another coroutine did just before."""
         if self._timer.is_canceled():
             self._timer.reset()
             return

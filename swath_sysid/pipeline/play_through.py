@@ -98,7 +98,7 @@ class PlayThrough:
         interval_ns = round(self.settings.identify_interval / NANOSECOND)
         if not interval_ns:
             return False
-        # a clock that was set back begins anew
+        # restarts when the clock was set back
         if self._due_ns is None or self._due_ns - stamp_ns > interval_ns:
             self._due_ns = stamp_ns + interval_ns
         if stamp_ns < self._due_ns or not self.window.size:

@@ -1,4 +1,4 @@
-"""What no floating craft exceeds: the ranges outside of which a decay model is a mistake."""
+"""Ranges outside of which a decay model is a mistake."""
 
 import math
 
@@ -20,8 +20,7 @@ def _either_way(size: float) -> tuple[float, float]:
     return -size, size
 
 
-# the moment of each term at some amplitude and rate of the range, against the linear restoring moment there: a
-# nonlinear term of 12 times it is more than any hull has (those of the search are the same)
+# a nonlinear term of 12 times the linear restoring moment is more than any hull has, as in the search
 #: Least and largest ratio of each term; b0 and b1 are not negative: damping takes energy.
 RATIO_RANGES = {
     'b0': (0.0, 0.5 * math.pi * _FASTEST**2),

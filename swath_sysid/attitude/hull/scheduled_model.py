@@ -142,7 +142,6 @@ def models_at(
     """The models by axis at a loading (None: unknown), scheduled where there is a schedule, and advice."""
     if loading is None:
         return dict(models), ()
-    # checked also where no schedule needs it: one may come later
     if not (np.isfinite(loading) and loading > 0.0):
         raise InputError(f'the draft or displacement must be a number greater than zero, not {loading}')
     found = {axis: schedule.at(loading) for axis, schedule in schedules.items()}

@@ -51,9 +51,8 @@ def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]
     if inside.size < 3:
         return ()
     saturation = tuple(_saturation(inside, segment.period))
-    few = segment.cycles < MIN_CYCLES
     advice = (
-        *([Advice.of('too-few-cycles', cycles=segment.cycles)] if few else []),
+        *([Advice.of('too-few-cycles', cycles=segment.cycles)] if segment.cycles < MIN_CYCLES else []),
         *_size(inside, segment),
         *_sampling(inside, segment),
         *saturation,

@@ -44,10 +44,7 @@ WHOLE_SWINGS, WHOLE_PART = 6, 0.8  #: Nor one of so many swings that fills this 
 #: Periods of rest that prove a decay (seas reached 4.8), and how many times longer other motion may then last.
 REST_WANTED, MAX_SEARCHED_WITH_REST = 5.0, 100.0
 
-#: Periods of rest that prove it where other motion lasts no longer, per period of rest, than the decay. Windows of ten
-#: and more periods cut from the seas had 1.6 times its duration with 0.8 periods of rest.
-REST_NEEDED = 1.0
-
+REST_NEEDED = 1.0  #: Periods of rest that prove it where other motion, per period of rest, lasts no longer.
 MAX_UNEXPLAINED = 2.0  #: In no case may other motion last longer than so many times the decay.
 SHORT_SCATTER = 0.045  #: Scatter of the periods, where it shows three, that such a decay may have.
 REST_IN_JUMP = 1.0  #: Periods of rest that a jump to the first turning point stands for.

@@ -32,11 +32,8 @@ def check_time_base(
         short = next((u for u, scale in SHORTER_UNITS.items() if abs(time[0]) * scale < LATEST_EPOCH), 'ns')
         raise InputError(f'{name} counts {short} since 1970 and not seconds: call it time_{short}')
     if interval > 1.0 / MIN_RATE:
-        fitting = (
-            [u for u, scale in SHORTER_UNITS.items() if USUAL_RATES[0] <= 1.0 / (interval * scale) <= USUAL_RATES[1]]
-            if unit == 's'
-            else []
-        )
+        shorter = SHORTER_UNITS if unit == 's' else {}
+        fitting = [u for u, scale in shorter.items() if USUAL_RATES[0] <= 1.0 / (interval * scale) <= USUAL_RATES[1]]
         cure = f'call it time_{" or time_".join(fitting)}, as its unit is' if fitting else 'give it its true unit'
         raise InputError(
             f'{name} has a sample every {interval:.4g} s, too seldom for the motion of a craft: '

@@ -1,8 +1,4 @@
-"""Vertical motion from what an IMU measures: acceleration in the world, heave and vertical velocity from it.
-
-Gravity is removed by the orientation.  What is integrated is known above a lowest frequency only, so heave and velocity
-are about their mean: the level about which the craft heaves.
-"""
+"""Vertical motion from an IMU: acceleration in the world, and heave and vertical velocity about their means."""
 
 from itertools import accumulate
 
@@ -52,7 +48,7 @@ class LeakyIntegrals:
         self._states = [[0.0] * len(chain) for chain in _LEAKS]
 
     def take(self, acceleration: float) -> None:
-        """One row more, m/s^2; NaN is held to be zero."""
+        """Add an acceleration, m/s^2; NaN counts as zero."""
         new = acceleration if acceleration == acceleration else 0.0
         for kept, states in zip(self._kept, self._states, strict=True):
             value = new

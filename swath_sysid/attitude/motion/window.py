@@ -212,7 +212,7 @@ class DecayWatch:
         self._reported_until = reported
 
     def look(self, sample: CraftSample, window: MotionWindow) -> FinishedDecay | None:
-        """Take in a sample that the window holds already; the decay that has ended, if one has."""
+        """Add a sample that is in the window: the decay that has ended, if any."""
         if not self.on:
             return None
         stamp, roll, pitch, roll_rate, pitch_rate = sample[:5]
