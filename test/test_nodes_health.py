@@ -14,12 +14,10 @@ from swath_sysid.pipeline.health import (
     ERROR,
     FRAME_CHANGED,
     HARMLESS,
-    IDENTIFICATION_WORKER_DIED,
     NOT_SAVED,
     OK,
     SILENT,
     WARN,
-    WAVE_WORKER_DIED,
     BufferHealth,
     Changes,
     IdentifierHealth,
@@ -186,12 +184,6 @@ def test_a_sensor_warns_too_while_something_holds():
         receive(health, float(second), second + 1.0)
     health.settle('loading')
     assert levels == [WARN] * 3 and report(health, 4.0).level == OK
-
-
-def test_each_worker_is_told_by_its_own_name():
-    assert 'waves' in REASONS[WAVE_WORKER_DIED] and 'identifies' in REASONS[IDENTIFICATION_WORKER_DIED]
-    assert WAVE_WORKER_DIED in PredictorHealth('/imu/data', ForecastPipeline()).counts
-    assert IDENTIFICATION_WORKER_DIED in IdentifierHealth().counts
 
 
 def test_the_buffer_tells_its_window():
