@@ -7,10 +7,7 @@ from swath_sysid.common.sentences import SENTENCES
 
 @dataclass(frozen=True)
 class Advice:
-    """A warning with what to do about it.
-
-    The sentence names neither flags nor parameters: the command line adds its own by the code (`sentences.FLAGS`).
-    """
+    """A warning with what to do about it; the command line adds its flags by the code (`sentences.FLAGS`)."""
 
     code: str  #: Stable, machine-readable, kebab-case: ``too-few-cycles``.
     message: str  #: One sentence that says what was seen and what to do.

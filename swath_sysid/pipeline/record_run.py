@@ -1,4 +1,4 @@
-"""The forecast pipeline run causally through a record, with what is learnt of the sea taken over by stamp."""
+"""The forecast pipeline run causally through a record, with sea fits used by stamp."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping

@@ -28,7 +28,7 @@ _BLOCK = 30.0  #: s: several wave groups, so that the errors of one block say li
 
 _MIN_BLOCKS = 8
 _REPLICATES = 2000
-_SELDOM = 2.0  #: Standard deviations: so rarely passed that staying below for some seconds is an open question.
+_SELDOM = 2.0  #: Standard deviations: passed so rarely that staying below for some seconds is uncertain.
 _MIN_LIMIT = 1e-4
 _MIN_WARMUP = 30.0  #: s from which limits of quiescence can be taken.
 

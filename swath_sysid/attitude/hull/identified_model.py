@@ -44,8 +44,7 @@ class IdentifiedModel:
     trim_std: float = float('nan')  #: rad; NaN where the trim is not known from the record.
     amplitude_range: tuple[float, float] = (0.0, float('inf'))  #: Smallest and largest amplitude seen, rad.
     metrics: dict = field(default_factory=dict)  #: How well it fits, by name with unit.
-    #: Sources and their hashes, segments, software version, seed, settings.
-    provenance: dict = field(default_factory=dict)
+    provenance: dict = field(default_factory=dict)  #: Sources with hashes, segments, version, seed, settings.
     posterior: HullPosterior | None = None  #: What the filter of a forecast starts from; None: the model's own terms.
 
     def __post_init__(self) -> None:

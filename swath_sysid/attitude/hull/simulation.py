@@ -85,14 +85,7 @@ def runge_kutta_population(
 def hermite_weights(fraction: np.ndarray, step: float) -> np.ndarray:
     """Cubic Hermite weights (4, N) of value, slope, next value and next slope, at (N,) of 0 to 1 in a step, s."""
     t = fraction
-    return np.array(
-        [
-            (1 + 2 * t) * (1 - t) ** 2,
-            t * (1 - t) ** 2 * step,
-            t**2 * (3 - 2 * t),
-            t**2 * (t - 1) * step,
-        ]
-    )
+    return np.array([(1 + 2 * t) * (1 - t) ** 2, t * (1 - t) ** 2 * step, t**2 * (3 - 2 * t), t**2 * (t - 1) * step])
 
 
 def interpolate(values: np.ndarray, slopes: np.ndarray, before: np.ndarray, weights: np.ndarray) -> np.ndarray:

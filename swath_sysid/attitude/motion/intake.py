@@ -50,8 +50,7 @@ class ImuReading(NamedTuple):
 
     stamp_ns: int  #: header.stamp.
     orientation: Sequence[float]  #: Quaternion x, y, z, w.
-    #: rad^2, by rows; -1 in the first place: no orientation; all zero: unknown.
-    orientation_covariance: Sequence[float]
+    orientation_covariance: Sequence[float]  #: rad^2, by rows; first -1: no orientation; all zero: unknown.
     rates: Sequence[float]  #: rad/s.
     rates_covariance: Sequence[float]
     force: Sequence[float]  #: Specific force, m/s^2.

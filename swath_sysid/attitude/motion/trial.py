@@ -10,10 +10,9 @@ from swath_sysid.common.errors import InputError, check_choice
 
 AXES = ('roll', 'pitch')
 
-#: What an IMU gives of roll and pitch: the columns of a window on the wire, in this order.
+#: What an IMU measures of roll and pitch: the columns of a published window, in this order.
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
-
-FURTHER_CHANNELS = ('yaw_rate', 'heave')  #: What some records hold beside `CHANNELS`: more of the wave, for a forecast.
+FURTHER_CHANNELS = ('yaw_rate', 'heave')  #: In some records: more of the wave, for a forecast.
 
 
 @dataclass(frozen=True)
