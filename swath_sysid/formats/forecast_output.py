@@ -119,12 +119,12 @@ class ForecastMessages:
         for point in step.points():
             pose = *point.position, *point.orientation, *point.pose_covariance.ravel().tolist()
             twist = *point.linear, *point.angular, *point.twist_covariance.ravel().tolist()
-            motion = self._filled(_odometry, point.name, point.stamp_ns, (*pose, *twist))
-            yield point_lead_topic(point.name, point.lead), motion
+            odometry = self._filled(_odometry, point.name, point.stamp_ns, (*pose, *twist))
+            yield point_lead_topic(point.name, point.lead), odometry
             covariance = _NOTHING_KNOWN.copy()
             covariance[2, 2] = point.acceleration_variance
-            values = 0.0, 0.0, point.acceleration, *covariance.ravel().tolist()
-            acceleration = self._filled(_acceleration, point.name, point.stamp_ns, values)
+            numbers = 0.0, 0.0, point.acceleration, *covariance.ravel().tolist()
+            acceleration = self._filled(_acceleration, point.name, point.stamp_ns, numbers)
             yield point_acceleration_topic(point.name, point.lead), acceleration
         horizon = step.horizon
         if horizon is None:
@@ -135,9 +135,10 @@ class ForecastMessages:
             values = np.stack([motion.mean, deviation], axis=2).ravel()
             yield point_horizon_topic(name), self._filled(_point_horizon, leads_ns, step.stamp_ns, values)
         if step.quiescence is not None:
-            calm = horizon.calm
-            bounds = () if calm is None else (calm.begin, calm.end)
-            points = [trajectory_point(round(time * SECOND_NS), [calm.probability]) for time in bounds]
+            points = []
+            if (calm := horizon.calm) is not None:
+                times = calm.begin, calm.end
+                points = [trajectory_point(round(time * SECOND_NS), [calm.probability]) for time in times]
             yield CALM_TOPIC, serialised(make(TRAJECTORY, header(step.stamp_ns, self._level), ['probability'], points))
 
     def _filled(self, message_of: Callable, key: Any, stamp_ns: int, values: Any) -> bytes:
