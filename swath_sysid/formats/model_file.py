@@ -66,9 +66,9 @@ FORMAT = ModelFormat(
 )
 
 
-def model_to_yaml(models: Mapping[str, IdentifiedModel]) -> str:
-    """Text of a model file that holds models by axis."""
-    return _dumped(models)
+def model_to_yaml(models: Mapping[str, IdentifiedModel], **more: Any) -> str:
+    """Text of a model file that holds models by axis, and more fields."""
+    return FORMAT.text(axes={axis: _axis_to_plain(identified) for axis, identified in models.items()}, **more)
 
 
 def scheduled_to_yaml(schedules: Mapping[str, ScheduledModel]) -> str:
@@ -83,11 +83,7 @@ def scheduled_to_yaml(schedules: Mapping[str, ScheduledModel]) -> str:
         }
         for axis, schedule in schedules.items()
     }
-    return _dumped({axis: schedule.reference for axis, schedule in schedules.items()}, schedule=plain)
-
-
-def _dumped(models: Mapping[str, IdentifiedModel], **more: Any) -> str:
-    return FORMAT.text(axes={axis: _axis_to_plain(identified) for axis, identified in models.items()}, **more)
+    return model_to_yaml({axis: schedule.reference for axis, schedule in schedules.items()}, schedule=plain)
 
 
 def model_from_yaml(text: str, source: str = 'the model') -> dict[str, IdentifiedModel]:
