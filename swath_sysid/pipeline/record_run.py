@@ -21,8 +21,8 @@ class Issued(NamedTuple):
     """One forecast that was issued."""
 
     stamp: float  #: s, in the record's own time.
-    forecast: Forecast  #: At the leads and over the horizon.
-    horizon: Forecast  #: At the leads and over the horizon.
+    forecast: Forecast  #: At the leads.
+    horizon: Forecast
 
 
 @dataclass(frozen=True)
@@ -31,17 +31,13 @@ class Run:
 
     steps: tuple[Issued, ...]
     step_times: tuple[float, ...] = ()  #: s.
-    refit_times: tuple[float, ...] = ()  #: s.
+    refit_times: tuple[float, ...] = ()
     reliability: Reliability | None = None  #: Of the quiescence that was forecast.
-    quiescence_limits: QuiescenceLimits | None = None  #: Whose keeping was forecast.
+    quiescence_limits: QuiescenceLimits | None = None
 
 
 def samples_of(trial: Trial) -> Iterator[CraftSample]:
-    """The trial as its sensor would have sent it, sample by sample.
-
-    Args:
-        trial: The channels that it lacks become NaN.
-    """
+    """The trial as its sensor would have sent it, sample by sample; channels that it lacks are NaN."""
     measured, absent = trial.channels, np.full(trial.time.size, math.nan)
     columns = [measured.get(name, absent) for name in (*CHANNELS, *FURTHER_CHANNELS)]
     unknown = (math.nan,) * 4

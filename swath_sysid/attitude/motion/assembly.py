@@ -35,21 +35,11 @@ def assemble_trial(
     initial_angle: float | None = None,
     advice: Sequence[Advice] = (),
 ) -> Trial:
-    """A trial from the readings of a sensor: cleaned, in the craft's axes, with Euler rates.
+    """A trial from the readings of a sensor, (N,) each, in SI units: cleaned, in the craft's axes, with Euler rates.
 
-    Args:
-        time: (N,); seconds.
-        readings: dict of str to (N,); any of ``roll``, ``pitch``, ``yaw`` (rad), or the quaternion ``quaternion_x`` ...
-            ``_w``; ``heading``, clockwise from north in either frame; ``roll_rate``, ``pitch_rate``, ``yaw_rate``
-            (Euler rates), ``gyro_x`` ... ``_z`` (body rates), rad/s; ``accel_x`` ... ``_z`` (specific force), m/s^2;
-            ``heave`` along the vertical axis of the frame, m.
-        installation: By default the sensor's axes are those of the craft, FLU.
-        source: Where the readings came from.
-        draft, initial_angle: m, rad.
-        advice: Of the reader.
-
-    Raises:
-        InputError: Nothing usable is left after cleaning, or a mounting is given for readings that cannot be turned.
+    Readings are any of ``roll``, ``pitch``, ``yaw`` or ``quaternion_x`` ... ``_w``; ``heading``, clockwise from north;
+    Euler rates ``roll_rate`` ... or body rates ``gyro_x`` ...; specific force ``accel_x`` ...; ``heave`` along the
+    frame's vertical.
     """
     installation = installation or Installation()
     name = source or 'the record'
@@ -73,15 +63,9 @@ def assemble_trial(
 
 
 def turn_rate(time: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """The rate at which a yaw angle or a heading turned from each sample to the next, by the past alone.
+    """Rate, rad/s, at which a wrapped yaw or heading, rad, has turned since the sample before, shape (N,).
 
-    Args:
-        time: (N,); s, increasing.
-        yaw: (N,); rad, however wrapped.
-
-    Returns:
-        rad/s; entry k is the difference of samples k and k - 1, the shorter way round, over their interval. NaN at
-        first, and where the interval is not about the usual one.
+    NaN at the first sample, and where the interval is far from the median.
     """
     rate = np.full(time.size, np.nan)
     interval = np.diff(time)
@@ -101,26 +85,15 @@ def _craft_channels(
     if _has(readings, QUATERNION):
         invalid = int(np.count_nonzero(~attitude.is_orientation(*_parts(readings, QUATERNION))))
         if invalid:
-            advice.append(
-                Advice(
-                    'invalid-orientation',
-                    (
-                        f'{invalid} of {len(readings[QUATERNION[0]])} quaternions are invalid and were left out: '
-                        f'check the sensor driver'
-                    ),
-                )
-            )
+            advice.append(Advice.of('invalid-orientation', invalid=invalid, number=len(time)))
         if not np.isfinite(angles['roll']).any():
             angles = {}
     rates = {}
     if any(part in readings for part in GYRO[:2]):
         body = _turned_vector(readings, GYRO, installation, name)
         if _has(body, GYRO) and 'roll' in angles and 'pitch' in angles:
-            rates = dict(
-                zip(
-                    EULER_RATES, attitude.euler_rates(angles['roll'], angles['pitch'], *_parts(body, GYRO)), strict=True
-                )
-            )
+            turned = attitude.euler_rates(angles['roll'], angles['pitch'], *_parts(body, GYRO))
+            rates = dict(zip(EULER_RATES, turned, strict=True))
         else:
             rates = {euler: body[part] for euler, part in zip(EULER_RATES, GYRO, strict=True) if part in body}
     from_gyro = set(rates) - {'yaw_rate'}
@@ -131,15 +104,7 @@ def _craft_channels(
             rates['yaw_rate'] = turning
     force = _turned_vector(readings, ACCEL, installation, name)
     if from_gyro - set(readings) and not ('roll' in angles and 'pitch' in angles and _has(readings, GYRO)):
-        advice.append(
-            Advice(
-                'body-rates',
-                (
-                    'the angles (or a gyro axis) are not known, so body rates stand for the Euler rates, which is '
-                    'good for small angles only: record roll, pitch and all three gyro axes'
-                ),
-            )
-        )
+        advice.append(Advice.of('body-rates'))
     heave = {'heave': _upward(installation) * readings['heave']} if 'heave' in readings else {}
     return {**angles, **rates, **force, **heave}, advice
 
