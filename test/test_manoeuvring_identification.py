@@ -120,10 +120,9 @@ def test_added_terms_are_selected():
 @pytest.mark.parametrize('drift_spread', [0.0, 0.05])
 def test_forward_model_is_what_is_differentiated(force_runs, drift_spread):
     """The Jacobian with eliminated initial states and drifts against differences of the minimum over them."""
-    problem = assemble(force_runs[5:7], ManoeuvringSettings(**QUICK))
+    problem = replace(assemble(force_runs[5:7], ManoeuvringSettings(**QUICK)), drift_spread=drift_spread)
     names = ('Xu', 'Nr', 'lag', 'gain', 'current_east')
     shooting = shooting_of(problem, 20.0).with_unknowns(problem.unknowns(names), problem.base)
-    shooting = shooting.with_drift_spread(drift_spread)
     values = np.array([-55.0, -380.0, 0.2, 1.02, 0.05])
     for _ in range(6):
         residual = shooting.residuals(values)

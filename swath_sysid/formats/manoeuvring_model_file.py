@@ -88,15 +88,8 @@ def manoeuvring_to_yaml(identified: IdentifiedManoeuvringModel) -> str:
         for p in PARAMETERS
         if p.name in identified.names or model[p.name] != NEUTRAL[INDEX[p.name]]
     }
-    forecast = (
-        {}
-        if identified.forecast is None
-        else {
-            'forecast': {
-                name: np.asarray(values, dtype=float).tolist() for name, values in asdict(identified.forecast).items()
-            }
-        }
-    )
+    noise = {} if identified.forecast is None else asdict(identified.forecast)
+    forecast = {name: np.asarray(values, dtype=float).tolist() for name, values in noise.items()}
     return FORMAT.text(
         name=model.name,
         thrust_input=model.thrust_input,
@@ -110,7 +103,7 @@ def manoeuvring_to_yaml(identified: IdentifiedManoeuvringModel) -> str:
         region={name: float(value) for name, value in asdict(identified.region).items()},
         metrics=identified.metrics,
         provenance=identified.provenance,
-        **forecast,
+        **({'forecast': forecast} if forecast else {}),
     )
 
 

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.presets import WAMV_LENGTH, WAMV_LEVER
 from swath_sysid.manoeuvring.hull.terms import INDEX
 
 AUTO, SHARED, NONE = 'auto', 'shared', 'none'
@@ -44,7 +43,3 @@ class ManoeuvringSettings:
             raise InputError(f'generations must be within 0 and {HIGHEST_GENERATIONS}')
         if self.population < 8:
             raise InputError('population must be at least 8')
-
-
-DEFAULT_LEVER = WAMV_LEVER
-DEFAULT_LENGTH = WAMV_LENGTH
