@@ -24,7 +24,7 @@ from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.selection import fit, model_of, select, shooting_of, with_refused
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
-from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 from swath_sysid.manoeuvring.prediction.calibration import _scale, calibrated
 from swath_sysid.manoeuvring.prediction.predictor import THRUST_TO_COME, ManoeuvreFilter
@@ -54,7 +54,7 @@ def craft_and_trials(simulated):
 
 @pytest.fixture(scope='module')
 def runs(craft_and_trials):
-    return prepare_all(craft_and_trials[1])
+    return prepare_runs(craft_and_trials[1])
 
 
 @pytest.fixture(scope='module')
@@ -98,13 +98,13 @@ def test_a_run_of_spins_reverses_nothing(craft_and_trials, runs):
     assert not {a.code for run in runs for a in run.advice}
     for run, trial in zip(runs, trials, strict=True):
         assert np.allclose(run.port, trial.port[: run.port.size])
-    alone = prepare_all(trials[1:2])[0]
+    alone = prepare_runs(trials[1:2])[0]
     assert np.allclose(alone.port, trials[1].port[: alone.port.size])
 
 
 def test_what_all_runs_agree_on_is_set_right_in_the_spins_too(craft_and_trials, runs):
     _, trials = craft_and_trials
-    found = prepare_all([replace(t, port=-t.port, starboard=-t.starboard) for t in trials[:4]])
+    found = prepare_runs([replace(t, port=-t.port, starboard=-t.starboard) for t in trials[:4]])
     assert all('thrust-reversed' in {a.code for a in run.advice} for run in found)
     for run, expected in zip(found, runs, strict=False):
         assert np.allclose(run.port, expected.port)
@@ -114,7 +114,7 @@ def test_a_sway_that_is_always_zero_is_unknown(craft_and_trials):
     """Common odometry; without position either, sway is left to the model."""
     _, trials = craft_and_trials
     plain = [replace(t, sway=np.zeros(t.time.size), x=None, y=None) for t in (trials[0], trials[2], trials[3])]
-    runs = prepare_all(plain)
+    runs = prepare_runs(plain)
     assert all(np.isnan(run.sway).all() for run in runs)
     assert {'constant-channel'} <= {a.code for run in runs for a in run.advice}
     problem = assemble(runs, ManoeuvringSettings(mass=26.0))
@@ -189,7 +189,7 @@ def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, s
     """Twenty of them, with terms of choice: benchmark/manoeuvring.py --vices unstable."""
     craft = simulated.unstable_hull(np.random.default_rng(seed))
     inputs = [rows[:1200] for rows in simulated.drives(seed, False, simulated.EVERY)[:5]]
-    runs = prepare_all(
+    runs = prepare_runs(
         [
             ManoeuvringTrial(
                 thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record
@@ -218,7 +218,7 @@ def otter(simulated):
     craft = simulated.otter()
     inputs = [rows[:2000] for rows in simulated.drives(SEED, False, simulated.EVERY)[:8]]
     records = simulated.simulate(craft, inputs, SEED)
-    runs = prepare_all(
+    runs = prepare_runs(
         [
             ManoeuvringTrial(
                 thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record

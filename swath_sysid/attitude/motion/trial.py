@@ -22,8 +22,8 @@ class AxisMotion:
 
     axis: str
     time: np.ndarray  #: (N,); Seconds, strictly increasing, not necessarily even.
-    angle: np.ndarray | None  #: (N,), or None; rad, and Euler rate, rad/s; None where the sensor gave none.
-    rate: np.ndarray | None  #: (N,), or None; rad, and Euler rate, rad/s; None where the sensor gave none.
+    angle: np.ndarray | None  #: (N,); rad; None where the sensor gave none.
+    rate: np.ndarray | None  #: (N,); Euler rate, rad/s; None where the sensor gave none.
     source: str = ''
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
 
@@ -76,6 +76,18 @@ class Trial:
     (body axes x forward, y port, z up; the yaw rate is positive to port); accelerations are
     specific force in body axes, so that a craft at rest reads about +9.81 m/s^2 on z; heave is
     positive up.
+
+    Example:
+        A trial is read from a file, or made from arrays:
+
+        >>> time = np.arange(0.0, 10.0, 0.02)
+        >>> trial = Trial(time, roll=0.1 * np.exp(-0.1 * time) * np.cos(2.0 * time))
+        >>> trial.axes
+        ('roll',)
+        >>> trial.between(2.0, 4.0).time.size
+        101
+        >>> trial.axis('roll').duration
+        9.98
     """
 
     time: np.ndarray  #: (N,); Seconds, strictly increasing.
@@ -89,8 +101,8 @@ class Trial:
     yaw_rate: np.ndarray | None = None
     heave: np.ndarray | None = None
     source: str = ''  #: The file (or topic) the trial was read from.
-    draft: float | None = None  #: m and rad, where known.
-    initial_angle: float | None = None  #: m and rad, where known.
+    draft: float | None = None  #: m, where known.
+    initial_angle: float | None = None  #: From which the craft was released, rad, where known.
     advice: tuple[Advice, ...] = ()  #: What the reader had to repair or leave out.
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
 

@@ -45,8 +45,8 @@ class Scores:
     rmse: dict[str, float]  #: m/s and rad/s; NaN where not measured.
     position_error: dict[float, float]  #: Root mean square by lead, m; NaN where no window is as long.
     heading_error: dict[float, float]  #: rad.
-    windows: int  #: How many there are, and how many ran away.
-    diverged: int  #: How many there are, and how many ran away.
+    windows: int  #: How many there are.
+    diverged: int  #: How many of them ran away.
 
 
 def simulate_windows(

@@ -22,8 +22,8 @@ class ManoeuvringTrial:
     thrust_input: str = FORCE  #: ``force`` or ``command``.
     surge: np.ndarray | None = None  #: Over ground in body axes, m/s.
     sway: np.ndarray | None = None  #: Over ground in body axes, m/s.
-    yaw_rate: np.ndarray | None = None  #: rad/s, rad.
-    heading: np.ndarray | None = None  #: rad/s, rad.
+    yaw_rate: np.ndarray | None = None  #: rad/s.
+    heading: np.ndarray | None = None  #: rad.
     x: np.ndarray | None = None  #: m; in NED x is north and y east, in ENU x is east and y north.
     y: np.ndarray | None = None  #: m; in NED x is north and y east, in ENU x is east and y north.
     #: ``enu`` (y and sway to port, yaw to port positive), ``ned`` (to starboard), None: not stated.
@@ -47,12 +47,12 @@ class Run:
     port: np.ndarray  #: Held over the step that follows; zero where unknown.
     starboard: np.ndarray  #: Held over the step that follows; zero where unknown.
     driven: np.ndarray  #: Where the thrust is known.
-    surge: np.ndarray  #: Over ground, m/s and rad/s, NaN where not measured.
-    sway: np.ndarray  #: Over ground, m/s and rad/s, NaN where not measured.
-    yaw_rate: np.ndarray  #: Over ground, m/s and rad/s, NaN where not measured.
-    heading: np.ndarray | None  #: rad (not wrapped) and m, without gaps; None where not measured.
-    x: np.ndarray | None  #: rad (not wrapped) and m, without gaps; None where not measured.
-    y: np.ndarray | None  #: rad (not wrapped) and m, without gaps; None where not measured.
+    surge: np.ndarray  #: Over ground, m/s, NaN where not measured.
+    sway: np.ndarray  #: Over ground, m/s, NaN where not measured.
+    yaw_rate: np.ndarray  #: rad/s, NaN where not measured.
+    heading: np.ndarray | None  #: rad, not wrapped, without gaps; None where not measured.
+    x: np.ndarray | None  #: m, without gaps; None where not measured.
+    y: np.ndarray | None  #: m, without gaps; None where not measured.
     smooth: np.ndarray  #: (3, N); Smoothed surge, sway, yaw rate, NaN where none was measured.
     thrust_input: str = FORCE
     source: str = ''
