@@ -23,7 +23,6 @@ from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.campaign.evaluation import (
     Condition,
-    FitSummary,
     Judgement,
     Record,
     best_repeats,
@@ -66,11 +65,6 @@ def fits(problems):
 def records_of(problems):
     conditions = [Condition('pitch', 1.0, 6.0), Condition('pitch', 1.0, 6.0), Condition('pitch', 1.0, 9.0)]
     return [Record(f'{k}', c, k % 2 + 1, p) for k, (c, p) in enumerate(zip(conditions, problems, strict=True))]
-
-
-def test_a_summary_survives_json(fits):
-    for summary in fits[0]:
-        assert FitSummary.from_plain(json.loads(json.dumps(summary.plain()))) == summary
 
 
 def test_a_summary_is_the_model(fits):

@@ -2,6 +2,7 @@
 
 import doctest
 import importlib
+import inspect
 import json
 import re
 from pathlib import Path
@@ -50,6 +51,15 @@ def test_every_public_name_has_an_example_that_runs(name, first_lines, folder_of
     assert example.examples
     told = []
     assert doctest.DocTestRunner().run(example, out=told.append).failed == 0, ''.join(told)
+
+
+def test_every_parameter_and_result_of_a_public_function_is_explained():
+    functions = {name: f for name in swath_sysid.__all__ if inspect.isfunction(f := getattr(swath_sysid, name))}
+    for name, function in functions.items():
+        missing = [p for p in inspect.signature(function).parameters if f'\n        {p}: ' not in function.__doc__]
+        assert missing == [], name
+        gives = inspect.signature(function).return_annotation is not None
+        assert not gives or re.search(r'\n    (Returns|Yields):\n', function.__doc__), name
 
 
 def test_the_page_of_reference_lists_the_public_names_and_what_they_give():

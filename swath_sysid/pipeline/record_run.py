@@ -33,7 +33,7 @@ class Run:
     step_times: tuple[float, ...] = ()  #: Of each sample, s; NaN where not measured.
     refit_times: tuple[float, ...] = ()  #: Of each fit of the sea, s; NaN where not measured.
     reliability: Reliability | None = None  #: Of the quiescence that was forecast.
-    quiescence_limits: QuiescenceLimits | None = None  #: Whose keeping was forecast.
+    quiescence_limits: QuiescenceLimits | None = None
 
 
 def samples_of(trial: Trial) -> Iterator[CraftSample]:

@@ -102,10 +102,7 @@ def published_alike(equation: Equation, axis: str) -> tuple[str, ...]:
 
 
 def equations_of_axis(axis: str) -> tuple[Equation, ...]:
-    """The equations compared by default for ``roll`` or ``pitch``.
-
-    The published ones and our own, one for each set of terms.
-    """
+    """The equations compared by default for ``roll`` or ``pitch``, one for each set of terms."""
     distinct: dict[tuple[str, ...], Equation] = {}
     for name in (*OWN_EQUATIONS, *_AXIS_EQUATIONS[axis]):
         distinct.setdefault(EQUATIONS[name].terms, EQUATIONS[name])

@@ -101,8 +101,8 @@ class Trial:
     yaw_rate: np.ndarray | None = None
     heave: np.ndarray | None = None
     source: str = ''  #: The file (or topic) the trial was read from.
-    draft: float | None = None  #: m, where known.
-    initial_angle: float | None = None  #: From which the craft was released, rad, where known.
+    draft: float | None = None  #: m.
+    initial_angle: float | None = None  #: rad.
     advice: tuple[Advice, ...] = ()  #: What the reader had to repair or leave out.
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
 

@@ -1,4 +1,4 @@
-"""From records to runs ready for identification; what one record does not determine is taken from all of them."""
+"""From trials to runs ready for identification; diagnoses use all trials together."""
 
 from collections.abc import Sequence
 
@@ -30,7 +30,7 @@ def prepare(trial: ManoeuvringTrial, gap_means_zero: bool = False, step: float |
 def prepare_runs(
     trials: Sequence[ManoeuvringTrial], gap_means_zero: bool = False, step: float | None = None
 ) -> list[Run]:
-    """Make trials of one craft ready for identification.
+    """Make trials of one craft ready for identification, in steps of the records, or of ``USUAL_STEP``, s.
 
     Reversed and swapped channels, constant ones and a compass askew are found over all trials together.
 
@@ -60,7 +60,7 @@ def prepare_runs(
 
 
 def _run(trial: ManoeuvringTrial, gap_means_zero: bool, step: float, advice: list[Advice]):
-    """The run of a trial whose channels have been set right."""
+    """The run of a corrected trial."""
     count = int((trial.time[-1] - trial.time[0]) / step) + 1
     if count < 20:
         raise InputError(f'{trial.source}: {trial.time[-1] - trial.time[0]:.1f} s are too short: record 30 s or more')
