@@ -142,7 +142,7 @@ def _point_forecast(
     heave, velocity, acceleration = motion
     orientation = attitude.quaternion(at[0], at[1], 0.0)
     back = attitude.conjugate(*orientation)
-    angular = attitude.body_rates(*at, yaw_rate=0.0)
+    angular = attitude.body_rates(at[0], at[1], at[2], at[3], 0.0)
     level = attitude.rotate(orientation, *place)
     across = attitude.rotate(orientation, *_cross(angular, place))
     linear = attitude.rotate(back, across[0], across[1], velocity)
