@@ -104,7 +104,7 @@ class TankSide:
     def identify(self, table=None):
         """What the identifier does with a window."""
         self._identifier.begin()
-        outcome = refit(self.refitter.request(table or self._window.table()))
+        outcome = refit(self.refitter.request(table or self._window.table(), is_asked=table is None))
         is_published = self.refitter.take(outcome)
         self._identifier.end(is_published, outcome.message)
         if is_published:

@@ -253,7 +253,7 @@ def settings():
 @pytest.mark.long
 def test_a_refit_on_waves_believes_what_is_better(linear_motion, settings):
     refitter = Refitter(settings)
-    first = refit(refitter.request(table(linear_motion), {'source': 'here'}))
+    first = refit(refitter.request(table(linear_motion), source={'topic': 'here'}))
     assert refitter.take(first) and is_at_sea(refitter.models['roll'])
     assert 'at sea, equivalent linear at 2' in first.message and '\n' not in first.message
     again = refit(refitter.request(table(measured(known_sea(LINEAR, [9], 1.2, np.radians(2.0), 300.0)))))

@@ -15,9 +15,10 @@ from std_msgs.msg import Float64MultiArray  # noqa: E402
 from trajectory_msgs.msg import JointTrajectory  # noqa: E402
 
 from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES  # noqa: E402
-from swath_sysid.attitude.motion.window import COLUMNS, MotionTable  # noqa: E402
+from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.messages import (  # noqa: E402
+    WINDOW_COLUMNS,
     ImuMessage,
     coefficients_message,
     horizon_message,
@@ -32,8 +33,9 @@ from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonFore
 
 def a_table(rows=20):
     values = np.random.default_rng(1).normal(size=(rows, len(COLUMNS)))
+    values[:, 0] = np.arange(rows)
     values[3:4, 2] = np.nan
-    return MotionTable(values, EPOCH_NS)
+    return MotionTable(values, EPOCH_NS, NoticedDecay('pitch', 4.0, 9.0) if rows else None)
 
 
 @pytest.mark.parametrize('stamp', [0, 1, EPOCH_NS + 999_999_999, -1, -(2**31) * 10**9])
@@ -53,16 +55,16 @@ def test_a_window_goes_both_ways():
     message = deserialize_message(window_message(a_table(), 'base_link'), PointCloud2)
     found = window_table(message)
     np.testing.assert_array_equal(found.rows, a_table().rows)
-    assert found.stamp_ns == EPOCH_NS and message.header.frame_id == 'base_link'
-    assert (message.height, message.width, message.point_step) == (1, 20, 64) and not message.is_dense
-    assert [field.name for field in message.fields] == list(COLUMNS)
+    assert found.stamp_ns == EPOCH_NS and found.noticed == a_table().noticed and message.header.frame_id == 'base_link'
+    assert (message.height, message.width, message.point_step) == (1, 20, 72) and not message.is_dense
+    assert [field.name for field in message.fields] == list(WINDOW_COLUMNS)
     nothing = deserialize_message(window_message(a_table(0), ''), PointCloud2)
     assert window_table(nothing).rows.shape == (0, len(COLUMNS))
 
 
 def test_a_window_of_another_maker_is_read():
     """Other byte order, columns in another order, a column more."""
-    names = ['extra', *reversed(COLUMNS)]
+    names = ['extra', *reversed(WINDOW_COLUMNS)]
     order = '>' if sys.byteorder == 'little' else '<'
     table = np.zeros(20, dtype=[(name, f'{order}f8') for name in names])
     for index, name in enumerate(COLUMNS):
@@ -91,7 +93,7 @@ def without_a_column(message):
 
 
 def reaching_too_far(message):
-    message.fields[1].offset = 60
+    message.fields[1].offset = 68
 
 
 @pytest.mark.parametrize(

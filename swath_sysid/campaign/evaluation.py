@@ -452,17 +452,7 @@ def rank_campaign(
     by_record: Sequence[Sequence[FitSummary]],
     judgements: Sequence[Sequence[Judgement]],
 ) -> Ranking:
-    """Rank the equations of one axis over a whole campaign.
-
-    Args:
-        axis: For the error.
-        by_draft, by_record: For each draft the joint fits of all its records, and those of each record: one an
-            equation, in one order.
-        judgements: Of each record, in the same order.
-
-    Raises:
-        InputError: There is no fit.
-    """
+    """Rank the equations of one axis over a whole campaign."""
     if not by_draft or not by_draft[0]:
         raise InputError(f'no equation could be fitted to any {axis} record')
     best_of = [min((len(fits[k].terms), k) for k in tied_best(fits))[1] for fits in by_record]

@@ -32,11 +32,7 @@ def connection_losses() -> tuple[type[BaseException], ...]:
 
 @contextlib.contextmanager
 def executor_of(jobs: int, scheduler: str | None = None) -> Iterator[concurrent.futures.Executor]:
-    """An executor for independent tasks: processes on this machine, or the Dask scheduler at an address.
-
-    Raises:
-        InputError: ``jobs`` below one; distributed is not installed; the scheduler does not answer.
-    """
+    """An executor for independent tasks: processes on this machine, or the Dask scheduler at an address."""
     if jobs < 1:
         raise InputError('the work needs at least 1 process', 'no-process')
     if scheduler is not None:

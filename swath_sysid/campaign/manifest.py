@@ -205,11 +205,7 @@ _CAMPAIGN = record(
 
 
 def read_manifest(path: str | Path) -> Manifest:
-    """Read a manifest, with the faults of what was left out; paths are relative to its folder.
-
-    Raises:
-        InputError: It cannot be read, is not YAML, its search or objectives cannot be used, or no trial is left.
-    """
+    """Read a manifest, with the faults of what was left out; paths are relative to its folder."""
     path = Path(path)
     content = plain_content(text_of(path, 'manifest'), str(path))
     if not isinstance(content, dict):
@@ -291,11 +287,7 @@ def _trial(path: Path, given: dict, matched: dict, default_axis: str | None, whe
 
 
 def pattern_expression(pattern: str) -> re.Pattern:
-    """Regular expression of a pattern with placeholders and the wildcards ``*`` and ``?``.
-
-    Raises:
-        InputError: An unknown placeholder, or one used twice.
-    """
+    """Regular expression of a pattern with placeholders and the wildcards ``*`` and ``?``."""
     parts, used = [], set()
     for piece in re.split(r'(\{[^{}]*\}|\*|\?)', pattern):
         if piece == '*':
@@ -425,17 +417,7 @@ trials:
 def new_manifest(
     folder: str | Path, axis: str = 'pitch', name: str = 'campaign.yaml', at: str | Path | None = None
 ) -> str:
-    """Text of a commented manifest for the trials in a folder.
-
-    Args:
-        folder: Of the trials.
-        axis: Where the names do not say it.
-        name: File name of the manifest, for its first line.
-        at: The folder the manifest is to stand in, to which its paths are relative; by default that of the trials.
-
-    Raises:
-        InputError: No folder, or nothing in it that could be a trial.
-    """
+    """Text of a commented manifest for the trials in a folder."""
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f'{folder} is not a folder: give the folder of the trials')
@@ -462,11 +444,7 @@ def new_manifest(
 
 
 def write_new_manifest(folder: str | Path, path: str | Path, axis: str = 'pitch') -> None:
-    """Write `new_manifest` to a file that does not exist yet.
-
-    Raises:
-        InputError: Also where the file exists.
-    """
+    """Write `new_manifest` to a file that does not exist yet."""
     path = Path(path)
     if path.exists():
         raise InputError(f'{path} exists already: remove it first, or name another file', 'manifest-exists')

@@ -141,11 +141,7 @@ def run_campaign(
     executor: concurrent.futures.Executor,
     on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> CampaignOutcome:
-    """Carry a campaign out; results in the store are not computed again.
-
-    Raises:
-        InputError: Nothing could be used, or a worker process was killed.
-    """
+    """Carry a campaign out; results in the store are not computed again."""
     quantity = loading_quantity(manifest)
     trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
     axes = {t.record.condition.series for t in trials if t.record is not None}
@@ -178,11 +174,7 @@ def loading_quantity(manifest: Manifest) -> str:
 
 
 def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> float:
-    """Loading of a trial in the campaign's quantity.
-
-    Raises:
-        InputError: It is given in another quantity and the craft's particulars do not suffice to convert it.
-    """
+    """Loading of a trial in the campaign's quantity."""
     given = entry.loading
     if given is None and trial.draft is not None and quantity != 'displacement_kg':
         given = ('draft_m', trial.draft)

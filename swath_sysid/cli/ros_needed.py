@@ -8,9 +8,9 @@ from swath_sysid.common.errors import InputError
 
 @contextmanager
 def ros_needed(without: str = '') -> Iterator[None]:
-    """Around imports of rclpy and the nodes, which raise an `InputError` where ROS is not installed.
+    """Around imports of rclpy and the nodes.
 
-    The sentence adds what the verb does without it.
+    `InputError` where ROS is not installed, with what works ``without`` it.
     """
     try:
         yield

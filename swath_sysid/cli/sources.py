@@ -51,11 +51,7 @@ def add_reading_arguments(parser: ArgumentParser) -> None:
 
 
 def assignment(text: str, example: str) -> tuple[str, float]:
-    """Name and value of ``NAME=VALUE``.
-
-    Raises:
-        InputError: It is not, or the value is not a finite number; the sentence gives the example.
-    """
+    """Name and value of ``NAME=VALUE``; the error shows the example."""
     name, _, value = text.partition('=')
     try:
         return name.strip(), finite(value)

@@ -75,9 +75,6 @@ class _Compiled:
 
 
 def accelerated(function: Function, otherwise: Function | None = None) -> Function:
-    """Compile with numba (extra ``fast``) at the first call or, without it, call the function itself, or another.
-
-    The same source runs either way, called by position; ``test_hull_simulation`` requires the same results of both.
-    """
+    """Compile with numba (extra ``fast``) at the first call; without numba, the function itself or ``otherwise``."""
     plain = function if otherwise is None else otherwise
     return cast(Function, _Compiled(function, plain)) if _IS_INSTALLED and _IS_WANTED else plain

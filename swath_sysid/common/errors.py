@@ -19,10 +19,6 @@ class InputError(ValueError):
 
 
 def check_choice(name: str, choices: Collection[str], kind: str) -> None:
-    """Refuse a name that is not among the choices; the kind, such as ``'hull'``, is what the names name.
-
-    Raises:
-        InputError: The name is none of them; the sentence lists them.
-    """
+    """Reject a name that is not among the choices; ``kind``, such as ``'hull'``, says what is named."""
     if name not in choices:
         raise InputError(f"there is no {kind} '{name}': choose from {', '.join(choices)}")

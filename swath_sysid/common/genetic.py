@@ -1,17 +1,8 @@
 """A real-coded genetic algorithm with ask and tell: it never calls the objective.
 
-The papers name its parameters without defining them; they are read here as follows.
-
-- *crossover* 0.8: probability that a pair of parents is recombined, else the first is copied.
-- *mutation* 0.15: probability that a variable of a child is disturbed.
-- *genetic factor* 0.05: share of the population that is inherited unchanged (elitism).
-- *evolution weight* 0.9: probability that the better of two wins the tournament for parenthood.
-
-Recombination places the child on the line through its parents, up to 0.6 of their distance
-beyond each: the blend crossover of Eshelman and Schaffer, taken along the line so that correlated
-variables stay correlated, a little wider than their 0.5 so that a narrow valley is not left
-early. Mutation is scaled by the spread of the population, so that the search sharpens as it
-converges, whatever the budget.
+Recombination places a child on the line through its parents, up to 0.6 of their distance beyond each: the blend
+crossover of Eshelman and Schaffer, along the line so that correlated variables stay correlated. Mutation is scaled by
+the spread of the population, so that the search sharpens as it converges.
 """
 
 from dataclasses import dataclass

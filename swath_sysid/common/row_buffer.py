@@ -59,7 +59,7 @@ class RowBuffer:
         return self._rows[first : self._end]
 
     def at(self, numbers: np.ndarray) -> np.ndarray:
-        """Rows by number, which need not be whole, linear between two; shapes (N,) and (N, C).
+        """Rows by fractional number, linear between two, (N,) and (N, C).
 
         NaN where a row is missing or no longer kept.
         """

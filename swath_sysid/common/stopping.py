@@ -37,14 +37,7 @@ class SearchBudget(Protocol):
 
 
 class AskAndTell:
-    """A search within bounds that never calls the objective.
-
-    Args:
-        lower, upper: array_like, shape (n,); bounds.
-        budget: What ends it.
-        seed: Of its random numbers.
-        first: array_like, shape (k, n); candidates to include in the first generation.
-    """
+    """A search within bounds (n,) that never calls the objective; ``first`` (k, n) joins the first generation."""
 
     def __init__(self, lower: ArrayLike, upper: ArrayLike, budget: SearchBudget, seed: int, first: ArrayLike) -> None:
         self._lower, self._upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
@@ -74,11 +67,9 @@ class AskAndTell:
             self._waited += 1
 
     def _stop_reason(self, candidates: np.ndarray) -> str | None:
-        """Name of the rule that ends the search now, or None.
+        """The rule that ends the search now, or None.
 
-        ``generations``: the budget is spent. ``stagnation``: the best value has not improved for ``patience``
-        generations (0: never). ``convergence``: the candidates have drawn together to ``spread_tolerance`` of the
-        search range in every variable.
+        Budget spent, ``patience`` without improvement, or all drawn together.
         """
         if not self.generation:
             return None

@@ -33,10 +33,9 @@ class WorkerError(RuntimeError):
 
 
 class WorkerProcess:
-    """The process, as its parent uses it: from one thread at a time.
+    """The process, as its parent uses it, from one thread at a time; all functions must be importable in it.
 
-    The warm-up is run in it when it starts, and must be importable there, as all functions given; the clock gives
-    seconds that only go forward, for `CANCEL_PATIENCE`. A process that is resting starts with the first work, not now.
+    The clock gives monotonic seconds. A process that is resting starts with the first work.
     """
 
     def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float], is_resting: bool = False) -> None:
@@ -51,9 +50,9 @@ class WorkerProcess:
         return self._process.pid
 
     def died_idle(self) -> bool:
-        """Whether it was ready and has died since, which is reported once.
+        """Whether it was ready and has died since, reported once.
 
-        One that never got ready is started again with the next work only, not for ever.
+        One that was never ready restarts with the next work.
         """
         if self._is_resting:
             return False
@@ -69,20 +68,9 @@ class WorkerProcess:
     def run(
         self, work: Work, is_cancelled: Callable[[], bool], on_progress: Callable[[float], None] | None = None
     ) -> Any:
-        """Have a function run, and wait for its end.
+        """The result of a function that the process runs, or what it raised; EOFError or OSError if the process died.
 
-        Args:
-            work: Function, arguments, and whether it takes ``progress=`` and ``should_cancel=``.
-            is_cancelled: Asked often.
-            on_progress: Called with 0 to 1.
-
-        Returns:
-            What the function returned.
-
-        Raises:
-            InputError, Cancelled, WorkerError: What the function ended in; `Cancelled` within half a second of
-                ``is_cancelled()``.
-            EOFError, OSError: The process has died.
+        `Cancelled` comes within half a second of ``is_cancelled()``; ``on_progress`` is called with 0 to 1.
         """
         sent, asked_at = False, None
         if self._is_resting:

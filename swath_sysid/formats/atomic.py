@@ -20,10 +20,6 @@ def replacing(path: str | Path) -> Iterator[Path]:
     The temporary file lies in a hidden folder beside the final place, under its final name.
     If the block raises, nothing is left behind and what was at `path` before stays. A symbolic link
     stays one: what it points at is replaced.
-
-    Raises:
-        InputError: The folder does not exist or cannot be written to, the disk is full, or a folder stands at `path`
-            already (folders are never replaced).
     """
     try:
         path = Path(os.path.realpath(refuse_no_file(path)))

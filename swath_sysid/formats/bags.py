@@ -115,14 +115,6 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
     """Read the messages of an IMU topic of a rosbag2 bag, as they are.
 
     The whole part of a truncated bag is read, and advice says so.
-
-    Args:
-        path: A bag folder, or a single .mcap or .db3 file.
-        topic: Needed only if the bag holds several of type sensor_msgs/msg/Imu.
-
-    Raises:
-        InputError: There is no such bag or topic, the choice of the topic is open, or the bag is damaged beyond
-            reading.
     """
     path = Path(path)
     with opened_bag(path) as (readers, advice):
@@ -163,9 +155,6 @@ def write_imu_bag(
     of roll and pitch. An Imu message has no place for heave.
 
     The path is ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
-
-    Raises:
-        InputError: Something stands at `path` that may not be replaced, or it cannot be written.
     """
     stamps = int(start_stamp_ns) + np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
     sender = ImuMessage(frame_id)
@@ -276,9 +265,6 @@ def opened_bag(path: str | Path) -> Iterator[tuple[list[Any], list[Advice]]]:
 
     The path is a bag folder, or a single .mcap or .db3 file; of one that was cut off, what is whole can be read.
     Readers have ``connections`` and ``messages(connections)``, as those of rosbags.
-
-    Raises:
-        InputError: There is no such bag, or it is damaged beyond reading.
     """
     with ExitStack() as stack:
         found = existing(path)

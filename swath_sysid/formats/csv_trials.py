@@ -164,11 +164,7 @@ def read_csv(
 
 
 def write_csv(path: str | Path, trial: Trial) -> None:
-    """Write every channel of a trial as a CSV file, whole or not at all, that `read_csv` reads back exactly.
-
-    Raises:
-        InputError: The file cannot be written.
-    """
+    """Write every channel of a trial as a CSV file, whole or not at all, that `read_csv` reads back exactly."""
     remarks = {'frame': 'flu', 'draft_m': trial.draft, 'initial_angle_rad': trial.initial_angle}
     channels = {f'{name}_{WRITTEN_UNITS[name]}': values for name, values in trial.channels.items()}
     write_table(path, remarks, {'time_s': trial.time, **channels})

@@ -218,12 +218,7 @@ class ModelFormat:
     kind: str = 'model file'  #: What errors call such a file.
 
     def content(self, text: str, source: str) -> dict:
-        """The checked fields of a text, by name.
-
-        Raises:
-            InputError: Not of this format and version, or with unknown, missing or wrong fields; the sentence names the
-                field.
-        """
+        """The checked fields of a text, by name."""
         content = plain_content(text, source)
         if not isinstance(content, dict) or content.get('format') != self.format:
             raise InputError(f"{source} is not a {self.kind}: its field 'format' is not '{self.format}'; {self.remedy}")

@@ -18,10 +18,6 @@ def keep_copy(path: Path) -> Path:
     """Copy a file to ``NAME.1``; those before move up by one, the tenth goes.
 
     Whenever this is interrupted, all that was there is there, under some number.
-
-    Raises:
-        InputError: See `replacing`.
-        OSError: Those before cannot be moved.
     """
     newest = _make_room(path)
     with replacing(newest) as temporary:

@@ -102,10 +102,6 @@ def description_from_yaml(
     """Models and schedules, by axis, of a model file's text, which may be any text; errors name its source.
 
     The schedules are empty where the text holds none.
-
-    Raises:
-        InputError: Not a model file, of another version, with unknown, missing or wrong fields, or of a hull that no
-            craft has; the sentence names the field.
     """
     content = FORMAT.content(text, source)
     axes, schedule = content['axes'], content.get('schedule', {})
@@ -186,11 +182,7 @@ def write_scheduled(path: str | Path, schedules: Mapping[str, ScheduledModel]) -
 
 
 def read_description(path: str | Path) -> tuple[dict[str, IdentifiedModel], dict[str, ScheduledModel]]:
-    """Read models and schedules of a model file; see `description_from_yaml`.
-
-    Raises:
-        InputError: Also where the file cannot be read.
-    """
+    """Read models and schedules of a model file; see `description_from_yaml`."""
     return FORMAT.read(path, description_from_yaml)
 
 

@@ -50,9 +50,6 @@ def writing_bag(path: str | Path) -> Iterator[Callable]:
 
     The path is ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap). What is yielded adds a
     message: topic, type, time, ns, and bytes; and, for a new topic, the QoS offered.
-
-    Raises:
-        InputError: Something stands at `path` that may not be replaced, or it cannot be written.
     """
     path = Path(path)
     kind = path.suffix if path.suffix in STORAGES else None
@@ -79,11 +76,7 @@ def writing_bag(path: str | Path) -> Iterator[Callable]:
 def writing_output_bag(
     path: str | Path, *, frame_id: str = 'base_link', frames_at: Sequence[float] = ()
 ) -> Iterator[OutputBag]:
-    """An `OutputBag`, ``NAME.mcap``, that takes its final name at the end; see `writing_bag` and `ForecastMessages`.
-
-    Raises:
-        InputError: The name does not end in .mcap, or the file cannot be written.
-    """
+    """An `OutputBag`, ``NAME.mcap``, that takes its final name at the end; see `writing_bag` and `ForecastMessages`."""
     if not str(path).endswith('.mcap'):
         raise InputError(f"the messages are written as mcap: give an output name that ends in .mcap, not '{path}'")
     with writing_bag(path) as add:

@@ -30,11 +30,6 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None]
     """Refuse outputs that cannot be written, or would destroy what is read or was measured.
 
     Both are all of one command; inputs that are None are left aside.
-
-    Raises:
-        InputError: A name is empty or cannot be a name; an output is an input, lies in a bag that is an input, is
-            another output, a folder (or, where a folder is wanted, none), a device or a pipe; it would replace a
-            recording by something else; or its folder is missing or may not be written to.
     """
     outputs = [output for output in outputs if output.path is not None]
     read = [Path(path) for path in inputs if path is not None and os.path.lexists(_name(path))]

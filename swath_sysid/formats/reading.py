@@ -111,11 +111,7 @@ def read_readings(
 
 
 def source_hash(path: str | Path) -> str:
-    """The SHA-256, hexadecimal, of a file, or of the names and contents of the files in a bag folder.
-
-    Raises:
-        InputError: It cannot be read.
-    """
+    """The SHA-256, hexadecimal, of a file, or of the names and contents of the files in a bag folder."""
     path = Path(path)
     digest = hashlib.sha256()
     with reading(path):

@@ -24,9 +24,6 @@ class Recording:
     """One mcap file, ``NAME.mcap``, that is being written; whole in itself once a second, and named at the end.
 
     While it grows it lies in the folder ``NAME.recording``, which stays, readable, if the process is killed.
-
-    Raises:
-        InputError: The name does not end in .mcap, something has it already, or the folder cannot be written to.
     """
 
     def __init__(self, path: str | Path) -> None:

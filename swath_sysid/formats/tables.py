@@ -71,9 +71,6 @@ def read_head(path: str | Path) -> TableHead:
 
     The names are on the first line that is not a comment; if that line is numbers already, on the
     last comment line (as numpy.savetxt writes them).
-
-    Raises:
-        InputError: The file is empty, not text, or has no line of names.
     """
     with _opened(path) as file:
         head = file.read(HEAD_BYTES)
@@ -123,9 +120,6 @@ def read_columns(
 
     Empty cells and text become NaN, rows that end early are filled with NaN; advice ``text-in-numbers``,
     ``short-rows``. Dates become seconds since 1970; one without a zone counts as UTC.
-
-    Raises:
-        InputError: A line is too long for a table.
     """
     parser = _BlockParser(head, tuple(indices))
     with _opened(path) as file:

@@ -47,11 +47,7 @@ def shown(value: object) -> str:
 
 
 def text_of(path: str | Path, what: str = 'model file') -> str:
-    """Text of a file, of which the errors say what it should be.
-
-    Raises:
-        InputError: It cannot be read, is not a regular file, is larger than `LARGEST_TEXT`, or is not UTF-8.
-    """
+    """Text of a file, of which the errors say what it should be."""
     try:
         # before it is opened: a pipe would wait for ever
         status = os.stat(path)
@@ -75,11 +71,7 @@ def text_of(path: str | Path, what: str = 'model file') -> str:
 
 
 def plain_content(text: str, source: str) -> Any:
-    """Plain data of any YAML text, whose source the errors name; names are texts, numbers finite.
-
-    Raises:
-        InputError: The text is too large, too deep, no YAML, or uses what is not understood here.
-    """
+    """Plain data of any YAML text, whose source the errors name; names are texts, numbers finite."""
     _check_text(text, source)
     try:
         events = _checked(yaml.parse(text, Loader=_PARSER), source)

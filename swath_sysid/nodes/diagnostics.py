@@ -16,12 +16,7 @@ from swath_sysid.pipeline.health import OK, WARN, Changes, Report
 
 
 class DiagnosticsPublisher:
-    """Publishes what a node reports, every period, and logs what changes for the worse or the better.
-
-    Args:
-        period: s.
-        reports: Returns the `Report` list of now.
-    """
+    """Publishes the reports of a node every ``period`` s, and logs what changes for the worse or the better."""
 
     def __init__(self, node: Node, period: float, reports: Callable[[], list[Report]]):
         self._node = node

@@ -13,13 +13,9 @@ PARAMETER = 'model_path'  #: The parameter of both identifiers that names the fi
 
 
 class ModelFile:
-    """A model on the disk, those before it in numbered files; one that cannot be read is left alone for good.
+    """A model on the disk, previous ones in numbered files; one that cannot be read is never touched. No path.
 
-    Args:
-        path: Empty: none.
-        read: Of a path; the model, or `InputError`.
-        text_of: Of a model; what the file would hold.
-        write: Of a path and a model.
+    No file.
     """
 
     def __init__(
@@ -43,9 +39,9 @@ class ModelFile:
             return None
 
     def history(self) -> list:
-        """The models that `rollback` leads back to from the one in the file, oldest first.
+        """The models that `rollback` can return to, oldest first.
 
-        The files are every model that was in use, in order: one that is the last but one again was returned to.
+        A model equal to the last but one was itself a return.
         """
         if self._path is None or self._refusal:
             return []
@@ -69,10 +65,9 @@ class ModelFile:
         return models
 
     def keep(self, model: Any) -> str:
-        """Replace what is in the file, which stays beside it; an empty model leaves no file of this name.
+        """Replace what is in the file (an empty model.
 
-        Returns:
-            A remark: where the file before is, or why this was not possible.
+        With nothing), and remark where the previous one is, or what failed.
         """
         if self._path is None:
             return ''

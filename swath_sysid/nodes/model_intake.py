@@ -15,12 +15,7 @@ LONGEST_SENTENCE = 300
 
 
 class ModelIntake:
-    """Reads texts one after the other and keeps what they hold until it is taken.
-
-    Args:
-        read: Of a text; returns what it holds or raises `InputError`.
-        on_refused: Of the sentence about a text that cannot be used; called by `taken`.
-    """
+    """Reads texts one after the other in a thread and keeps what they hold until it is taken."""
 
     def __init__(self, read: Callable, on_refused: Callable[[str], None]):
         self._read = read

@@ -52,11 +52,7 @@ ASKED = (
 
 
 class PageNode(Node):
-    """Keeps a `LiveRecord` up to date, and carries out requests in the thread that spins it.
-
-    Args:
-        report: Called with one line for people about each answer.
-    """
+    """Keeps a `LiveRecord` up to date, and carries out requests in the thread that spins it."""
 
     def __init__(self, report: Callable[[str], None]):
         super().__init__('page')

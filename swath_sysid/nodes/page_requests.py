@@ -14,12 +14,9 @@ MAX_REQUESTS = 10
 
 
 class PageRequests:
-    """Calls services and hands on what they answer.
+    """Calls services and reports one line for each answer; ``on_kept``.
 
-    Args:
-        node: That calls.
-        report: Called with one line for people about each answer.
-        on_kept: Called with whether the present model is kept, once the identifier has agreed.
+    The identifier agreed to keep the model, or not.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None], on_kept: Callable[[bool], None]):
@@ -50,13 +47,7 @@ class PageRequests:
             self._waiting.popleft()()
 
     def get_parameters(self, node: str, names: list[str], take: Callable[..., None]) -> None:
-        """Hand on the values of parameters, where the node is there.
-
-        Args:
-            node: Its name.
-            names: Of the parameters.
-            take: Called with the values.
-        """
+        """Call ``take`` with the values of a node's parameters, where the node is there."""
         self._call(
             f'{node}/get_parameters',
             GetParameters,

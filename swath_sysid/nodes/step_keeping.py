@@ -18,12 +18,7 @@ PATIENCE = 5.0  #: s from one forecast to the next: samples that the node refuse
 
 
 class StepKeeping:
-    """Holds samples back until those before them have been forecast from.
-
-    Args:
-        node: Of the replay.
-        should_stop: Asked often.
-    """
+    """Holds samples of the replay back until those before them have been forecast from."""
 
     def __init__(self, node: Node, should_stop: Callable[[], bool]):
         self._node = node

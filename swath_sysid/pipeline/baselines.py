@@ -54,14 +54,9 @@ class Record:
         return self.values[:, self.names.index(name)] if name in self.names else None
 
     def at(self, wanted: np.ndarray, places: Sequence[int] | None = None) -> np.ndarray:
-        """The channels at given times, linear between neighbouring samples.
+        """The channels (some, by place) at times (...), s, linear between samples.
 
-        Args:
-            wanted: (...); s.
-            places: Of the channels; all by default.
-
-        Returns:
-            NaN before the first and after the last sample, and where a neighbour is missing.
+        NaN outside, and beside a missing sample.
         """
         values = self.values if places is None else self.values[:, list(places)]
         near = ON_A_SAMPLE * self.interval
@@ -77,11 +72,7 @@ class Record:
         return result
 
     def after_gap(self, name: str, stamps: np.ndarray, duration: float) -> np.ndarray:
-        """Whether each stamp lies within a gap of a channel, or within `duration` after it.
-
-        A gap is where at least one sample of the channel was lost or is NaN; what is missing before
-        the first reading is none.
-        """
+        """Whether each stamp lies within a gap of a channel or within `duration`, s, after it; the start is no gap."""
         measured = self.time[np.isfinite(self.column(name))]
         gaps = np.flatnonzero(np.diff(measured) > EVEN * self.interval)
         last, first = np.append(measured[gaps], np.inf), np.append(-np.inf, measured[gaps + 1])
@@ -92,17 +83,9 @@ class Record:
 def baseline_forecasts(
     record: Record, axes: Sequence[str], stamps: np.ndarray, leads: np.ndarray, window: float
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Forecasts of every baseline, issued at the stamps from the samples up to and with them.
+    """Forecasts (N, L) of `BASELINES` by axis, issued at stamps (N,), s, from the last ``window`` s, for leads (L,), s.
 
-    Args:
-        record: Its channels include the axes; the vector regressions read all of them.
-        axes: Those to forecast.
-        stamps: (N,); s, increasing.
-        leads: (L,); s; between whole steps of a regression its forecasts are joined linearly.
-        window: s of past that mean and regressions learn from.
-
-    Returns:
-        By axis and baseline (those of `BASELINES`), NaN where there is none.
+    The vector regressions read all channels of the record; NaN where there is no forecast.
     """
     every = [k for k, name in enumerate(record.names)]
     result = {axis: simple_forecasts(record, axis, stamps, leads, window) for axis in axes}
@@ -120,16 +103,9 @@ def baseline_forecasts(
 def simple_forecasts(
     record: Record, name: str, stamps: np.ndarray, leads: np.ndarray, window: float
 ) -> dict[str, np.ndarray]:
-    """Persistence, constant rate and the mean of the past.
+    """Persistence, constant rate and the mean of the past (`SIMPLE`), arguments as in `baseline_forecasts`.
 
-    Args:
-        record: Holds the channel.
-        name: Channel to forecast; its rate is the one of that name with ``_rate``, or that between its newest two
-            values.
-        stamps, leads, window: As in `baseline_forecasts`.
-
-    Returns:
-        By `SIMPLE`.
+    The rate is the channel with ``_rate`` after its name or, without one, that between the newest two values.
     """
     measured = np.isfinite(record.column(name))
     time, angle = record.time[measured], record.column(name)[measured]
@@ -163,17 +139,10 @@ def running_regression(
     leads: np.ndarray,
     window: float,
 ) -> np.ndarray:
-    """A vector autoregression by ridge least squares, iterated ahead and refitted as time goes on.
+    """A vector autoregression by ridge least squares, refitted as time goes on: forecasts (N, T, L) of T targets.
 
-    Args:
-        record: Read at even steps, a whole number of its intervals.
-        channels: Places of what it reads; those that do not move or are mostly missing are left out.
-        targets: Places of what it forecasts, T of them.
-        order: Lags, as far as the past at each refit supports them.
-        stamps, leads, window: As in `baseline_forecasts`.
-
-    Returns:
-        NaN before the first fit and where a lag is missing.
+    It reads those channels that move and are mostly known; stamps, leads and window as in `baseline_forecasts`. NaN
+    before the first fit and where a lag is missing.
     """
     step = record.interval * max(1, round(REGRESSION_STEP / record.interval))
     start = float(record.time[0])

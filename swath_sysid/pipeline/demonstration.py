@@ -63,9 +63,9 @@ class Demonstration:
         return LeadForecasts(forecasts.lead, forecasts.time[chosen], forecasts.angle[chosen], forecasts.std[chosen])
 
     def error(self, forecasts: LeadForecasts, release: int) -> float:
-        """Root mean square error over the standard deviation of the motion since letting go (NRMSE).
+        """Root mean square error over the standard deviation of the motion since release (NRMSE).
 
-        NaN where no forecast came due.
+        NaN if no forecast was due.
         """
         scored = self.during(forecasts, release)
         if not scored.time.size:
@@ -94,7 +94,7 @@ class Verdict:
         """One line."""
         comparison = (
             f'forecast {self.lead:g} s (one natural period) ahead: NRMSE {self.after:.3f} with the identified model, '
-            f'{self.unaided:.3f} without it, {self.before:.3f} in the release before'
+            f'{self.unaided:.3f} without it, {self.before:.3f} in the previous release'
         )
         if self.is_good:
             return f'passed: {comparison}'
@@ -102,11 +102,7 @@ class Verdict:
 
 
 def verdict_of(demonstration: Demonstration) -> Verdict:
-    """Judge a demonstration by its forecasts one natural period ahead.
-
-    Args:
-        demonstration: Of both releases.
-    """
+    """Judge a demonstration by its forecasts one natural period ahead."""
     lead = demonstration.period_lead
     published, unaided = (
         next(f for f in given if f.lead == lead) for given in (demonstration.forecasts, demonstration.unaided)
@@ -123,16 +119,7 @@ def attitude_at(forecast: Any, axis: str) -> tuple[float, float]:
 
 
 def without_model(readings: Iterable[ImuReading], axis: str, settings: PipelineSettings) -> dict[float, list[tuple]]:
-    """The forecasts of the same messages if no model were known.
-
-    Args:
-        readings: The messages, in the order in which they came.
-        axis: ``roll`` or ``pitch``.
-        settings: Those that the forecasts were published with.
-
-    Returns:
-        Lead to stamps (ns), angles and standard deviations.
-    """
+    """Forecasts of the same messages without a model: by lead, s, rows of stamp, ns, angle and standard deviation."""
     pipeline = ForecastPipeline(settings)
     found: dict[float, list[tuple]] = {lead: [] for lead in settings.forecaster.leads}
     for reading in readings:

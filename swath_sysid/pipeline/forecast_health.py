@@ -79,11 +79,7 @@ class PredictorHealth(StreamHealth):
 
 
 def installation_report(check: InstallationCheck) -> Report:
-    """Whether the sensor sits as was given.
-
-    Args:
-        check: Of the running sensor; it judges anew where that is due.
-    """
+    """Whether the sensor is mounted as given; the check judges anew where that is due."""
     contradictions = check.judge()
     level, message = OK, check.described
     if contradictions:

@@ -49,13 +49,9 @@ class HorizonForecast:
 def attitude_forecast(
     stamp_ns: int, lead: float, axes: Mapping[str, Sequence[float]], yaw: float, yaw_rate: float
 ) -> AttitudeForecast:
-    """The forecast at one lead as an attitude with covariance.
+    """The forecast at one lead, s, as an attitude with covariance, with a held heading, rad, and its rate, rad/s.
 
-    Args:
-        stamp_ns: When issued.
-        lead: s.
-        axes: By axis that the sensor measures: angle, rate, angle variance, covariance of both, rate variance.
-        yaw, yaw_rate: Held heading, rad, and its rate, rad/s.
+    By measured axis: angle, rate, angle variance, covariance of both, rate variance.
     """
     roll, roll_rate, roll_variance, _, roll_rate_variance = axes.get('roll', _NOTHING_KNOWN)
     pitch, pitch_rate, pitch_variance, _, pitch_rate_variance = axes.get('pitch', _NOTHING_KNOWN)
@@ -71,16 +67,7 @@ def attitude_forecast(
 def attitudes_at_leads(
     forecast: Forecast, stamp_ns: int, yaw: float, yaw_rate: float
 ) -> tuple[tuple[float, AttitudeForecast], ...]:
-    """The forecast at each of its leads as an attitude with covariance.
-
-    Args:
-        forecast: At the leads.
-        stamp_ns: When issued.
-        yaw, yaw_rate: See `attitude_forecast`.
-
-    Returns:
-        Lead, s, and the attitude.
-    """
+    """Each lead, s, and the forecast at it as an attitude with covariance; see `attitude_forecast`."""
     moments = {
         axis: np.column_stack(
             [ahead.angle, ahead.rate, ahead.covariance[:, 0, 0], ahead.covariance[:, 0, 1], ahead.covariance[:, 1, 1]]
@@ -96,12 +83,7 @@ def attitudes_at_leads(
 
 
 def horizon_forecast(forecast: Forecast, stamp_ns: int) -> HorizonForecast:
-    """The forecast over the horizon as a table.
-
-    Args:
-        forecast: Over the horizon.
-        stamp_ns: When issued.
-    """
+    """The forecast over the horizon as a table."""
     positions, velocities = np.empty((2, forecast.leads.size, 2 * len(forecast.axes)))
     for place, ahead in enumerate(forecast.axes.values()):
         positions[:, 2 * place], velocities[:, 2 * place] = ahead.angle, ahead.rate
@@ -143,12 +125,7 @@ class PointForecast(NamedTuple):
 
 
 def points_at_leads(forecast: Forecast, stamp_ns: int) -> list[PointForecast]:
-    """The forecast of each point at each of its leads.
-
-    Args:
-        forecast: At the leads.
-        stamp_ns: When issued.
-    """
+    """The forecast of each point at each of its leads."""
     if not forecast.points:
         return []
     roll, pitch = forecast.axes['roll'], forecast.axes['pitch']

@@ -106,11 +106,7 @@ class ForecastPipeline:
         self._yaw = self._yaw_rate = 0.0
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
-        """Swap the hulls under the running filters; one that stays the same is not touched.
-
-        Args:
-            models: By axis; an axis without one is forecast without a hull.
-        """
+        """Swap the hulls by axis under the running filters; an axis without one is forecast without a hull."""
         for axis in AXES:
             model = models.get(axis)
             if model != self._models[axis]:
@@ -136,12 +132,7 @@ class ForecastPipeline:
         return self.add_converted(self._intake.place(sample), on_next)
 
     def add_converted(self, taken: Taken, on_next: OnNext | None = None) -> PipelineStep:
-        """Take what the intake made of one message or sample.
-
-        Args:
-            taken: As `Intake.take` or `Intake.place` gave it.
-            on_next: See `add`.
-        """
+        """Accept what the intake made of one message or sample; see `add`."""
         sample, reasons = taken
         for reason in reasons:
             self.counts[reason] += 1

@@ -66,15 +66,9 @@ class Report:
     values: dict[str, object] = field(default_factory=dict)
 
     def status_of(self, node: str) -> tuple[int, str, str, dict[str, str]]:
-        """The fields of its diagnostic_msgs/DiagnosticStatus.
+        """Level, name, message and values of a node's diagnostic_msgs/DiagnosticStatus.
 
-        Args:
-            node: Its full name without the first slash.
-
-        Returns:
-            level
-            name, message
-            values
+        Its full name without first slash.
         """
         texts = {key: f'{value:.6g}' if isinstance(value, float) else str(value) for key, value in self.values.items()}
         return self.level, f'{node}: {self.name}', self.message, texts
@@ -104,12 +98,7 @@ class Changes:
 
 
 class Reasons:
-    """Counts by reason, and which of them still hold.
-
-    Args:
-        reasons: Those that are counted here.
-        cures: Reason to what to do about it.
-    """
+    """Counts by reason, which of them still hold, and what to do about them."""
 
     def __init__(self, reasons: Iterable[str], cures: Mapping[str, str] = CURES):
         self._cures = cures
@@ -155,12 +144,7 @@ class Reasons:
 
 
 class StreamHealth(Reasons):
-    """How the messages of one topic come in.
-
-    Args:
-        topic: Its name for people.
-        reasons: Counted beside those of every stream.
-    """
+    """How the messages of one topic arrive, counting further reasons beside those of every stream."""
 
     def __init__(self, topic: str, reasons: Iterable[str] = ()):
         super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED, *reasons))
@@ -179,13 +163,7 @@ class StreamHealth(Reasons):
         self._reported_ns = 0
 
     def note_message(self, stamp_ns: int, clock_ns: int, begun: float, ended: float) -> None:
-        """A message was handled.
-
-        Args:
-            stamp_ns: Its stamp.
-            clock_ns: When it came, by the clock that stamps are compared with.
-            begun, ended: Two readings of another clock, s.
-        """
+        """Count a message: its stamp and the clock at its arrival, ns, and two readings around its handling, s."""
         spent = ended - begun
         self.received += 1
         self._since_report += 1
@@ -210,14 +188,10 @@ class StreamHealth(Reasons):
     def report(
         self, now: float, now_ns: int, core_counts: Mapping[str, int], used: int, interval: float | None = None
     ) -> Report:
-        """What to report now, and begin a new period.
+        """The report now, and start a new period.
 
-        Args:
-            now: Of the clock of `note_message`, s.
-            now_ns: Of the clock that stamps are compared with.
-            core_counts: By the node's core, since its start.
-            used: Messages the core used.
-            interval: Usual time between messages, s, once it is known.
+        ``now`` is of the clock of `note_message`, s, ``now_ns`` of that of the stamps; ``core_counts`` count since the
+        start, ``used`` messages the core used; ``interval``, s, is the usual one.
         """
         if self._begun is None:
             self._begun, self._reported_ns = now, now_ns
@@ -333,14 +307,7 @@ class IdentifierHealth(Reasons):
     def report(
         self, models: str, steps_back: int, is_busy: bool, verdicts: Mapping[str, object] | None = None
     ) -> Report:
-        """What to report now, and begin a new period; see `StreamHealth.report`.
-
-        Args:
-            models: For people.
-            steps_back: How many models `rollback` leads back over.
-            is_busy: Whether a refit runs.
-            verdicts: Of `verdict_values`.
-        """
+        """The report now, and start a new period; ``steps_back``: how many models `rollback` can return to."""
         fresh = list(self.fresh(self.counts))
         doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
         level, message = OK, doing
@@ -362,11 +329,7 @@ class IdentifierHealth(Reasons):
 
 
 def stability_report(watch: StabilityWatch) -> Report:
-    """What the natural period of roll says of the stability.
-
-    Args:
-        watch: Its newest finding is reported.
-    """
+    """What the natural period of roll says of the stability, by the newest finding of the watch."""
     found = watch.newest
     if found is None:
         return Report('stability', OK, 'too few estimates of the natural period yet', {'estimates': watch.count})

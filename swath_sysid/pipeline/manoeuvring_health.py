@@ -7,11 +7,7 @@ SILENT_AFTER = 2.0  #: s without odometry, which usually comes ten times a secon
 
 
 class ManoeuvringHealth(Reasons):
-    """How odometry becomes forecasts.
-
-    Args:
-        topic: Of the odometry, for people.
-    """
+    """How odometry becomes forecasts."""
 
     def __init__(self, topic: str, pipeline: ManoeuvreOutlook):
         super().__init__(pipeline.counts, REASONS)

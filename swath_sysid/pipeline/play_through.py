@@ -1,18 +1,19 @@
 """The live pipeline without its processes: buffer, identifier and predictor run over messages one after another."""
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
 from swath_sysid.attitude.identification.refit import (
     RefitOutcome,
     RefitRequest,
     RefitSettings,
     Refitter,
     refit,
-    window_provenance,
 )
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading, Intake
 from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
@@ -46,14 +47,9 @@ class Played(NamedTuple):
 
 
 class PlayThrough:
-    """Buffer, identifier and predictor on one thread, with stamps for a clock.
+    """Buffer, identifier and predictor on one thread, clocked by the stamps; ``models`` are those known at the start.
 
-    Deterministic: the same messages, settings and models give the same results.
-
-    Args:
-        models: Known at the start, by axis.
-        fit: Turns a `RefitRequest` into a `RefitOutcome`.
-        fit_sea: Turns a `SeaRequest` into a `SeaFit`.
+    Deterministic. ``fit`` turns a `RefitRequest` into a `RefitOutcome`, ``fit_sea`` a `SeaRequest` into a `SeaFit`.
     """
 
     def __init__(
@@ -76,7 +72,7 @@ class PlayThrough:
         self._fit_sea = fit_sea
         self.refits = 0
         self._running: tuple[int, RefitOutcome] | None = None
-        self._waiting: MotionTable | None = None
+        self._waiting: deque[MotionTable] = deque(maxlen=MOST_DECAYS)
         self._due_ns: int | None = None
         self._unpublished = bool(models)
 
@@ -86,11 +82,7 @@ class PlayThrough:
         return self._running is not None
 
     def add(self, reading: ImuReading) -> Played:
-        """Take in one IMU message.
-
-        Args:
-            reading: The message.
-        """
+        """Process one IMU message."""
         stamp_ns = reading.stamp_ns
         models, verdict = self._finish_refit(stamp_ns)
         taken = None if self._intake is None else self._intake.take(reading)
@@ -100,12 +92,12 @@ class PlayThrough:
             self.forecasts.install(self._fit_sea(step.sea_request))
         finished = (self.window.add(reading) if taken is None else self.window.add_taken(taken)).finished
         if self._is_due(stamp_ns):
-            self._waiting = self.window.table()
+            self._waiting.append(self.window.table())
             self._start_refit(stamp_ns)
         if finished is None:
             return Played(stamp_ns, models, None, step, verdict)
         if self.settings.auto_identify:
-            self._waiting = finished.table
+            self._waiting.append(finished.table)
             self._start_refit(stamp_ns)
         return Played(stamp_ns, models, finished.table, step, verdict)
 
@@ -123,12 +115,12 @@ class PlayThrough:
         return True
 
     def _start_refit(self, stamp_ns: int):
-        """Fit the newest window, unless a fit is still under way by the stamps."""
-        if self._running is None and self._waiting is not None:
-            software = f'swath_sysid {__version__}'
-            provenance = window_provenance(self._waiting, self.settings.window_source, software)
-            outcome = self._fit(self.refitter.request(self._waiting, provenance))
-            self._running, self._waiting = (stamp_ns, outcome), None
+        """Fit the windows that wait, unless a fit is still under way by the stamps."""
+        if self._running is None and self._waiting:
+            origin = {'source': self.settings.window_source, 'software': f'swath_sysid {__version__}'}
+            outcome = self._fit(self.refitter.request(*self._waiting, is_asked=False, **origin))
+            self._running = stamp_ns, outcome
+            self._waiting.clear()
             self.refits += 1
 
     def _finish_refit(self, stamp_ns: int):

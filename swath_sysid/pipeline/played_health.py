@@ -9,13 +9,9 @@ from swath_sysid.pipeline.validity import verdict_values
 
 
 class PlayedHealth:
-    """What the three nodes would report in a play-through, where the stamps are the clock.
+    """What the three nodes would report in a play-through, clocked by the stamps, with processing times of zero.
 
-    Nothing takes time there: processing times are zero.
-
-    Args:
-        topic: Of the sensor, for people.
-        periods: s between the diagnostics of imu_buffer, identifier and predictor.
+    ``periods``, s: between the diagnostics of imu_buffer, identifier and predictor.
     """
 
     def __init__(self, pipeline: PlayThrough, topic: str, periods: Sequence[float]):
@@ -30,14 +26,7 @@ class PlayedHealth:
         self._now_ns: int | None = None
 
     def follow(self, played: Played) -> list[list[tuple]]:
-        """Take in one step.
-
-        Args:
-            played: As `PlayThrough.add` gave it.
-
-        Returns:
-            Where diagnostics are due: those of each node, every one as `Report.status_of` gives it.
-        """
+        """Process one step; where diagnostics are due, those of each node, each as of `Report.status_of`."""
         due: list[list[tuple]] = []
         stamp_ns = played.stamp_ns
         # a stray stamp must not be taken for the time

@@ -37,11 +37,7 @@ class Run:
 
 
 def samples_of(trial: Trial) -> Iterator[CraftSample]:
-    """The trial as its sensor would have sent it, sample by sample.
-
-    Args:
-        trial: The channels that it lacks become NaN.
-    """
+    """The trial as its sensor would have sent it, sample by sample; channels that it lacks are NaN."""
     measured, absent = trial.channels, np.full(trial.time.size, math.nan)
     columns = [measured.get(name, absent) for name in (*CHANNELS, *FURTHER_CHANNELS)]
     unknown = (math.nan,) * 4

@@ -76,15 +76,9 @@ class Skill:
 
 
 def usual_limits(trial: Trial, limits: QuiescenceLimits, warmup: float) -> QuiescenceLimits | None:
-    """Limits of quiescence to score: those given, else the angles that the craft seldom passed in the warm-up.
+    """Limits of quiescence to score: those given, else the angles that the craft seldom passed in the warm-up, s.
 
-    Args:
-        trial: The whole record.
-        limits: Those given; where none of them is of attitude, roll and pitch are added to them.
-        warmup: s.
-
-    Returns:
-        None where none are given and the warm-up is too short to suggest any.
+    None where none are given and the warm-up is too short.
     """
     if np.isfinite(limits.bounds(ATTITUDE)).any():
         return limits
@@ -192,18 +186,9 @@ def score_forecasts(
     stand_in: np.ndarray,
     seed: int = 0,
 ) -> QuantitySkill:
-    """Score anyone's forecasts of one channel, as `score` does those of a run.
+    """Score forecasts (N, L) of one channel, issued at stamps (N,), s, for leads (L,), s, beside ``persistence``.
 
-    Args:
-        record: Holds the channel as measured.
-        name: The channel.
-        stamps: (N,); s, increasing, when they were issued.
-        leads: (L,); s.
-        forecasts, stand_in: (N, L); naN where there is no forecast, and the other counts in its place: ``persistence``.
-        seed: Of the bootstrap.
-
-    Returns:
-        Of these forecasts alone, beside ``persistence``.
+    Where a forecast is NaN, ``stand_in`` (N, L) counts in its place; ``seed`` is that of the bootstrap.
     """
     span = float(stamps[0]), float(stamps[-1] + leads[-1])
     at = _Occasions(stamps, leads, span, record.after_gap(name, stamps, AFTER_GAP), seed)
@@ -299,28 +284,15 @@ def _score(
 
 
 def block_sums(stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Sums over blocks of time.
-
-    Args:
-        stamps: (N,); s, increasing.
-        values: (K, N, L); K quantities at each stamp and lead.
-
-    Returns:
-        Over the B blocks in which there is a stamp.
-    """
+    """Sums (K, B, L) of values (K, N, L) over the B blocks of time that hold any of the stamps (N,), s."""
     blocks = ((stamps - stamps[0]) // _BLOCK).astype(int)
     return np.add.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1)), axis=1)
 
 
 def resampled(sums: np.ndarray, seed: int) -> np.ndarray:
-    """Totals of blocks drawn with replacement, again and again (Kuensch 1989, with blocks that do not overlap).
+    """Totals of block sums (K, B, L) drawn with replacement (Kuensch 1989, blocks without overlap).
 
-    Args:
-        sums: (K, B, L); as `block_sums` gives them.
-        seed: Of the draws.
-
-    Returns:
-        NaN where there are too few blocks.
+    NaN for too few blocks.
     """
     count = sums.shape[1]
     if count < _MIN_BLOCKS:

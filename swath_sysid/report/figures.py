@@ -57,11 +57,7 @@ def measured_channel(motion: 'AxisMotion') -> tuple[Any, str]:
 
 
 def save_figure(figure: 'Figure', path: str | Path) -> None:
-    """Write a figure in the format of the name's ending.
-
-    Raises:
-        InputError: The ending is none of png, svg, pdf, or the file cannot be written.
-    """
+    """Write a figure in the format of the name's ending."""
     ending = Path(path).suffix.lower().lstrip('.')
     if ending not in FORMATS:
         raise InputError(f"a picture cannot be written as '{path}': end the name in .{', .'.join(FORMATS)}")

@@ -1,14 +1,11 @@
 """Natural frequency and equivalent damping of a nonlinear hull as functions of amplitude.
 
-The undamped orbit of amplitude a runs between c - a and c + a, where the potential energies
-are equal (a restoring moment with even terms is not symmetric: c is then not the trim). Its
-period and the energy that damping takes in one cycle are integrals over that orbit, taken by
-Gauss-Chebyshev quadrature, so that no expansion in powers of a is needed:
+The undamped orbit of amplitude a lies between c - a and c + a, where the potential energies are equal (with even
+restoring terms c is not the trim). By Gauss-Chebyshev quadrature over that orbit
 
-    T = 2 int dx / w(x),   b_eq = oint D(w) dx / oint w dx,   zeta_eq = b_eq / (2 w0(a)).
+    T = 2 int dx / w(x),   b_eq = oint D(w) dx / oint w dx,   zeta_eq = b_eq / (2 w0(a)),
 
-For one cycle of harmonic motion this gives the known b1 + 8/(3 pi) b2 w0 a + 3/4 b3 w0^2 a^2
-+ 4 b0 / (pi w0 a).
+for harmonic motion b1 + 8/(3 pi) b2 w0 a + 3/4 b3 w0^2 a^2 + 4 b0 / (pi w0 a).
 """
 
 from dataclasses import dataclass
@@ -34,13 +31,7 @@ class AmplitudeCurves:
 
 
 def amplitude_curves(ratios: np.ndarray, amplitude: np.ndarray, friction_rate: float) -> AmplitudeCurves:
-    """Natural frequency and equivalent damping at given amplitudes.
-
-    Args:
-        ratios: (9,); ratios to inertia.
-        amplitude: (A,); rad, greater than zero.
-        friction_rate: rad/s.
-    """
+    """Natural frequency and equivalent damping of ratios (9,) at amplitudes (A,) > 0, rad; friction rate in rad/s."""
     ratios = np.asarray(ratios, dtype=float)
     amplitude = np.asarray(amplitude, dtype=float)
     with np.errstate(all='ignore'):
@@ -65,9 +56,9 @@ def _meets(ratios: np.ndarray, centre: np.ndarray, amplitude: np.ndarray) -> np.
 
 
 def orbit_centre(ratios: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
-    """Middle of the undamped orbit of each amplitude, rad from trim, by Newton's method.
+    """Middle of the undamped orbit of each amplitude (A,), rad from trim, by Newton's method.
 
-    ``amplitude`` has shape (A,); so has the result. Zero for odd restoring moments.
+    Zero for odd restoring.
     """
     centre = np.zeros_like(amplitude)
     if not (ratios[5] or ratios[8]):

@@ -1,10 +1,8 @@
 """The 18 published decay equations, the published hulls, and equations of our own.
 
-Sources, by the names used here: ``swath-pitch`` is the nine-equation study of the pitch of a
-SWATH, ``swath-roll`` that of the roll of a SWATH, ``hydrofoil-pitch`` that of a planing
-hydrofoil craft, ``swath-usv-pitch`` that of a SWATH-USV. The formulas of the last did not
-survive in print beyond "one power, quadratic, cube and sinusoid": its equations 2 and 3 are
-our reading.
+``swath-pitch`` is the nine-equation study of the pitch of a SWATH, ``swath-roll`` that of its roll, ``hydrofoil-pitch``
+that of a planing hydrofoil craft, ``swath-usv-pitch`` that of a SWATH-USV, whose equations 2 and 3 are our reading of
+"one power, quadratic, cube and sinusoid".
 """
 
 import math
@@ -71,13 +69,9 @@ _AXIS_EQUATIONS = {
 
 
 def equation_named(name: str) -> Equation:
-    """The equation of a catalogue name, or composed from term names.
+    """The equation of a catalogue name, with ``+friction`` for dry friction, or composed from term names.
 
-    ``+friction`` after a name adds dry friction; a composition is written as
-    ``b1,b2|r1,r3`` or, in words, ``linear,quadratic|linear,cubic`` (damping | restoring).
-
-    Raises:
-        InputError: The name is neither in the catalogue nor a composition of known terms.
+    A composition (damping | restoring) is ``b1,b2|r1,r3`` or, in words, ``linear,quadratic|linear,cubic``.
     """
     if name in EQUATIONS:
         return EQUATIONS[name]
@@ -114,9 +108,9 @@ def told(equation: Equation, axis: str) -> str:
 
 
 def equations_of_axis(axis: str) -> tuple[Equation, ...]:
-    """The equations that are compared for an axis (``roll`` or ``pitch``) by default.
+    """The equations compared by default for ``roll`` or ``pitch``.
 
-    The published ones of that axis, and our own; one of each set of terms.
+    The published ones and our own, one for each set of terms.
     """
     distinct: dict[tuple[str, ...], Equation] = {}
     for name in (*OWN_EQUATIONS, *_AXIS_EQUATIONS[axis]):
@@ -141,8 +135,7 @@ class PublishedHull:
     def rate_noise(self) -> float:
         """White noise of the rate in that record, standard deviation, rad/s.
 
-        One step ahead the hull itself hardly errs: the printed error is the difference of two measured rates,
-        whose noise is sqrt(2) times that of one.
+        The printed one-step error is the difference of two measured rates, sqrt(2) times the noise of one.
         """
         return self.objective_value / math.sqrt(2.0)
 
@@ -238,9 +231,5 @@ def hull_named(name: str) -> PublishedHull:
 
 
 def hull_of_family(equation_name: str) -> PublishedHull | None:
-    """The published hull of the study that an equation's name belongs to, or None.
-
-    Args:
-        equation_name: ``swath-roll-3`` and ``swath-roll-3+friction`` belong to the study of ``swath-roll``.
-    """
+    """The published hull of the study of an equation such as ``swath-roll-3+friction``, or None."""
     return PUBLISHED_HULLS.get(equation_name.removesuffix('+friction').rpartition('-')[0])

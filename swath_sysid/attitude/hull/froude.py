@@ -1,9 +1,7 @@
-"""Froude scaling: from a model in a basin to the craft at full scale, and back.
+"""Froude scaling between a model in a basin and the craft at full scale.
 
-With the length ratio L (full scale over model scale) and gravity the same, times scale as sqrt L.
-Angles stay. A ratio to inertia therefore scales by its power of time: rad/s^2 and 1/s^2 as 1/L,
-1/s as 1/sqrt L, 1/rad not at all, s/rad^2 as sqrt L. Scale effects on damping: ITTC recommended
-procedure 7.5-02-07-04.5.
+With the length ratio L (full scale over model scale) times scale as sqrt L and angles stay: a ratio to inertia scales
+by its power of time. Scale effects on damping: ITTC recommended procedure 7.5-02-07-04.5.
 """
 
 import math
@@ -36,11 +34,7 @@ LONGEST_RATIO = 200  #: Characters; the product of several scalings is kept as a
 
 
 def length_ratio(text: str) -> Fraction:
-    """An exact length ratio from text such as ``25``, ``0.04`` or ``1/25``.
-
-    Raises:
-        InputError: Not a positive number, or larger than `LARGEST_RATIO`, or smaller than its inverse.
-    """
+    """An exact length ratio from text such as ``25``, ``0.04`` or ``1/25``."""
     shown = text if len(text) <= LONGEST_SHOWN else f'{text[:LONGEST_SHOWN]}...'
     try:
         if len(text) > LONGEST_RATIO:
@@ -63,12 +57,7 @@ def length_ratio(text: str) -> Fraction:
 
 
 def scaled_model(model: DecayModel, ratio: float | Fraction) -> DecayModel:
-    """A decay model at another scale.
-
-    Args:
-        model: Of the craft as it was tested.
-        ratio: Length of the result over length of the model given.
-    """
+    """A decay model at another scale; the ratio is the length of the result over that of the model given."""
     factors = _factors(ratio)
     return replace(model, ratios=model.ratios * factors, friction_rate=model.friction_rate / math.sqrt(ratio))
 
@@ -76,12 +65,7 @@ def scaled_model(model: DecayModel, ratio: float | Fraction) -> DecayModel:
 def scaled(identified: IdentifiedModel, ratio: Fraction) -> IdentifiedModel:
     """An identified model at another scale, with its uncertainty.
 
-    What it was at the scale of the trials is kept in the provenance, and scaling always starts
-    from there: the way back gives the very numbers of the start.
-
-    Args:
-        identified: Of the craft as it was tested.
-        ratio: Of `length_ratio`.
+    Scaling starts from the scale of the trials, kept in the provenance, so that scaling back restores the same numbers.
     """
     origin, before = _at_scale_of_trials(identified)
     total = _ratio_in_all(before, ratio)
@@ -125,12 +109,7 @@ def scaled_schedule(schedule: ScheduledModel, ratio: Fraction) -> ScheduledModel
 
 
 def scaling_advice(model: DecayModel, ratio: Fraction) -> tuple[Advice, ...]:
-    """What Froude scaling leaves out.
-
-    Args:
-        model: Of the craft as it was tested.
-        ratio: Length of the result over that of the model given.
-    """
+    """What Froude scaling of a model by this ratio of lengths leaves out."""
     damping = [name for name in DAMPING_NAMES if name in model.equation.terms and name != 'b0']
     side = 'smaller' if ratio > 1 else 'larger'
     viscous = Advice.of('viscous-scale-effect', factor=float(ratio) ** 1.5, damping=', '.join(damping), side=side)

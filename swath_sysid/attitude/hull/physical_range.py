@@ -38,15 +38,7 @@ RATIO_RANGES = {
 
 
 def check_physical(model: DecayModel) -> None:
-    """Refuse a decay model that no floating craft can have.
-
-    Args:
-        model: As it was fitted.
-
-    Raises:
-        InputError: A ratio, the trim, the smoothing of friction, the damping at rest or the natural period (where there
-            is one) lies outside its range.
-    """
+    """Reject a decay model that no floating craft can have."""
     for name, ratio in model.terms.items():
         _check(f'the ratio {name}', ratio, *RATIO_RANGES[name])
     _check('the trim in rad', model.trim, -math.pi, math.pi)

@@ -2,8 +2,6 @@
 
     b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
     s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
-
-A decay does not show I'; it has to be given, or derived from mass and metacentric height.
 """
 
 from dataclasses import dataclass
@@ -50,14 +48,7 @@ def _is_sine_form(equation: Equation) -> bool:
 
 
 def from_published(equation: Equation, form: PublishedForm, axis: str, trim: float = 0.0) -> DecayModel:
-    """Decay model of coefficients in the published form.
-
-    Args:
-        equation: Its terms say which coefficients are read.
-        form: Coefficients by the names that the publication gives them.
-        axis: ``roll`` or ``pitch``.
-        trim: rad.
-    """
+    """Decay model of coefficients named as in the publication; the equation says which are read, ``trim`` is in rad."""
     moments = {
         'b0': form.friction,
         'b1': 2.0 * form.linear_damping,
@@ -73,10 +64,9 @@ def from_published(equation: Equation, form: PublishedForm, axis: str, trim: flo
 
 
 def to_published(model: DecayModel, inertia: float) -> PublishedForm:
-    """Coefficients in the published form of a decay model, for a given inertia.
+    """Coefficients in the published form for a given inertia, kg m^2.
 
-    Raises:
-        InputError: The restoring mixes polynomial and sine terms, or the inertia is not positive.
+    Polynomial and sine restoring terms do not mix.
     """
     sine_form = _is_sine_form(model.equation)
     if not inertia > 0.0:
@@ -95,12 +85,9 @@ def to_published(model: DecayModel, inertia: float) -> PublishedForm:
 
 
 def inertia_from_metacentric_height(model: DecayModel, mass: float, metacentric_height: float) -> float:
-    """Inertia with added inertia from hydrostatics, kg m^2: I' = m g GM / (r1 + s1).
+    """Inertia with added inertia from hydrostatics, kg m^2.
 
-    Args:
-        model: Its linear restoring ratio r1 (and s1, the slope of the sine at upright) is used.
-        mass: kg.
-        metacentric_height: GM, transverse for roll, longitudinal for pitch, m.
+    I' = m g GM / (r1 + s1); mass in kg, GM of the axis in m.
     """
     stiffness = model.ratios[R1] + model.ratios[S1]
     if not (mass > 0.0 and metacentric_height > 0.0 and stiffness > 0.0):

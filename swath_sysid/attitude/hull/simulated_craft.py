@@ -47,10 +47,7 @@ class CraftReading:
 
 
 class SimulatedCraft:
-    """The readings of a craft's sensor, one after the other at even times.
-
-    Deterministic: the same settings and releases give the same readings.
-    """
+    """The readings of a craft's sensor at even times; the same settings and releases give the same readings."""
 
     def __init__(self, settings: CraftSettings) -> None:
         self.settings = settings
@@ -60,11 +57,7 @@ class SimulatedCraft:
         self._state = settings.model.trim, 0.0
 
     def release(self) -> float:
-        """Lift the craft from where it is, hold it, and let it go.
-
-        Returns:
-            s from the next reading to the moment of letting go.
-        """
+        """Lift the craft from where it is, hold it and let it go: s from the next reading to the release."""
         s = self.settings
         begin, target = self._state[0], s.model.trim + s.angle
         lift, hold = (round(span * s.rate_hz) for span in (s.lift, s.hold))
@@ -108,12 +101,7 @@ class SimulatedCraft:
 
 
 def returns(model: DecayModel, angle: float) -> bool:
-    """Whether a craft let go at rest comes back to trim.
-
-    Args:
-        model: Of the hull.
-        angle: From trim, rad.
-    """
+    """Whether a craft let go at rest at this angle from trim, rad, returns to trim."""
     angles, _ = simulate(model, model.trim + angle, 0.0, np.linspace(0.0, RETURN_SPAN, 301))
     moved = angles - model.trim
     return bool(np.isfinite(moved).all() and np.abs(moved).max() < np.pi / 2 and abs(moved[-1]) < abs(angle))

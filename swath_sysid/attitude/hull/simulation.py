@@ -71,18 +71,9 @@ def runge_kutta_population(
     step: float,
     steps: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Integrate P free decays side by side with the classical Runge-Kutta scheme.
+    """Integrate P free decays from x, rad from trim, and rate, rad/s, with the classical Runge-Kutta scheme.
 
-    Args:
-        x, rate: (P,); initial angles from trim, rad, and rates, rad/s.
-        ratios: (9, P); ratios to inertia, a column a decay.
-        active: The terms in use.
-        friction_rate: rad/s.
-        step: s.
-        steps: How many.
-
-    Returns:
-        angles, rates, accelerations: (steps + 1, P); not finite from where a candidate has run away.
+    ``ratios`` has shape (9, P). Returns angles, rates and accelerations (steps + 1, P), not finite after a divergence.
     """
     angles, rates, accelerations = (np.empty((steps + 1, x.size)) for _ in range(3))
     # one step, two loops: compiled code is fast in registers, numpy on whole rows
@@ -92,14 +83,9 @@ def runge_kutta_population(
 
 
 def hermite_weights(fraction: np.ndarray, step: float) -> np.ndarray:
-    """Weights of cubic Hermite interpolation between two neighbouring steps.
+    """Cubic Hermite weights (4, N) at places (N,), 0 to 1, in a step, s.
 
-    Args:
-        fraction: (N,); place within the step, 0 to 1.
-        step: s.
-
-    Returns:
-        For the value before, the slope before, the value after and the slope after.
+    Value and slope before, value and slope after.
     """
     t = fraction
     return np.array(
@@ -113,36 +99,20 @@ def hermite_weights(fraction: np.ndarray, step: float) -> np.ndarray:
 
 
 def interpolate(values: np.ndarray, slopes: np.ndarray, before: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Cubic Hermite interpolation of columns at given places.
-
-    Args:
-        values, slopes: (K, P); at the steps: of the columns, and of their derivatives.
-        before: ndarray of int, shape (N,); the step before each place.
-        weights: (4, N); of `hermite_weights`.
-
-    Returns:
-        ndarray, shape (N, P)
-    """
+    """Cubic Hermite interpolation (N, P) of columns (K, P) by their slopes and `hermite_weights` after steps (N,)."""
     w = weights[:, :, None]
     return w[0] * values[before] + w[1] * slopes[before] + w[2] * values[before + 1] + w[3] * slopes[before + 1]
 
 
 def places_in_steps(time: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, int]:
-    """Step before each time, weights of the interpolation there, and number of steps needed.
-
-    ``time`` (N,) counts from the start of the simulation, s.
-    """
+    """Step before each time (N,), s from the start, interpolation weights there, and number of steps needed."""
     position = np.asarray(time, dtype=float) / step
     before = np.floor(position).astype(np.int64)
     return before, hermite_weights(position - before, step), int(before.max()) + 1
 
 
 def longest_step(model: DecayModel, amplitude: float = 0.0, steps_per_period: float = STEPS_PER_PERIOD) -> float:
-    """Step that follows a hull's motions up to an amplitude, rad, and their damping, s.
-
-    Raises no error for a hull that is unstable upright: its fall is followed at the time
-    scale of its restoring moment.
-    """
+    """Step, s, that resolves a hull's motions up to an amplitude, rad, and their damping, stable or not."""
     swing = amplitude * _SWING
     stiffness = float(np.abs(model.jacobian(model.trim + swing, 0.0)[0]).max())
     rate = math.sqrt(stiffness) * swing

@@ -35,21 +35,11 @@ def assemble_trial(
     initial_angle: float | None = None,
     advice: Sequence[Advice] = (),
 ) -> Trial:
-    """A trial from the readings of a sensor: cleaned, in the craft's axes, with Euler rates.
+    """A trial from the readings of a sensor, (N,) each, in SI units: cleaned, in the craft's axes, with Euler rates.
 
-    Args:
-        time: (N,); seconds.
-        readings: dict of str to (N,); any of ``roll``, ``pitch``, ``yaw`` (rad), or the quaternion ``quaternion_x`` ...
-            ``_w``; ``heading``, clockwise from north in either frame; ``roll_rate``, ``pitch_rate``, ``yaw_rate``
-            (Euler rates), ``gyro_x`` ... ``_z`` (body rates), rad/s; ``accel_x`` ... ``_z`` (specific force), m/s^2;
-            ``heave`` along the vertical axis of the frame, m.
-        installation: By default the sensor's axes are those of the craft, FLU.
-        source: Where the readings came from.
-        draft, initial_angle: m, rad.
-        advice: Of the reader.
-
-    Raises:
-        InputError: Nothing usable is left after cleaning, or a mounting is given for readings that cannot be turned.
+    Readings are any of ``roll``, ``pitch``, ``yaw`` or ``quaternion_x`` ... ``_w``; ``heading``, clockwise from north;
+    Euler rates ``roll_rate`` ... or body rates ``gyro_x`` ...; specific force ``accel_x`` ...; ``heave`` along the
+    frame's vertical.
     """
     installation = installation or Installation()
     name = source or 'the record'
@@ -73,15 +63,9 @@ def assemble_trial(
 
 
 def turn_rate(time: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """The rate at which a yaw angle or a heading turned from each sample to the next, by the past alone.
+    """Rate, rad/s, at which a wrapped yaw or heading, rad, has turned since the sample before, shape (N,).
 
-    Args:
-        time: (N,); s, increasing.
-        yaw: (N,); rad, however wrapped.
-
-    Returns:
-        rad/s; entry k is the difference of samples k and k - 1, the shorter way round, over their interval. NaN at
-        first, and where the interval is not about the usual one.
+    NaN at the first sample, and where the interval is far from the median.
     """
     rate = np.full(time.size, np.nan)
     interval = np.diff(time)

@@ -26,27 +26,11 @@ Channels = dict[str, np.ndarray]
 def clean(
     time: np.ndarray, channels: Channels, source: str = 'the record'
 ) -> tuple[np.ndarray, Channels, tuple[Advice, ...]]:
-    """Leave out what cannot be used, mark what cannot be true, and say so.
+    """Clean a record, time (N,) in s and channels (N,) in SI units: increasing stamps, NaN for missing values.
 
-    Rows without a finite stamp, with the stamp of the row before, or out of order are left out
-    (the longest increasing sequence of stamps stays, so one stray stamp costs one row). Rows that share rounded
-    stamps are spread evenly. Absurd values become NaN. Channels without a finite value are left out. Gaps and an
-    uneven time base are only reported.
-
-    Args:
-        time: (N,); seconds.
-        channels: dict of str to (N,); SI units. What a value may be follows from the name (`limit_of`).
-        source: What to call the record in messages.
-
-    Returns:
-        time: (M,); strictly increasing and finite.
-        channels: dict of str to (M,); NaN marks a missing value.
-        advice: Codes ``missing-stamps``, ``rounded-stamps``, ``repeated-stamps``, ``out-of-order-stamps``,
-            ``absurd-values``, ``missing-values``, ``empty-channel``, ``gaps``, ``uneven-time-base``.
-
-    Raises:
-        InputError: Fewer than `MIN_ROWS` rows have a stamp of their own, or hold a usable value; the time runs
-            backwards; most rows share rounded stamps that no even time base explains.
+    The longest increasing sequence of stamps is kept. Rows that share rounded stamps are spread evenly, impossible
+    values (`limit_of`) become NaN, channels without a finite value are left out; gaps and an uneven time base are only
+    reported.
     """
     time = np.asarray(time, dtype=float)
     channels = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
@@ -151,10 +135,9 @@ def _copies(rows: np.ndarray, repeats: np.ndarray, channels: Channels) -> np.nda
 
 
 def _spread_evenly(time: np.ndarray) -> tuple[np.ndarray | None, float]:
-    """Even stamps of which those given are roundings, and the step of the rounding; None where there are no such.
+    """Even stamps of which those given are roundings, or None, and the step of the rounding, s.
 
-    Between gaps the rows are placed on a straight line by least squares, and every row must then be within one step of
-    its stamp.
+    Between gaps the rows are placed on a least-squares line, which must be within one step of every stamp.
     """
     steps = np.diff(time)
     if np.any(steps < 0.0) or not np.any(steps > 0.0):
@@ -176,8 +159,7 @@ def _spread_evenly(time: np.ndarray) -> tuple[np.ndarray | None, float]:
 def _longest_increasing(values: np.ndarray) -> np.ndarray:
     """A mask of the longest strictly increasing subsequence.
 
-    Patience sorting (Fredman, 1975), run only over the rows in dispute: one that exceeds all
-    before it and is exceeded by all after it belongs to every longest sequence.
+    Patience sorting (Fredman, 1975) of the rows in dispute.
     """
     keep = np.ones(values.size, dtype=bool)
     if values.size < 2:

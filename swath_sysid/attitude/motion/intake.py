@@ -97,14 +97,9 @@ class Taken(NamedTuple):
 
 
 def take_in(reading: ImuReading, installation: Installation) -> Taken:
-    """Turn one IMU message into the motion of the craft; what cannot be used becomes NaN.
+    """Convert one IMU message to the motion of the craft; what cannot be used becomes NaN.
 
-    Without an orientation the body rates stand for the Euler rates, which is good for small
-    angles.
-
-    Args:
-        reading: The message.
-        installation: Of the sensor.
+    Without an orientation, body rates are taken as Euler rates, which holds for small angles.
     """
     stamp_ns, orientation, angle_covariance, body_rates, rate_covariance, specific_force, force_covariance = reading
     reasons: list[str] = []
@@ -200,13 +195,7 @@ def _variances(
 
 
 class Intake:
-    """The messages of one sensor: each placed behind those before it and turned into the motion of the craft.
-
-    Buffer and predictor each have one, or share one where they run over the same messages.
-
-    Args:
-        installation: Of the sensor.
-    """
+    """Orders the messages of one sensor and converts them to the motion of the craft."""
 
     def __init__(self, installation: Installation, stamps: StampSettings) -> None:
         self._installation = installation

@@ -41,10 +41,7 @@ UNITS = {'angle': 'deg', 'rate': 'deg/s'}
 
 
 def check_motion(motion: AxisMotion, decays: Sequence[DecaySegment] | None = None) -> tuple[Advice, ...]:
-    """Look at a whole record, and the decays that `find_decays` found in it; looked for where not given.
-
-    Advice ``too-small``, ``forced-motion`` or ``no-decay`` where it holds no free decay, ``gaps`` and ``saturation``.
-    """
+    """Check a whole record, and the decays in it, which `find_decays` finds where they are not given."""
     decays = find_decays(motion) if decays is None else decays
     advice = [] if decays else [explain_absence(motion)]
     gaps = find_gaps(motion, MISSING_SAMPLES * motion.sample_interval if motion.size > 2 else None)
@@ -61,12 +58,7 @@ def check_motion(motion: AxisMotion, decays: Sequence[DecaySegment] | None = Non
 
 
 def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]:
-    """Look at a decay of a record before a model is fitted to it.
-
-    Advice ``too-few-cycles``, ``too-small``, ``low-rate``, ``gaps``, ``saturation``, ``coarse-quantisation`` and
-    ``spikes``; where the user gave the bounds, ``forced-motion``, ``late-start`` and ``disturbed-tail``. What
-    segmentation itself found is in ``segment.advice``.
-    """
+    """Check a decay of a record before a model is fitted to it; `segment.advice` holds what segmentation found."""
     inside = motion.between(segment.start, segment.end)
     if inside.size < 3:
         return ()
@@ -150,15 +142,10 @@ def _saturation(motion: AxisMotion, period: float) -> Iterator[Advice]:
 
 
 def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
-    """Count the swings that are cut off at the largest or smallest value, and the largest magnitude of the levels.
+    """Count the half-cycles cut off at the largest or smallest value, and the largest magnitude of these levels.
 
-    A swing is cut off where several samples equal the extreme exactly and the sample before
-    them was still moving fast: by more than three steps of the resolution, which the top of a
-    rounded swing does not.
-
-    Args:
-        value: (N,); angle or rate.
-        longest: Samples: more at the extreme than these were held there.
+    In a clipped half-cycle up to ``longest`` samples equal the extreme and the sample before was moving by more than
+    three steps of the resolution.
     """
     count, level = 0, 0.0
     fast = 3.0 * quantum(value)

@@ -1,8 +1,7 @@
-"""Whether the angles, rates and accelerations of a sensor agree: two comparisons, and a table of what can be wrong.
+"""Whether the angles, rates and accelerations of a sensor agree: two comparisons, and a table of faults.
 
-The rates are compared with the slopes of their angles, and gravity with the attitude. A fault is reported only where
-the data decide it; where something is missing, the checks that need it are silent. A sensor whose orientation, rates
-and accelerations are all turned alike about the vertical agrees with itself: no such check can see it.
+Rates are compared with the slopes of their angles, and gravity with the attitude. A fault is reported only where the
+data decide it. A pure yaw misalignment cannot be detected: all channels rotate together.
 """
 
 from collections.abc import Iterable, Sequence
@@ -289,13 +288,7 @@ class Slope:
 
 
 def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
-    """Refuse a record whose angles, rates and accelerations contradict each other plainly.
-
-    Contradictions that concern only another axis than the one given are ignored.
-
-    Raises:
-        InputError: What contradicts itself, and what mends it.
-    """
+    """Reject a record whose angles, rates and accelerations plainly contradict each other (of one axis, if given)."""
     for advice in trial.advice:
         if isinstance(advice, Contradiction) and advice.is_plain and (axis is None or advice.axis in (None, axis)):
             raise InputError(f'{trial.source}: {advice.message}' if trial.source else advice.message)
@@ -304,15 +297,9 @@ def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
 def contradictions_in(
     time: np.ndarray, channels: dict[str, np.ndarray], installation: Installation
 ) -> tuple[Contradiction, ...]:
-    """What contradicts itself in a whole record.
+    """Faults of the sensor in a whole record: channels (N,) by name, as the installation makes them.
 
-    The record is judged in stretches. A contradiction must show in most that can show it; a frozen sensor, in any.
-
-    Args:
-        time: (N,); s, increasing.
-        channels: dict of str to (N,); any of roll, pitch and yaw, their rates, and the accelerations, as the
-            installation makes them.
-        installation: What frame and mounting were taken to be.
+    A contradiction must show in most stretches that can show it; a frozen sensor, in any.
     """
     if time.size < MIN_BINS:
         return ()
@@ -345,13 +332,9 @@ def judge(
     installation: Installation,
     interval: float,
 ) -> Judgement:
-    """Judge one stretch of data.
+    """Judge one stretch of data: roll, pitch and yaw, rad, their rates, rad/s, and specific force, m/s^2, each (N, 3).
 
-    Args:
-        time: (N,); s, increasing.
-        angles, rates, force: (N, 3); roll, pitch, yaw, rad; their rates, rad/s; specific force in the axes of the
-            craft, m/s^2. All as the installation makes them; NaN where not known.
-        installation, interval: What frame and mounting were taken to be; s between the samples of the sensor.
+    All are in the axes of the craft as the installation makes them, NaN where unknown; the interval is the sensor's, s.
     """
     repeated = [] if time.size < MIN_BINS else _repeats(time, angles, rates, force)
     if repeated is None or time.size < MIN_BINS:
@@ -381,16 +364,9 @@ def samples_a_bin(interval: float) -> int:
 
 
 def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tuple[np.ndarray, ...]:
-    """Samples averaged over bins of `BIN` s; a value that is missing leaves its bin unknown.
+    """Time (N,) and angles, rates and specific force (N, 3) averaged over bins of `BIN` s.
 
-    Args:
-        time: (N,); s.
-        parts: sequence of 3 ndarrays, shape (N, 3); angles, rates and specific force.
-        interval: s between samples.
-
-    Returns:
-        time: (M,)
-        angles, rates, force: (M, 3)
+    A missing value makes its bin NaN.
     """
     count = samples_a_bin(interval)
     if count == 1 or time.size < 2 * count:
@@ -559,12 +535,9 @@ def accelerations_follow(angles: np.ndarray, force: np.ndarray) -> int:
 def _rates_against_angles(
     slopes: Sequence[Slope], interval: float, accelerations: int, installation: Installation
 ) -> list[Contradiction]:
-    """What contradicts itself between rates and angles.
+    """Contradictions between rates and angles; ``accelerations``.
 
-    Args:
-        slopes, interval: Of the angles that move; s between the samples of the sensor.
-        accelerations: Sign with which the accelerations follow the tilt; 0: not known.
-        installation: What frame and mounting were taken to be.
+    Sign with which they follow the tilt, 0 if unknown.
     """
     if slopes and not all(slope.follows for slope in slopes):
         delayed = float(np.mean([slope.lagged for slope in slopes]))
@@ -663,11 +636,9 @@ def _evened(time: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> tuple[fl
 
 
 def agreement(slopes: Iterable[Slope], arrangement: np.ndarray) -> float:
-    """Mean correlation of the rates with the slopes of the angles when rearranged; 0 where nothing moves.
+    """Mean correlation of the rates with the slopes of the angles, rearranged by a signed permutation.
 
-    Args:
-        slopes: Of the angles that move.
-        arrangement: (2, 2) or (3, 3); row i has +1 or -1 in the column of the angle whose slope rate i holds.
+    0 if nothing moves.
     """
     rows = np.argmax(np.abs(arrangement), axis=0)
     correlations = [arrangement[rows[each.axis], each.axis] * each.correlations[rows[each.axis]] for each in slopes]
@@ -676,20 +647,11 @@ def agreement(slopes: Iterable[Slope], arrangement: np.ndarray) -> float:
 
 
 def compare_rates(step: float, angles: np.ndarray, rates: np.ndarray) -> tuple[Slope, ...]:
-    """Compare rates with the slopes of roll and pitch, those of them that move and have a rate of their own.
+    """Compare rates (N, 3) with the slopes of roll and pitch (N, 2) at even steps, s; a column of NaN is unknown.
 
-    Angle differences are compared with the mean rate between the same two samples, both tapered and limited to
-    the band in which the angle has its power, so that the noise of neither is amplified. Yaw is left out on the side
-    of the angles: compasses are too slow and too rough to be differentiated.
-
-    Args:
-        step: s between rows, even.
-        angles: (N, 2); roll and pitch without jumps, rad; a column of NaN is not known.
-        rates: (N, 3); rates of roll, pitch and yaw as measured, rad/s; a column of NaN is not known.
-
-    Correlations, gain and delay are those of the cross-spectrum: J. S. Bendat, A. G. Piersol, Random Data, 4th
-    edition, Wiley, 2010, chapters 5 and 6. The standard deviation of the delay is its equation for the phase of a
-    coherent pair over the mean circular frequency, with twice band times duration degrees of freedom.
+    Angle differences are compared with mean rates over the same steps, both limited to the band of the angle's power,
+    so that noise is not amplified. Gain, delay and its deviation are those of the cross-spectrum: J. S. Bendat, A. G.
+    Piersol, Random Data, 4th edition, Wiley, 2010, chapters 5 and 6.
     """
     differences, means = np.diff(angles, axis=0) / step, 0.5 * (rates[1:] + rates[:-1])
     known = np.isfinite(differences).all(axis=0) & np.isfinite(means[:, :2]).all(axis=0)
@@ -735,10 +697,7 @@ def _slope(axis: int, step: float, angle: np.ndarray, differences: np.ndarray, r
 
 
 def _taper(size: int) -> np.ndarray:
-    """A window that rises and falls as a cosine over a quarter of its length each.
-
-    That of scipy.signal would add a third of a second to the start of every node.
-    """
+    """Cosine taper over a quarter of the length at each end, without scipy.signal, which takes 0.3 s to load."""
     edge = size // 4
     rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
     return np.concatenate([rise, np.ones(size - 2 * edge), rise[::-1]])

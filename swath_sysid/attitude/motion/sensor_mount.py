@@ -17,13 +17,7 @@ FRAMES = ('flu', 'frd')  #: Sensor axes forward-left-up in an ENU world, or forw
 
 @dataclass(frozen=True)
 class Installation:
-    """The frame and mounting of a sensor.
-
-    Its readings are first brought from its frame to FLU in ENU, then turned by the mounting.
-
-    Raises:
-        InputError: There is no such frame, or the mounting is not three finite angles.
-    """
+    """Frame and mounting of a sensor: readings go from its frame to FLU in ENU, then through the mounting."""
 
     frame: str = 'flu'  #: One of `FRAMES`: what the sensor's axes and angles mean.
     #: rad: roll, pitch, yaw of the sensor's (FLU) axes as seen from the craft's.

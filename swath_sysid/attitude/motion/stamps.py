@@ -52,11 +52,10 @@ FOLLOWS = Placed(True)
 
 
 class StampOrder:
-    """Places each stamp of one sensor behind those before it.
+    """Orders the stamps of one sensor.
 
-    A stamp that does not follow (a second or more back, or far ahead) is suspect: it is left out
-    until the next one shows whether it was a stray packet, or of another publisher, or whether
-    the clock has moved.
+    A stamp that is far back or far ahead is held as suspect until the next one shows whether it was a stray packet or
+    the clock has jumped.
     """
 
     def __init__(self, settings: StampSettings | None = None) -> None:

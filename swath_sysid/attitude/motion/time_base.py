@@ -24,20 +24,7 @@ HYSTERESIS = 0.3
 def check_time_base(
     time: np.ndarray, motions: Sequence[np.ndarray], source: str, column: str = 'time_s', unit: str = 's'
 ) -> tuple[Advice, ...]:
-    """Refuse a time that cannot be in its unit, and say so where it is in doubt.
-
-    Args:
-        time: (N,); seconds, as read by the unit of the column; strictly increasing.
-        motions: sequence of (N,); angles or rates that swing with the craft, NaN where missing.
-        source, column, unit: For messages.
-
-    Returns:
-        Code ``time-unit``.
-
-    Raises:
-        InputError: The column counts from 1970 in a shorter unit, gives an impossible sample rate, or numbers the
-            samples.
-    """
+    """Reject a time (N,) that cannot be in its unit, and warn where motions (N,) show an implausible period."""
     if time.size < 2:
         return ()
     interval = float(np.median(np.diff(time)))
@@ -85,11 +72,9 @@ def _check_numbering(time: np.ndarray, motions: Sequence[np.ndarray], name: str)
 
 
 def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CYCLES) -> float | None:
-    """The mean period, s, of a motion by its upward crossings of the median, None where it hardly swings.
+    """Mean period, s, of a motion (N,) by its upward crossings of the median.
 
-    Args:
-        time, motion: (N,); s, and the unit of the motion, NaN where missing.
-        min_cycles: Fewer whole cycles show no period.
+    None with fewer than ``min_cycles`` cycles.
     """
     known = np.isfinite(motion)
     if np.count_nonzero(known) < 4:

@@ -23,27 +23,15 @@ _LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))
 
 
 def vertical_acceleration(roll: Value, pitch: Value, specific_force: np.ndarray) -> Value:
-    """Acceleration along the world's vertical, upwards, without gravity, m/s^2.
-
-    Args:
-        roll, pitch: rad.
-        specific_force: (3,) or (N, 3); in the craft's axes, m/s^2.
-    """
+    """Acceleration upwards without gravity, m/s^2, from attitude, rad, and specific force (3,) or (N, 3), m/s^2."""
     upwards = sum(up * force for up, force in zip(up_in_body(roll, pitch), specific_force.T, strict=True))
     return upwards - STANDARD_GRAVITY
 
 
 def zero_phase_integral(signal: np.ndarray, step: float, times: int, delay: float = 0.0) -> np.ndarray:
-    """Integrated this many times over `BAND_HZ`, with no phase error: it looks both ways, so it is for the past only.
+    """A signal (N,) at even steps, s, integrated ``times`` times over `BAND_HZ` without phase error, from past and future.
 
-    Args:
-        signal: (N,); at even steps; finite.
-        step: s.
-        times: Negative: differentiated.
-        delay: s by which the signal lags behind the motion.
-
-    Returns:
-        Right from `EDGE` on and up to `EDGE` before the end.
+    Negative times differentiate; a ``delay`` of the signal, s, is undone. Valid from `EDGE` to `EDGE` before the end.
     """
     size = fft.next_fast_len(signal.size, real=True)
     frequency = fft.rfftfreq(size, step)
@@ -55,10 +43,7 @@ def zero_phase_integral(signal: np.ndarray, step: float, times: int, delay: floa
 
 
 class LeakyIntegrals:
-    """Causal integrals of the vertical acceleration that forget: what is known now of velocity and heave.
-
-    Rows come every ``step`` s.
-    """
+    """Causal leaky integrals of the vertical acceleration, given every ``step`` s: velocity and heave as known now."""
 
     COUNT = len(_LEAKS)
 

@@ -51,12 +51,21 @@ class WindowSettings:
                 raise InputError(f'{name} must be positive, not {getattr(self, name)}')
 
 
+class NoticedDecay(NamedTuple):
+    """The free decay for which a window was published by itself."""
+
+    axis: str
+    start: float  #: Stamp, s.
+    end: float  #: Stamp, s.
+
+
 @dataclass(frozen=True)
 class MotionTable:
     """Rows of a motion window, as they are published and received."""
 
     rows: np.ndarray  #: (N, 8); `COLUMNS`; NaN marks what is not measured.
     stamp_ns: int  #: Of the last row; 0 where there is none.
+    noticed: NoticedDecay | None = None
 
     def trial(self, source: str = 'the motion window') -> Trial:
         """The rows as a trial whose time begins at zero.
@@ -256,8 +265,10 @@ class DecayWatch:
         if not ended:
             return None
         newest = max(ended, key=lambda decay: decay.end)
-        self._reported_until[axis] = table.rows[0, 0] + newest.end
-        return FinishedDecay(axis, newest, table)
+        origin = float(table.rows[0, 0])
+        self._reported_until[axis] = origin + newest.end
+        noticed = NoticedDecay(axis, origin + newest.start, origin + newest.end)
+        return FinishedDecay(axis, newest, replace(table, noticed=noticed))
 
     def _is_worth_reporting(self, decay: DecaySegment, motion: AxisMotion) -> bool:
         amplitude = decay.initial_amplitude

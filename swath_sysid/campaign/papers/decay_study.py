@@ -95,13 +95,7 @@ def assumed_inertia(name: str) -> float:
 
 
 def study_record(name: str, draft_factor: float, angle_deg: float, seed: int) -> StudiedRecord:
-    """One condition: simulate its repeats, keep the best, search every equation, and fit the chosen one our way.
-
-    Args:
-        name: One of ``DECAY_STUDIES``.
-        draft_factor, angle_deg: A row of its printed table of objective values.
-        seed: Of the noise of its repeats and of the searches.
-    """
+    """One condition: simulate its repeats, keep the best, search every equation, and fit the chosen one our way."""
     publication = decay_publication(name)
     printed = publication.printed_objective[draft_factor, angle_deg]
     hull = hull_at(name, draft_factor)
@@ -182,13 +176,7 @@ class DecayStudy:
 def run_decay_study(
     name: str, executor: Executor, note: Callable[[int, int], None] = lambda done, total: None
 ) -> DecayStudy:
-    """Carry a study out again.
-
-    Args:
-        name: One of ``DECAY_STUDIES``.
-        executor: A record a task.
-        note: Called with the records done and in all.
-    """
+    """Carry a study out again."""
     publication = decay_publication(name)
     places = list(publication.printed_objective)
     futures = [executor.submit(study_record, name, *place, seed) for seed, place in enumerate(places, start=1)]

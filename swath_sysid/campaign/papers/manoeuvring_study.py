@@ -61,11 +61,7 @@ class ManoeuvringStudy:
 
 
 def run_manoeuvring_study(seed: int = 1) -> ManoeuvringStudy:
-    """Carry the study out again.
-
-    Args:
-        seed: Of the noise of the first run; each further run takes the next.
-    """
+    """Carry the study out again."""
     content = printed_values(MANOEUVRING_STUDY)
     units = PrimeUnits(content['craft']['length_m'], content['assumed']['speed_m_s'])
     prime = {**content['derivatives']['printed'], **content['reading']['corrected']}

@@ -70,11 +70,7 @@ class DecayPublication:
 
 
 def printed_values(name: str) -> dict:
-    """The content of a study's file.
-
-    Raises:
-        InputError: There is no such study.
-    """
+    """The content of a study's file."""
     check_choice(name, STUDIES, 'paper')
     text = resources.files(__package__).joinpath(f'{name}.yaml').read_text(encoding='utf-8')
     return yaml.safe_load(text)
