@@ -19,18 +19,7 @@ REPORT_S = 0.5
 
 
 class TankSide:
-    """Sensor, nodes and the record of the page.
-
-    Parameters
-    ----------
-    axis : str
-        That the guide is to identify.
-    installation : Installation
-        As the nodes were told.
-    rate : float
-        Hz.
-    auto_identify : bool
-    """
+    """Sensor, nodes and the record of the page, whose guide is to identify one axis."""
 
     def __init__(self, axis='pitch', installation=None, rate=50.0, auto_identify=True):
         self.rate = rate

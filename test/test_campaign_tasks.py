@@ -70,11 +70,6 @@ def records_of(problems):
     return [Record(f'{k}', c, k % 2 + 1, p) for k, (c, p) in enumerate(zip(conditions, problems, strict=True))]
 
 
-def test_a_summary_survives_json(fits):
-    for summary in fits[0]:
-        assert FitSummary.from_plain(json.loads(json.dumps(summary.plain()))) == summary
-
-
 def test_a_summary_is_the_model(fits):
     summary = fits[0][1]
     assert summary.model.terms == dict(zip(summary.terms, summary.ratios, strict=True))

@@ -1,6 +1,5 @@
 """The demonstration: its craft, its scoring, its picture, and the whole of it over DDS."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from package_process import command_line
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft, returns
@@ -34,7 +34,6 @@ from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.share import share_folder
 
-ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 600.0
 ROLL = hull_named('swath-roll').model
 SILENT = SensorNoise(0.0, 0.0, 0.0)
@@ -220,20 +219,14 @@ def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
 def test_the_demonstration_runs_to_its_verdict(tmp_path):
     """Over DDS, nodes and craft each a process; the exit code says what the verdict says, nothing is left running."""
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
-    result = subprocess.run(
-        [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--output', str(tmp_path / 'out')],
-        env={**os.environ, 'PYTHONPATH': path},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
-    told = result.stdout.splitlines()
-    assert result.returncode == 0, result.stdout + result.stderr + (tmp_path / 'out' / 'demo.log').read_text()
+    demo = command_line('demo', '--output', tmp_path / 'out', stderr=subprocess.PIPE)
+    out, error = demo.communicate(timeout=PATIENCE)
+    told = out.splitlines()
+    assert demo.returncode == 0, out + error + _read(tmp_path / 'out' / 'demo.log')
     assert told[-1].startswith('passed')
     assert any(text.startswith('released; waiting') for text in told)
     assert any(text.strip().startswith('adequate: ') for text in told)
-    assert "    swath-sysid run --ros-args -p 'leads_s:=" in result.stdout
+    assert "    swath-sysid run --ros-args -p 'leads_s:=" in out
     for picture in ('sea.png', 'demo.png'):
         assert imread(tmp_path / 'out' / picture).shape[1] > 1000
     log = (tmp_path / 'out' / 'demo.log').read_text()
@@ -244,39 +237,21 @@ def test_the_demonstration_runs_to_its_verdict(tmp_path):
 @pytest.mark.dds
 def test_ctrl_c_ends_the_demonstration_and_its_processes(tmp_path):
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
-    demo = subprocess.Popen(
-        [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--only', 'release', '--output', str(tmp_path)],
-        env={**os.environ, 'PYTHONPATH': path},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    demo = command_line('demo', '--only', 'release', '--output', tmp_path)
     deadline = time.monotonic() + PATIENCE
     while 'no message' not in (log := _read(tmp_path / 'demo.log')) and 'model' not in log:
         assert time.monotonic() < deadline and demo.poll() is None
         time.sleep(0.1)
-    children = _children(demo.pid)
-    assert len(children) >= 2
+    from live_bench import children
+
+    started = children(demo.pid)
+    assert len(started) >= 2
     demo.send_signal(signal.SIGINT)
     told, _ = demo.communicate(timeout=PATIENCE)
     assert demo.returncode == 130, told
-    assert [pid for pid in children if Path(f'/proc/{pid}').exists()] == []
+    assert [pid for pid in started if Path(f'/proc/{pid}').exists()] == []
     assert 'Traceback' not in _read(tmp_path / 'demo.log')
 
 
 def _read(path):
     return path.read_text() if path.exists() else ''
-
-
-def _children(pid):
-    """Processes that a process has started."""
-    found = []
-    for folder in Path('/proc').glob('[0-9]*'):
-        try:
-            fields = (folder / 'stat').read_text().rpartition(')')[2].split()
-        except OSError:
-            continue
-        if int(fields[1]) == pid:
-            found.append(int(folder.name))
-    return found

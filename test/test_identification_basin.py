@@ -86,20 +86,9 @@ def linear_case(size=30, step=0.05):
 
 def run_filter(ratios, basin, step, counts, readings, bend=0.0):
     active = tuple(k in (1, 4) for k in range(9))
-    points = np.array(ratios)[:, None] * [1.0, 1.2], basin[:, None] * [1.0, 0.7], np.array([[0.1], [-0.05], [0.01]])
-    return innovations(
-        points[0],
-        active,
-        0.01,
-        points[1],
-        points[2] * [1.0, 0.9],
-        0.03,
-        np.zeros(2),
-        step,
-        bend,
-        *readings,
-        counts,
-    )
+    hulls, basins = np.array(ratios)[:, None] * [1.0, 1.2], basin[:, None] * [1.0, 0.7]
+    states, record = np.array([[0.1], [-0.05], [0.01]]) * [1.0, 0.9], (step, bend, *readings, counts)
+    return innovations(hulls, active, 0.01, basins, states, 0.03, np.zeros(2), *record)
 
 
 def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():

@@ -15,14 +15,13 @@ from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.live_decays import LiveDecay, newest
 from swath_sysid.attitude.identification.problem import prepare
-from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit, warm_up
+from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
 from swath_sysid.attitude.identification.replacement import misfit, reason_to_keep
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, MotionWindow, NoticedDecay, WindowSettings
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.stopping import Cancelled
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 
 QUICK = RefitSettings(
@@ -216,11 +215,6 @@ def test_progress_goes_from_nothing_to_all(table):
     assert told == sorted(told) and told[-1] == 1.0 and all(0.0 <= share <= 1.0 for share in told)
 
 
-def test_cancelled(table):
-    with pytest.raises(Cancelled):
-        refit(Refitter(QUICK).request(table), should_cancel=lambda: True)
-
-
 def test_an_empty_window_is_refused():
     with pytest.raises(InputError, match='window is empty'):
         refit(Refitter(QUICK).request(MotionTable(np.empty((0, 8)), 0)))
@@ -230,10 +224,6 @@ def test_request_and_outcome_go_to_another_process(table, first):
     request = pickle.loads(pickle.dumps(Refitter(QUICK).request(table)))
     np.testing.assert_array_equal(request.windows[0].rows, table.rows)
     assert pickle.loads(pickle.dumps(first)).models == first.models
-
-
-def test_two_runs_give_the_same(table, first):
-    assert refit(Refitter(QUICK).request(table, source={'topic': 'here'})).models == first.models
 
 
 def test_coefficients_are_rows_of_values_and_deviations(first):
@@ -253,10 +243,6 @@ def test_coefficients_are_rows_of_values_and_deviations(first):
     adequate = coefficients({'pitch': replace(found, metrics={'verdict': 'adequate'})})[1]
     assert adequate[0, COEFFICIENT_NAMES.index('verdict')] == 2.0
     assert coefficients({})[1].shape == (0, len(COEFFICIENT_NAMES))
-
-
-def test_warm_up_runs():
-    warm_up()
 
 
 @pytest.mark.parametrize(

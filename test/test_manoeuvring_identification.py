@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from manoeuvring_runs import OLD, trial_of
 from scipy.optimize import approx_fprime, least_squares, lsq_linear
 
 from swath_sysid.common.errors import InputError
@@ -30,19 +31,10 @@ from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.identification.windows import cut
 from swath_sysid.manoeuvring.motion.intake import prepare_all
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 pytestmark = pytest.mark.slow
 
-OLD = preset('wamv-vrx-old')
 QUICK = dict(mass=180.0, generations=4, population=12)
-
-
-def trial_of(manoeuvre, name, thrust_input='force'):
-    m = manoeuvre
-    return ManoeuvringTrial(
-        m.time, m.port, m.starboard, thrust_input, m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y, 'enu', source=name
-    )
 
 
 def runs_of(model, seed=1, names=None):

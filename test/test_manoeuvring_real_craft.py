@@ -1,14 +1,12 @@
 """Craft with the vices of real ones, by a simulator that shares nothing with the package."""
 
 import importlib
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import swath_sysid
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv
@@ -40,16 +38,16 @@ def simulated():
         return importlib.import_module('simulated_craft')
 
 
+def trials_of(craft, records):
+    known = dict(thrust_input='force', frame='enu', lever=craft.lever, length=craft.length)
+    return [ManoeuvringTrial(source=f'run {k}', **known, **record) for k, record in enumerate(records)]
+
+
 @pytest.fixture(scope='module')
 def craft_and_trials(simulated):
     craft = simulated.catamaran()
     records = simulated.simulate(craft, simulated.drives(SEED), SEED)
-    return craft, [
-        ManoeuvringTrial(
-            thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record
-        )
-        for k, record in enumerate(records)
-    ]
+    return craft, trials_of(craft, records)
 
 
 @pytest.fixture(scope='module')
@@ -184,19 +182,12 @@ def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', [1, 2])
+@pytest.mark.parametrize('seed', [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, simulated):
     """Twenty of them, with terms of choice: benchmark/manoeuvring.py --vices unstable."""
     craft = simulated.unstable_hull(np.random.default_rng(seed))
     inputs = [rows[:1200] for rows in simulated.drives(seed, False, simulated.EVERY)[:5]]
-    runs = prepare_all(
-        [
-            ManoeuvringTrial(
-                thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record
-            )
-            for k, record in enumerate(simulated.simulate(craft, inputs, seed))
-        ]
-    )
+    runs = prepare_all(trials_of(craft, simulated.simulate(craft, inputs, seed)))
     terms = ('Xu_dot', 'Xu', 'Xuu', 'Xvr', 'Yv_dot', 'Yv', 'Yvv', 'Iz', 'Nr', 'Nrr', 'Nuv', 'lag', 'delay')
     settings = ManoeuvringSettings(mass=craft.mass, terms=terms, generations=0)
     found = identify_manoeuvring(runs[:4], settings, runs[4:])
@@ -210,22 +201,10 @@ def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, s
 
 @pytest.fixture(scope='module')
 def otter(simulated):
-    """Craft, runs under force input, and its derivatives.
-
-    Its cross-flow drag by strips is none of the terms exactly: what stands for it is the least-squares fit to the
-    simulator's own forces over the motion that it was at.
-    """
+    """Craft, runs under force input, and its derivatives; for its drag by strips the least-squares fit of the terms."""
     craft = simulated.otter()
     inputs = [rows[:2000] for rows in simulated.drives(SEED, False, simulated.EVERY)[:8]]
-    records = simulated.simulate(craft, inputs, SEED)
-    runs = prepare_all(
-        [
-            ManoeuvringTrial(
-                thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record
-            )
-            for k, record in enumerate(records)
-        ]
-    )
+    runs = prepare_all(trials_of(craft, simulated.simulate(craft, inputs, SEED)))
     still = replace(craft, noise=(0.0, 0.0, 0.0, 0.0), current=(0.0, 0.0))
     u, v, r = (
         np.concatenate([record[name] for record in simulated.simulate(still, inputs, SEED)])
@@ -415,8 +394,3 @@ def test_the_lever_is_asked_for_where_the_yaw_rate_depends_on_it(runs):
         assemble(bare, ManoeuvringSettings(mass=26.0, inertia=4.0))
     assert with_flags(refused.value.code, 'give it') == 'give it (--lever)'
     assert 'lever-assumed' in {a.code for a in assemble(bare, ManoeuvringSettings(mass=26.0)).advice}
-
-
-def test_no_sentence_of_the_core_names_a_flag():
-    sources = Path(swath_sysid.__file__).parent.glob('manoeuvring/**/*.py')
-    assert not [path.name for path in sources if re.search('[ (]--[a-z]', path.read_text())]

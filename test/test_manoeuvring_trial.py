@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from manoeuvring_runs import trial_of
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -28,22 +29,7 @@ def manoeuvres():
 
 @pytest.fixture(scope='module')
 def trials(manoeuvres):
-    return [
-        ManoeuvringTrial(
-            m.time,
-            m.port,
-            m.starboard,
-            surge=m.surge,
-            sway=m.sway,
-            yaw_rate=m.yaw_rate,
-            heading=m.heading,
-            x=m.x,
-            y=m.y,
-            frame='enu',
-            source=name,
-        )
-        for name, m in manoeuvres.items()
-    ]
+    return [trial_of(m, name) for name, m in manoeuvres.items()]
 
 
 def codes(runs):
@@ -218,16 +204,9 @@ def test_bad_files_are_refused_in_one_sentence(tmp_path, text, match):
 
 
 def test_too_short_or_empty_trials(trials):
+    names = ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
     with pytest.raises(InputError, match='record 30 s'):
-        prepare(
-            replace(
-                trials[0],
-                **{
-                    n: getattr(trials[0], n)[:10]
-                    for n in ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
-                },
-            )
-        )
+        prepare(replace(trials[0], **{name: getattr(trials[0], name)[:10] for name in names}))
     with pytest.raises(InputError, match='neither speed nor yaw rate'):
         prepare(replace(trials[0], surge=None, sway=None, yaw_rate=None, heading=None))
 

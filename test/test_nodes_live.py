@@ -16,6 +16,7 @@ from live_bench import (  # noqa: E402
     Bench,
     children,
     running,
+    settings,
     stamp_ns,
     start,
     start_node,
@@ -226,7 +227,7 @@ def test_while_it_identifies_it_answers_and_forecasts_and_can_be_cancelled(ident
     assert bench.set_parameters('identifier', population=0, generations=0) == []
 
 
-@pytest.mark.parametrize('clients', [50, 1])
+@pytest.mark.parametrize('clients', [50, pytest.param(1, marks=pytest.mark.long)])
 def test_fifty_who_ask_at_once_share_one_identification(identified, clients):
     bench = identified.bench
     assert bench.set_parameters('identifier', generations=60, population=2000) == []
@@ -329,17 +330,8 @@ def test_names_are_relative_and_time_may_be_simulated(craft):
     craft.model_path.write_text(f'# of the yard\n{text}')
     bench = Bench('tank', 'sensor/imu')
     clock = bench.publisher(Clock, '/clock', 10)
-    process = start_together(
-        '-r',
-        '__ns:=/tank',
-        '-r',
-        'imu/data:=sensor/imu',
-        '-p',
-        'use_sim_time:=true',
-        '-p',
-        f'model_path:={craft.model_path}',
-    )
-    with running(bench, process):
+    names = ('-r', '__ns:=/tank', '-r', 'imu/data:=sensor/imu')
+    with running(bench, start_together(*names, *settings('use_sim_time:=true', f'model_path:={craft.model_path}'))):
         assert wait_for(lambda: bench.heard['model/description'], 'model')[-1].data == text
         for begin in (EPOCH_NS, EPOCH_NS - 100 * 10**9):
             for k in range(10):

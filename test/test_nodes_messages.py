@@ -10,25 +10,21 @@ pytest.importorskip('rclpy')
 from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import imu_message  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
-from sensor_msgs.msg import Imu, PointCloud2, PointField  # noqa: E402
+from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
 from std_msgs.msg import Float64MultiArray  # noqa: E402
-from trajectory_msgs.msg import JointTrajectory  # noqa: E402
 
 from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES  # noqa: E402
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.messages import (  # noqa: E402
     WINDOW_COLUMNS,
-    ImuMessage,
     coefficients_message,
-    horizon_message,
     imu_reading,
     stamp_ns,
     window_message,
     window_table,
 )
 from swath_sysid.nodes.messages import time_message  # noqa: E402
-from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast  # noqa: E402
 
 
 def a_table(rows=20):
@@ -110,27 +106,6 @@ def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):
     spoil(message)
     with pytest.raises(InputError, match=sentence):
         window_table(message)
-
-
-def test_the_attitude_message_is_filled_anew_each_time():
-    maker = ImuMessage('craft')
-    for sign in (1.0, -1.0):
-        forecast = AttitudeForecast(
-            EPOCH_NS, (0.0, 0.0, 0.0, sign), (1e-4,) + (0.0,) * 8, (sign, 0.0, 0.0), (-1.0,) + (0.0,) * 8
-        )
-        message = deserialize_message(maker.filled(forecast), Imu)
-        assert message.orientation.w == sign and message.angular_velocity.x == sign
-        assert message.orientation_covariance[0] == 1e-4 and message.angular_velocity_covariance[0] == -1.0
-        assert message.linear_acceleration_covariance[0] == -1.0 and message.header.frame_id == 'craft'
-        assert stamp_ns(message.header.stamp) == EPOCH_NS
-
-
-def test_the_horizon_is_a_trajectory():
-    horizon = HorizonForecast(EPOCH_NS, ('pitch', 'pitch_std'), (500_000_000, 2_000_000_000), np.eye(2), 2 * np.eye(2))
-    message = deserialize_message(horizon_message(horizon, 'craft'), JointTrajectory)
-    assert list(message.joint_names) == ['pitch', 'pitch_std'] and stamp_ns(message.header.stamp) == EPOCH_NS
-    assert [p.time_from_start.sec * 10**9 + p.time_from_start.nanosec for p in message.points] == [5 * 10**8, 2 * 10**9]
-    assert list(message.points[1].positions) == [0.0, 1.0] and list(message.points[0].velocities) == [2.0, 0.0]
 
 
 def test_no_model_has_no_rows():

@@ -398,15 +398,6 @@ def test_horizons_of_changing_shape_are_each_right(tmp_path):
     assert [m.points[1].velocities[0] for _, m in decoded(path, '/forecast/horizon')] == [0.0, -1.0, -2.0]
 
 
-def test_diagnostics_are_written(tmp_path):
-    path = tmp_path / 'out.mcap'
-    with writing_output_bag(path) as bag:
-        bag.add_diagnostics(7, [(1, 'predictor: imu', 'samples are missing', {'rate_hz': '99.5'})])
-    ((time, message),) = decoded(path, '/diagnostics')
-    (status,) = message.status
-    assert (time, status.level, status.name, status.values[0].value) == (7, 1, 'predictor: imu', '99.5')
-
-
 @given(
     st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1),
     st.lists(
@@ -446,10 +437,3 @@ def test_latched_topics_say_so(played):
         durability = {c.topic: c.ext.offered_qos_profiles[0].durability.name for c in readers[0].connections}
     assert durability['/model/description'] == durability['/motion/window'] == 'TRANSIENT_LOCAL'
     assert durability['/forecast/next'] == 'VOLATILE'
-
-
-def test_stamps_before_1970_are_kept():
-    """The seconds are signed in the message."""
-    raw = ImuMessage('').of_values(-1, np.zeros(37))
-    stamp = STORE.deserialize_cdr(raw, 'sensor_msgs/msg/Imu').header.stamp
-    assert (stamp.sec, stamp.nanosec) == (-1, 999_999_999)

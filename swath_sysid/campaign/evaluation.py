@@ -1,14 +1,8 @@
-"""Campaigns: every record with every equation, repeats together, drafts together, and what follows.
+"""The tasks of a campaign, pure functions of plain arguments that any process may run, and what follows from them.
 
-A campaign is worked off in four kinds of task, each a pure function of plain arguments, so that
-they can run in any process or on any machine and their results be kept. Where the manifest names no
-equation, one task a draft precedes them: `fit_one` of the general hull on all its records jointly.
-
-1. `fit_one`: one record, one equation, one objective; the full search.
-2. `settle`: all equations of one record put in order, where a search had failed one.
-3. `fit_together`: records of one condition, or of one draft, with common ratios, from the optima
-   found before.
-4. `judge`: how well the fits of a record step, simulate and forecast it, and another repeat.
+`fit_one` searches one record with one equation, `settle` refits where a search failed, `fit_together` fits common
+ratios to several records, `judge` scores the fits of a record. Where the manifest names no equation, `fit_one` of the
+general hull on all records of a draft jointly precedes them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -49,7 +43,7 @@ from swath_sysid.common.noise import weighting_noise
 CONFIDENCE = 0.95
 ORDER_TOLERANCE = 1e-9
 SHOWN_RECORDS = 3
-TIE = 1e-7  #: Objective values this close, relatively, are one: the larger equation has made nothing of its terms.
+TIE = 1e-7  #: Relative difference of objective values below which they are equal.
 
 
 @dataclass(frozen=True, order=True)
@@ -100,10 +94,7 @@ class _Plain:
 
 @dataclass(frozen=True)
 class FitSummary(_Plain):
-    """What is kept of an identification: plain numbers, exact to the last bit when read back.
-
-    Ratios with their deviations and covariance are in the order of the terms; angles in rad, rates in rad/s.
-    """
+    """What is kept of an identification, as plain numbers; rad and rad/s."""
 
     equation: str
     axis: str
@@ -116,18 +107,18 @@ class FitSummary(_Plain):
     trim_std: float
     friction_rate: float
     amplitude_range: tuple
-    states: tuple  #: Initial angle from trim, rad, rate, rad/s, and trim, rad, of each record.
+    states: tuple  #: Initial angle from trim, rate and trim of each record.
     objective_value: float
     r2: float
-    rmse: float | None  #: rad and rad/s; None where not measured.
-    rate_rmse: float | None  #: rad and rad/s; None where not measured.
+    rmse: float | None  #: rad; None where not measured.
+    rate_rmse: float | None  #: rad/s; None where not measured.
     samples: int
     effective_samples: float
-    amplitude: tuple  #: Curves with standard deviations; rad and rad/s.
-    frequency: tuple  #: Curves with standard deviations; rad and rad/s.
-    frequency_std: tuple  #: Curves with standard deviations; rad and rad/s.
-    damping_ratio: tuple  #: Curves with standard deviations; rad and rad/s.
-    damping_ratio_std: tuple  #: Curves with standard deviations; rad and rad/s.
+    amplitude: tuple  #: rad; of the curves below.
+    frequency: tuple
+    frequency_std: tuple
+    damping_ratio: tuple
+    damping_ratio_std: tuple
     generations: int
     evaluations: int
     stop: str
@@ -274,10 +265,9 @@ def fit_one(problem: Problem, settings: IdentificationSettings) -> FitSummary:
 def settle(
     problem: Problem, settings: IdentificationSettings, summaries: Sequence[FitSummary]
 ) -> tuple[FitSummary, ...]:
-    """Put the fits of one problem, one an equation, in order: no equation worse than one that it contains.
+    """Fits of one problem with every equation, none worse than a fit whose equation it contains.
 
-    Where a search ended worse than that of a smaller equation, it is refined again from there, by the objective of the
-    settings, whose equation is ignored.
+    A search that ended worse is refined again from the smaller equation's optimum.
     """
 
     def refit(fit: FitSummary, better: FitSummary) -> FitSummary:
@@ -287,10 +277,7 @@ def settle(
 
 
 def out_of_order(summaries: Sequence[FitSummary]) -> tuple[tuple[str, str], ...]:
-    """Pairs of equation names, larger and contained, of which the larger fits worse.
-
-    Differences below the rounding of a least-squares fit are none.
-    """
+    """Pairs of equation names, containing and contained, of which the containing one fits worse."""
     return tuple(
         (big.equation, small.equation)
         for big in summaries
@@ -302,10 +289,9 @@ def out_of_order(summaries: Sequence[FitSummary]) -> tuple[tuple[str, str], ...]
 def fit_together(
     problem: Problem, settings: IdentificationSettings, equation: str, starts: Sequence[FitSummary]
 ) -> FitSummary:
-    """Fit common ratios to several records, each with its own initial state.
+    """Fit common ratios to several records, each with its own initial state; ``starts`` are their single fits in order.
 
-    No new search: refinement begins at the optimum of the record with the largest motion, which shows the most of every
-    term. The problem is that of `joined`; the starts are fits of this equation to its records, in order.
+    Refinement starts at the optimum of the record with the largest motion, which shows the most of every term.
     """
     states = tuple(s for start in starts for s in start.initial_states)
     largest = max(starts, key=lambda start: start.amplitude_range[1])
@@ -334,10 +320,8 @@ class Judgement(_Plain):
     equation: str
     next_step: float  #: Root mean square error of the rate one sample ahead, rad/s.
     simulation: float  #: Error of the simulated motion over the standard deviation of the measured one.
-    forecasts: tuple  #: The same for forecasts a quarter, a half and one period ahead; NaN on records too short.
-    #: Error of the simulated motion on another repeat, or, without one, on the second half of the record by a model of
-    #: the first; relative as above.
-    held_out: float
+    forecasts: tuple  #: The same a quarter, a half and one period ahead; NaN where the record is too short.
+    held_out: float  #: The same on another repeat, or on the second half of the record by a model of the first.
 
 
 def judge(
@@ -373,11 +357,7 @@ def _on_other(summary: FitSummary, other: Problem) -> float:
 
 
 def best_repeats(records: Sequence[Record], fits: Sequence[Sequence[FitSummary]]) -> dict[Condition, int]:
-    """Index of the best repeat of each condition; each record has its fits with the simulation objective.
-
-    The papers keep the best of three without saying how it is chosen. Here: the one whose motion
-    the equations explain best, by the median over the equations of R^2 of the simulated motion.
-    """
+    """Index of the best repeat of each condition: the one with the largest median R^2 over the equations."""
     best: dict[Condition, tuple[float, int]] = {}
     for index, record in enumerate(records):
         share = float(np.median([f.r2 for f in fits[index]]))
@@ -394,10 +374,9 @@ def tied_best(summaries: Sequence[FitSummary]) -> tuple[int, ...]:
 
 
 def beyond_noise(summaries: Sequence[FitSummary]) -> tuple[bool, ...]:
-    """Which equations fit one record, by one objective, worse than the best by more than noise explains.
+    """Which equations fit one record worse than the best by more than noise explains.
 
-    The likelihood ratio n ln(F^2 / F_best^2), with n the effective samples, is compared with the
-    95 % quantile of chi squared, its degrees of freedom the difference in terms (at least one).
+    The likelihood ratio n ln(F^2 / F_best^2), n effective samples, is compared with the 95 % quantile of chi squared.
     """
     from scipy.stats import chi2
 
@@ -418,11 +397,9 @@ class RankedEquation:
     terms: tuple
     criterion: float  #: Sum over the drafts of the Bayesian information criterion of the joint fits.
     r2: float  #: Smallest of the joint fits' R^2.
-    #: Root mean square over the records of the error on held-out motion, and of the forecasts one period ahead.
-    held_out: float
-    #: Root mean square over the records of the error on held-out motion, and of the forecasts one period ahead.
-    forecast: float
-    best_of: int  #: Records that it fits best; of equations that fit one alike, the smallest counts.
+    held_out: float  #: Root mean square over the records.
+    forecast: float  #: One period ahead, root mean square over the records.
+    best_of: int  #: Records that it fits best; of equal fits, the smallest equation counts.
 
     @property
     def name(self) -> str:
@@ -572,9 +549,9 @@ class Spread:
 
     condition: Condition
     quantity: str  #: ``natural_period_s``, ``damping_ratio`` or a ratio's name.
-    mean: float  #: Over the repeats, standard deviation with n - 1.
-    spread: float  #: Over the repeats, standard deviation with n - 1.
-    stated: float  #: Standard deviation that the single fits state, root mean square; NaN where they state none.
+    mean: float
+    spread: float  #: Standard deviation over the repeats, with n - 1.
+    stated: float  #: Root mean square of the standard deviations of the single fits; NaN where they have none.
     repeats: int
 
 

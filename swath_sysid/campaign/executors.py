@@ -19,11 +19,7 @@ CONNECT_S = 20
 
 
 def connection_losses() -> tuple[type[BaseException], ...]:
-    """What distributed raises where the connection to its scheduler is lost.
-
-    The futures of its executor are cancelled then (``distributed.cfexecutor``); handing in more raises
-    ``CommClosedError`` or ``ClosedClientError``.
-    """
+    """What distributed raises, or cancels its futures with, where the connection to its scheduler is lost."""
     cancelled = concurrent.futures.CancelledError, asyncio.CancelledError
     if distributed is None:
         return cancelled

@@ -1,7 +1,6 @@
-"""The manifest of a campaign: which trials, under which conditions, and what to fit; YAML.
+"""The manifest of a campaign, YAML: which trials, under which conditions, and what to fit.
 
-What is wrong with one trial leaves that trial out; the others are kept, because a campaign shall not stop at one bad
-entry. What concerns all of them stops it at once. Either is named by its keys.
+A fault in one trial leaves that trial out; a fault that concerns all of them is an error.
 """
 
 import os
@@ -47,7 +46,7 @@ def _decimal(matched: str) -> float:
 SHOWN_FILES = 3
 LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
-#: What a loading changes, beside a trial; without it that of the craft holds at the design draft alone.
+#: Given beside a trial; the craft's own values hold at the design draft alone.
 OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
 
 _NAME = text(1000)
@@ -84,10 +83,10 @@ class Craft:
     draft_m: float | None = None  #: Design draft, to which draft factors refer.
     displacement_kg: float | None = None
     kg_m: float | None = None  #: Height of the centre of gravity above the keel.
-    gm_transverse_m: float | None = None  #: Metacentric heights.
-    gm_longitudinal_m: float | None = None  #: Metacentric heights.
-    gyradius_m: float | None = None  #: About the axis of the trials; the inertia with added inertia.
-    inertia_kg_m2: float | None = None  #: About the axis of the trials; the inertia with added inertia.
+    gm_transverse_m: float | None = None
+    gm_longitudinal_m: float | None = None
+    gyradius_m: float | None = None
+    inertia_kg_m2: float | None = None  #: About the axis of the trials, with added inertia.
     water_density_kg_m3: float | None = None
     water_temperature_c: float | None = None
     appendages: str | None = None
@@ -96,10 +95,7 @@ class Craft:
 
 @dataclass(frozen=True)
 class PredictedDamping:
-    """Equivalent damping that the user predicts, by Ikeda's method or CFD: in N m s or as a ratio, one of them.
-
-    The loading is in the quantity of the campaign; None: at any. Nor does axis None restrict it.
-    """
+    """Equivalent damping predicted by other means, as N m s or as a ratio; loading or axis None: for any."""
 
     method: str
     amplitude_deg: float
@@ -119,8 +115,8 @@ class TrialEntry:
     loading: tuple[str, float] | None = None  #: Quantity, one of ``QUANTITIES``, and value.
     initial_angle_deg: float | None = None
     repeat: int | None = None
-    start: float | None = None  #: Bounds of the decay, s.
-    end: float | None = None  #: Bounds of the decay, s.
+    start: float | None = None  #: Of the decay, s.
+    end: float | None = None
     frame: str | None = None
     topic: str | None = None
     speed_m_s: float | None = None
@@ -139,7 +135,7 @@ class Manifest:
     equations: tuple[str, ...] = ()  #: Names; empty: what the records show of the general hull.
     objectives: tuple[str, ...] = (OBJECTIVES[0],)
     search: SearchSettings = field(default_factory=SearchSettings)
-    uncertainty: TypeB = field(default_factory=TypeB)  #: Of what a decay itself cannot show.
+    uncertainty: TypeB = field(default_factory=TypeB)
     predictions: tuple[PredictedDamping, ...] = ()
     faults: tuple[str, ...] = ()  #: What was left out, and why.
 

@@ -23,10 +23,7 @@ def key_of(*parts: Any) -> str:
 
 
 class ResultStore:
-    """A folder of results by key, made where it does not exist; each is written whole or not at all.
-
-    Killed at any moment, it holds every result that was put before, and no half of one.
-    """
+    """A folder of results by key; each is written whole or not at all, whenever the process is killed."""
 
     def __init__(self, folder: str | Path) -> None:
         self._folder = Path(folder)

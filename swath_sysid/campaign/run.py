@@ -44,14 +44,14 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial, source_hash
 
-RESULT_FORMAT = 2  #: To be raised when results of before can no longer be used.
+RESULT_FORMAT = 2  #: Raised when earlier results can no longer be used.
 POLL_S = 0.2
-ANGLE_STEP_DEG = 0.5  #: Initial angles that were not given are taken from the decay, rounded to this.
+ANGLE_STEP_DEG = 0.5  #: Resolution of an initial angle that is not given but taken from the decay.
 
 
 @dataclass(frozen=True)
 class TrialOutcome:
-    """What became of one trial: its record, or the reason why it was left out; no hash where it could not be read."""
+    """One trial's record, or the reason why it was left out; no hash where it could not be read."""
 
     entry: TrialEntry
     name: str
@@ -74,9 +74,9 @@ class AxisOutcome:
     names: tuple[str, ...]
     fits: dict  #: Objective to record to equation, in the order of the names.
     judgements: tuple  #: Record to equation, with the simulation objective.
-    best: dict  #: Index of the best repeat.
-    together: dict  #: Repeats of a condition jointly.
-    by_draft: dict  #: All records of a draft jointly.
+    best: dict  #: Condition to index of its best repeat.
+    together: dict  #: Condition to joint fits of its repeats.
+    by_draft: dict  #: Draft to joint fits of all its records.
     ranking: Ranking
     schedule: ScheduledModel  #: Of the chosen equation.
     spreads: tuple[Spread, ...]  #: Of the chosen equation.
@@ -107,13 +107,13 @@ class CampaignOutcome:
     """A campaign carried out."""
 
     manifest: Manifest
-    quantity: str  #: The quantity that gives the loading.
+    quantity: str  #: That gives the loading.
     trials: tuple[TrialOutcome, ...]
     axes: tuple[AxisOutcome, ...]
     failures: tuple[str, ...]  #: Tasks that failed, with their reason.
-    computed: int  #: Tasks done now, and known from before.
-    kept: int  #: Tasks done now, and known from before.
-    cpu_s: float  #: Processor time of all tasks, also of those known from before.
+    computed: int  #: Tasks done now.
+    kept: int  #: Tasks known from before.
+    cpu_s: float  #: Processor time of all tasks, also of those kept.
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ SEA, RELEASE = 'sea', 'release'
 ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)  #: The first from which the hull returns is used.
 
 STILL_S = 1.5
-START_TIMEOUT_S = 120.0
+START_TIMEOUT_S = 300.0
 MODEL_TIMEOUT_S = 60.0
 ATTEMPTS = 2
 ANSWER_TIMEOUT_S = 60.0
@@ -300,9 +300,8 @@ class _Stage:
 def _demonstrate(craft: _Craft, stage: _Stage):
     """Release the craft, wait for its model, release it again."""
     received = stage.listener.received
-    if not stage.wait(
-        f'starting: {craft.hull}, {craft.axis} from {craft.angle_deg:g} deg', stage.listener.is_ready, START_TIMEOUT_S
-    ):
+    starting = f'starting (a minute the first time): {craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
+    if not stage.wait(starting, stage.listener.is_ready, START_TIMEOUT_S):
         raise InputError(f'nothing came from the nodes within {START_TIMEOUT_S:g} s: see demo.log')
     stage.pause('still water, no model', STILL_S)
     for attempt in range(ATTEMPTS):
@@ -343,9 +342,10 @@ def _demonstration(craft: _Craft, received: Received, first: Any, second: int):
 def _conclude(demonstration: Demonstration, output: Path, began: float):
     """Write the picture, print the verdict."""
     verdict = verdict_of(demonstration)
-    picture = output / 'demo.png'
-    save_figure(demo_figure(demonstration, verdict), picture)
-    print(f'{picture}, after {time.monotonic() - began:.0f} s')
+    if math.isfinite(verdict.after):
+        picture = output / 'demo.png'
+        save_figure(demo_figure(demonstration, verdict), picture)
+        print(f'{picture}, after {time.monotonic() - began:.0f} s')
     print(verdict.text, flush=True)
     return verdict.is_good
 

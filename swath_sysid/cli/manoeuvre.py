@@ -78,7 +78,7 @@ def run(arguments: Namespace) -> int:
 
 
 def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
-    """How to read runs; shared by the sub-verbs that take them."""
+    """Flags for reading runs, shared by the sub-verbs."""
     parser.add_argument(
         'runs',
         nargs=count,
@@ -101,7 +101,7 @@ def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
 
 
 def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
-    """Read and prepare runs, all in one step."""
+    """Read and prepare runs, all with one step."""
     refuse_twice(paths)
     return prepare_all([_read(path, arguments) for path in paths], arguments.gap_means_zero)
 

@@ -11,10 +11,7 @@ MODEL_FLOOR = 0.005  #: No model of a hull is trusted closer than this share of 
 
 
 def weighting_noise(channels: Sequence[np.ndarray]) -> float:
-    """Weighting noise of the residuals of one channel in several records.
-
-    Measured noise and model floor in quadrature.
-    """
+    """Weighting noise of one channel's residuals in several records: measured noise and model floor in quadrature."""
     white = np.median([white_noise(c) for c in channels])
     motion = max(float(np.std(c)) for c in channels)
     return float(np.hypot(white, MODEL_FLOOR * motion)) or 1.0

@@ -59,10 +59,7 @@ class RowBuffer:
         return self._rows[first : self._end]
 
     def at(self, numbers: np.ndarray) -> np.ndarray:
-        """Rows by fractional number, linear between two, (N,) and (N, C).
-
-        NaN where a row is missing or no longer kept.
-        """
+        """Rows by fractional number, linear between two, (N,) and (N, C); NaN where one is missing."""
         before = np.floor(numbers + 1e-6).astype(int)
         share = np.maximum(numbers - before, 0.0)
         share[share < 1e-3] = 0.0

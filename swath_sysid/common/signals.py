@@ -21,10 +21,7 @@ def white_noise(values: np.ndarray) -> float:
 
 
 def noise_level(values: np.ndarray) -> float:
-    """`white_noise` of values that may have been repeated to fill a faster grid.
-
-    Larger, so that averages come out right.
-    """
+    """`white_noise` of values that may have been repeated to fill a faster grid, enlarged by the repetition."""
     if values.size < 8:
         return 0.0
     new = values[np.concatenate([[True], np.diff(values) != 0.0])]

@@ -67,10 +67,7 @@ class AskAndTell:
             self._waited += 1
 
     def _stop_reason(self, candidates: np.ndarray) -> str | None:
-        """The rule that ends the search now, or None.
-
-        Budget spent, ``patience`` without improvement, or all drawn together.
-        """
+        """The rule that ends the search now, or None: budget, ``patience`` without improvement, or convergence."""
         if not self.generation:
             return None
         if self.generation >= self._budget.generations:

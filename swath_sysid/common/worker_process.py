@@ -50,10 +50,7 @@ class WorkerProcess:
         return self._process.pid
 
     def died_idle(self) -> bool:
-        """Whether it was ready and has died since, reported once.
-
-        One that was never ready restarts with the next work.
-        """
+        """Whether it was ready and has died since, reported once."""
         if self._is_resting:
             return False
         try:

@@ -42,7 +42,7 @@ ACCELERATION_UNITS = {'m_s2': 1.0, 'g': STANDARD_GRAVITY}
 
 TIME_NAMES = ('time', 't', 'stamp', 'timestamp', 'header_stamp')
 DATE_NAMES = (*TIME_NAMES, 'date', 'datetime', 'date_time', 'utc', 'time_utc', 'utc_time')  #: Of dates, without a unit.
-#: Names a column may have before its unit, the reading it holds, and its units with their size in SI.
+#: Names before the unit, reading, and units with their size in SI.
 QUANTITIES = (
     (('roll', 'roll_angle'), 'roll', ANGLE_UNITS),
     (('pitch', 'pitch_angle'), 'pitch', ANGLE_UNITS),
@@ -65,13 +65,13 @@ TIMES = ('time', 'time_sec', 'time_nanosec')
 #: rad, with some rounding: beyond these there is no roll or pitch.
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}
 
-#: So many values beyond all limits, or this part of them, may be broken packets.
+#: Values beyond all limits, or their share, that may be broken packets.
 BROKEN_PACKETS, BROKEN_SHARE = 3, 0.002
 
 MIN_SWING_RAD, LARGEST_SWING_RAD = 0.03, 0.7  #: Half the range of angles in rad of a craft that moves by 2 to 40 deg.
 MIN_SAMPLES_A_CYCLE = 8  #: Noise of a sensor at rest turns faster.
 
-#: Two columns of one quantity may differ by this part of its size, or by as much in SI units: rounding.
+#: Difference of two columns of one quantity, as share or in SI units, that is rounding.
 SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3
 
 #: Readings without any of which there is no roll or pitch.

@@ -72,10 +72,9 @@ def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Se
 
 
 class ForecastMessages:
-    """The messages of one predictor.
+    """The messages of one predictor, in the craft's frame and in ``FRAME_level``, which follows its mean motion.
 
-    The frame is that of the craft; the level frame that moves with its mean is ``FRAME_level``. The frames predicted at
-    some leads, s, go to ``/tf``, beside ``FRAME_now``.
+    The frames predicted at the leads ``frames_at``, s, go to ``/tf``, beside ``FRAME_now``.
     """
 
     def __init__(self, frame_id: str, frames_at: Sequence[float] = ()) -> None:

@@ -55,7 +55,7 @@ _FORECAST = record(
 )
 
 
-#: What a model file holds; null stands for what is not known.
+#: Content of a model file; null stands for an unknown value.
 FORMAT = ModelFormat(
     'swath_sysid manoeuvring model',
     'body x forward, y port, z up; world x east, y north (REP 103)',

@@ -1,8 +1,7 @@
-"""The model file: YAML, versioned, complete, checked on reading; one or both axes of a craft.
+"""The model file: YAML, versioned, checked when it is read or written; one or both axes of a craft.
 
-It is what `identify` writes, what the identifier publishes on ``model/description``, and what
-the predictor and `forecast` read. A file may also hold a schedule on draft (`scheduled_to_yaml`):
-its ``axes`` are then the models of the middle draft, for readers without schedules.
+`identify` writes it, the identifier publishes it on ``model/description``. It may also hold a schedule on draft; its
+``axes`` are then the models of the middle draft, for readers without schedules.
 """
 
 import math
@@ -99,10 +98,7 @@ def model_from_yaml(text: str, source: str = 'the model') -> dict[str, Identifie
 def description_from_yaml(
     text: str, source: str = 'the model'
 ) -> tuple[dict[str, IdentifiedModel], dict[str, ScheduledModel]]:
-    """Models and schedules, by axis, of a model file's text, which may be any text; errors name its source.
-
-    The schedules are empty where the text holds none.
-    """
+    """Models and schedules (empty where there are none) by axis of any text; errors name the source and the field."""
     content = FORMAT.content(text, source)
     axes, schedule = content['axes'], content.get('schedule', {})
     if not axes:

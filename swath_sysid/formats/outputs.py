@@ -27,10 +27,7 @@ class Output:
 
 
 def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None] = ()) -> None:
-    """Refuse outputs that cannot be written, or would destroy what is read or was measured.
-
-    Both are all of one command; inputs that are None are left aside.
-    """
+    """Reject outputs of a command that cannot be written, collide, or would destroy an input or a recording."""
     outputs = [output for output in outputs if output.path is not None]
     read = [Path(path) for path in inputs if path is not None and os.path.lexists(_name(path))]
     for place, output in enumerate(outputs):

@@ -93,10 +93,7 @@ def read_readings(
     frame: str = 'flu',
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> ImuRecord:
-    """The messages of an IMU: those of a bag as they are, of other trials as an IMU would have sent them.
-
-    Parameters and errors are those of `read_trial`; frame and mounting are not applied to bags.
-    """
+    """The IMU messages of a bag, as they are; of other trials, those that an IMU would have sent in craft axes."""
     from swath_sysid.formats.bags import ImuRecord, imu_values, is_bag, read_imu
 
     try:

@@ -1,11 +1,7 @@
-"""From a YAML text that anyone may have written to plain data.
+"""Plain data from a YAML text that anyone may have written.
 
-A model may come from the network, from a file that a stick has half lost, or from a stranger.
-Size, nesting and number of values are limited before anything is built, so that no text costs
-more than some tens of milliseconds; what is understood is plain data only: mappings, lists,
-texts, finite numbers, true and false, null. Anchors and aliases (a short text that expands to a
-long one), tags (a value of a type of one's own) and directives are refused, and so is a name
-given twice. Dates stay text.
+Size, depth and number of values are limited before anything is built. Aliases, tags, directives and repeated names
+are rejected; dates stay text.
 """
 
 import os
@@ -144,10 +140,7 @@ def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...]) -> str | int |
 
 
 def dumped(content: Any) -> str:
-    """The text of plain data, without anchors, that `plain_content` reads back as it is.
-
-    Numbers that are not finite become null: not known.
-    """
+    """YAML text without anchors that `plain_content` reads back; numbers that are not finite become null."""
     return yaml.dump(
         finite_or_none(content),
         Dumper=_PlainDumper,

@@ -13,10 +13,7 @@ PARAMETER = 'model_path'  #: The parameter of both identifiers that names the fi
 
 
 class ModelFile:
-    """A model on the disk, previous ones in numbered files; one that cannot be read is never touched. No path.
-
-    No file.
-    """
+    """A model on the disk, previous ones in numbered files; one that cannot be read is never touched."""
 
     def __init__(
         self, path: str | Path, read: Callable, text_of: Callable[[Any], str], write: Callable, health: IdentifierHealth
@@ -39,10 +36,7 @@ class ModelFile:
             return None
 
     def history(self) -> list:
-        """The models that `rollback` can return to, oldest first.
-
-        A model equal to the last but one was itself a return.
-        """
+        """The models that `rollback` can return to, oldest first; a repeated one was itself a return."""
         if self._path is None or self._refusal:
             return []
         stack: list[tuple[str, Any]] = []
@@ -65,10 +59,7 @@ class ModelFile:
         return models
 
     def keep(self, model: Any) -> str:
-        """Replace what is in the file (an empty model.
-
-        With nothing), and remark where the previous one is, or what failed.
-        """
+        """Replace what is in the file, and remark where the previous one is, or what failed."""
         if self._path is None:
             return ''
         if self._refusal:

@@ -116,7 +116,7 @@ class ManoeuvringPredictor(Node):
 
     def _refuse(self, sentence: str) -> None:
         self.health.note_refused_model(sentence)
-        self.get_logger().error(f'{sentence}; the model before it stays')
+        self.get_logger().error(f'{sentence}; the previous model stays')
 
     def _now(self) -> float:
         """Stamp for a message without one: the node's clock, unless that is not the clock of the odometry."""

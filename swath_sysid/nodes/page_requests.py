@@ -14,10 +14,7 @@ MAX_REQUESTS = 10
 
 
 class PageRequests:
-    """Calls services and reports one line for each answer; ``on_kept``.
-
-    The identifier agreed to keep the model, or not.
-    """
+    """Calls services and reports one line for each answer; ``on_kept`` takes whether the model is now kept."""
 
     def __init__(self, node: Node, report: Callable[[str], None], on_kept: Callable[[bool], None]):
         self._node = node

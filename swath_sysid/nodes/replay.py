@@ -58,10 +58,7 @@ class Replay(Node):
         return self.create_publisher(kind, topic, bag_qos(is_latched, depth=1 if is_latched else DEPTH))
 
     def wait_for_listeners(self) -> int:
-        """Wait until as many subscribers as were set (else all) are connected.
-
-        How many are, on the IMU or busiest topic.
-        """
+        """Wait for as many subscribers as were set (else all): how many there are on the IMU or busiest topic."""
         deadline = time.monotonic() + self._replaying.wait
         settling = SETTLING if self._replaying.listeners else DISCOVERY
         before, changed = None, time.monotonic()

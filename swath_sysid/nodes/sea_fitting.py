@@ -12,10 +12,7 @@ from swath_sysid.pipeline.health import LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED
 
 
 class SeaFitting:
-    """Takes the requests of a pipeline's steps to a worker and its fits to the pipeline.
-
-    ``waits`` for fits that are due.
-    """
+    """Takes the requests of a pipeline's steps to a worker, and its fits to the pipeline."""
 
     def __init__(self, pipeline: ForecastPipeline, health: PredictorHealth, logger: Any, waits: bool = False):
         self._pipeline = pipeline

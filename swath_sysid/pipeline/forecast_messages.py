@@ -1,4 +1,4 @@
-"""Forecasts as the values of the messages that publish them: what every driver sends or writes."""
+"""Forecasts as the values of the messages that publish them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -49,7 +49,7 @@ class HorizonForecast:
 def attitude_forecast(
     stamp_ns: int, lead: float, axes: Mapping[str, Sequence[float]], yaw: float, yaw_rate: float
 ) -> AttitudeForecast:
-    """The forecast at one lead, s, as an attitude with covariance, with a held heading, rad, and its rate, rad/s.
+    """The forecast at one lead, s, as an attitude, with a held heading, rad, and its rate, rad/s.
 
     By measured axis: angle, rate, angle variance, covariance of both, rate variance.
     """
@@ -75,10 +75,8 @@ def attitudes_at_leads(
         for axis, ahead in forecast.axes.items()
     }
     return tuple(
-        [
-            (lead, attitude_forecast(stamp_ns, lead, {axis: rows[k] for axis, rows in moments.items()}, yaw, yaw_rate))
-            for k, lead in enumerate(forecast.leads.tolist())
-        ]
+        (lead, attitude_forecast(stamp_ns, lead, {axis: rows[k] for axis, rows in moments.items()}, yaw, yaw_rate))
+        for k, lead in enumerate(forecast.leads.tolist())
     )
 
 
@@ -113,12 +111,11 @@ class PointForecast(NamedTuple):
     name: str
     lead: float  #: s.
     stamp_ns: int  #: The time it is for.
-    #: From the sensor's mean place, m: z is about the mean level of the point; x and y by rotation alone.
-    position: tuple[float, ...]
+    position: tuple[float, ...]  #: m from the sensor's mean place; z from the point's mean level.
     orientation: tuple[float, ...]  #: Quaternion x, y, z, w.
     pose_covariance: np.ndarray  #: (6, 6); Of x, y, z and the rotations about them.
-    linear: tuple[float, ...]  #: In the axes of the craft then, m/s and rad/s.
-    angular: tuple[float, ...]  #: In the axes of the craft then, m/s and rad/s.
+    linear: tuple[float, ...]  #: In the axes of the craft then, m/s.
+    angular: tuple[float, ...]  #: rad/s.
     twist_covariance: np.ndarray  #: (6, 6)
     acceleration: float  #: Upwards, m/s^2.
     acceleration_variance: float

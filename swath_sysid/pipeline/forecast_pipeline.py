@@ -1,15 +1,13 @@
-"""IMU samples and hull models in, forecasts out, all as plain numbers.
-
-The live node, play-through, scoring, the demonstration and the benchmarks run this object, so that all of them forecast
-the same. A sample's way: intake (stamp, frame, plausibility: once), forecaster, the values of the messages.
-"""
+"""IMU samples and hull models in, forecasts out, as plain numbers: the same for the live node and all offline runs."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import NamedTuple
 
+from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, CraftSample, ImuReading, Intake, Taken
 from swath_sysid.attitude.motion.sensor_mount import Installation
@@ -42,7 +40,7 @@ OnNext = Callable[[AttitudeForecast], None]
 
 @dataclass(frozen=True)
 class PipelineSettings:
-    """Where the sensor sits, how its stamps are read, and how is forecast."""
+    """Sensor mounting, stamp handling and forecast settings."""
 
     installation: Installation = field(default_factory=Installation)
     stamps: StampSettings = field(default_factory=StampSettings)
@@ -50,14 +48,12 @@ class PipelineSettings:
 
 
 class PipelineStep(NamedTuple):
-    """What one sample led to."""
+    """The results of one sample."""
 
     reasons: tuple[str, ...] = ()  #: From `PIPELINE_REASONS`: what was counted.
-    used: bool = False  #: False: the sample was left out, for the reason in ``reasons``.
+    used: bool = False
     next: AttitudeForecast | None = None  #: One sample ahead.
-    #: At the leads and over the horizon, when due. Their stamps are s from the first sample.
-    forecast: Forecast | None = None
-    #: At the leads and over the horizon, when due. Their stamps are s from the first sample.
+    forecast: Forecast | None = None  #: At the leads, when due; stamps are s from the first sample.
     horizon: Forecast | None = None
     #: To be fitted by `fit_sea`, in the background or at once; the result is for `ForecastPipeline.install`.
     sea_request: SeaRequest | None = None
@@ -180,3 +176,12 @@ class ForecastPipeline:
         """The running state; see `Forecaster.diagnostics`."""
         state = self.forecaster.diagnostics()
         return replace(state, advice=state.advice + self.validity.advice())
+
+
+def warm_up() -> None:
+    """Forecasts of a hull at rest, so that the first samples find everything loaded and compiled."""
+    pipeline = ForecastPipeline()
+    pipeline.set_models({'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)})
+    at_rest = CraftSample(0, *(0.0,) * 6, STANDARD_GRAVITY, *(1e-6,) * 4)
+    for number in range(3):
+        pipeline.add_sample(at_rest._replace(stamp_ns=number * 10_000_000))

@@ -1,4 +1,4 @@
-"""The live pipeline without its processes: buffer, identifier and predictor run over messages one after another."""
+"""The live pipeline without its processes: buffer, identifier and predictor run over the same messages."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -23,26 +23,24 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 
 @dataclass(frozen=True)
 class PlayThroughSettings:
-    """What the three nodes are set to."""
+    """Settings of the three nodes."""
 
     window: WindowSettings = field(default_factory=WindowSettings)
     refit: RefitSettings = field(default_factory=RefitSettings)
     forecasts: PipelineSettings = field(default_factory=PipelineSettings)
     auto_identify: bool = True  #: Refit whenever the buffer publishes a window.
-    #: s from a window to the models found in it; at the next sample if it is 0. Live, a refit takes 0.1 to 3 s.
-    refit_delay: float = 0.0
-    window_source: dict = field(default_factory=dict)  #: What names the windows' source in the provenance of models.
-    identify_interval: float = 0.0  #: s after which the window is identified by itself; 0: never.
+    refit_delay: float = 0.0  #: s from a window to its models; live, a refit takes 0.1 to 3 s.
+    window_source: dict = field(default_factory=dict)  #: Names the windows' source in the provenance of models.
+    identify_interval: float = 0.0  #: s after which the window is identified unasked; 0: never.
 
 
 class Played(NamedTuple):
-    """What one IMU message made the three nodes publish, in the order of publishing."""
+    """What the three nodes publish after one IMU message, in order."""
 
-    stamp_ns: int  #: Of the IMU message.
-    #: By axis, where they have changed; in use for this message's forecasts already.
-    models: dict[str, IdentifiedModel] | None
-    window: MotionTable | None  #: Published by itself because a free decay has ended.
-    step: PipelineStep  #: The forecasts.
+    stamp_ns: int
+    models: dict[str, IdentifiedModel] | None  #: Where they have changed; already used for this message's forecasts.
+    window: MotionTable | None  #: Published because a free decay has ended.
+    step: PipelineStep
     verdict: str | None = None  #: One line on a refit that ended.
 
 
@@ -88,7 +86,7 @@ class PlayThrough:
         taken = None if self._intake is None else self._intake.take(reading)
         step = self.forecasts.add(reading) if taken is None else self.forecasts.add_converted(taken)
         if step.sea_request is not None:
-            # it comes into use a while after its stamp, so that live, too, it is there by then
+            # used a while after its stamp, so that a live fit is ready by then
             self.forecasts.install(self._fit_sea(step.sea_request))
         finished = (self.window.add(reading) if taken is None else self.window.add_taken(taken)).finished
         if self._is_due(stamp_ns):
@@ -102,7 +100,7 @@ class PlayThrough:
         return Played(stamp_ns, models, finished.table, step, verdict)
 
     def _is_due(self, stamp_ns: int):
-        """Whether the window is to be identified by itself now."""
+        """Whether the window is to be identified unasked now."""
         interval_ns = round(self.settings.identify_interval / NANOSECOND)
         if not interval_ns:
             return False

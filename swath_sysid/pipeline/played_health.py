@@ -1,4 +1,4 @@
-"""What the diagnostics of the three nodes would be in a play-through."""
+"""The diagnostics of the three nodes in a play-through."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from swath_sysid.pipeline.validity import verdict_values
 
 
 class PlayedHealth:
-    """What the three nodes would report in a play-through, clocked by the stamps, with processing times of zero.
+    """What the three nodes report in a play-through, clocked by the stamps, with processing times of zero.
 
     ``periods``, s: between the diagnostics of imu_buffer, identifier and predictor.
     """
@@ -49,7 +49,7 @@ class PlayedHealth:
         return due
 
     def _reports_at(self, stamp_ns: int) -> list[list[tuple]]:
-        """What is due at a stamp, which begins time anew where it lies before the last."""
+        """The reports due at a stamp; time restarts where it is before the last."""
         if self._now_ns is None or stamp_ns < self._now_ns:
             self._begun_ns = stamp_ns
             self._due_ns = {node: stamp_ns + period for node, period in self._periods_ns.items()}

@@ -21,8 +21,8 @@ class Issued(NamedTuple):
     """One forecast that was issued."""
 
     stamp: float  #: s, in the record's own time.
-    forecast: Forecast  #: At the leads and over the horizon.
-    horizon: Forecast  #: At the leads and over the horizon.
+    forecast: Forecast  #: At the leads.
+    horizon: Forecast
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Run:
 
     steps: tuple[Issued, ...]
     step_times: tuple[float, ...] = ()  #: s.
-    refit_times: tuple[float, ...] = ()  #: s.
+    refit_times: tuple[float, ...] = ()
     reliability: Reliability | None = None  #: Of the quiescence that was forecast.
-    quiescence_limits: QuiescenceLimits | None = None  #: Whose keeping was forecast.
+    quiescence_limits: QuiescenceLimits | None = None
 
 
 def samples_of(trial: Trial) -> Iterator[CraftSample]:

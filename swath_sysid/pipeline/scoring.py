@@ -1,4 +1,4 @@
-"""Skill: every forecast that was issued counts, beside what it must beat."""
+"""Forecast skill: the score of every issued forecast, beside the baselines."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -38,24 +38,18 @@ class QuantitySkill:
     """Scores of one quantity; errors are root mean squares over ``deviation``."""
 
     deviation: float  #: Standard deviation of what came while it was scored: rad, m, m/s or m/s^2.
-    #: ndarray of int, shape (L,); Forecasts that count, and those that cannot because nothing was measured at their
-    #: time.
-    counted: np.ndarray
-    #: ndarray of int, shape (L,); Forecasts that count, and those that cannot because nothing was measured at their
-    #: time.
-    unmeasured: np.ndarray
-    #: dict of str to (L,); By `METHODS`; of vertical motion by those that need no measurement of it.
-    nrmse: dict[str, np.ndarray]
-    #: dict of str to (L,); Share of the counted for which the method had no value, so that persistence stood in; of
-    #: vertical motion the mean of the past, which is all that is known before it is learnt.
+    counted: np.ndarray  #: (L,); scored forecasts.
+    unmeasured: np.ndarray  #: (L,); those that cannot be scored because nothing was measured at their time.
+    nrmse: dict[str, np.ndarray]  #: (L,) by `METHODS`, of vertical motion by those that need no measurement of it.
+    #: (L,); share for which the method had no value and was replaced by persistence (vertical motion: the mean).
     stood_in: dict[str, np.ndarray]
-    coverage: np.ndarray  #: (L, 3); Share of the 50, 90 and 99 % intervals that held what came.
-    interval: np.ndarray  #: (L, 2); Of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
+    coverage: np.ndarray  #: (L, 3); of the 50, 90 and 99 % intervals.
+    interval: np.ndarray  #: (L, 2); of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
     best: tuple[str, ...]  #: The baseline with the least error, by lead.
     ratio: np.ndarray  #: (L,); Error of the forecast over that of the best baseline.
     ratio_interval: np.ndarray  #: (L, 2)
     gap_share: np.ndarray  #: (L,); Share of the counted that were issued in a gap or within `AFTER_GAP` after it.
-    gap_nrmse: dict[str, np.ndarray]  #: dict of str to (L,); Their own error, of ``forecast`` and ``persistence``.
+    gap_nrmse: dict[str, np.ndarray]  #: (L,); their error, of ``forecast`` and ``persistence``.
 
 
 @dataclass(frozen=True)
@@ -64,11 +58,11 @@ class Skill:
 
     leads: np.ndarray  #: (L,); s.
     axes: dict[str, QuantitySkill]
-    warmup: float  #: s from the record's start; forecasts issued between them were scored.
-    until: float  #: s from the record's start; forecasts issued between them were scored.
+    warmup: float  #: s from the record's start that were not scored.
+    until: float  #: s from the record's start up to which forecasts were scored.
     window: float  #: s of past that the baselines learnt from.
-    step_time: dict[str, float]  #: Seconds ('median', 'most') of the run; NaN where not measured.
-    refit_time: dict[str, float]  #: Seconds ('median', 'most') of the run; NaN where not measured.
+    step_time: dict[str, float]  #: 'median' and 'most', s; NaN where not measured.
+    refit_time: dict[str, float]
     quiescence: Reliability | None = None
     quiescence_limits: QuiescenceLimits | None = None
     advice: tuple[Advice, ...] = ()
@@ -145,7 +139,9 @@ def score(
         at = _Occasions(stamps, leads, span, record.after_gap(axis, stamps, AFTER_GAP), seed)
         methods = {FORECAST: angle, **baselines[axis]}
         results[axis] = _score(record, axis, at, methods, half_width, 'persistence')
-        advice += _advice_on(axis, results[axis])
+        missing = round(float(np.nan_to_num(results[axis].stood_in[FORECAST] * results[axis].counted).max()))
+        if missing:
+            advice.append(Advice.of('forecast-missing', missing=missing, axis=axis))
     vertical: dict[str, dict[str, QuantitySkill]] = {}
     if points:
         truth = vertical_record(trial, points)
@@ -290,10 +286,7 @@ def block_sums(stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def resampled(sums: np.ndarray, seed: int) -> np.ndarray:
-    """Totals of block sums (K, B, L) drawn with replacement (Kuensch 1989, blocks without overlap).
-
-    NaN for too few blocks.
-    """
+    """Totals of block sums (K, B, L) drawn with replacement (Kuensch 1989); NaN for too few blocks."""
     count = sums.shape[1]
     if count < _MIN_BLOCKS:
         return np.full((sums.shape[0], _REPLICATES, sums.shape[2]), np.nan)
@@ -304,13 +297,6 @@ def _middle(values: np.ndarray):
     """The central interval over replicates, shape (L, 2)."""
     tail = 0.5 * (1.0 - CONFIDENCE)
     return np.quantile(values, (tail, 1.0 - tail), axis=0).T
-
-
-def _advice_on(axis: str, scores: QuantitySkill):
-    missing = int(round(float(np.max(np.nan_to_num(scores.stood_in[FORECAST] * scores.counted)))))
-    if not missing:
-        return []
-    return [Advice.of('forecast-missing', missing=missing, axis=axis)]
 
 
 def _spread(times: Sequence[float]):

@@ -106,10 +106,7 @@ class Drawing:
 
 
 def page(title: str, sections: Iterable[tuple[str, str, Sequence[str]]]) -> str:
-    """A whole page.
-
-    Sections have an anchor, a name and parts, HTML; one whose parts are all empty is left out. All other text is plain.
-    """
+    """A whole page of sections (anchor, plain name, HTML parts); a section whose parts are all empty is left out."""
     kept = [(anchor, escaped(name), parts) for anchor, name, parts in sections if any(parts)]
     contents = ''.join(f'<li><a href="#{anchor}">{name}</a></li>' for anchor, name, _ in kept)
     body = [

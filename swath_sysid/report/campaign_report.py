@@ -47,11 +47,9 @@ REPORTED = (PAGE, MODEL, TABLES, FIGURES)  #: What a report writes into its fold
 
 
 def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) -> Path:
-    """Write everything that a campaign found, into a folder that is made where it does not exist; returns the page.
+    """Write page, tables, figures and models of a campaign into a folder, each whole or not at all; returns the page.
 
-    ``report.html``, ``tables/*.csv``, ``figures/*.svg`` and ``model.yaml``, each whole or not at all.
-    The tables depend on the trials and settings alone, not on when and where they were made; ``wall_s`` is how long
-    this run took.
+    The tables depend on trials and settings alone; ``wall_s`` is how long this run took.
     """
     folder = Path(folder)
     try:

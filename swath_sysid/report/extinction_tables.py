@@ -62,10 +62,7 @@ def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
 
 
 def _damping_units(particulars: Particulars, axis: str):
-    """What damping moments of b1, b2 and b3 are divided by to have no dimension; None where mass or size is not known.
-
-    Those of `Particulars.damping_unit` with its unit of time, sqrt(B / 2 g) or sqrt(L / g), once more each.
-    """
+    """What moments of b1, b2, b3 are divided by to be dimensionless; None where mass or size is not known."""
     linear, size = particulars.damping_unit(axis), particulars.breadth if axis == 'roll' else particulars.length
     if linear is None or particulars.mass is None or size is None:
         return None, None, None
@@ -80,10 +77,7 @@ def curve_rows(
     particulars: Particulars,
     axis: str,
 ) -> list[tuple]:
-    """Rows of the extinction curve, then of the damping that it and the fitted motion mean.
-
-    Of each fitted ratio the value and the standard deviation are given; the inertia, with added inertia, is in kg m^2.
-    """
+    """Rows of the extinction curve, then of the damping terms by curve and by fitted motion; inertia in kg m^2."""
     rows: list[tuple] = [
         (name, unit, float(value * scale), float(std * scale), None, None, None, '', None)
         for (name, unit, scale), value, std in zip(CURVE_TERMS, extinction.coefficients, extinction.std, strict=True)

@@ -22,10 +22,7 @@ if TYPE_CHECKING:
 
 
 def fit_as_data(identification: Identification, wall_s: float | None = None, inertia: float | None = None) -> dict:
-    """What ``identify --json`` prints: plain numbers, strings, lists and dicts; how long it took, s, among them.
-
-    An inertia I' adds the coefficients in the published form.
-    """
+    """What ``identify --json`` prints, as plain data; an inertia I' adds the coefficients in the published form."""
     model = identification.model
     segments = [[record.segment.start, record.segment.end] for record in identification.records]
     data = {
@@ -119,10 +116,7 @@ def _joint_lines(identification: Identification) -> list[str]:
 
 
 def ratio_lines(identified: Any, intervals: dict[str, tuple[float, float]] | None = None) -> list[str]:
-    """A line for each ratio with its unit, of whatever has a model and its deviations.
-
-    Beside it stands its standard deviation, or the upper end of an interval that begins at zero.
-    """
+    """A line per ratio with unit and standard deviation, or the upper end of an interval that begins at zero."""
     lines = []
     for name, value in identified.model.terms.items():
         std, (low, high) = identified.std[name], (intervals or {}).get(name, (-math.inf, math.inf))

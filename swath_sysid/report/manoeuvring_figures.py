@@ -1,4 +1,4 @@
-"""Pictures of manoeuvring: trajectories, histories, derivatives, residuals, standard tests."""
+"""Figures of manoeuvring: trajectories, time histories, derivatives, residuals, standard tests."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ MAX_PARAMETERS = 30
 
 
 def run_figures(found: ManoeuvringIdentification, window: float = 20.0) -> dict[str, Figure]:
-    """Trajectory and histories of every run, measured and simulated in windows, s; by file name without ending."""
+    """Trajectory and time histories of every run, measured and simulated in windows of some s; by file name without
+    ending.
+    """
     figures = {}
     for label, runs, currents in (
         ('identification', found.identified_on, found.currents),
@@ -51,7 +53,7 @@ def summary_figures(found: ManoeuvringIdentification, window: float = 20.0) -> d
 
 
 def test_figure(report: ManoeuvringTest, model: ManoeuvringModel) -> Figure:
-    """Track, histories, and, where a test makes one, its curve."""
+    """Track, time histories and, where the test has one, its curve."""
     figure = new_figure(10, 6)
     track_axes, *others = _grid(figure)
     m = report.manoeuvre
@@ -86,7 +88,7 @@ def test_figure(report: ManoeuvringTest, model: ManoeuvringModel) -> Figure:
 
 
 def forecast_figure(scores: ForecastScores, future: str) -> Figure:
-    """Errors against lead, a panel a quantity, a line a method."""
+    """Errors against lead: one panel per quantity, one line per method."""
     figure = new_figure(12, 6.5)
     panels = figure.subplots(2, 3).ravel()
     labels = {

@@ -22,7 +22,7 @@ FIGURE_OF_RUN = {'identification': '4', 'validation': '5'}
 
 
 def manoeuvring_page(study: ManoeuvringStudy, wall_s: float) -> str:
-    """HTML of the study carried out again; see `ManoeuvringStudy`."""
+    """HTML of the repeated study."""
     with matplotlib.rc_context(STYLE):
         tracks = figures([*_trajectories(study), *_turns(study)])
         iterations = figures(list(_iterations(study)))

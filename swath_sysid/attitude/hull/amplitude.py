@@ -56,10 +56,7 @@ def _meets(ratios: np.ndarray, centre: np.ndarray, amplitude: np.ndarray) -> np.
 
 
 def orbit_centre(ratios: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
-    """Middle of the undamped orbit of each amplitude (A,), rad from trim, by Newton's method.
-
-    Zero for odd restoring.
-    """
+    """Middle of the undamped orbit of each amplitude (A,), rad from trim, by Newton's method."""
     centre = np.zeros_like(amplitude)
     if not (ratios[5] or ratios[8]):
         return centre

@@ -108,10 +108,7 @@ def told(equation: Equation, axis: str) -> str:
 
 
 def equations_of_axis(axis: str) -> tuple[Equation, ...]:
-    """The equations compared by default for ``roll`` or ``pitch``.
-
-    The published ones and our own, one for each set of terms.
-    """
+    """The equations compared by default for ``roll`` or ``pitch``, one for each set of terms."""
     distinct: dict[tuple[str, ...], Equation] = {}
     for name in (*OWN_EQUATIONS, *_AXIS_EQUATIONS[axis]):
         distinct.setdefault(EQUATIONS[name].terms, EQUATIONS[name])

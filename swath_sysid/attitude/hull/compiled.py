@@ -12,13 +12,7 @@ term_moments = accelerated(terms.term_moments)
 
 
 def step_of_arrays(
-    x: Value,
-    rate: Value,
-    moment: float,
-    step: float,
-    ratios: Value,
-    active: tuple[bool, ...],
-    friction_rate: float,
+    x: Value, rate: Value, moment: float, step: float, ratios: Value, active: tuple[bool, ...], friction_rate: float
 ) -> tuple[Value, Value, Value]:
     """One classical Runge-Kutta step, s, of a hull under a held moment over inertia, rad/s^2.
 

@@ -60,8 +60,8 @@ class Equation:
 class DecayModel:
     """An equation with its ratios: the motion of a hull about one axis."""
 
-    equation: Equation  #: The terms in use.
-    ratios: np.ndarray  #: (9,); Ratios to inertia in the order of ``TERM_NAMES``; zero where a term is not in use.
+    equation: Equation
+    ratios: np.ndarray  #: (9,); to inertia, in the order of ``TERM_NAMES``; zero where a term is not in use.
     trim: float = 0.0  #: The angle of rest, rad.
     friction_rate: float = DEFAULT_FRICTION_RATE  #: Rate over which the sign of dry friction is smoothed, rad/s.
     axis: str = 'pitch'  #: ``roll`` or ``pitch``.

@@ -1,7 +1,7 @@
 """Conversion between ratios to inertia and the coefficients as the papers print them.
 
-    b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
-    s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
+b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
+s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
 """
 
 from dataclasses import dataclass
@@ -18,17 +18,11 @@ class PublishedForm:
 
     inertia: float  #: I', with added inertia, kg m^2 (the papers non-dimensionalise; any unit shared by all).
     linear_damping: float = 0.0  #: N; the linear damping moment is 2 N w.
-    quadratic_damping: float = 0.0  #: W and x.
-    cubic_damping: float = 0.0  #: W and x.
-    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
-    #: C2 sine (also printed D H).
-    c1: float = 0.0
-    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
-    #: C2 sine (also printed D H).
-    c2: float = 0.0
-    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
-    #: C2 sine (also printed D H).
-    c3: float = 0.0
+    quadratic_damping: float = 0.0  #: W.
+    cubic_damping: float = 0.0  #: x.
+    c1: float = 0.0  #: Restoring: cubic, or sine-squared in sine forms.
+    c2: float = 0.0  #: Quadratic, or sine (also printed D H).
+    c3: float = 0.0  #: Linear (also printed D h); not in sine forms.
     friction: float = 0.0  #: Dry friction moment, ours; not in any paper.
 
     def __post_init__(self) -> None:
@@ -64,10 +58,7 @@ def from_published(equation: Equation, form: PublishedForm, axis: str, trim: flo
 
 
 def to_published(model: DecayModel, inertia: float) -> PublishedForm:
-    """Coefficients in the published form for a given inertia, kg m^2.
-
-    Polynomial and sine restoring terms do not mix.
-    """
+    """Coefficients in the published form for a given inertia, kg m^2."""
     sine_form = _is_sine_form(model.equation)
     if not inertia > 0.0:
         raise InputError(f"the inertia I' must be greater than zero, not {inertia}")
@@ -85,10 +76,7 @@ def to_published(model: DecayModel, inertia: float) -> PublishedForm:
 
 
 def inertia_from_metacentric_height(model: DecayModel, mass: float, metacentric_height: float) -> float:
-    """Inertia with added inertia from hydrostatics, kg m^2.
-
-    I' = m g GM / (r1 + s1); mass in kg, GM of the axis in m.
-    """
+    """Inertia with added inertia, kg m^2, from mass, kg, and GM of the axis, m: I' = m g GM / (r1 + s1)."""
     stiffness = model.ratios[R1] + model.ratios[S1]
     if not (mass > 0.0 and metacentric_height > 0.0 and stiffness > 0.0):
         raise InputError('inertia from hydrostatics needs a positive mass, metacentric height and linear restoring')

@@ -70,10 +70,18 @@ class ScheduledModel:
         first, last = self.loadings[0], self.loadings[-1]
         if not first * (1.0 - SAME) <= loading <= last * (1.0 + SAME):
             nearest = min(max(loading, first), last)
-            return self._mixed(nearest), (self._outside(loading, nearest),)
+            advice = Advice.of(
+                'loading-outside',
+                quantity=self.quantity,
+                lowest=first,
+                highest=last,
+                loading=loading,
+                nearest=nearest,
+            )
+            return self._mixed(nearest), (advice,)
         mixed = self._mixed(min(max(loading, first), last))
         if len(self.loadings) == 2 and min(abs(loading - v) / v for v in self.loadings) > SAME:
-            return mixed, (self._curvature_unknown(),)
+            return mixed, (Advice.of('loading-curvature-unknown', quantity=self.quantity),)
         return mixed, ()
 
     def _mixed(self, loading: float) -> IdentifiedModel:
@@ -105,7 +113,7 @@ class ScheduledModel:
             'loading': loading,
             'between': list(self.loadings[left : right + 1]),
         }
-        return IdentifiedModel(model, covariance, trim_std, amplitudes, {}, provenance)
+        return IdentifiedModel(model, covariance, trim_std, amplitudes, provenance=provenance)
 
     def _missed(self, left: int, loading: float) -> np.ndarray:
         """What linear interpolation may miss of each ratio, shape (n,)."""
@@ -131,19 +139,6 @@ class ScheduledModel:
     def ratio(self, name: str) -> np.ndarray:
         """The identified values of one ratio, shape (loadings,)."""
         return np.array([m.model.ratios[TERM_INDEX[name]] for m in self.models])
-
-    def _outside(self, loading: float, nearest: float) -> Advice:
-        return Advice.of(
-            'loading-outside',
-            quantity=self.quantity,
-            lowest=self.loadings[0],
-            highest=self.loadings[-1],
-            loading=loading,
-            nearest=nearest,
-        )
-
-    def _curvature_unknown(self) -> Advice:
-        return Advice.of('loading-curvature-unknown', quantity=self.quantity)
 
 
 def models_at(

@@ -39,10 +39,10 @@ class CraftSettings:
 class CraftReading:
     """What the sensor measures at one sample, in the craft's axes."""
 
-    roll: float  #: Euler angles and rates, rad and rad/s.
-    pitch: float  #: Euler angles and rates, rad and rad/s.
-    roll_rate: float  #: Euler angles and rates, rad and rad/s.
-    pitch_rate: float  #: Euler angles and rates, rad and rad/s.
+    roll: float  #: rad.
+    pitch: float
+    roll_rate: float  #: Euler rate, rad/s.
+    pitch_rate: float
     force: tuple[float, float, float]  #: Specific force, m/s^2.
 
 

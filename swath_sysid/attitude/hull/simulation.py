@@ -25,7 +25,7 @@ def _one_by_one(
     rates: np.ndarray,
     accelerations: np.ndarray,
 ) -> None:
-    """All candidates step by step, each in registers: without temporary arrays twice as fast, compiled."""
+    """All candidates one after the other, in registers: without temporary arrays twice as fast, compiled."""
     x, rate = x.copy(), rate.copy()
     for k in range(angles.shape[0]):
         for p in range(x.size):
@@ -55,7 +55,7 @@ def _side_by_side(
     rates: np.ndarray,
     accelerations: np.ndarray,
 ) -> None:
-    """All candidates at once: what plain Python is fast at."""
+    """All candidates at once, which is fast in plain Python."""
     rows = tuple(ratios)
     for k in range(angles.shape[0]):
         angles[k], rates[k] = x, rate
@@ -83,10 +83,7 @@ def runge_kutta_population(
 
 
 def hermite_weights(fraction: np.ndarray, step: float) -> np.ndarray:
-    """Cubic Hermite weights (4, N) at places (N,), 0 to 1, in a step, s.
-
-    Value and slope before, value and slope after.
-    """
+    """Cubic Hermite weights (4, N) of value, slope, next value and next slope, at (N,) of 0 to 1 in a step, s."""
     t = fraction
     return np.array(
         [

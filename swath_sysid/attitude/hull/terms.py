@@ -105,17 +105,5 @@ def restoring_energy(x: Value, ratios: Value) -> Value:
 
 def term_moments(x: np.ndarray | float, rate: np.ndarray | float, friction_rate: float) -> np.ndarray:
     """Moment over inertia of each term at ratio one, (9, N), so that ``acceleration = -ratios @ term_moments``."""
-    sine = np.sin(x)
-    return np.array(
-        [
-            np.tanh(rate / friction_rate),
-            rate,
-            np.abs(rate) * rate,
-            rate**3,
-            x,
-            x**2,
-            x**3,
-            sine,
-            sine**2,
-        ]
-    )
+    friction, sine = np.tanh(rate / friction_rate), np.sin(x)
+    return np.array([friction, rate, np.abs(rate) * rate, rate**3, x, x**2, x**3, sine, sine**2])

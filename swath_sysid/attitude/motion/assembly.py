@@ -85,26 +85,15 @@ def _craft_channels(
     if _has(readings, QUATERNION):
         invalid = int(np.count_nonzero(~attitude.is_orientation(*_parts(readings, QUATERNION))))
         if invalid:
-            advice.append(
-                Advice(
-                    'invalid-orientation',
-                    (
-                        f'{invalid} of {len(readings[QUATERNION[0]])} quaternions are invalid and were left out: '
-                        f'check the sensor driver'
-                    ),
-                )
-            )
+            advice.append(Advice.of('invalid-orientation', invalid=invalid, number=len(time)))
         if not np.isfinite(angles['roll']).any():
             angles = {}
     rates = {}
     if any(part in readings for part in GYRO[:2]):
         body = _turned_vector(readings, GYRO, installation, name)
         if _has(body, GYRO) and 'roll' in angles and 'pitch' in angles:
-            rates = dict(
-                zip(
-                    EULER_RATES, attitude.euler_rates(angles['roll'], angles['pitch'], *_parts(body, GYRO)), strict=True
-                )
-            )
+            turned = attitude.euler_rates(angles['roll'], angles['pitch'], *_parts(body, GYRO))
+            rates = dict(zip(EULER_RATES, turned, strict=True))
         else:
             rates = {euler: body[part] for euler, part in zip(EULER_RATES, GYRO, strict=True) if part in body}
     from_gyro = set(rates) - {'yaw_rate'}
@@ -115,15 +104,7 @@ def _craft_channels(
             rates['yaw_rate'] = turning
     force = _turned_vector(readings, ACCEL, installation, name)
     if from_gyro - set(readings) and not ('roll' in angles and 'pitch' in angles and _has(readings, GYRO)):
-        advice.append(
-            Advice(
-                'body-rates',
-                (
-                    'the angles (or a gyro axis) are not known, so body rates stand for the Euler rates, which is '
-                    'good for small angles only: record roll, pitch and all three gyro axes'
-                ),
-            )
-        )
+        advice.append(Advice.of('body-rates'))
     heave = {'heave': _upward(installation) * readings['heave']} if 'heave' in readings else {}
     return {**angles, **rates, **force, **heave}, advice
 

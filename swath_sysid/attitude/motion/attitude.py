@@ -163,10 +163,7 @@ def conjugate(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
 
 
 def rotate(rotation: Quaternion, x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
-    """A vector v turned by a unit quaternion.
-
-    ``v + 2 w (u x v) + 2 u x (u x v)``, u the vector part; [1], section 2.2.2.
-    """
+    """A vector turned by a unit quaternion (u, w): ``v + 2 w (u x v) + 2 u x (u x v)``; [1], section 2.2.2."""
     ux, uy, uz, w = rotation
     cx, cy, cz = 2 * (uy * z - uz * y), 2 * (uz * x - ux * z), 2 * (ux * y - uy * x)
     return (

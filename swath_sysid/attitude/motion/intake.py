@@ -1,4 +1,4 @@
-"""The intake: IMU messages, as plain numbers, to samples of the craft's motion."""
+"""Conversion of IMU messages, as plain numbers, to samples of the craft's motion."""
 
 from collections.abc import Sequence
 from math import inf, isfinite, nan, radians
@@ -42,8 +42,7 @@ _LARGEST_RATE, _LARGEST_ACCELERATION = limit_of('roll_rate'), limit_of('accel_x'
 #: A sensor with a larger variance measures nothing, or its covariance is not in rad^2 and rad^2/s^2.
 LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE = limit_of('roll') ** 2, _LARGEST_RATE**2
 
-#: Beyond it roll and yaw can hardly be separated, and every rate error is more than five times as large in theirs.
-LARGEST_PITCH = radians(80.0)
+LARGEST_PITCH = radians(80.0)  #: Beyond it roll and yaw can hardly be separated.
 
 
 class ImuReading(NamedTuple):
@@ -63,19 +62,19 @@ class CraftSample(NamedTuple):
     """The motion of the craft at one stamp. NaN marks what is not measured or not known."""
 
     stamp_ns: int
-    roll: float  #: Euler angles and rates, rad and rad/s.
-    pitch: float  #: Euler angles and rates, rad and rad/s.
-    roll_rate: float  #: Euler angles and rates, rad and rad/s.
-    pitch_rate: float  #: Euler angles and rates, rad and rad/s.
+    roll: float  #: rad.
+    pitch: float
+    roll_rate: float  #: Euler rate, rad/s.
+    pitch_rate: float
     accel_x: float  #: Specific force in the craft's axes, m/s^2.
-    accel_y: float  #: Specific force in the craft's axes, m/s^2.
-    accel_z: float  #: Specific force in the craft's axes, m/s^2.
-    roll_variance: float  #: rad^2 and rad^2/s^2.
-    pitch_variance: float  #: rad^2 and rad^2/s^2.
-    roll_rate_variance: float  #: rad^2 and rad^2/s^2.
-    pitch_rate_variance: float  #: rad^2 and rad^2/s^2.
-    yaw: float = nan  #: rad and rad/s.
-    yaw_rate: float = nan  #: rad and rad/s.
+    accel_y: float
+    accel_z: float
+    roll_variance: float  #: rad^2.
+    pitch_variance: float
+    roll_rate_variance: float  #: rad^2/s^2.
+    pitch_rate_variance: float
+    yaw: float = nan  #: rad.
+    yaw_rate: float = nan  #: rad/s.
     heave: float = nan  #: m, upwards; known from records only.
 
     @property

@@ -364,10 +364,7 @@ def samples_a_bin(interval: float) -> int:
 
 
 def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tuple[np.ndarray, ...]:
-    """Time (N,) and angles, rates and specific force (N, 3) averaged over bins of `BIN` s.
-
-    A missing value makes its bin NaN.
-    """
+    """Time (N,) and angles, rates and specific force (N, 3) averaged over bins of `BIN` s, NaN if one is missing."""
     count = samples_a_bin(interval)
     if count == 1 or time.size < 2 * count:
         return time, *parts
@@ -535,10 +532,7 @@ def accelerations_follow(angles: np.ndarray, force: np.ndarray) -> int:
 def _rates_against_angles(
     slopes: Sequence[Slope], interval: float, accelerations: int, installation: Installation
 ) -> list[Contradiction]:
-    """Contradictions between rates and angles; ``accelerations``.
-
-    Sign with which they follow the tilt, 0 if unknown.
-    """
+    """Contradictions between rates and angles; ``accelerations`` is the sign with which they follow the tilt, or 0."""
     if slopes and not all(slope.follows for slope in slopes):
         delayed = float(np.mean([slope.lagged for slope in slopes]))
         rearranged = _rearranged(slopes, accelerations, installation, max(EXPLAINS, delayed))
@@ -636,10 +630,7 @@ def _evened(time: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> tuple[fl
 
 
 def agreement(slopes: Iterable[Slope], arrangement: np.ndarray) -> float:
-    """Mean correlation of the rates with the slopes of the angles, rearranged by a signed permutation.
-
-    0 if nothing moves.
-    """
+    """Mean correlation of the rates, rearranged by a signed permutation, with the slopes; 0 where nothing moves."""
     rows = np.argmax(np.abs(arrangement), axis=0)
     correlations = [arrangement[rows[each.axis], each.axis] * each.correlations[rows[each.axis]] for each in slopes]
     known = [float(correlation) for correlation in correlations if isfinite(correlation)]

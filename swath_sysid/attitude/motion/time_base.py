@@ -61,21 +61,14 @@ def _check_numbering(time: np.ndarray, motions: Sequence[np.ndarray], name: str)
     )
     if not periods or min(periods) <= DOUBTFUL_PERIOD:
         return ()
-    doubt = (
-        f'{name} counts 0, 1, 2, ..., by which the craft would take {min(periods):.3g} s a cycle: if it numbers the '
-        f'samples, call it time_samples and put a line "# sample_rate_hz: 100" above; if it counts milliseconds, call '
-        f'it time_ms'
-    )
+    doubt = Advice.of('time-unit', name=name, period=min(periods))
     if plain and min(plain) > LONGEST_PERIOD:
-        raise InputError(doubt)
-    return (Advice('time-unit', doubt),)
+        raise InputError(doubt.message)
+    return (doubt,)
 
 
 def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CYCLES) -> float | None:
-    """Mean period, s, of a motion (N,) by its upward crossings of the median.
-
-    None with fewer than ``min_cycles`` cycles.
-    """
+    """Mean period, s, of a motion (N,) by its upward crossings of the median; None with fewer cycles than these."""
     known = np.isfinite(motion)
     if np.count_nonzero(known) < 4:
         return None

@@ -22,8 +22,8 @@ class AxisMotion:
 
     axis: str
     time: np.ndarray  #: (N,); Seconds, strictly increasing, not necessarily even.
-    angle: np.ndarray | None  #: (N,), or None; rad, and Euler rate, rad/s; None where the sensor gave none.
-    rate: np.ndarray | None  #: (N,), or None; rad, and Euler rate, rad/s; None where the sensor gave none.
+    angle: np.ndarray | None  #: (N,); rad; None where the sensor gave none.
+    rate: np.ndarray | None  #: (N,); Euler rate, rad/s; None where the sensor gave none.
     source: str = ''
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
 
@@ -89,8 +89,8 @@ class Trial:
     yaw_rate: np.ndarray | None = None
     heave: np.ndarray | None = None
     source: str = ''  #: The file (or topic) the trial was read from.
-    draft: float | None = None  #: m and rad, where known.
-    initial_angle: float | None = None  #: m and rad, where known.
+    draft: float | None = None  #: m.
+    initial_angle: float | None = None  #: rad.
     advice: tuple[Advice, ...] = ()  #: What the reader had to repair or leave out.
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
 

@@ -13,8 +13,8 @@ from scipy.ndimage import gaussian_filter1d
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, without_spikes
 
-MAX_SAMPLES = 65536  #: Longer records are averaged down to this many samples: 20 a period for an hour of a 1 s period.
-MIN_PER_PERIOD = 32  #: Samples a period on the coarsest grid used: its smoothing takes 2 % of the amplitude at most.
+MAX_SAMPLES = 65536  #: Longer records are averaged down to this many samples: 20 per period in an hour of 1 s periods.
+MIN_PER_PERIOD = 32  #: Samples per period on the coarsest grid used: its smoothing takes 2 % of the amplitude at most.
 MIN_PER_PERIOD_UNSMOOTHED = 5  #: On the finest grid nothing is smoothed, and slow sampling is all there is.
 PROMINENCE = 5.0  #: A turning point stands out by this many standard deviations of the noise left on its grid.
 RESOLVED_STEPS = 1.5  #: ... by this many steps of rounded values: where the motion is slow, averaging does not help,
@@ -37,7 +37,7 @@ class EvenSignal:
     value: np.ndarray  #: (N,); rad or rad/s.
     noise: float  #: Standard deviation of the white noise in ``value``.
     resolution: float  #: Smallest step between the values as they were recorded.
-    gaps: np.ndarray  #: (K, 2); Begin and end of the stretches without samples, s; interpolated in ``value``.
+    gaps: np.ndarray  #: (K, 2); start and end of the gaps, s; interpolated in ``value``.
     smoothed: bool = False  #: False on the finest grid as it was measured.
     record_end: float = np.inf  #: Time of the record's last sample, s; coarse grids end a little earlier.
 
@@ -60,8 +60,8 @@ class EvenSignal:
 class TurningPoints:
     """Alternate maxima and minima of a motion."""
 
-    time: np.ndarray  #: (M,); s; rad, or rad/s where ``quantity`` is ``rate``, because no angle was measured.
-    value: np.ndarray  #: (M,); s; rad, or rad/s where ``quantity`` is ``rate``, because no angle was measured.
+    time: np.ndarray  #: (M,); s.
+    value: np.ndarray  #: (M,); rad, or rad/s where ``quantity`` is ``rate``.
     quantity: str
     noise: float  #: Standard deviation of the noise of one value.
 

@@ -1,4 +1,4 @@
-"""The motion window: the last minute of motion in fixed memory, and the decays that end in it."""
+"""The last minute of motion in fixed memory, and the decays that end in it."""
 
 from __future__ import annotations
 
@@ -68,11 +68,7 @@ class MotionTable:
     noticed: NoticedDecay | None = None
 
     def trial(self, source: str = 'the motion window') -> Trial:
-        """The rows as a trial whose time begins at zero.
-
-        Raises:
-            InputError: The window is empty.
-        """
+        """The rows as a trial whose time starts at zero."""
         if not len(self.rows):
             raise InputError('the motion window is empty: check that the IMU publishes and that imu_buffer receives it')
         time, *channels = np.ascontiguousarray(self.rows.T)
@@ -98,13 +94,7 @@ class WindowStep(NamedTuple):
 
 
 class MotionWindow:
-    """The last samples of an IMU as the motion of the craft, in memory that does not grow.
-
-    Pure: time is the stamps, the same messages give the same windows.
-
-    Args:
-        intake: That of the settings, where another core shares it.
-    """
+    """The last samples of an IMU as the motion of the craft, in fixed memory, clocked by the stamps."""
 
     def __init__(self, settings: WindowSettings | None = None, intake: Intake | None = None) -> None:
         self.settings = settings or WindowSettings()
@@ -195,11 +185,7 @@ class MotionWindow:
         return WindowStep(True, reasons, self._watch.look(sample, self))
 
     def table(self, since: float | None = None) -> MotionTable:
-        """The rows, oldest first.
-
-        Args:
-            since: Stamp of the first row wanted, s.
-        """
+        """The rows, oldest first, from a stamp on, s."""
         rows = self._rows.last()
         if since is not None:
             rows = rows[np.searchsorted(rows[:, 0], since) :]
@@ -213,10 +199,7 @@ class MotionWindow:
 
 
 class DecayWatch:
-    """Notices, from the samples as they come, that a free decay has ended.
-
-    Looking for one takes 10 ms, so it is done only when large motion has died down.
-    """
+    """Notices that a free decay has ended; looking takes 10 ms, so it waits until large motion has died down."""
 
     def __init__(self, settings: WindowSettings) -> None:
         self._settings = settings
@@ -316,12 +299,7 @@ class _AxisWatch:
 
 
 def averaged(table: MotionTable, rate: float) -> MotionTable:
-    """A table with the means of its rows over even intervals, where it has more than ``rate`` rows a second.
-
-    Args:
-        table: Of any rate.
-        rate: Hz.
-    """
+    """A table with more than ``rate`` rows per second averaged over even intervals of that rate, Hz."""
     rows = table.rows
     if len(rows) < 2:
         return table

@@ -18,12 +18,12 @@ STUDIES = (*DECAY_STUDIES, MANOEUVRING_STUDY)
 class PrintedTable:
     """A printed table or equation."""
 
-    table: str  #: Which of the study.
-    draft_factor: float | None = None  #: Of the record that it is of, where it is of one.
-    angle_deg: float | None = None  #: Of the record that it is of, where it is of one.
+    table: str  #: Which table of the study.
+    draft_factor: float | None = None
+    angle_deg: float | None = None
     rows: tuple = ()
-    ratios: dict = field(default_factory=dict)  #: Of the chosen equation: over the inertia, or with it.
-    published_form: dict = field(default_factory=dict)  #: Of the chosen equation: over the inertia, or with it.
+    ratios: dict = field(default_factory=dict)  #: Of the chosen equation, over the inertia.
+    published_form: dict = field(default_factory=dict)  #: Of the chosen equation, with the inertia.
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,13 @@ class DecayPublication:
     craft: dict  #: Particulars, by the keys of a manifest.
     equations: tuple  #: In the order of the study.
     chosen: str
-    #: Assumed: a ratio at draft factor f is that at design draft times f to this power, 0 where not listed.
-    draft_powers: dict
+    draft_powers: dict  #: Assumed: a ratio is proportional to the draft factor to this power, 0 where not listed.
     duration_s: float
     repeats: int
     objective: PrintedTable  #: Rows of draft_factor, angle_deg and values, rad/s.
     coefficients: PrintedTable
-    figures: tuple  #: Specifications; see the files.
-    claims: tuple  #: Specifications; see the files.
+    figures: tuple
+    claims: tuple
     next_step: PrintedTable | None = None  #: Rows of time, s, measured and identified rate, rad/s, and error, %.
 
     @property
@@ -56,10 +55,7 @@ class DecayPublication:
 
     @property
     def out_of_order(self) -> tuple[tuple, ...]:
-        """(draft factor, angle, larger, contained equation) where the larger is printed with the larger value.
-
-        An equation that contains another cannot fit worse than it: such a search had not converged.
-        """
+        """(draft factor, angle, larger, contained equation) where the larger equation has the larger value."""
         return tuple(
             (*place, big, small)
             for place, values in self.printed_objective.items()

@@ -13,8 +13,8 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
 
 STEP = 0.1
-DURATION = 180.0  #: s; after which a craft under held inputs is taken as steady.
-SHARES = (0.25, 0.5, 0.75)  #: Mean inputs, of the largest; what is left of the faster thruster steers.
+DURATION = 180.0  #: s, after which a craft under held inputs is steady.
+SHARES = (0.25, 0.5, 0.75)  #: Mean inputs as shares of the largest; the faster thruster has the rest for steering.
 
 RISE = 1.0 - math.exp(-1.0)
 
@@ -102,14 +102,14 @@ def _simplified(rows: Sequence[dict]) -> tuple[Advice, ...]:
 
 
 def _held(model: ManoeuvringModel, port: float, starboard: float, speed: float = 0.0, before: float = 0.0) -> Manoeuvre:
-    """Run in still water under inputs that follow on one step, `STEP`, of ``before``, which has acted for long."""
+    """Run in still water under inputs that step from ``before``, long held, at `STEP` s."""
     steps = round(DURATION / STEP)
     left, right = (np.append(before, np.full(steps, value)) for value in (port, starboard))
     return simulate(model, left, right, STEP, (speed, 0.0, 0.0), current=(0.0, 0.0))
 
 
 def _row(model: ManoeuvringModel, share: float) -> dict:
-    """Straight speed, the hardest turn to port, and the stop from that speed at a mean input."""
+    """Straight speed, hardest turn to port, and stop from that speed, at a mean input."""
     full = model.largest_input
     base = share * full
     straight = float(_held(model, base, base).u[-1])
@@ -132,7 +132,7 @@ def _row(model: ManoeuvringModel, share: float) -> dict:
 
 
 def _until_stopped(model: ManoeuvringModel, speed: float, before: float) -> tuple[float, float]:
-    """Time, s, and way, m, under full astern; NaN where it does not stop."""
+    """Time, s, and distance, m, under full astern; NaN where it does not stop."""
     full = model.largest_input
     run = _held(model, -full, -full, speed, before)
     stopped = np.flatnonzero(run.u <= 0.0)
@@ -144,7 +144,7 @@ def _until_stopped(model: ManoeuvringModel, speed: float, before: float) -> tupl
 
 
 def _mean_rise(values: np.ndarray, delay: float) -> float:
-    """Mean slope of a response to a step until it has come to 63 % of its end, the delay taken off."""
+    """Mean slope of a step response up to 63 % of its final value, without the delay."""
     reached = np.flatnonzero(values >= RISE * values[-1])
     return float(RISE * values[-1] / max((reached[0] - 1) * STEP - delay, STEP)) if reached.size else float('nan')
 

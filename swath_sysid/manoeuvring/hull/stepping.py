@@ -1,4 +1,4 @@
-"""A craft that is steered while it moves: the simulation, one step at a time."""
+"""Step-by-step simulation of a craft whose inputs depend on its motion."""
 
 import numpy as np
 
@@ -15,13 +15,7 @@ from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 
 
 class SteeredCraft:
-    """A craft under inputs that may depend on what it does.
-
-    Args:
-        step: s.
-        first_input: Both inputs before the start; the craft starts at the speed they drive, heading east.
-        at_rest: Start at rest instead.
-    """
+    """A craft heading east, steered step by step (s), from the steady speed of ``first_input`` or from rest."""
 
     def __init__(self, model: ManoeuvringModel, step: float, first_input: float = 0.0, at_rest: bool = False):
         self.model, self.step = model, step
@@ -69,12 +63,12 @@ class SteeredCraft:
         self._inputs.append((port, starboard))
 
     def hold(self, port: float, starboard: float, duration: float) -> None:
-        """Hold both inputs for a while, s."""
+        """Hold both inputs for a duration, s."""
         for _ in range(round(duration / self.step)):
             self.advance(port, starboard)
 
     def manoeuvre(self) -> Manoeuvre:
-        """Everything since the start."""
+        """All motion since the start."""
         u, v, r, psi, x, y = np.array(self._rows).T
         inputs = np.array([*self._inputs, self._inputs[-1]])
         east, north = self.model.current

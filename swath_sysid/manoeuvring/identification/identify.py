@@ -39,27 +39,26 @@ from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleSho
 from swath_sysid.manoeuvring.identification.validation import Scores, score
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
-ALIKE = 0.5  #: Share of the longer of two time constants from which the shorter one can be taken for it.
+ALIKE = 0.5  #: Time constants with a larger ratio than this, short to long, can be confused.
 UNCERTAIN = 0.5  #: A standard deviation beyond this share of a value makes it uncertain.
-STRANGE_MASS = 0.6  #: No hull of a small craft has more added mass in surge than this share of its mass.
-MORE_THAN_NOISE = 2.0  #: A simulation within so many times the sensor's own noise is not called poor.
-MIN_DIFFERENCE = 0.02  #: m/s; runs whose currents differ by less have one current.
+STRANGE_MASS = 0.6  #: Largest added mass in surge of a small craft, as a share of its mass.
+MORE_THAN_NOISE = 2.0  #: A simulation error within so many times the sensor noise is not poor.
+MIN_DIFFERENCE = 0.02  #: m/s; currents of runs that differ by less are one current.
 
-#: Of a step, in the last fit: thrust that is held for as long as its lag lowers the lag, and raises the inertia.
-PARTS = 3
+PARTS = 3  #: Parts of a step in the last fit; thrust held for as long as its lag biases lag and inertia.
 
 GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
 
 
 @dataclass(frozen=True)
 class Derivative:
-    """One identified number."""
+    """One identified parameter."""
 
-    value: float  #: In the unit of the parameter; std NaN where it was given or assumed.
-    std: float  #: In the unit of the parameter; std NaN where it was given or assumed.
-    prime: float | None  #: Without dimensions; None for the thrusters' parameters.
+    value: float  #: In ``unit``.
+    std: float  #: In ``unit``; NaN where it was given or assumed.
+    prime: float | None  #: Non-dimensional; None for the parameters of the thrusters.
     unit: str
-    flags: tuple[str, ...] = ()  #: Codes of the warnings that concern it.
+    flags: tuple[str, ...] = ()  #: Codes of its warnings.
 
 
 @dataclass(frozen=True)
@@ -67,11 +66,11 @@ class ManoeuvringIdentification:
     """Outcome of `identify_manoeuvring`."""
 
     model: ManoeuvringModel
-    names: tuple[str, ...]  #: What was identified, thrusters and current included.
+    names: tuple[str, ...]  #: Identified parameters, thrusters and current included.
     values: np.ndarray  #: (n,)
     covariance: np.ndarray  #: (n, n)
     derivatives: dict[str, Derivative]
-    fixed: dict[str, float]  #: What was given or assumed, by name.
+    fixed: dict[str, float]  #: Given or assumed parameters.
     prime_units: PrimeUnits
     noise: np.ndarray  #: (3,); Residual standard deviation of surge, sway, yaw rate.
     identification: Scores
@@ -79,8 +78,8 @@ class ManoeuvringIdentification:
     identified_on: tuple
     validated_on: tuple
     stability: StabilityCheck
-    rejected: dict[str, str]  #: Terms that were tried and refused, and why.
-    currents: np.ndarray  #: (R, 2); East and north, m/s, of each run identified on, by its own motion.
+    rejected: dict[str, str]  #: Rejected terms and why.
+    currents: np.ndarray  #: (R, 2); East and north, m/s, of each run of the identification.
     effective_samples: float
     evaluations: int
     advice: tuple[Advice, ...]
@@ -195,10 +194,8 @@ def identify_manoeuvring(
 
 
 def split(runs: Sequence[Run], share: float = 1.0 / 3.0) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
-    """Runs to identify from, and runs held out: those without which the others still span the motion.
-
-    Returns:
-        kept, held_out: Nothing is held out of fewer than three.
+    """Runs to identify from, and runs held out, whose motion the others still cover; none is held out of fewer than
+    three.
     """
     if len(runs) < 3:
         return tuple(runs), ()
@@ -232,7 +229,7 @@ def _span(run: Run):
 def _searched(
     problem: Problem, shooting: MultipleShooting, settings: ManoeuvringSettings, note: Callable[[float], object]
 ):
-    """The better of the regression's start and the best of a genetic search around it."""
+    """The better of the start by regression and the best of a genetic search around it."""
     start = problem.start(problem.free)
     unknowns = problem.unknowns(problem.free)
     start = np.clip(start, unknowns.lower, unknowns.upper)
@@ -249,7 +246,7 @@ def _searched(
 
 
 def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
-    """Derivatives with their flags, and advice for what cannot be told apart."""
+    """Derivatives with their flags, and advice for those that cannot be separated."""
     std = np.sqrt(np.diag(found.covariance.matrix))
     unknowns = problem.unknowns(found.names)
     flags: dict[str, list[str]] = {name: [] for name in found.names}
@@ -297,10 +294,9 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
 
 
 def _exchangeable(model: ManoeuvringModel, found: Fit, region: Region):
-    """Advice that the thrusters' lag and the hull's time constant of surge stand in for each other.
-
-    Speed answers to thrust through both alike, so that their sum and product are found, not which is which; near each
-    other, small errors of the product move them far, which is beyond a linear standard deviation.
+    """Advice where thruster lag and surge time constant of the hull are close. Speed responds to thrust through both
+    alike, so that the runs give their sum and product only, and small errors of the product move them far beyond a
+    linear standard deviation.
     """
     damping = -model.jacobian(0.5 * region.fastest, 0.0, 0.0)[0, 0]
     if 'lag' not in found.names or damping <= 0.0 or not ALIKE < model['lag'] * damping < 1.0 / ALIKE:
@@ -309,14 +305,14 @@ def _exchangeable(model: ManoeuvringModel, found: Fit, region: Region):
 
 
 def _distinct_currents(model: ManoeuvringModel, currents: np.ndarray):
-    """The currents of the runs, or the model's for all where they hardly differ."""
+    """The currents of the runs, or of the model for all where they hardly differ."""
     if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > MIN_DIFFERENCE:
         return currents
     return np.tile(model.current, (len(currents), 1))
 
 
 def _drifts(model: ManoeuvringModel, currents: np.ndarray):
-    """Advice that the runs were given a current each."""
+    """Advice that each run has its own current."""
     if np.all(currents == model.current):
         return ()
     strength = np.hypot(*currents.T)
@@ -324,7 +320,7 @@ def _drifts(model: ManoeuvringModel, currents: np.ndarray):
 
 
 def _white(runs: Sequence[Run]):
-    """Noise of the sensors by channel, by differences."""
+    """White noise of the sensors by channel."""
     found = {}
     for c, name in enumerate(CHANNELS):
         series = [run.channels[c][np.isfinite(run.channels[c])] for run in runs]
@@ -341,7 +337,7 @@ def _separating(*names: str):
 def _verdicts(
     stability: StabilityCheck, keeps_course: bool, scores: Scores, validated: Scores | None, white: dict[str, float]
 ):
-    """Advice on stability and on how well the runs are reproduced."""
+    """Advice on stability and on the fit of the simulations."""
     advice = []
     if not (keeps_course or stability.stable) and stability.bounded:
         advice.append(

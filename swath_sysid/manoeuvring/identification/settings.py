@@ -1,4 +1,4 @@
-"""What the user may set of an identification."""
+"""Settings of an identification."""
 
 from dataclasses import dataclass, field
 
@@ -16,17 +16,18 @@ class ManoeuvringSettings:
     """Settings of `identify_manoeuvring`."""
 
     mass: float | None = None  #: kg, cargo included.
-    inertia: float | None = None  #: Yaw inertia of the craft alone, kg m^2.
+    inertia: float | None = None  #: Yaw inertia without added inertia, kg m^2.
     thrust_per_command: float | None = None  #: Thrust of one thruster at full command ahead, N.
     lever: float | None = None  #: Half the distance between the thrusters, m.
     length: float | None = None  #: Of the hulls, m.
     terms: tuple[str, ...] | None = None  #: Exactly these derivatives; None: the simplest adequate set.
-    fixed: dict[str, float] = field(default_factory=dict)  #: Parameters that are known.
-    towards: dict[str, tuple[float, float]] = field(default_factory=dict)  #: What parameters are regularised towards.
+    fixed: dict[str, float] = field(default_factory=dict)  #: Known parameters.
+    #: Parameter to value and standard deviation of its regularisation.
+    towards: dict[str, tuple[float, float]] = field(default_factory=dict)
     current: str = AUTO  #: ``auto`` (one for each of several runs with heading), ``shared`` (one for all), ``none``.
     window: float = 20.0  #: Length of the windows, s.
-    generations: int = 15  #: Of the genetic search for a start; 0 generations: regression alone.
-    population: int = 24  #: Of the genetic search for a start; 0 generations: regression alone.
+    generations: int = 15  #: Of the genetic search for a start; 0: regression alone.
+    population: int = 24  #: Of the genetic search.
     seed: int = 1
 
     def __post_init__(self):

@@ -1,4 +1,4 @@
-"""Free simulation over windows, against what was measured."""
+"""Free simulation over windows, compared with the measurements."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ from swath_sysid.manoeuvring.identification.windows import Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
-LEADS = (5.0, 10.0, 20.0)  #: s, at which the errors of position and heading are reported.
-LEAD_IN = 5.0  #: s of simulation before a window, from which an unmeasured sway is taken.
-RUN_AWAY = 3.0  #: A simulated motion beyond this multiple of the largest measured one has diverged.
+LEADS = (5.0, 10.0, 20.0)  #: s, at which errors of position and heading are reported.
+LEAD_IN = 5.0  #: s of simulation before a window, for an unmeasured sway.
+RUN_AWAY = 3.0  #: A motion beyond this multiple of the largest measured one has diverged.
 
 
 @dataclass(frozen=True)
@@ -29,24 +29,22 @@ class Simulated:
     """Free simulation of the windows of some runs."""
 
     windows: Windows
-    #: (S + 1, 3, W); Surge and sway over ground, yaw rate, as the sensors would record them; NaN behind the end of a
-    #: window.
-    states: np.ndarray
-    heading: np.ndarray  #: (S + 1, W); rad, m; from zero where not measured.
-    x: np.ndarray  #: (S + 1, W); rad, m; from zero where not measured.
-    y: np.ndarray  #: (S + 1, W); rad, m; from zero where not measured.
+    states: np.ndarray  #: (S + 1, 3, W); Surge, sway over ground, yaw rate as recorded; NaN beyond the end of a window.
+    heading: np.ndarray  #: (S + 1, W); rad; from zero where not measured.
+    x: np.ndarray  #: (S + 1, W); m; from zero where not measured.
+    y: np.ndarray  #: (S + 1, W); m; from zero where not measured.
 
 
 @dataclass(frozen=True)
 class Scores:
-    """How well a model simulates runs freely, window by window."""
+    """Fit of the free simulation of runs, window by window."""
 
     r2: dict[str, float]  #: Of surge, sway, yaw_rate over all windows together; NaN where not measured.
     rmse: dict[str, float]  #: m/s and rad/s; NaN where not measured.
-    position_error: dict[float, float]  #: Root mean square by lead, m; NaN where no window is as long.
+    position_error: dict[float, float]  #: Root mean square by lead, m; NaN where all windows are shorter.
     heading_error: dict[float, float]  #: rad.
-    windows: int  #: How many there are, and how many ran away.
-    diverged: int  #: How many there are, and how many ran away.
+    windows: int
+    diverged: int
 
 
 def simulate_windows(
@@ -56,16 +54,8 @@ def simulate_windows(
     shortest: float = 5.0,
     currents: np.ndarray | None = None,
 ) -> Simulated:
-    """Simulate every window of some runs from its measured initial state.
-
-    The initial state is the smoothed measurement at the start of the window; a sway that was not
-    measured is that of a simulation which began `LEAD_IN` seconds earlier.
-
-    Args:
-        model: That is simulated.
-        runs: Whose windows are simulated.
-        length, shortest: Of the windows, s.
-        currents: (R, 2); east and north, m/s, of each run; that of the model by default.
+    """Simulate every window of some runs, under currents (R, 2), m/s, or the model's, from its smoothed initial state.
+    An unmeasured sway comes from a simulation started `LEAD_IN` seconds earlier.
     """
     windows = cut(runs, length, shortest)
     currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)
@@ -166,7 +156,7 @@ def _reference_track(run: Run):
 
 
 def _diverged(found: Simulated):
-    """Windows that left the bounds, or are not finite."""
+    """Number of windows beyond the bounds, or not finite."""
     measured = np.nanmax(np.abs(found.windows.measured), axis=(1, 2), initial=0.0)
     limits = RUN_AWAY * np.maximum(measured, [0.5, 0.5, 0.1])
     inside = np.arange(len(found.states))[:, None] <= found.windows.steps

@@ -1,4 +1,4 @@
-"""From records to runs ready for identification; what one record does not determine is taken from all of them."""
+"""From trials to runs ready for identification; diagnoses use all trials together."""
 
 from collections.abc import Sequence
 
@@ -30,17 +30,10 @@ def prepare(trial: ManoeuvringTrial, gap_means_zero: bool = False, step: float |
 def prepare_all(
     trials: Sequence[ManoeuvringTrial], gap_means_zero: bool = False, step: float | None = None
 ) -> list[Run]:
-    """Make trials of one craft ready for identification.
+    """Make trials of one craft ready for identification, in steps of the records, or of ``USUAL_STEP``, s.
 
-    Reversed and swapped channels, constant ones and a compass askew are found over all trials together.
-
-    Args:
-        trials: As read.
-        gap_means_zero: Commands are published only while driving: where there are none the thrust is zero.
-        step: s, of all runs; by default that of the records, if it is near ``USUAL_STEP``.
-
-    Raises:
-        InputError: Too few samples, no thrust, or neither speed nor yaw rate in one of them.
+    Reversed, swapped and constant channels and a misaligned compass are found over all trials together. With
+    ``gap_means_zero`` the thrust is zero where there are no commands.
     """
     advice = [list(trial.advice) for trial in trials]
     trials = without_constant([cleaned(t, a) for t, a in zip(trials, advice, strict=True)], advice)
@@ -52,7 +45,7 @@ def prepare_all(
 
 
 def _run(trial: ManoeuvringTrial, gap_means_zero: bool, step: float, advice: list[Advice]):
-    """The run of a trial whose channels have been set right."""
+    """The run of a corrected trial."""
     count = int((trial.time[-1] - trial.time[0]) / step) + 1
     if count < 20:
         raise InputError(f'{trial.source}: {trial.time[-1] - trial.time[0]:.1f} s are too short: record 30 s or more')

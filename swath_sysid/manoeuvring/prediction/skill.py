@@ -1,4 +1,4 @@
-"""How well manoeuvres are forecast by lead, against simple forecasts and an ARX."""
+"""Forecast errors of manoeuvres by lead, against simple forecasts and an ARX."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFi
 LEADS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 SETTLING = 5.0  #: s of a run before the first forecast.
 EVERY = 1.0  #: s between forecasts.
-ORDER = 10  #: Past samples that the ARX sees.
-INTERVAL = 1.6449  #: Standard deviations on either side that hold 90 % of normal errors.
+ORDER = 10  #: Past samples of the ARX.
+INTERVAL = 1.6449  #: Standard deviations on either side of a 90 % interval.
 
 RIDGE = 1e-3
 METHODS = ('model', 'constant-velocity', 'constant-turn-rate', 'arx')
@@ -26,10 +26,8 @@ class ForecastScores:
     """Root mean square errors of forecasts."""
 
     leads: tuple[float, ...]  #: s.
-    #: dict of str to dict of str to (L,); Method to quantity to errors by lead; NaN where not measured.
-    rmse: dict[str, dict[str, np.ndarray]]
-    #: dict of str to (L,); Of the model's forecast: share of the errors within its 90 % interval.
-    spread: dict[str, np.ndarray]
+    rmse: dict[str, dict[str, np.ndarray]]  #: Method to quantity to errors by lead (L,); NaN where not measured.
+    spread: dict[str, np.ndarray]  #: Quantity to coverage (L,) of the 90 % interval of the model.
     count: int  #: Number of forecasts.
 
 
@@ -40,14 +38,8 @@ class Arx:
     coefficients: np.ndarray  #: (1 + 5 ORDER, 3)
 
     def run(self, past: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-        """Iterate ahead.
-
-        Args:
-            past: (ORDER, 3); latest last.
-            inputs: (ORDER - 1 + S, 2); port and starboard, of the past ORDER - 1 steps and of those ahead.
-
-        Returns:
-            ndarray, shape (S, 3)
+        """Iterate ahead: motion (S, 3) from the past (ORDER, 3), latest last, and inputs (ORDER - 1 + S, 2), port and
+        starboard, past and future.
         """
         ahead = []
         window = np.array(past)
@@ -60,15 +52,7 @@ class Arx:
 
 
 def fit_arx(runs: Sequence[Run], until: float = 1.0) -> Arx | None:
-    """Ridge regression on some runs.
-
-    Args:
-        runs: That it learns from.
-        until: Share of each run that is used, from its start.
-
-    Returns:
-        None where there is too little to fit.
-    """
+    """Ridge regression on the first share ``until`` of each run; None where there is too little data."""
     rows, targets = [], []
     for run in runs:
         motion, inputs, known = _arx_series(run)
@@ -96,21 +80,11 @@ def score_forecasts(
     truth: Sequence[Run] | None = None,
     held: bool = False,
 ) -> ForecastScores:
-    """Forecast runs as a live filter would have, once a second, and compare.
+    """Forecast runs once a second as a live filter would have, and compare.
 
-    Args:
-        identified: Calibrated.
-        runs: That are forecast.
-        training: For the ARX; without, it learns from the other runs, or from the first half of a single one.
-        supplied: Future inputs are known; else the last ones are held.
-        settings: What the filter assumes of the sensors.
-        leads: s.
-        truth: What really happened in the runs, where that is known: the errors are against it, not against the
-            sensors.
-        held: Score only the leads over which the inputs did hold.
-
-    Raises:
-        InputError: No run is long enough, or thrust is given as the model does not take it.
+    The ARX learns from ``training``, or the other runs, or the first half of a single one. Inputs are held at their
+    last value unless ``supplied``; ``held`` scores only leads over which they did hold. Errors are against ``truth``
+    where given.
     """
     errors: dict[str, dict[str, list[list[float]]]] = {
         method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS
@@ -140,10 +114,7 @@ def score_forecasts(
 def filtered(
     identified: IdentifiedManoeuvringModel, run: Run, settings: ManoeuvreFilterSettings | None = None
 ) -> Iterator[tuple[int, ManoeuvreFilter]]:
-    """The filter at every sample of a run, from its first: a generator of (index, ManoeuvreFilter).
-
-    The filter is the same object throughout: copy it to keep it.
-    """
+    """Index and filter at every sample of a run, from its first; the filter is one object: copy it to keep it."""
     filter_ = ManoeuvreFilter(identified, settings)
     channels = {name: getattr(run, name) for name in MEASURABLE}
     channels = {name: values for name, values in channels.items() if values is not None and np.isfinite(values).any()}
@@ -279,7 +250,7 @@ def _integrated(motion: np.ndarray, steps: list[int], step: float, psi: float, x
 
 
 def _arx_series(run: Run):
-    """Motion (N, 3), inputs (N, 2), and where both are known; a sway that is not measured counts as zero."""
+    """Motion (N, 3), inputs (N, 2), and where both are known; an unmeasured sway counts as zero."""
     motion = run.smooth.T.copy()
     # no smoothing ahead of its time: what is measured, the smoothed value only in its gaps
     raw = run.channels.T
