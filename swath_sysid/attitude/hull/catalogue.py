@@ -98,6 +98,12 @@ def published_alike(equation: Equation, axis: str) -> tuple[str, ...]:
     return () if equation.name in EQUATIONS else tuple(alike)
 
 
+def told(equation: Equation, axis: str) -> str:
+    """Its name, and beside a composition the published equations that have its terms."""
+    alike = published_alike(equation, axis)
+    return f'{equation.name} (the terms of {" and ".join(alike)})' if alike else equation.name
+
+
 def equations_of_axis(axis: str) -> tuple[Equation, ...]:
     """The equations compared by default for ``roll`` or ``pitch``, one for each set of terms."""
     distinct: dict[tuple[str, ...], Equation] = {}

@@ -369,9 +369,11 @@ class BasinLikelihood:
             ):
                 continue
             z, covariance = self._restricted(optimum)
-            weight = np.exp(best.cost - optimum.cost + 0.5 * np.linalg.slogdet(covariance)[1])
-            modes.append((optimum.z, z, covariance, weight))
-        first, total = modes[0][1], sum(weight for *_, weight in modes)
+            modes.append((optimum.z, z, covariance, best.cost - optimum.cost + 0.5 * np.linalg.slogdet(covariance)[1]))
+        # the determinant alone of many records is below the smallest number
+        first, likeliest = modes[0][1], max(log_weight for *_, log_weight in modes)
+        modes = [(at, z, covariance, np.exp(log_weight - likeliest)) for at, z, covariance, log_weight in modes]
+        total = sum(weight for *_, weight in modes)
         return first, sum(
             weight / total * (covariance + np.outer(z - first, z - first)) for _, z, covariance, weight in modes
         )
