@@ -170,13 +170,8 @@ class FitSummary(_Plain):
 
     @property
     def initial_states(self) -> tuple[InitialState, ...]:
-        """Tuple of InitialState."""
+        """Of each record."""
         return tuple(InitialState(*s) for s in self.states)
-
-    @property
-    def warnings(self) -> tuple[Advice, ...]:
-        """Tuple of Advice."""
-        return tuple(Advice(*a) for a in self.advice)
 
     def ratio(self, term: str) -> tuple[float, float]:
         """Value and standard deviation of one ratio."""
@@ -530,17 +525,22 @@ def noise_statement(records: Sequence[Record], fits: Sequence[Sequence[FitSummar
         if len(same) > 1:
             between.append(np.std(same, ddof=1) / np.mean(same))
     words = [
-        f'Within a condition the objective values of the equations differ by {100 * np.median(ranges):.2g} % (median; '
-        f'largest {100 * max(ranges):.2g} %)'
+        f'Within a condition the objective values of the equations differ by {_percent(np.median(ranges))} (median; '
+        f'largest {_percent(max(ranges))})'
     ]
     if between:
-        words.append(f'between repeats of one condition by {100 * np.median(between):.2g} % (standard deviation)')
+        words.append(f'between repeats of one condition by {_percent(np.median(between))} (standard deviation)')
     verdict = (
         'no difference exceeds the noise: these values do not distinguish the equations'
         if beyond == 0
         else f'{beyond} of {total} differences from the best exceed the noise (95 %); they are marked'
     )
     return ', '.join(words) + f'; {verdict}.'
+
+
+def _percent(share: Any) -> str:
+    """With two digits, never as a power of ten."""
+    return f'{float(f"{100.0 * share:.2g}"):.12g} %'
 
 
 def term_values(summary: FitSummary) -> dict[str, tuple[float, float]]:

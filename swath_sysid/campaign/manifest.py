@@ -92,6 +92,10 @@ class Craft:
     appendages: str | None = None
     basin: str | None = None
 
+    def design_loading(self, quantity: str) -> float | None:
+        """The loading at the design draft, in one of ``QUANTITIES``."""
+        return {'draft_factor': 1.0, 'draft_m': self.draft_m, 'displacement_kg': self.displacement_kg}[quantity]
+
 
 @dataclass(frozen=True)
 class PredictedDamping:
@@ -306,7 +310,6 @@ def pattern_expression(pattern: str) -> re.Pattern:
 
 def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
     """Files that a pattern matches, with what their names say."""
-    pattern_expression(pattern)
     if '**' in pattern:
         raise InputError(f"the pattern '{shown(pattern)}' holds **: write * for each folder")
     base = Path(pattern).anchor
@@ -429,7 +432,8 @@ def new_manifest(
         if '{' in pattern and len(names) > 1:
             lines.append(f'  - pattern: {_quoted(way + pattern)}   # {len(names)} files')
         else:
-            lines += [_file_entry(way + name) for name in names]
+            hints = '    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
+            lines += [f'  - file: {_quoted(way + name)}\n{hints}' for name in names]
     found_axis = next((a for a in AXES if any(a in file.name.lower() for file in files)), axis)
     return (
         HEAD.format(name=name, title=_quoted(folder.resolve().name or 'campaign'), axis=found_axis)
@@ -458,10 +462,6 @@ def pattern_of_name(name: str) -> str:
     stem = re.sub(r'((?:repeat|rep|run|trial)[ _-]?)\d+', r'\1{repeat}', stem, count=1, flags=re.IGNORECASE)
     stem = re.sub(r'(?<![a-z])(roll|pitch)(?![a-z])', '{axis}', stem, count=1)
     return f'{stem}{dot}{ending}'
-
-
-def _file_entry(name: str) -> str:
-    return f'  - file: {_quoted(name)}\n    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
 
 
 def _quoted(text: str) -> str:

@@ -174,7 +174,7 @@ def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> 
         if quantity == 'draft_factor' and craft.draft_m is None:
             given = None
     if given is None:
-        design = {'draft_factor': 1.0, 'draft_m': craft.draft_m, 'displacement_kg': craft.displacement_kg}[quantity]
+        design = craft.design_loading(quantity)
         if design is None:
             raise InputError(f"its {quantity} is not given: write it beside the file, or the craft's design value")
         return design

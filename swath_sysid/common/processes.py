@@ -78,7 +78,7 @@ def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     try:
         yield executor
     except BaseException:
-        # what they are at is lost in any case, and waiting for it can last long
+        # their work is lost in any case
         for worker in multiprocessing.active_children():
             worker.terminate()
         raise

@@ -10,8 +10,7 @@ class RowBuffer:
     """The newest rows, as many as the capacity, contiguous and by number."""
 
     def __init__(self, capacity: int, columns: int) -> None:
-        # twice the room: rows move only once in a capacity, and the past is always contiguous
-        # filled, so that the memory is taken now and not row by row
+        # twice the room keeps the past contiguous with few moves; filled, so that memory is reserved now
         self._rows = np.full((2 * capacity, columns), np.nan)
         self._format = f'{columns}d'
         self.capacity = capacity

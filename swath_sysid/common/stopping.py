@@ -1,4 +1,4 @@
-"""What searches with ask and tell share, and the named reasons for which they stop."""
+"""The common part of searches with ask and tell, and the named reasons for which they stop."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -16,24 +16,15 @@ class SearchBudget(Protocol):
     """The settings of a search that end it, and the size of its population; see `GeneticSettings`."""
 
     @property
-    def generations(self) -> int:
-        """Most of them."""
-
+    def generations(self) -> int: ...
     @property
-    def population(self) -> int:
-        """Candidates in each."""
-
+    def population(self) -> int: ...
     @property
-    def patience(self) -> int:
-        """Generations without improvement."""
-
+    def patience(self) -> int: ...
     @property
-    def tolerance(self) -> float:
-        """Relative improvement."""
-
+    def tolerance(self) -> float: ...
     @property
-    def spread_tolerance(self) -> float:
-        """Share of the search range."""
+    def spread_tolerance(self) -> float: ...
 
 
 class AskAndTell:

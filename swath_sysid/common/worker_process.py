@@ -1,7 +1,6 @@
-"""A child process that runs one function after the other for its parent, spawned once, warm, and never left behind.
+"""A child process that runs one function after the other for its parent, and ends with it.
 
-A plain child with one socket, rather than multiprocessing's spawn: that would import the parent's main module, and
-rclpy with it, into the child, and start a resource tracker.
+A plain child with one socket: multiprocessing's spawn would import the parent's main module, and rclpy with it.
 """
 
 import os
@@ -19,8 +18,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
 
 NICENESS = 10  #: The child yields to the processes that forecast.
-CANCEL_PATIENCE = 0.3  #: s; a child that has not given up by then is killed and started again.
-
+CANCEL_PATIENCE = 0.3  #: s; a child that has not given up by then is killed and restarted.
 POLL_PERIOD = 0.02
 
 Work = tuple[Callable, tuple, bool]
@@ -97,7 +95,7 @@ class WorkerProcess:
                     raise Cancelled
 
     def restart(self) -> str:
-        """Start another process in place of this one; how this one had ended, in words."""
+        """Start another process in place of this one: how this one ended, in words."""
         code = None
         if not self._is_resting:
             code = self._process.poll()
@@ -152,7 +150,7 @@ class WorkerProcess:
 
 
 def _result(kind: str, content: Any) -> Any:
-    """What a function returned; else what it ended in is raised."""
+    """What a function returned or, raised, what it ended in."""
     if kind == DONE:
         return content
     if kind == REFUSED:
@@ -163,7 +161,7 @@ def _result(kind: str, content: Any) -> Any:
 
 
 def serve(connection: Connection) -> None:
-    """What the process does: one function after the other, until the parent is gone."""
+    """Run one function after the other until the parent is gone."""
     while True:
         try:
             work = connection.recv()
@@ -183,7 +181,7 @@ def _carried_out(connection: Connection, function: Callable, arguments: tuple, r
             connection.send((PROGRESS, float(share)))
 
     def should_cancel() -> bool:
-        # a message amid work can only say: stop
+        # a message during work can only mean: stop
         if connection.poll():
             connection.recv()
             return True

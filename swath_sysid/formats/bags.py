@@ -3,7 +3,7 @@
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -286,10 +286,9 @@ def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]
         raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
     open_storage = Reader.STORAGE_PLUGINS[kind]
     try:
-        storage = _opened(open_storage(path))
         if kind == '.mcap' and (damage := damage_of(path)):
             raise InputError(damage)
-        return [stack.enter_context(storage)], []
+        return [_opened(open_storage(path), stack)], []
     except Exception as error:  # as above
         if kind != '.mcap':
             raise InputError(
@@ -300,18 +299,14 @@ def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]
     try:
         mended = Path(stack.enter_context(tempfile.TemporaryDirectory())) / path.name
         copy_whole_records(path, mended)
-        return [stack.enter_context(_opened(open_storage(mended)))], advice
+        return [_opened(open_storage(mended), stack)], advice
     except Exception as error:  # as above
         raise InputError(f'{path} is damaged beyond reading ({_reason(path, error)}): record it again') from error
 
 
-@contextmanager
-def _opened(storage: Any) -> Iterator[Any]:
+def _opened(storage: Any, stack: ExitStack) -> Any:
     storage.open()
-    try:
-        yield storage
-    finally:
-        storage.close()
+    return stack.enter_context(closing(storage))
 
 
 def _storage_files(folder: Path) -> list[Path]:

@@ -26,6 +26,7 @@ from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.topics import IMU, ODOMETRY
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.window import LARGEST_COMMAND
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState
 
 Table = dict[str, np.ndarray]
@@ -38,7 +39,6 @@ THRUSTER = re.compile('thrust|thruster|motor|cmd|command|prop|drive', re.I)
 
 MOTION = ('x', 'y', 'heading', 'surge', 'sway', 'yaw_rate')
 
-LARGEST_COMMAND = 1.0 + 1e-6
 CLOCKS_APART = 1.0  #: s by which header stamps may drift against times of arrival.
 SAME_TIME = 3  #: Decimals, s, within which two messages are simultaneous.
 TWIST_SPAN = 3.0  #: s over which velocity and change of position are compared.
@@ -258,7 +258,7 @@ def _joints(message: Any) -> list[int]:
             held = ', '.join(message.name)
             raise InputError(
                 f'the joints {held} hold {len(found)} for the {side} thruster: record a JointState with '
-                f'one joint a thruster, left or port and right or starboard'
+                f'one joint per thruster, left or port and right or starboard'
             )
         places += found
     return places

@@ -129,14 +129,7 @@ class OutputBag:
 
 def offered_qos(latched: bool, reliable: bool) -> Qos:
     """What a bag says of the publisher of a topic: transient local if latched, best effort if not reliable."""
-    return Qos(
-        QosHistory.KEEP_LAST,
-        1 if latched else 10,
-        QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
-        QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
-        FOR_EVER,
-        FOR_EVER,
-        QosLiveliness.AUTOMATIC,
-        FOR_EVER,
-        False,
-    )
+    reliability = QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT
+    durability, depth = (QosDurability.TRANSIENT_LOCAL, 1) if latched else (QosDurability.VOLATILE, 10)
+    end = FOR_EVER, FOR_EVER, QosLiveliness.AUTOMATIC, FOR_EVER, False
+    return Qos(QosHistory.KEEP_LAST, depth, reliability, durability, *end)

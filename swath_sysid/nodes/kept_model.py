@@ -54,7 +54,7 @@ class ModelFile:
             try:
                 models.append(self._read(path))
             except InputError:
-                # it stays where it is, for who can make use of it
+                # left where it is
                 continue
         return models
 
@@ -71,10 +71,10 @@ class ModelFile:
             self._health.note(NOT_SAVED, PARAMETER)
             return f'; not saved: {error}'
         self._health.settle(PARAMETER)
-        return '' if before is None else f'; the model file before is kept as {before}'
+        return '' if before is None else f'; the previous model file is kept as {before}'
 
     def _replace(self, path: Path, model: Any) -> Path | None:
-        """Where the file before is now; None where there was none."""
+        """Where the previous file is now; None where there was none."""
         is_there = os.path.exists(path)
         if not model:
             return set_aside(path) if is_there else None

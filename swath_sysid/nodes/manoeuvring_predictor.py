@@ -26,8 +26,7 @@ from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, SENSOR, THRUSTERS
 from swath_sysid.pipeline.health import Report
 from swath_sysid.pipeline.manoeuvring_health import ManoeuvringHealth
 
-#: s between the node's clock and the stamps of the odometry, beyond which thrust is stamped like the odometry.
-CLOCKS_APART = 1.0
+CLOCKS_APART = 1.0  #: s between node clock and odometry stamps beyond which thrust is stamped like the odometry.
 
 
 class ManoeuvringPredictor(Node):

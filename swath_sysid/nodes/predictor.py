@@ -69,9 +69,9 @@ class Predictor(Node):
         super().destroy_node()
 
     def _on_imu(self, message: Imu) -> None:
-        """Forecast from a sample, or where others wait behind it, from the newest ones only."""
+        """Forecast from a sample or, where others wait behind it, from the newest only."""
         if self._take_models():
-            # who has just seen the model must not read for a period that there is none
+            # a user who has just seen the model must not read that there is none
             self._diagnostics.publish()
         clock_ns = self.get_clock().now().nanoseconds
         messages = [message, *waiting(self._subscription, self.parameters['queue_depth'])]

@@ -1,4 +1,4 @@
-"""Publishers and subscriptions of the contract: their QoS, and the count of those that do not fit."""
+"""Publishers and subscriptions with their QoS, and the count of incompatible ones."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 #: Reliable, depth 1: a slow subscriber gets the newest forecast only.
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 
-#: Of the ten requests that the stock profile keeps, those of fifty callers at once would push out forty.
+#: The stock profile keeps ten requests only.
 SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Connects with any publisher.
@@ -35,7 +35,7 @@ def imu_subscription(node: Node, kind: type, callback: Callable, depth: int, hea
 
 
 def waiting(subscription: Subscription, most: int) -> list:
-    """The messages that a subscription has received and that wait to be handled, at most this many, oldest first."""
+    """The received messages of a subscription that wait to be handled, at most this many, oldest first."""
     messages: list = []
     # as rclpy's own executors and wait_for_message take them
     with subscription.handle:
@@ -48,7 +48,7 @@ def waiting(subscription: Subscription, most: int) -> list:
 
 
 def watched_publisher(node: Node, kind: type, topic: str, qos: QoSProfile | int, health: Reasons) -> Publisher:
-    """A publisher whose refused subscriptions are counted."""
+    """A publisher whose incompatible subscriptions are counted."""
     events = PublisherEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
     return node.create_publisher(kind, topic, qos, event_callbacks=events)
 
@@ -56,6 +56,6 @@ def watched_publisher(node: Node, kind: type, topic: str, qos: QoSProfile | int,
 def watched_subscription(
     node: Node, kind: type, topic: str, callback: Callable, qos: QoSProfile, health: Reasons
 ) -> Subscription:
-    """A subscription whose refused publishers are counted."""
+    """A subscription whose incompatible publishers are counted."""
     events = SubscriptionEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
     return node.create_subscription(kind, topic, callback, qos, event_callbacks=events)

@@ -63,7 +63,12 @@ class Replay(Node):
         settling = SETTLING if self._replaying.listeners else DISCOVERY
         before, changed = None, time.monotonic()
         while not self._should_stop():
-            now, connections = time.monotonic(), self._connected()
+            now = time.monotonic()
+            # connected and known subscriptions of every topic
+            connections = [
+                (outlet.get_subscription_count(), self.count_subscribers(topic))
+                for topic, outlet in self.outlets.items()
+            ]
             if connections != before:
                 before, changed = connections, now
             listening = self._listening()
@@ -72,12 +77,6 @@ class Replay(Node):
                 return listening
             time.sleep(0.02)
         return self._listening()
-
-    def _connected(self):
-        """For every topic, the subscriptions that are connected, and those that are known of."""
-        return [
-            (outlet.get_subscription_count(), self.count_subscribers(topic)) for topic, outlet in self.outlets.items()
-        ]
 
     def _listening(self):
         imus = [topic for topic in self.outlets if self._recorded[topic].is_imu]

@@ -11,10 +11,8 @@ from swath_sysid.formats.messages import SECOND_NS, raw_stamp_ns, stamp_ns
 from swath_sysid.formats.topics import NEXT_TOPIC
 from swath_sysid.nodes.qos import NEWEST
 
-#: Of the record, by which samples may be ahead of the forecasts: few enough to wait at the node.
-AHEAD_NS = 2 * SECOND_NS
-
-PATIENCE = 5.0  #: s from one forecast to the next: samples that the node refuses bring none.
+AHEAD_NS = 2 * SECOND_NS  #: By which samples may be ahead of the forecasts: few enough to wait at the node.
+PATIENCE = 5.0  #: s from one forecast to the next: rejected samples bring none.
 
 
 class StepKeeping:

@@ -16,9 +16,7 @@ SIMPLE = ('persistence', 'constant_rate', 'mean')
 BASELINES = (*SIMPLE, *REGRESSIONS)
 
 ORDERS = (60, 40, 20, 10, 5, 2, 1)
-#: With fewer rows than this a regression fits the noise.
-ROWS_A_COEFFICIENT = 8
-
+ROWS_A_COEFFICIENT = 8  #: With fewer rows than this a regression fits the noise.
 RIDGE = 1e-8  #: A row, in standard deviations; a hundred times as much costs a clean IMU a tenth at the shortest lead.
 REGRESSION_STEP = 0.1  #: s between lags, about: forty of them reach a wave period back, whatever the sensor's rate.
 REFIT_INTERVAL = 10.0  #: s.

@@ -95,9 +95,8 @@ class Verdict:
             f'forecast {self.lead:g} s (one natural period) ahead: NRMSE {self.after:.3f} with the identified model, '
             f'{self.unaided:.3f} without it, {self.before:.3f} in the previous release'
         )
-        if self.is_good:
-            return f'passed: {comparison}'
-        return f'NOT PASSED (at most {LARGEST_ERROR}, and a quarter of that without a model): {comparison}'
+        limits = f'NOT PASSED (at most {LARGEST_ERROR}, and a quarter of that without a model)'
+        return f'{"passed" if self.is_good else limits}: {comparison}'
 
 
 def verdict_of(demonstration: Demonstration) -> Verdict:

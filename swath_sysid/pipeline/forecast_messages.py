@@ -15,12 +15,8 @@ from swath_sysid.attitude.prediction.forecast import Forecast
 UNKNOWN_ANGLE_VARIANCE = math.pi**2
 
 UNKNOWN_RATE_VARIANCE = 100.0  #: rad^2/s^2.
-
-#: The covariance of a quantity that a sensor_msgs/Imu does not give.
-NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-#: m^2, m^2/s^2 and m^2/s^4; of the horizontal motion of the sensor, which is not forecast.
-UNKNOWN_PLACE_VARIANCE = 100.0
+NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  #: Covariance that a sensor_msgs/Imu does not give.
+UNKNOWN_PLACE_VARIANCE = 100.0  #: m^2 (and per s^2 and s^4); the horizontal motion is not forecast.
 
 _NOTHING_KNOWN = 0.0, 0.0, UNKNOWN_ANGLE_VARIANCE, 0.0, UNKNOWN_RATE_VARIANCE
 
@@ -146,8 +142,7 @@ def _point_forecast(
     heave, velocity, acceleration = motion
     orientation = attitude.quaternion(at[0], at[1], 0.0)
     back = attitude.conjugate(*orientation)
-    roll, pitch, roll_rate, pitch_rate = at
-    angular = attitude.body_rates(roll, pitch, roll_rate, pitch_rate, 0.0)
+    angular = attitude.body_rates(at[0], at[1], at[2], at[3], 0.0)
     level = attitude.rotate(orientation, *place)
     across = attitude.rotate(orientation, *_cross(angular, place))
     linear = attitude.rotate(back, across[0], across[1], velocity)

@@ -3,7 +3,7 @@
 from swath_sysid.manoeuvring.prediction.pipeline import REASONS, ManoeuvreOutlook
 from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report
 
-SILENT_AFTER = 2.0  #: s without odometry, which usually comes ten times a second and more.
+SILENT_AFTER = 2.0  #: s without odometry, which usually comes at 10 Hz and more.
 
 
 class ManoeuvringHealth(Reasons):

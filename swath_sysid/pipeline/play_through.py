@@ -8,13 +8,7 @@ from typing import NamedTuple
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
-from swath_sysid.attitude.identification.refit import (
-    RefitOutcome,
-    RefitRequest,
-    RefitSettings,
-    Refitter,
-    refit,
-)
+from swath_sysid.attitude.identification.refit import RefitOutcome, RefitRequest, RefitSettings, Refitter, refit
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading, Intake
 from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
 from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest, fit_sea
@@ -104,7 +98,7 @@ class PlayThrough:
         interval_ns = round(self.settings.identify_interval / NANOSECOND)
         if not interval_ns:
             return False
-        # a clock that was set back begins anew
+        # restarts when the clock was set back
         if self._due_ns is None or self._due_ns - stamp_ns > interval_ns:
             self._due_ns = stamp_ns + interval_ns
         if stamp_ns < self._due_ns or not self.window.size:

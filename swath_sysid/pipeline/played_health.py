@@ -29,7 +29,7 @@ class PlayedHealth:
         """Process one step; where diagnostics are due, those of each node, each as of `Report.status_of`."""
         due: list[list[tuple]] = []
         stamp_ns = played.stamp_ns
-        # a stray stamp must not be taken for the time
+        # a stray stamp is not the time
         if played.step.used or self._now_ns is None:
             if self._now_ns is None or not self._now_ns <= stamp_ns < self._next_ns:
                 due = self._reports_at(stamp_ns)

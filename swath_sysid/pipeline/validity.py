@@ -77,11 +77,8 @@ class ModelValidity:
 
 def verdict_values(models: Mapping[str, IdentifiedModel]) -> dict[str, object]:
     """Verdict and sentence of models by axis, for diagnostics."""
-    return {
-        name: value
-        for axis, identified in models.items()
-        for name, value in (
-            (f'verdict_{axis}', identified.verdict or 'not known'),
-            (f'verdict_sentence_{axis}', identified.verdict_sentence),
-        )
-    }
+    found: dict[str, object] = {}
+    for axis, identified in models.items():
+        found[f'verdict_{axis}'] = identified.verdict or 'not known'
+        found[f'verdict_sentence_{axis}'] = identified.verdict_sentence
+    return found

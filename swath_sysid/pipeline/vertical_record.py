@@ -1,4 +1,4 @@
-"""The vertical motion of a whole record, looking both ways: what forecasts of it are scored by."""
+"""The vertical motion of a whole record by zero-phase filters, the reference for scores of its forecasts."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,10 +19,8 @@ from swath_sysid.attitude.prediction.quiescence import quantity_at
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import Record
 
-_BRIDGED = 1.0  #: s; so short a gap is joined linearly, a longer one ends a stretch.
-
+_BRIDGED = 1.0  #: s; a shorter gap is bridged linearly, a longer one ends a stretch.
 _WITH_RATES = ('heave', 'heave_rate', 'vertical_velocity', 'vertical_velocity_rate', 'vertical_acceleration')
-
 WITHOUT_RATES = ('roll', 'pitch', 'accel_x', 'accel_y', 'accel_z')
 
 

@@ -33,7 +33,7 @@ from swath_sysid.report.campaign_tables import (
     spread_table,
     trials_table,
 )
-from swath_sysid.report.tables import table_as_csv
+from swath_sysid.report.tables import sentence, table_as_csv
 
 if TYPE_CHECKING:
     from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
@@ -120,7 +120,7 @@ def _in_short(outcome: CampaignOutcome):
             f'<div class="choice"><p><strong>{axis.axis.capitalize()}.</strong> '
             f'{html.escape(axis.ranking.reason)}</p></div>'
         )
-        lines = [a.message[0].upper() + a.message[1:] + '.' for a in axis.ranking.findings]
+        lines = [f'{sentence(a.message)}.' for a in axis.ranking.findings]
         lines += [spread_statement(axis)] if axis.spreads else []
         lines += [
             f'{objective.capitalize()} objective: {noise_statement(axis.records, fits, axis.best)}'
@@ -153,22 +153,15 @@ def _axis_sections(outcome: CampaignOutcome, axis: AxisOutcome, drawings: dict[s
     shown = {kind: figures(items) for kind, items in drawings.items()}
     marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
     related = 'Ratios whose correlation is beyond 0.95 cannot be distinguished: use them together only.'
-    repeats = tables['repeats'] if axis.spreads else ''
+    extinction = [tables[name] for name in ('damping', 'extinction', 'peaks')]
     compared = [tables[objective] for objective in axis.fits]
     return (
         ('equations', 'Which equation', [tables['ranking'], paragraph(marks, 'note'), *compared]),
         ('decays', 'Decays', [shown['decays']]),
-        ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], repeats]),
+        ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], tables['repeats']]),
         ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
         ('amplitude', 'Period and damping', [shown['amplitude']]),
-        (
-            'extinction',
-            'Extinction and damping',
-            [
-                shown['extinction'],
-                *(tables[name] for name in ('damping', 'extinction', 'peaks')),
-            ],
-        ),
+        ('extinction', 'Extinction and damping', [shown['extinction'], *extinction]),
         ('errors', 'Next step, simulation, forecast', [tables['errors'], tables['next_step']]),
         ('records', 'Every record', [shown['records']]),
         ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),
@@ -184,7 +177,7 @@ def _warnings(outcome: CampaignOutcome):
     for t in outcome.trials:
         for advice in t.advice:
             gathered.setdefault(f'{advice.message}', []).append(t.name)
-    lines += [f'{m[0].upper()}{m[1:]} ({", ".join(dict.fromkeys(names))})' for m, names in gathered.items()]
+    lines += [f'{sentence(m)} ({", ".join(dict.fromkeys(names))})' for m, names in gathered.items()]
     return [bullets(lines) or paragraph('None.')]
 
 

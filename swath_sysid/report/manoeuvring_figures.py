@@ -59,7 +59,7 @@ def test_figure(report: ManoeuvringTest, model: ManoeuvringModel) -> Figure:
     m = report.manoeuvre
     if report.name == 'spiral':
         track_axes.plot(report.curve['difference'], report.curve['yaw_rate_deg_s'], 'o-', color=MODEL, markersize=4)
-        track_axes.set(xlabel='starboard less port input, half', ylabel='steady yaw rate (deg/s)', title='spiral')
+        track_axes.set(xlabel='half of starboard less port input', ylabel='steady yaw rate (deg/s)', title='spiral')
     elif report.name == 'speed':
         track_axes.plot(report.curve['input'], report.curve['speed_m_s'], 'o-', color=MODEL)
         track_axes.set(xlabel='input of each thruster', ylabel='steady speed (m/s)', title='speed curve')
@@ -108,7 +108,7 @@ def forecast_figure(scores: ForecastScores, future: str) -> Figure:
         quiet(axes)
     panels[-1].axis('off')
     panels[-1].legend(*panels[0].get_legend_handles_labels(), frameon=False, loc='center')
-    figure.suptitle(f'root mean square error of {scores.count} forecasts; thrust to come {future}')
+    figure.suptitle(f'root mean square error of {scores.count} forecasts; future thrust {future}')
     return figure
 
 
@@ -196,7 +196,7 @@ def _derivatives_figure(found: ManoeuvringIdentification):
     axes.invert_yaxis()
     reach = max([3.0 * d.std / max(abs(d.value), 1e-12) for _, d in items if not d.flags] + [0.1])
     axes.set_xlim(1.0 - min(1.3 * reach, 1.3), 1.0 + min(1.3 * reach, 1.3))
-    axes.set_xlabel('share of the value; bars: 3 std, may pass the edge; red: see the warnings')
+    axes.set_xlabel('share of the value; bars: 3 std, clipped at the edge; red: see the warnings')
     return figure
 
 

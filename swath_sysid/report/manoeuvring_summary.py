@@ -113,7 +113,7 @@ def terms_in_words() -> list[str]:
 _MEANINGS = {
     'm': 'mass',
     'Iz': 'yaw inertia',
-    'gain': 'thrust a unit of input at full input ahead',
+    'gain': 'thrust per unit of input at full input ahead',
     'reverse_ratio': 'thrust at full input astern as a share of that ahead',
     'dead_band': 'share of the full input that gives no thrust',
     'exponent': 'of the thrust curve ahead',
@@ -175,8 +175,8 @@ def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
         lines.append(f'    error after {"; ".join(errors)}')
     verdict = 'stable' if found.stability.stable else 'NOT stable'
     lines.append(f'  {verdict} at the speeds and inputs seen (slowest decay {-found.stability.largest_growth:.3g} 1/s)')
-    lines.append('  R2 is relative to the mean of each channel: 1 is perfect, 0 as good as that mean. Where a craft')
-    lines.append('  hardly moves sideways, a sway of -0.1 is an error of the size of the noise, and no disaster.')
+    lines.append('  R2 compares with the mean of each channel: 1 is perfect, 0 is as good as that mean. If a craft')
+    lines.append('  hardly sways, an R2 of sway of -0.1 means only that the error is as large as the sensor noise.')
     return lines
 
 
@@ -215,7 +215,7 @@ def forecast_as_data(scores: ForecastScores, future: str) -> dict:
 
 def forecast_in_words(scores: ForecastScores, future: str) -> list[str]:
     """One table per quantity: methods by leads."""
-    lines = [f'{scores.count} forecasts, thrust to come {future}; root mean square errors by lead']
+    lines = [f'{scores.count} forecasts, future thrust {future}; root mean square errors by lead']
     heads = ''.join(f'{lead:>9g} s' for lead in scores.leads)
     for quantity in next(iter(scores.rmse.values())):
         if all((table[quantity] != table[quantity]).all() for table in scores.rmse.values()):

@@ -25,8 +25,7 @@ class AmplitudeCurves:
     """What a hull's oscillation looks like at each amplitude."""
 
     amplitude: np.ndarray  #: (A,); Half the peak-to-peak motion, rad.
-    #: (A,); Undamped natural frequency, rad/s; NaN where no closed orbit of that amplitude exists.
-    frequency: np.ndarray
+    frequency: np.ndarray  #: (A,); undamped natural frequency, rad/s; NaN where there is no closed orbit.
     damping_ratio: np.ndarray  #: (A,); Equivalent linear damping over critical damping.
 
 
@@ -43,16 +42,12 @@ def amplitude_curves(ratios: np.ndarray, amplitude: np.ndarray, friction_rate: f
         arc = amplitude[:, None] * np.sin(theta)
         period = 2.0 * np.pi * np.mean(arc / rate, axis=1)
         taken = np.mean(damping_moment(rate, ratios, _ALL_TERMS, friction_rate) * arc, axis=1)
-        closed = (np.abs(centre) < amplitude) & (height > 0.0).all(axis=1) & _meets(ratios, centre, amplitude)
+        upper, lower = (restoring_energy(centre + side * amplitude, ratios) for side in (1.0, -1.0))
+        meets = np.abs(upper - lower) <= 1e-6 * np.abs(upper + lower)
+        closed = (np.abs(centre) < amplitude) & (height > 0.0).all(axis=1) & meets
         frequency = np.where(closed, 2.0 * np.pi / period, np.nan)
         damping = taken / np.mean(rate * arc, axis=1)
         return AmplitudeCurves(amplitude, frequency, damping / (2.0 * frequency))
-
-
-def _meets(ratios: np.ndarray, centre: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
-    """Whether the potential energies at both ends of the orbit are equal."""
-    upper, lower = restoring_energy(centre + amplitude, ratios), restoring_energy(centre - amplitude, ratios)
-    return np.abs(upper - lower) <= 1e-6 * np.abs(upper + lower)
 
 
 def orbit_centre(ratios: np.ndarray, amplitude: np.ndarray) -> np.ndarray:

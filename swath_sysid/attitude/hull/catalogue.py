@@ -59,13 +59,10 @@ OWN_EQUATIONS = {
 EQUATIONS = PUBLISHED_EQUATIONS | OWN_EQUATIONS
 
 AUTO = 'auto'  #: In place of a name: the general hull, pruned to the terms that a record shows.
-#: Every smooth term; a sine is told from these at angles only that no craft is released from.
+#: Every smooth term; at angles of release a sine cannot be distinguished from these.
 GENERAL_HULL = Equation('b1,b2,b3|r1,r2,r3', ('b1', 'b2', 'b3', 'r1', 'r2', 'r3'))
 
-_AXIS_EQUATIONS = {
-    'pitch': tuple(n for n in PUBLISHED_EQUATIONS if 'pitch' in n),
-    'roll': tuple(n for n in PUBLISHED_EQUATIONS if 'roll' in n),
-}
+_AXIS_EQUATIONS = {axis: tuple(n for n in PUBLISHED_EQUATIONS if axis in n) for axis in ('pitch', 'roll')}
 
 
 def equation_named(name: str) -> Equation:
@@ -118,16 +115,11 @@ class PublishedHull:
     description: str
     model: DecayModel  #: The ratios, trim zero.
     form: PublishedForm | None  #: The coefficients as printed, where they were printed in that form.
-    #: As printed for the record and the equation that these coefficients are of: the error of the rate one step ahead,
-    #: root mean square, rad/s.
-    objective_value: float
+    objective_value: float  #: As printed: root mean square error of the rate one step ahead, rad/s.
 
     @property
     def rate_noise(self) -> float:
-        """White noise of the rate in that record, standard deviation, rad/s.
-
-        The printed one-step error is the difference of two measured rates, sqrt(2) times the noise of one.
-        """
+        """White noise of the rate in that record, rad/s: the printed error is of a difference of two rates."""
         return self.objective_value / math.sqrt(2.0)
 
 
@@ -212,10 +204,22 @@ PUBLISHED_HULLS = {
 
 
 def hull_named(name: str) -> PublishedHull:
-    """The published hull of that name.
+    """A hull whose coefficients were published, by name.
+
+    Args:
+        name: ``swath-pitch`` (nine-equation study of the pitch of a SWATH), ``swath-roll`` (roll of a SWATH),
+            ``hydrofoil-pitch`` (planing hydrofoil craft) or ``swath-usv-pitch`` (SWATH-USV).
+
+    Returns:
+        Its model, the coefficients as printed, and the sensor noise of the study's records.
 
     Raises:
-        InputError: No such hull.
+        InputError: There is no such hull; the sentence lists them.
+
+    Example:
+        >>> hull = hull_named('swath-roll')
+        >>> hull.axis, round(hull.model.natural_period, 2)
+        ('roll', 2.52)
     """
     check_choice(name, PUBLISHED_HULLS, 'hull')
     return PUBLISHED_HULLS[name]

@@ -44,7 +44,7 @@ class Equation:
 
     @property
     def active(self) -> tuple[bool, ...]:
-        """Tuple of nine bools, in the order of ``TERM_NAMES``."""
+        """Nine flags, in the order of ``TERM_NAMES``."""
         return tuple(name in self.terms for name in TERM_NAMES)
 
     def contains(self, other: 'Equation') -> bool:

@@ -21,13 +21,12 @@ from swath_sysid.common.errors import InputError
 #: Power of the time unit in each ratio.
 TIME_POWERS = {'b0': -2, 'b1': -1, 'b2': 0, 'b3': 1, 'r1': -2, 'r2': -2, 'r3': -2, 's1': -2, 's2': -2}
 
-#: Power of the length ratio in each loading; displacement in water of the same density.
+#: Power of the length ratio in each loading, in water of the same density.
 LOADING_POWERS = {'draft_factor': 0, 'draft_m': 1, 'displacement_kg': 3}
 
 RATE_METRICS = ('rate_rmse_rad_s',)
 
-#: Length ratios reach to this and to its inverse: from a bath tub to the largest ship it is 1,000.
-LARGEST_RATIO = 10_000
+LARGEST_RATIO = 10_000  #: And its inverse: from a bath tub to the largest ship it is 1,000.
 
 LONGEST_SHOWN = 40
 LONGEST_RATIO = 200  #: Characters; the product of several scalings is kept as an exact fraction.
@@ -41,7 +40,7 @@ def length_ratio(text: str) -> Fraction:
             raise ValueError(text)
         above, _, below = text.partition('/')
         size = float(above) / float(below or 1)
-        # exactly only where it is small: 1e300000000 would take for ever
+        # exactly only if in range: 1e300000000 would take forever
         ratio = Fraction(text) if 1.0 / LARGEST_RATIO <= size <= LARGEST_RATIO else None
     except (ValueError, ZeroDivisionError) as error:
         raise InputError(
@@ -102,7 +101,7 @@ def scaled_schedule(schedule: ScheduledModel, ratio: Fraction) -> ScheduledModel
     """A scheduled model at another scale: its models and, where they have a length, its loadings."""
     models = [scaled(m, ratio) for m in schedule.models]
     factor = Fraction(ratio) ** LOADING_POWERS[schedule.quantity]
-    # exact on the decimals that people write, so that the way back gives them again
+    # exact on decimals, so that scaling back restores them
     return replace(
         schedule, loadings=tuple(float(Fraction(repr(v)) * factor) for v in schedule.loadings), models=tuple(models)
     )
@@ -155,7 +154,7 @@ def _at_scale_of_trials(identified: IdentifiedModel) -> tuple[IdentifiedModel, F
 
 
 def _ratio_in_all(before: Fraction, ratio: Fraction) -> Fraction:
-    """The length ratio since the trials; one that could not be read back from the model file is refused here."""
+    """The length ratio since the trials, rejected if it could not be read back from the model file."""
     total = before * Fraction(ratio)
     try:
         return length_ratio(str(total))
@@ -168,20 +167,17 @@ def _ratio_in_all(before: Fraction, ratio: Fraction) -> Fraction:
 
 
 def _plain(identified: IdentifiedModel) -> dict:
-    return {
+    plain = {
         'ratios': identified.model.terms,
         'covariance': identified.covariance.tolist(),
         'friction_rate_rad_s': identified.model.friction_rate,
         'metrics': identified.metrics,
-        **_plain_posterior(identified.posterior),
     }
-
-
-def _plain_posterior(posterior: HullPosterior | None) -> dict:
-    if posterior is None:
-        return {}
-    ratios = dict(zip(posterior.equation.terms, posterior.ratios.tolist(), strict=True))
-    return {'posterior': {'ratios': ratios, 'covariance': posterior.covariance.tolist()}}
+    posterior = identified.posterior
+    if posterior is not None:
+        ratios = dict(zip(posterior.equation.terms, posterior.ratios.tolist(), strict=True))
+        plain['posterior'] = {'ratios': ratios, 'covariance': posterior.covariance.tolist()}
+    return plain
 
 
 def _posterior_of(plain: dict | None) -> HullPosterior | None:

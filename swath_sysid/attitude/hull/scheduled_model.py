@@ -71,12 +71,7 @@ class ScheduledModel:
         if not first * (1.0 - SAME) <= loading <= last * (1.0 + SAME):
             nearest = min(max(loading, first), last)
             advice = Advice.of(
-                'loading-outside',
-                quantity=self.quantity,
-                lowest=first,
-                highest=last,
-                loading=loading,
-                nearest=nearest,
+                'loading-outside', quantity=self.quantity, lowest=first, highest=last, loading=loading, nearest=nearest
             )
             return self._mixed(nearest), (advice,)
         mixed = self._mixed(min(max(loading, first), last))
@@ -147,7 +142,6 @@ def models_at(
     """The models by axis at a loading (None: unknown), scheduled where there is a schedule, and advice."""
     if loading is None:
         return dict(models), ()
-    # checked also where no schedule needs it: one may come later
     if not (np.isfinite(loading) and loading > 0.0):
         raise InputError(f'the draft or displacement must be a number greater than zero, not {loading}')
     found = {axis: schedule.at(loading) for axis, schedule in schedules.items()}

@@ -19,7 +19,7 @@ class CraftSettings:
 
     model: DecayModel
     angle: float  #: To which the craft is lifted, from trim, rad.
-    rate_hz: float = 100.0  #: Samples a second.
+    rate_hz: float = 100.0
     lift: float = 1.5  #: s.
     hold: float = 1.0  #: s.
     noise: SensorNoise = field(default_factory=SensorNoise)

@@ -17,9 +17,7 @@ GYRO = ('gyro_x', 'gyro_y', 'gyro_z')
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
 EULER_RATES = ('roll_rate', 'pitch_rate', 'yaw_rate')
 
-#: Median intervals: two samples further apart are across a loss, two nearer are stamped by chance.
-EVEN_INTERVALS = 0.5, 1.5
-
+EVEN_INTERVALS = 0.5, 1.5  #: Median intervals: further apart a sample was lost, nearer stamped by chance.
 STILL_YAW_RATE = 1e-9  #: rad/s: a heading that never turns faster was not measured but filled in.
 
 Readings = dict[str, np.ndarray]
@@ -111,7 +109,9 @@ def _craft_channels(
 
 def _angles(readings: Readings, installation: Installation, name: str) -> Readings:
     """Roll, pitch and yaw of the craft, those that are known."""
-    yaw = _sensor_yaw(readings, installation)
+    # a heading turns as yaw does in NED, from any zero
+    heading = -_upward(installation) * readings['heading'] if 'heading' in readings else None
+    yaw = readings.get('yaw', heading)
     if _has(readings, QUATERNION):
         orientation = _parts(readings, QUATERNION)
     elif not installation.is_turned:
@@ -130,13 +130,6 @@ def _angles(readings: Readings, installation: Installation, name: str) -> Readin
     roll, pitch, turned_yaw = attitude.euler_angles(*installation.orientation(*orientation))
     yaw_is_known = _has(readings, QUATERNION) or yaw is not None
     return {'roll': roll, 'pitch': pitch, 'yaw': turned_yaw} if yaw_is_known else {'roll': roll, 'pitch': pitch}
-
-
-def _sensor_yaw(readings: Readings, installation: Installation) -> np.ndarray | None:
-    """The sensor's yaw about its world's vertical from any zero, or None; a heading turns as yaw does in NED."""
-    if 'yaw' in readings:
-        return readings['yaw']
-    return -_upward(installation) * readings['heading'] if 'heading' in readings else None
 
 
 def _upward(installation: Installation) -> int:

@@ -166,8 +166,4 @@ def rotate(rotation: Quaternion, x: Value, y: Value, z: Value) -> tuple[Value, V
     """A vector turned by a unit quaternion (u, w): ``v + 2 w (u x v) + 2 u x (u x v)``; [1], section 2.2.2."""
     ux, uy, uz, w = rotation
     cx, cy, cz = 2 * (uy * z - uz * y), 2 * (uz * x - ux * z), 2 * (ux * y - uy * x)
-    return (
-        x + w * cx + uy * cz - uz * cy,
-        y + w * cy + uz * cx - ux * cz,
-        z + w * cz + ux * cy - uy * cx,
-    )
+    return (x + w * cx + uy * cz - uz * cy, y + w * cy + uz * cx - ux * cz, z + w * cz + ux * cy - uy * cx)

@@ -10,14 +10,11 @@ from swath_sysid.common.errors import InputError
 
 MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 
-#: Beyond these (rad, rad, rad/s, m/s^2, m) a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g, and no
-#: wave lifts a craft by 50 m.
+#: rad, rad, rad/s, m/s^2, m; beyond these a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
 
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
-
-#: The 90 % band of the intervals, relative to their median, from which a time base counts as uneven.
-UNEVEN_SPREAD = 0.1
+UNEVEN_SPREAD = 0.1  #: 90 % band of the intervals over their median from which a time base is uneven.
 
 
 Channels = dict[str, np.ndarray]
@@ -197,12 +194,8 @@ def _time_base_advice(time: np.ndarray) -> list[Advice]:
 
 def limit_of(name: str) -> float:
     """The largest value that a channel of that name may hold, of a record or of a message; infinite: any."""
-    kind = name
-    if name in ('roll', 'pitch'):
-        kind = 'angle'
-    elif name in ('yaw', 'heading'):
-        kind = 'heading'
-    elif name.endswith('_rate') or name.startswith('gyro_'):
+    kind = {'roll': 'angle', 'pitch': 'angle', 'yaw': 'heading'}.get(name, name)
+    if name.endswith('_rate') or name.startswith('gyro_'):
         kind = 'rate'
     elif name.startswith('accel_'):
         kind = 'acceleration'

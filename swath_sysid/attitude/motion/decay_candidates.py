@@ -30,22 +30,15 @@ GROWTH = 0.02  #: Part by which a swing may exceed the one before: light damping
 #: How many times the recent loss a swing may lose: friction keeps it, linear damping lowers it, braking multiplies it.
 LOSS_GROWTH = 1.5
 
-#: Least part of the loss expected with quadratic damping, which lowers it with the square; waves leave less.
-LOSS_DROP = 0.5
-
+LOSS_DROP = 0.5  #: Least part of the loss expected with quadratic damping; waves leave less.
 RECENT = 5  #: This many losses or periods are recent.
 PERIOD_CHANGE = 1.25  #: Ratio by which a period may differ from the recent ones: restoring bends it slowly.
 ASYMMETRY = 2.2  #: Largest ratio of two successive half cycles: an asymmetric restoring makes them differ.
 BACKGROUND = 0.06  #: What breaks a fall below this part of its first swing is the background it fades into.
 BRIDGED_GAP = 0.15  #: Part of a half cycle that a gap must cover to hide a turning point.
 RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the swing away from it.
-
-#: Part of a half cycle that a cosine takes to do so.
-RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)
-
-#: Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping, 0.55 with 0.77 of it.
-CREEP_PERIODS = 0.6
-
+RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)  #: Of a half-cycle.
+CREEP_PERIODS = 0.6  #: Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping.
 MAX_CREEP = 1.3  #: A swing that turns this much later than a cosine that arrives with it has crept to rest.
 ODD_PERIOD = 0.25  #: A period that differs by this part from the median spans a gap.
 DWELL_BAND = 0.15  #: A craft held at a level stays within this part of the following swing.
@@ -355,7 +348,8 @@ def _end_of_fall(
         loss = swings[known] - swings[at]
         whole = at < len(swings) - 1
         judged = known == at - 1 and whole
-        if judged and _loses_more(loss, recent, least):
+        # far more than the recent ones
+        if judged and len(recent) >= 2 and loss > LOSS_GROWTH * median(lost for lost, _ in recent) + least:
             return at, swings[known] > background
         if swings[at] < floor:
             return at, False
@@ -373,11 +367,6 @@ def _end_of_fall(
                 recent = [*recent, (loss, swings[known])][-RECENT:]
         known = at
     return len(swings), False
-
-
-def _loses_more(loss: float, recent: Sequence[tuple[float, float]], least: float) -> bool:
-    """Whether a swing loses far more than the recent ones."""
-    return len(recent) >= 2 and loss > LOSS_GROWTH * median(lost for lost, _ in recent) + least
 
 
 def _loses_less(loss: float, swing: float, recent: Sequence[tuple[float, float]], least: float) -> bool:

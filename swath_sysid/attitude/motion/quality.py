@@ -11,8 +11,7 @@ from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, f
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.signals import SPIKE_NEIGHBOURS, quantum, spikes
 
-#: Four half-cycles less the part left out at the release: one loss each for linear, quadratic and cubic damping.
-MIN_CYCLES = 1.75
+MIN_CYCLES = 1.75  #: One loss each for linear, quadratic and cubic damping, less the part left out at the release.
 
 #: rad, rad/s. Published tests start at 1 deg; below half of that friction and basin motion dominate the damping.
 MIN_AMPLITUDE = {'angle': np.radians(0.5), 'rate': np.radians(1.0)}
@@ -22,16 +21,11 @@ MIN_OVER_NOISE = 5.0
 
 MIN_SAMPLES = 20.0  #: Per period: the straight line between two of 20 errs by 1 % of the amplitude.
 MAX_GAP = 0.25  #: Periods; a longer gap hides a turning point.
-
-#: Sample intervals between two samples from which a record has a gap: single losses harm nothing.
-MISSING_SAMPLES = 5.0
-
+MISSING_SAMPLES = 5.0  #: Sample intervals from which a record has a gap: single losses harm nothing.
 MIN_STEPS = 50.0  #: Resolution steps in the first amplitude. At 50 rounding alone is noise of 0.6 %.
 SHORTEST_CLIP = 4  #: Equal samples at an extreme; noise and rounding make two, rarely three.
 MIN_SPIKE = 0.05  #: Part of the largest amplitude that a spike must reach to bend a fit.
-
-#: Periods by which given bounds may reach beyond the decay found in them: what is left out after pushes.
-BOUNDS_TOLERANCE = 1.6
+BOUNDS_TOLERANCE = 1.6  #: Periods by which given bounds may reach beyond the decay found in them.
 
 UNITS = {'angle': 'deg', 'rate': 'deg/s'}
 
@@ -57,9 +51,8 @@ def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]
     if inside.size < 3:
         return ()
     saturation = tuple(_saturation(inside, segment.period))
-    few = segment.cycles < MIN_CYCLES
     advice = (
-        *([Advice.of('too-few-cycles', cycles=segment.cycles)] if few else []),
+        *([Advice.of('too-few-cycles', cycles=segment.cycles)] if segment.cycles < MIN_CYCLES else []),
         *_size(inside, segment),
         *_sampling(inside, segment),
         *saturation,

@@ -29,9 +29,7 @@ from swath_sysid.common.errors import InputError
 #: rad and rad/s, peak to peak: smaller motion is coupled from the other axis.
 SMALLEST_SWING = {'angle': float(np.radians(0.4)), 'rate': float(np.radians(1.0))}
 
-#: A record without a decay that stays within this many times that (1 deg) is too small.
-SMALLEST_REACH = 2.5
-
+SMALLEST_REACH = 2.5  #: A record without a decay within this many times that (1 deg) is too small.
 MIN_SWINGS = 3  #: Three swings show two losses and one rhythm; fewer are taken only where nothing else moves.
 
 #: A fall this long, smooth and regular needs no rest around it: tank decays reach 0.002 and 0.003, seas 0.009 and 0.01.
@@ -40,18 +38,13 @@ SMOOTH_SWINGS, SMOOTH_ROUGHNESS, SMOOTH_SCATTER = 8, 0.005, 0.02
 #: Nor does one this long that is smooth and regular within noise: in the seas 20 swings reached 0.023 and 0.006.
 MANY_SWINGS, MANY_ROUGHNESS, MANY_SCATTER = 16, 0.015, 0.03
 
-#: In both cases other motion may last this many times longer: in hours of waves anything occurs once.
-MAX_SEARCHED = 30.0
-
+MAX_SEARCHED = 30.0  #: Other motion may then last this many times longer: in hours of waves anything occurs once.
 WHOLE_SWINGS, WHOLE_PART = 6, 0.8  #: Nor one of so many swings that fills this part of the record: seas reached 0.75.
 
 #: Periods of rest that prove a decay (seas reached 4.8), and how many times longer other motion may then last.
 REST_WANTED, MAX_SEARCHED_WITH_REST = 5.0, 100.0
 
-#: Periods of rest that prove it where other motion lasts no longer, per period of rest, than the decay. Windows of ten
-#: and more periods cut from the seas had 1.6 times its duration with 0.8 periods of rest.
-REST_NEEDED = 1.0
-
+REST_NEEDED = 1.0  #: Periods of rest that prove it where other motion, per period of rest, lasts no longer.
 MAX_UNEXPLAINED = 2.0  #: In no case may other motion last longer than so many times the decay.
 SHORT_SCATTER = 0.045  #: Scatter of the periods, where it shows three, that such a decay may have.
 REST_IN_JUMP = 1.0  #: Periods of rest that a jump to the first turning point stands for.
@@ -80,9 +73,7 @@ SWINGING_PART, MIN_SWINGING, LONGEST_LULL = 0.2, 10, 0.25
 
 FORCED_MOTION = 'forced-motion'
 
-#: Natural periods after a release within which the decay that it began is recognised: the first half swing.
-RELEASED_PART = 0.6
-
+RELEASED_PART = 0.6  #: Natural periods after a release within which its decay is recognised: the first half-cycle.
 QUIET_PERIODS = 2.5  #: A release alone shows a decay where so much of the record follows it.
 
 #: Largest and root mean square motion from a period after such a release on, over the angle released from.
@@ -103,8 +94,7 @@ class DecaySegment:
     quantity: str = 'angle'  #: ``angle`` or ``rate``: what the swings were found in.
     #: ``released`` (held or dropped), ``record-start``, ``pushed``, ``under-way`` or ``given``.
     beginning: str = 'given'
-    #: ``record-end``, ``noise-floor``, ``faded`` (its faint tail left out), ``disturbed`` or ``given``.
-    ending: str = 'given'
+    ending: str = 'given'  #: ``record-end``, ``noise-floor``, ``faded``, ``disturbed`` or ``given``.
     advice: tuple[Advice, ...] = ()  #: What was left out or had to be chosen.
 
     @property
@@ -259,11 +249,8 @@ def _free_falls(falls: Sequence[Fall]) -> list[Fall]:
 
 def _is_rhythmic(fall: Fall) -> bool:
     """Long enough to show a rhythm, which its first half cycle keeps, and truly falling."""
-    return fall.swings.size >= MIN_SWINGS and fall.is_suited and _keeps_time(fall) and fall.decrement >= MIN_DECREMENT
-
-
-def _keeps_time(fall: Fall) -> bool:
-    return 1.0 / ASYMMETRY < fall.first_half / (0.5 * fall.period) < ASYMMETRY
+    keeps_time = 1.0 / ASYMMETRY < fall.first_half / (0.5 * fall.period) < ASYMMETRY
+    return fall.swings.size >= MIN_SWINGS and fall.is_suited and keeps_time and fall.decrement >= MIN_DECREMENT
 
 
 def _rest(fall: Fall) -> float:
@@ -332,6 +319,7 @@ def _segment_of(fall: Fall) -> DecaySegment:
     first, beginning = _free_start(fall)
     last, end, ending = _free_end(fall, first)
     start = fall.leaving_time(first)
+    left = 100.0 * abs(fall.value[last] - fall.value[last - 1]) / fall.swings[0]
     reliable_end = end if ending == 'record-end' else fall.end if last == fall.last else float(fall.time[last])
     return DecaySegment(
         start=start,
@@ -344,7 +332,7 @@ def _segment_of(fall: Fall) -> DecaySegment:
         quantity=fall.signal.quantity,
         beginning=beginning,
         ending=ending,
-        advice=(_cut_advice(fall, last, end),) if ending == 'disturbed' else (),
+        advice=(Advice.of('disturbed-tail', end=end, left=left),) if ending == 'disturbed' else (),
     )
 
 
@@ -391,11 +379,6 @@ def _end_of_quiet(fall: Fall) -> float:
     reach = max(abs(fall.value[fall.last] - fall.centre), 0.5 * fall.swings[-1], prominence_of(signal))
     outside = np.flatnonzero(np.abs(signal.value[begin : end + 1] - fall.centre) > 1.2 * reach)
     return signal.start + signal.interval * (begin + int(outside[0]) if outside.size else end)
-
-
-def _cut_advice(fall: Fall, last: int, end: float) -> Advice:
-    left = 100.0 * abs(fall.value[last] - fall.value[last - 1]) / fall.swings[0]
-    return Advice.of('disturbed-tail', end=end, left=left)
 
 
 def _between(motion: AxisMotion, start: float | None, end: float | None) -> AxisMotion:

@@ -27,34 +27,25 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 WINDOW = 30.0  #: s over which the accelerations of waves average out.
-
-#: s; samples are averaged to so coarse a time base, unless their own is coarser: craft roll in 1 s and more.
-BIN = 0.05
-
+BIN = 0.05  #: s; samples are averaged to this time base, unless their own is coarser: craft roll in 1 s and more.
 WINDOW_BINS = 300  #: Bins of a window of a sensor so slow that `WINDOW` holds fewer.
 MIN_BINS = 40  #: Fewer are not judged.
 MAX_STRETCHES = 20  #: Of a long record, over which they are spread; up to twice as many are judged.
 
 FROZEN = 5.0  #: s of fresh stamps with the same values.
-#: Steps of its resolution by which the values of a sensor change just before it freezes; those of a coarse one at rest
-#: change by one or none.
-MIN_STEPS = 3.0
+MIN_STEPS = 3.0  #: Resolution steps by which values change just before a sensor freezes; coarse ones at rest: one.
 MIN_TURN = np.radians(3.0)  #: rad that the rates turn while the angles stand still; no angle is as coarse.
-
-#: Of gravity by which a mean specific force may differ; consumer accelerometers are within a few percent.
-GRAVITY_TOLERANCE = 0.2
+GRAVITY_TOLERANCE = 0.2  #: Of gravity; consumer accelerometers are within a few percent.
 NO_GRAVITY = 0.3  #: Of gravity below which a mean specific force holds none.
 MIN_UPRIGHT = np.cos(np.radians(45.0))  #: Cosine of the largest mean list at which a craft floats.
 #: Cosine between gravity and attitude below which they contradict each other; alignment errors are a few degrees.
 CONTRADICTED = np.cos(np.radians(30.0))
 
 MIN_ANGLE = np.radians(0.25)  #: rad, standard deviation; a craft that moves less shows nothing.
-#: rad/s, standard deviation of the slope; slower angles may be the wander of an attitude filter.
-MIN_RATE = np.radians(0.5)
-#: Share of an angle's power below the highest frequency that is looked at; what is above is mostly noise.
-BAND_POWER = 0.98
-#: Of the Nyquist frequency. An angle that fills more of it is too coarsely sampled, or too noisy, to be differentiated:
-#: up to half of it, noise was taken for motion in 20 of 960 simulated decays of 1 to 3 deg, up to this in none.
+MIN_RATE = np.radians(0.5)  #: rad/s, standard deviation; slower angles may be drift of an attitude filter.
+BAND_POWER = 0.98  #: Share of an angle's power below the highest frequency used; the rest is mostly noise.
+#: Of the Nyquist frequency; a wider angle is too coarse or noisy to be differentiated. With half of it, noise passed
+#: for motion in 20 of 960 simulated decays of 1 to 3 deg, with this in none.
 WIDEST_BAND = 0.3
 LIVELY = 0.9  #: Share of the energy of the slopes within the part of a stretch that is looked at.
 LAG_OF_PERIOD = 0.45  #: Longest lag as a share of the mean period: beyond half of it a delay looks like a reversal.
@@ -75,8 +66,7 @@ UNITS = {
     1.0 / 57.29578: 'the angle is in degrees where rad is expected',
 }
 
-#: Which slopes the rates of roll and pitch hold, where gravity agrees with the attitude: by row the rate, by column the
-#: angle. The first needs one axis that moves, the others need two.
+#: Slopes (columns: angles) that roll and pitch rates (rows) hold; the first needs one moving axis, the others two.
 ARRANGEMENTS = {
     'reversed': ((-1, 0), (0, -1)),
     'roll reversed': ((-1, 0), (0, 1)),
@@ -110,12 +100,12 @@ class Fault:
     """What can be wrong with a sensor."""
 
     code: str
-    compared: str  #: What must have been compared to find it: `REPEATS`, `GRAVITY`, `RATES` or `OFFSETS`.
-    sentence: str  #: With the names of its values in braces.
-    refuses: bool = True  #: Whether nothing should be identified or forecast from such data before it is mended.
+    compared: str  #: What must be compared to find it: `REPEATS`, `GRAVITY`, `RATES` or `OFFSETS`.
+    sentence: str
+    refuses: bool = True  #: Whether nothing should be identified or forecast from such data.
 
 
-#: Everything that the checks can find. Those that do not refuse leave the rest of the data as good as it was.
+#: All faults. Those that do not refuse leave the rest of the data usable.
 FAULTS = {
     'all frozen': Fault(
         'sensor-frozen',
@@ -168,7 +158,7 @@ FAULTS = {
         'axes-of-sensor',
         GRAVITY,
         'gravity is {off:.0f} deg away from where the attitude puts it, which no right-angled mounting explains: have '
-        'the driver give orientation and accelerations in the same axes, and mounting_deg say how these sit',
+        'the driver give orientation and accelerations in the same axes, and mounting_deg say how these are mounted',
     ),
     'on its side': Fault('axes-of-sensor', GRAVITY, '{reading}: ' + MOUNTING_CURE),
     'hanging': Fault(
@@ -244,19 +234,19 @@ DOUBTFUL_CODES = frozenset(fault.code for fault in FAULTS.values() if not fault.
 
 @dataclass(frozen=True)
 class Contradiction(Advice):
-    """A record or a sensor that contradicts itself, with what would mend it; the axis where only one is concerned."""
+    """A record or sensor that contradicts itself, and its cure; the axis where only one is concerned."""
 
     axis: str | None = None
 
     @property
     def is_plain(self) -> bool:
-        """Whether nothing should be identified or forecast from such data before it is mended."""
+        """Whether nothing should be identified or forecast from such data."""
         return self.code not in DOUBTFUL_CODES
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a stretch of data says of the sensor, and the codes for which there was enough to judge by."""
+    """The contradictions in a stretch of data, and the codes that it could decide."""
 
     contradictions: tuple[Contradiction, ...] = ()
     decided: frozenset[str] = frozenset()
@@ -389,7 +379,7 @@ def _found(name: str, axis: str | None = None, **values: Any) -> list[Contradict
 
 
 def _repeats(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.ndarray) -> list[Contradiction] | None:
-    """What has stopped changing though it should have; None where nothing changes, so that nothing can be judged."""
+    """What has frozen; None where nothing changes, so that nothing can be judged."""
     values = np.hstack([angles, rates, force])
     steps = np.abs(np.diff(values, axis=0))
     if not np.any(steps > 0.0):
@@ -409,7 +399,7 @@ def _repeats(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.
 
 
 def _is_turning(rates: np.ndarray, step: float) -> bool:
-    """Whether rates turn a craft to and fro by more than their noise, taken from their differences, adds up to."""
+    """Whether the integrated rates exceed the random walk of their noise."""
     turned = np.ptp(np.cumsum(rates - rates.mean(axis=0), axis=0), axis=0) * step
     walk = np.sqrt(0.5 * np.mean(np.diff(rates, axis=0) ** 2, axis=0) * len(rates)) * step
     return bool(np.any(turned > np.maximum(MIN_TURN, SIGNIFICANT * walk)))
@@ -432,14 +422,14 @@ def mean_force_of(force: np.ndarray) -> np.ndarray | None:
         return None
     mean = force[known].mean(axis=0) / STANDARD_GRAVITY
     size, usual = np.linalg.norm(mean), np.linalg.norm(force[known], axis=1).mean() / STANDARD_GRAVITY
-    # a craft that rolls heavily turns gravity to and fro, so that its mean is shorter than it is
+    # heavy rolling shortens the mean
     return mean * usual / size if size > NO_GRAVITY and abs(usual - 1.0) <= GRAVITY_TOLERANCE else mean
 
 
 def _gravity_against_attitude(
     mean_force: np.ndarray | None, up: np.ndarray | None, slopes: Sequence[Slope], installation: Installation
 ) -> tuple[bool, list[Contradiction]]:
-    """Whether rates and accelerations are turned against the attitude, and what size and direction of gravity show."""
+    """Whether rates and accelerations are rotated against the attitude, and faults of gravity."""
     if mean_force is None:
         return False, [] if up is None else _list_of_craft(up, installation)
     size = float(np.linalg.norm(mean_force))
@@ -460,7 +450,7 @@ def _gravity_against_attitude(
 
 
 def _list_of_craft(up: np.ndarray, installation: Installation) -> list[Contradiction]:
-    """A craft that would float on its side or upside down: a sensor that is turned, and consistently so."""
+    """A craft that would float on its side or upside down: a rotated sensor."""
     if up[2] >= MIN_UPRIGHT:
         return []
     roll, pitch = attitude.tilt_angles(*up)
@@ -472,7 +462,7 @@ def _list_of_craft(up: np.ndarray, installation: Installation) -> list[Contradic
 def _turned_gravity(
     direction: np.ndarray, up: np.ndarray, slopes: Sequence[Slope], installation: Installation
 ) -> tuple[bool, list[Contradiction]]:
-    """What turn, or which frame, explains gravity that is elsewhere than the attitude puts it."""
+    """The rotation or frame that explains gravity away from where the attitude puts it."""
     as_it_is = agreement(slopes, np.eye(3))
     best, best_score = None, -np.inf
     for turn in TURNS:
@@ -481,7 +471,7 @@ def _turned_gravity(
             best, best_score = turn, score
     cosine = float(direction @ up)
     reading = _reading_of(direction)
-    # the frame explains gravity that is opposite; a turn needs rates that say so, or no such explanation
+    # the frame explains opposite gravity, unless rates say otherwise
     if -cosine >= CONTRADICTED and (best is None or as_it_is >= best_score - 1e-6):
         return False, _found('other frame', reading=reading, **_frames(installation))
     if best is None:
@@ -490,7 +480,7 @@ def _turned_gravity(
 
 
 def _direction_alone(direction: np.ndarray, installation: Installation) -> list[Contradiction]:
-    """Without an orientation gravity alone gives the mounting, but for its yaw."""
+    """The mounting by gravity alone, without an orientation, but for its yaw."""
     turn = max(TURNS, key=lambda turn: float(turn[2] @ direction))
     if direction[2] >= MIN_UPRIGHT or turn[2] @ direction < MIN_UPRIGHT:
         return []
@@ -588,7 +578,7 @@ def _delay(slope: Slope, interval: float) -> list[Contradiction]:
 
 
 def _unrelated(slope: Slope) -> list[Contradiction]:
-    """A rate that has nothing to do with its angle while that moves."""
+    """A rate unrelated to its moving angle."""
     # noise makes the rate larger, and the slope: together they allow a gain up to this
     largest_gain = slope.gain / max(slope.lagged**2, 1e-6)
     least = EXPLAINS if largest_gain < 1.0 / UNIT_TOLERANCE else UNRELATED

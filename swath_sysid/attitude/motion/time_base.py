@@ -17,8 +17,7 @@ LONGEST_PERIOD, DOUBTFUL_PERIOD = 60.0, 30.0  #: s: roll and pitch of small craf
 
 CONSECUTIVE_SHARE = 0.99
 MIN_CYCLES = 2
-#: A crossing counts when the motion has gone beyond this part of its standard deviation on both sides.
-HYSTERESIS = 0.3
+HYSTERESIS = 0.3  #: Of the standard deviation, to be exceeded on both sides of a crossing.
 
 
 def check_time_base(
@@ -33,11 +32,8 @@ def check_time_base(
         short = next((u for u, scale in SHORTER_UNITS.items() if abs(time[0]) * scale < LATEST_EPOCH), 'ns')
         raise InputError(f'{name} counts {short} since 1970 and not seconds: call it time_{short}')
     if interval > 1.0 / MIN_RATE:
-        fitting = (
-            [u for u, scale in SHORTER_UNITS.items() if USUAL_RATES[0] <= 1.0 / (interval * scale) <= USUAL_RATES[1]]
-            if unit == 's'
-            else []
-        )
+        shorter = SHORTER_UNITS if unit == 's' else {}
+        fitting = [u for u, scale in shorter.items() if USUAL_RATES[0] <= 1.0 / (interval * scale) <= USUAL_RATES[1]]
         cure = f'call it time_{" or time_".join(fitting)}, as its unit is' if fitting else 'give it its true unit'
         raise InputError(
             f'{name} has a sample every {interval:.4g} s, too seldom for the motion of a craft: '

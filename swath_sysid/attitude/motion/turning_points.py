@@ -18,13 +18,11 @@ MIN_PER_PERIOD = 32  #: Samples per period on the coarsest grid used: its smooth
 MIN_PER_PERIOD_UNSMOOTHED = 5  #: On the finest grid nothing is smoothed, and slow sampling is all there is.
 PROMINENCE = 5.0  #: A turning point stands out by this many standard deviations of the noise left on its grid.
 RESOLVED_STEPS = 1.5  #: ... by this many steps of rounded values: where the motion is slow, averaging does not help,
-SMALLEST_PROMINENCE = 0.002  #: ... and by this part of the record's range, so that no trifle is taken for motion.
+SMALLEST_PROMINENCE = 0.002  #: ... and by this part of the record's range, to ignore trifles.
 SMOOTHING = 1.0  #: Width (standard deviation, samples) of the Gaussian that smooths all but the finest grid.
 
-#: What that Gaussian leaves of the standard deviation of white noise.
-SMOOTHED_NOISE = 1.0 / np.sqrt(2.0 * np.sqrt(np.pi) * SMOOTHING)
-
-LONGEST_BRIDGED_GAP = 0.2  #: A pause longer than this part of what was sampled splits the record in two.
+SMOOTHED_NOISE = 1.0 / np.sqrt(2.0 * np.sqrt(np.pi) * SMOOTHING)  #: Part of white noise that it leaves.
+LONGEST_BRIDGED_GAP = 0.2  #: A pause longer than this part of the record splits it in two.
 
 
 @dataclass(frozen=True)
@@ -198,9 +196,7 @@ def prominence_of(signal: EvenSignal) -> float:
     if signal.value.size < 2:
         return 0.0
     return max(
-        PROMINENCE * signal.noise,
-        RESOLVED_STEPS * signal.resolution,
-        SMALLEST_PROMINENCE * float(np.ptp(signal.value)),
+        PROMINENCE * signal.noise, RESOLVED_STEPS * signal.resolution, SMALLEST_PROMINENCE * float(np.ptp(signal.value))
     )
 
 

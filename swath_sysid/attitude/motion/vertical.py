@@ -1,8 +1,4 @@
-"""Vertical motion from what an IMU measures: acceleration in the world, heave and vertical velocity from it.
-
-Gravity is removed by the orientation.  What is integrated is known above a lowest frequency only, so heave and velocity
-are about their mean: the level about which the craft heaves.
-"""
+"""Vertical motion from an IMU: acceleration in the world, and heave and vertical velocity about their means."""
 
 from itertools import accumulate
 
@@ -12,14 +8,9 @@ from scipy import fft
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value, up_in_body
 
 BAND_HZ = (0.04, 1.5)  #: Of heave and vertical velocity: slower motion drowns in the drift of twice integrated noise.
-
-#: s at either end of a stretch where its zero-phase integrals are not yet what a longer stretch would give.
-EDGE = 30.0
-
+EDGE = 30.0  #: s at either end of a stretch where its zero-phase integrals are not valid.
 HEAVE, VELOCITY, ACCELERATION = 2, 1, 0  #: How often the vertical acceleration is integrated.
-
-#: s; time constants of the leaky integrals, one after another.
-_LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))
+_LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))  #: s; chained time constants.
 
 
 def vertical_acceleration(roll: Value, pitch: Value, specific_force: np.ndarray) -> Value:
@@ -57,7 +48,7 @@ class LeakyIntegrals:
         self._states = [[0.0] * len(chain) for chain in _LEAKS]
 
     def take(self, acceleration: float) -> None:
-        """One row more, m/s^2; NaN is held to be zero."""
+        """Add an acceleration, m/s^2; NaN counts as zero."""
         new = acceleration if acceleration == acceleration else 0.0
         for kept, states in zip(self._kept, self._states, strict=True):
             value = new

@@ -25,11 +25,8 @@ WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
 WATCH_SPAN = 2.0  #: s over which motion is judged large or small.
 WATCH_BLOCK = 0.25  #: s of which the extremes are kept, not every sample.
 CALM = 0.35  #: Motion below this part of the largest is worth a look for a decay that has ended.
-
-FIRST_LOOK = 1.0
-#: A decay is looked for this many seconds after the last large motion, and then ever more rarely, by this factor.
-NEXT_LOOK = 1.5
-
+FIRST_LOOK = 1.0  #: s after the last large motion.
+NEXT_LOOK = 1.5  #: Factor by which the time to the next look for a decay grows.
 LOOK_RATE = 50.0  #: Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms.
 MIN_CYCLES = 1.5  #: A shorter decay is not reported: it is fitted badly.
 
@@ -181,7 +178,9 @@ class MotionWindow:
         self.samples += 1
         if not self.recording:
             return WindowStep(True, reasons)
-        self._append(sample)
+        self._stamp_ns, stamp = sample[0], sample[0] * NANOSECOND
+        self._rows.append((stamp, *sample[1:8]))
+        self._rows.drop_below(stamp - self.settings.window)
         return WindowStep(True, reasons, self._watch.look(sample, self))
 
     def table(self, since: float | None = None) -> MotionTable:
@@ -190,12 +189,6 @@ class MotionWindow:
         if since is not None:
             rows = rows[np.searchsorted(rows[:, 0], since) :]
         return MotionTable(rows.copy(), self._stamp_ns)
-
-    def _append(self, sample: CraftSample) -> None:
-        stamp = sample[0] * NANOSECOND
-        self._rows.append((stamp, *sample[1:8]))
-        self._rows.drop_below(stamp - self.settings.window)
-        self._stamp_ns = sample[0]
 
 
 class DecayWatch:
@@ -219,7 +212,7 @@ class DecayWatch:
         self._reported_until = reported
 
     def look(self, sample: CraftSample, window: MotionWindow) -> FinishedDecay | None:
-        """Take in a sample that the window holds already; the decay that has ended, if one has."""
+        """Add a sample that is in the window: the decay that has ended, if any."""
         if not self.on:
             return None
         stamp, roll, pitch, roll_rate, pitch_rate = sample[:5]

@@ -87,12 +87,6 @@ def hull_at(name: str, draft_factor: float) -> DecayModel:
     return DecayModel.from_terms(model.equation, ratios, axis=model.axis)
 
 
-def assumed_inertia(name: str) -> float:
-    """I' that the coefficients are shown with: as printed, or as the catalogue assumes; 0.09 where neither is."""
-    form = PUBLISHED_HULLS[name].form
-    return 0.09 if form is None else form.inertia
-
-
 def study_record(name: str, draft_factor: float, angle_deg: float, seed: int) -> StudiedRecord:
     """One condition: simulate its repeats, keep the best, search every equation, and fit the chosen one our way."""
     publication = decay_publication(name)
@@ -161,12 +155,17 @@ class DecayStudy:
 
     def at(self, draft_factor: float | None, angle_deg: float | None) -> StudiedRecord:
         """The record of one condition."""
-        return next(r for r in self.records if (r.draft_factor, r.angle_deg) == (draft_factor, angle_deg))
+        return next(r for r in self.of_draft(draft_factor) if r.angle_deg == angle_deg)
+
+    def of_draft(self, draft_factor: float | None) -> list[StudiedRecord]:
+        """The records of one draft, by angle."""
+        return sorted((r for r in self.records if r.draft_factor == draft_factor), key=lambda r: r.angle_deg)
 
     @property
     def inertia(self) -> float:
-        """I' that the coefficients are shown with."""
-        return assumed_inertia(self.publication.name)
+        """I' that the coefficients are shown with: as printed, or as the catalogue assumes; 0.09 where neither is."""
+        form = PUBLISHED_HULLS[self.publication.name].form
+        return 0.09 if form is None else form.inertia
 
     def chosen(self, record: StudiedRecord) -> SearchedEquation:
         """The searches of the chosen equation on a record."""

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from importlib import resources
-from typing import Any
 
 import yaml
 
@@ -21,7 +20,7 @@ class PrintedTable:
     table: str  #: Which table of the study.
     draft_factor: float | None = None
     angle_deg: float | None = None
-    rows: tuple = ()
+    rows: list = field(default_factory=list)
     ratios: dict = field(default_factory=dict)  #: Of the chosen equation, over the inertia.
     published_form: dict = field(default_factory=dict)  #: Of the chosen equation, with the inertia.
 
@@ -32,6 +31,8 @@ class DecayPublication:
 
     name: str
     title: str
+    paper: str
+    authors: str | None
     axis: str
     craft: dict  #: Particulars, by the keys of a manifest.
     equations: tuple  #: In the order of the study.
@@ -65,6 +66,11 @@ class DecayPublication:
         )
 
 
+def citation(paper: str, authors: str | None) -> str:
+    """Authors and title of a paper, or what is known of them."""
+    return f'{authors}: {paper}.' if authors else f'{paper}; its authors and exact title are not known.'
+
+
 def printed_values(name: str) -> dict:
     """The content of a study's file."""
     check_choice(name, STUDIES, 'paper')
@@ -72,14 +78,9 @@ def printed_values(name: str) -> dict:
     return yaml.safe_load(text)
 
 
-def _printed_table(content: dict):
-    entries: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
-    return PrintedTable(**entries)
-
-
 def decay_publication(name: str) -> DecayPublication:
     """A study of free decays by its name."""
     content = printed_values(name)
-    tables = {key: _printed_table(content[key]) for key in ('objective', 'coefficients', 'next_step') if key in content}
+    tables = {key: PrintedTable(**content[key]) for key in ('objective', 'coefficients', 'next_step') if key in content}
     lists = {key: tuple(content[key]) for key in ('equations', 'figures', 'claims')}
     return DecayPublication(name, **{**content, **tables, **lists})

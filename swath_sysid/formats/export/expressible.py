@@ -14,18 +14,7 @@ from swath_sysid.manoeuvring.hull.terms import NAMES, PARAMETERS, SENSOR, THRUST
 
 INERTIAL = ('m', 'Iz')
 #: Of the thrusters, applied by the sender of forces in N.
-SENDERS = (
-    'gain',
-    'reverse_ratio',
-    'dead_band',
-    'exponent',
-    'balance',
-    'deduction',
-    'lever',
-    'moment_factor',
-    'full_input',
-    'reverse_exponent_ratio',
-)
+SENDERS = tuple(p.name for p in PARAMETERS if p.kind == THRUST and p.name not in ('advance', 'lag', 'delay'))
 
 COMPARED = {
     'turning-circle': ('approach_speed_m_s', 'steady_diameter_m', 'tactical_diameter_m', 'steady_yaw_rate_deg_s'),
@@ -118,9 +107,7 @@ def added_mass_diverges(model: ManoeuvringModel) -> bool:
 
 def added_mass_advice(model: ManoeuvringModel) -> tuple[Advice, ...]:
     """Advice where the plugins' explicit added mass would diverge."""
-    if not added_mass_diverges(model):
-        return ()
-    return (Advice.of('added-mass-diverges'),)
+    return (Advice.of('added-mass-diverges'),) if added_mass_diverges(model) else ()
 
 
 def force_lines(model: ManoeuvringModel) -> list[str]:
@@ -131,7 +118,7 @@ def force_lines(model: ManoeuvringModel) -> list[str]:
         '((|c| / full_input - dead_band) / (1 - dead_band))^exponent; astern the force is multiplied by',
         '-reverse_ratio and the exponent by reverse_exponent_ratio',
     ]
-    return [*lines, *(f'{p.name}: {model[p.name]:.8g}' for p in PARAMETERS if p.kind == THRUST and p.name in SENDERS)]
+    return [*lines, *(f'{name}: {model[name]:.8g}' for name in SENDERS)]
 
 
 def effective_lever(model: ManoeuvringModel) -> float:

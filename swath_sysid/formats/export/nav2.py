@@ -1,7 +1,6 @@
 """Parameters of Nav2's MPPI controller and velocity smoother, from simulated runs of the craft."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import yaml
@@ -20,10 +19,21 @@ RISE = 1.0 - math.exp(-1.0)
 
 
 def nav2(model: ManoeuvringModel) -> Export:
-    """Parameters of Nav2 and a table of what the craft does, as an `Export`.
+    """Parameters of Nav2's MPPI controller and velocity smoother, from what the craft does in simulation.
+
+    Args:
+        model: As identified.
+
+    Returns:
+        The text (YAML), a table of what the craft does at three speeds included, and advice.
 
     Raises:
         InputError: The craft does not move ahead, turn or stop in the simulation.
+
+    Example:
+        >>> export = nav2(read_manoeuvring_model('wamv.yaml').model)
+        >>> 'vx_max' in export.text
+        True
     """
     full = model.largest_input
     rows = [_row(model, share) for share in SHARES]
@@ -45,19 +55,7 @@ def nav2(model: ManoeuvringModel) -> Export:
             'before giving its limits to Nav2'
         )
     limits = {name: _rounded(value) for name, value in limits.items()}
-    table = {
-        key: [_rounded(row[key]) for row in rows]
-        for key in (
-            'input_share',
-            'speed_m_s',
-            'turning_speed_m_s',
-            'yaw_rate_rad_s',
-            'turn_radius_m',
-            'drift_angle_rad',
-            'stopping_distance_m',
-            'stopping_time_s',
-        )
-    }
+    table = {key: [_rounded(row[key]) for row in rows] for key in rows[0] if key != 'turn'}
     v, w = limits['vx_max'], limits['wz_max']
     content = {
         'controller_server': {
@@ -81,7 +79,9 @@ def nav2(model: ManoeuvringModel) -> Export:
         },
         'craft': {'ros__parameters': table},
     }
-    advice = _simplified(rows)
+    drift = math.degrees(max(row['drift_angle_rad'] for row in rows))
+    change = rows[-1]['turning_speed_m_s'] / rows[-1]['speed_m_s'] - 1.0
+    advice = (Advice.of('motion-simplified', drift=drift, change=change),)
     head = [
         '# Limits of an identified craft in still water; merge into the parameters of Nav2.',
         f'# The mean input of both thrusters is at most {SHARES[-1]:.0%} of the largest: the rest steers;',
@@ -91,14 +91,6 @@ def nav2(model: ManoeuvringModel) -> Export:
         *(f'# WARNING {a.message}' for a in advice),
     ]
     return Export('\n'.join(head) + '\n' + yaml.safe_dump(content, sort_keys=False), advice)
-
-
-def _simplified(rows: Sequence[dict]) -> tuple[Advice, ...]:
-    fastest = rows[-1]
-    change = fastest['turning_speed_m_s'] / fastest['speed_m_s'] - 1.0
-    return (
-        Advice.of('motion-simplified', drift=math.degrees(max(row['drift_angle_rad'] for row in rows)), change=change),
-    )
 
 
 def _held(model: ManoeuvringModel, port: float, starboard: float, speed: float = 0.0, before: float = 0.0) -> Manoeuvre:

@@ -24,6 +24,8 @@ RECIPE = (
     ('mixed', 'any thrusts, each held for 5 to 15 s, on courses all around the compass', 105),
 )
 
+MIXED = ((0.8, 0.4), (0.3, 0.7), (0.9, 0.9), (0.2, 0.6), (0.7, 0.1), (0.1, 0.1), (0.5, 0.95))
+
 
 @dataclass(frozen=True)
 class SensorNoise:
@@ -51,20 +53,7 @@ def trial_programme(model: ManoeuvringModel, step: float = STEP) -> dict[str, Ma
         'zigzag_10': _zigzag(model, step, 0.5, 0.15, np.radians(10.0), 90.0),
         'zigzag_20': _zigzag(model, step, 0.65, 0.3, np.radians(20.0), 90.0),
         'reverse': _steps(model, step, [(0.5, 0.5, 15), (-0.4, -0.4, 20), (0.6, -0.3, 20), (-0.3, 0.6, 20)], full),
-        'mixed': _steps(
-            model,
-            step,
-            [
-                (0.8, 0.4, 15),
-                (0.3, 0.7, 15),
-                (0.9, 0.9, 15),
-                (0.2, 0.6, 15),
-                (0.7, 0.1, 15),
-                (0.1, 0.1, 15),
-                (0.5, 0.95, 15),
-            ],
-            full,
-        ),
+        'mixed': _steps(model, step, [(port, starboard, 15) for port, starboard in MIXED], full),
     }
 
 

@@ -111,25 +111,26 @@ def simulate(
             step,
             substeps,
         )[:, :, 0]
-        u, v, r = states.T
         drift = model.current if current is None else current
-        psi, x, y = track(u, v, r, step, heading, position, drift)
-        east, north = drift
-        surge = u + east * np.cos(psi) + north * np.sin(psi)
-        sway = v - east * np.sin(psi) + north * np.cos(psi)
-    return Manoeuvre(
-        time=step * np.arange(u.size),
-        u=u,
-        v=v,
-        yaw_rate=r,
-        heading=psi,
-        x=x,
-        y=y,
-        surge=surge,
-        sway=sway,
-        port=np.append(port, port[-1:]),
-        starboard=np.append(starboard, starboard[-1:]),
-    )
+        u, v, r = states.T
+        pose = track(u, v, r, step, heading, position, drift)
+        return manoeuvre_of(step, (u, v, r), pose, (port, starboard), drift)
+
+
+def manoeuvre_of(
+    step: float,
+    motion: Sequence | np.ndarray,
+    pose: Sequence | np.ndarray,
+    inputs: Sequence | np.ndarray,
+    current: Sequence[float],
+) -> Manoeuvre:
+    """The manoeuvre of u, v, r and heading, x, y, (3, N) each, under inputs (2, N - 1), in steps of s."""
+    (u, v, r), (psi, x, y), (port, starboard) = motion, pose, inputs
+    east, north = current
+    surge = u + east * np.cos(psi) + north * np.sin(psi)
+    sway = v - east * np.sin(psi) + north * np.cos(psi)
+    held = (np.append(side, side[-1:]) for side in (port, starboard))
+    return Manoeuvre(step * np.arange(u.size), u, v, r, psi, x, y, surge, sway, *held)
 
 
 def track(

@@ -104,12 +104,13 @@ def _largest_excess(model: ManoeuvringModel, region: Region):
     state = np.repeat(starts, thrust.shape[1], axis=1)
     columns = np.tile(thrust, starts.shape[1])
     steps = int(DURATION / STEP)
+    port, starboard = (np.ascontiguousarray(np.broadcast_to(side, (steps, side.size))) for side in columns)
     substeps = substeps_for(model, STEP, (region.fastest, 0.0, region.largest_yaw_rate), thrust)
     with np.errstate(over='ignore', invalid='ignore'):
         states = runge_kutta_columns(
             state,
-            np.ascontiguousarray(np.broadcast_to(columns[0], (steps, columns.shape[1]))),
-            np.ascontiguousarray(np.broadcast_to(columns[1], (steps, columns.shape[1]))),
+            port,
+            starboard,
             UNDISTURBED,
             np.repeat(model.values[:, None], columns.shape[1], axis=1),
             model.active,

@@ -6,6 +6,7 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import (
     UNDISTURBED,
     Manoeuvre,
+    manoeuvre_of,
     moved,
     runge_kutta_columns,
     steady_speed,
@@ -69,19 +70,5 @@ class SteeredCraft:
 
     def manoeuvre(self) -> Manoeuvre:
         """All motion since the start."""
-        u, v, r, psi, x, y = np.array(self._rows).T
-        inputs = np.array([*self._inputs, self._inputs[-1]])
-        east, north = self.model.current
-        return Manoeuvre(
-            time=self.step * np.arange(u.size),
-            u=u,
-            v=v,
-            yaw_rate=r,
-            heading=psi,
-            x=x,
-            y=y,
-            surge=u + east * np.cos(psi) + north * np.sin(psi),
-            sway=v - east * np.sin(psi) + north * np.cos(psi),
-            port=inputs[:, 0],
-            starboard=inputs[:, 1],
-        )
+        rows = np.array(self._rows).T
+        return manoeuvre_of(self.step, rows[:3], rows[3:], np.array(self._inputs).T, self.model.current)

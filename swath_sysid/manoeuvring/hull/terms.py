@@ -105,57 +105,14 @@ NAMES = tuple(p.name for p in PARAMETERS)
 INDEX = {name: i for i, name in enumerate(NAMES)}
 NEUTRAL = np.array([p.neutral for p in PARAMETERS])
 
-(
-    M,
-    IZ,
-    XU_DOT,
-    YV_DOT,
-    YR_DOT,
-    NV_DOT,
-    NR_DOT,
-    X_G,
-    XU,
-    XUU,
-    XUUU,
-    XVR,
-    XVV,
-    XRR,
-    YV,
-    YVV,
-    YVVV,
-    YVR,
-    YR,
-    YUR,
-    YUV,
-    NR,
-    NRR,
-    NRRR,
-    NVR,
-    NUR,
-    NUUR,
-    NV,
-    NVVV,
-    NUV,
-    X0,
-    N0,
-    GAIN,
-    REVERSE_RATIO,
-    DEAD_BAND,
-    EXPONENT,
-    BALANCE,
-    ADVANCE,
-    LAG,
-    DELAY,
-    DEDUCTION,
-    LEVER,
-    MOMENT_FACTOR,
-    FULL_INPUT,
-    REVERSE_EXPONENT_RATIO,
-    DEVIATION_B,
-    DEVIATION_C,
-    SENSOR_X,
-    SENSOR_Y,
-) = range(len(NAMES))
+M, IZ, XU_DOT, YV_DOT, YR_DOT, NV_DOT, NR_DOT, X_G = range(8)
+XU, XUU, XUUU, XVR, XVV, XRR = range(8, 14)
+YV, YVV, YVVV, YVR, YR, YUR, YUV = range(14, 21)
+NR, NRR, NRRR, NVR, NUR, NUUR, NV, NVVV, NUV = range(21, 30)
+X0, N0 = range(30, 32)
+GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, BALANCE, ADVANCE, LAG, DELAY = range(32, 40)
+DEDUCTION, LEVER, MOMENT_FACTOR, FULL_INPUT, REVERSE_EXPONENT_RATIO = range(40, 45)
+DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y = range(45, len(NAMES))
 
 
 @accelerated

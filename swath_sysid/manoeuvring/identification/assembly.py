@@ -9,17 +9,12 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import white_noise
 from swath_sysid.manoeuvring.hull.model import parameter_values
+from swath_sysid.manoeuvring.hull.presets import WAMV_LENGTH, WAMV_LEVER
 from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.hull.terms import INDEX
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.scaling import Scales
-from swath_sysid.manoeuvring.identification.settings import (
-    AUTO,
-    DEFAULT_LENGTH,
-    DEFAULT_LEVER,
-    SHARED,
-    ManoeuvringSettings,
-)
+from swath_sysid.manoeuvring.identification.settings import AUTO, SHARED, ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, Unknowns
 from swath_sysid.manoeuvring.identification.starts import surge_ratios, sway_ratios, yaw_ratios
 from swath_sysid.manoeuvring.motion.trial import COMMAND, Run
@@ -155,13 +150,8 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
     candidates = [c for c in candidates if not set(c) & set(ties)]
     assumed += ties
     values.update({name: values.get(leader, 0.0) for name, leader in ties.items()})
-    region = seen_region(runs)
-    noise = np.array(
-        [
-            max(0.05 * scale, _white(runs, c))
-            for c, scale in enumerate((scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate))
-        ]
-    )
+    motion = np.array([scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate])
+    noise = np.fmax(0.05 * motion, np.fmax(sensor_noise(runs), 1e-6))
     return Problem(
         tuple(runs),
         thrust_input,
@@ -174,7 +164,7 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
         dict(settings.towards),
         tuple(assumed),
         flags,
-        region,
+        seen_region(runs),
         noise,
         drift_spread,
         tuple(advice),
@@ -251,10 +241,10 @@ def _craft(runs: Sequence[Run], settings: ManoeuvringSettings, advice: list[Advi
             'lever-assumed',
         )
     if lever is None:
-        advice.append(Advice.of('lever-assumed', default_lever=DEFAULT_LEVER))
+        advice.append(Advice.of('lever-assumed', default_lever=WAMV_LEVER))
     if length is None:
-        advice.append(Advice.of('length-assumed', default_length=DEFAULT_LENGTH))
-    return lever or DEFAULT_LEVER, length or DEFAULT_LENGTH
+        advice.append(Advice.of('length-assumed', default_length=WAMV_LENGTH))
+    return lever or WAMV_LEVER, length or WAMV_LENGTH
 
 
 def _anchors(
@@ -368,6 +358,11 @@ def _largest(values: np.ndarray):
     return float(np.nanquantile(values, 0.995)) if np.isfinite(values).any() else 0.0
 
 
-def _white(runs: Sequence[Run], channel: int):
-    found = [white_noise(c[np.isfinite(c)]) for c in (run.channels[channel] for run in runs)]
-    return max(float(np.median(found)), 1e-6)
+def sensor_noise(runs: Sequence[Run]) -> np.ndarray:
+    """White noise of surge, sway and yaw rate, the median of the runs, shape (3,)."""
+    return np.array(
+        [
+            np.median([white_noise(c[np.isfinite(c)]) for c in side])
+            for side in zip(*(r.channels for r in runs), strict=True)
+        ]
+    )

@@ -9,13 +9,12 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.common.signals import white_noise
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
 from swath_sysid.manoeuvring.hull.stability import Region, StabilityCheck, check_stability
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
-from swath_sysid.manoeuvring.identification.assembly import Problem, assemble, moving_runs
+from swath_sysid.manoeuvring.identification.assembly import Problem, assemble, moving_runs, sensor_noise
 from swath_sysid.manoeuvring.identification.selection import (
     Fit,
     at_bound,
@@ -37,7 +36,7 @@ from swath_sysid.manoeuvring.identification.selection import (
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleShooting
 from swath_sysid.manoeuvring.identification.validation import Scores, score
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
+from swath_sysid.manoeuvring.motion.trial import Run
 
 ALIKE = 0.5  #: Time constants with a larger ratio than this, short to long, can be confused.
 UNCERTAIN = 0.5  #: A standard deviation beyond this share of a value makes it uncertain.
@@ -73,10 +72,10 @@ class ManoeuvringIdentification:
     fixed: dict[str, float]  #: Given or assumed parameters.
     prime_units: PrimeUnits
     noise: np.ndarray  #: (3,); Residual standard deviation of surge, sway, yaw rate.
-    identification: Scores
-    validation: Scores | None
-    identified_on: tuple
-    validated_on: tuple
+    identification: Scores  #: On the runs that it was fitted to.
+    validation: Scores | None  #: On the runs kept out of the fit; None: there were none.
+    identified_on: tuple  #: The runs that it was fitted to.
+    validated_on: tuple  #: The runs kept out of the fit.
     stability: StabilityCheck
     rejected: dict[str, str]  #: Rejected terms and why.
     currents: np.ndarray  #: (R, 2); East and north, m/s, of each run of the identification.
@@ -97,22 +96,32 @@ def identify_manoeuvring(
     progress: Callable[[float], object] | None = None,
     should_cancel: Callable[[], bool] | None = None,
 ) -> ManoeuvringIdentification:
-    """Identify a craft from its runs.
+    """Identify the manoeuvring model of a twin-thruster craft from its runs.
 
     Linear regression and a genetic search give the start; multiple shooting refines it; terms are
     added while they are worth it and the craft stays stable.
 
     Args:
-        runs: Of one craft.
+        runs: Of one craft, as `prepare_runs` gives them.
         settings: What is given, fixed and searched.
         validation: Kept out of the fit and scored; by default a third of the runs, where there are three or more.
             Empty: none.
         progress: Called with the share of the work done, 0 to 1.
         should_cancel: Asked between steps.
 
+    Returns:
+        The model, its derivatives with their uncertainty, and how well it simulates the runs.
+
     Raises:
         InputError: The runs cannot be used together, or excite nothing.
         Cancelled: ``should_cancel`` said so.
+
+    Example:
+        >>> runs = prepare_runs([read_manoeuvring_csv('runs/zigzag_20.csv'), read_manoeuvring_csv('runs/mixed.csv')])
+        >>> settings = ManoeuvringSettings(mass=180.0, terms=('Xu', 'Xuu', 'Yv', 'Nr'), generations=0)
+        >>> found = identify_manoeuvring(runs, settings)
+        >>> found.identification.r2['yaw_rate'] > 0.95
+        True
     """
     settings = settings or ManoeuvringSettings()
     if not runs:
@@ -167,7 +176,7 @@ def identify_manoeuvring(
     advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
     derivatives, more = _derivatives(problem, found, units)
     advice += more + stability_advice + _drifts(model, currents) + _exchangeable(model, found, problem.region)
-    advice += _verdicts(stability, problem.largest_growth < 0.0, scores, validated, _white(runs))
+    advice += _verdicts(stability, problem.largest_growth < 0.0, scores, validated, sensor_noise(runs))
     fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
     fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
     note(1.0)
@@ -319,15 +328,6 @@ def _drifts(model: ManoeuvringModel, currents: np.ndarray):
     return (Advice.of('current-by-run', least=strength.min(), most=strength.max()),)
 
 
-def _white(runs: Sequence[Run]):
-    """White noise of the sensors by channel."""
-    found = {}
-    for c, name in enumerate(CHANNELS):
-        series = [run.channels[c][np.isfinite(run.channels[c])] for run in runs]
-        found[name] = float(np.median([white_noise(s) for s in series]))
-    return found
-
-
 def _separating(*names: str):
     """The manoeuvre that would separate terms."""
     found = dict.fromkeys(PARAMETERS[INDEX[n]].separated_by for n in names if n in INDEX)
@@ -335,7 +335,7 @@ def _separating(*names: str):
 
 
 def _verdicts(
-    stability: StabilityCheck, keeps_course: bool, scores: Scores, validated: Scores | None, white: dict[str, float]
+    stability: StabilityCheck, keeps_course: bool, scores: Scores, validated: Scores | None, noise: np.ndarray
 ):
     """Advice on stability and on the fit of the simulations."""
     advice = []
@@ -358,8 +358,8 @@ def _verdicts(
             advice.append(Advice.of('diverged', diverged=found.diverged, windows=found.windows, label=label))
         low = [
             f'{name} {found.r2[name]:.2f}'
-            for name, good in GOOD_R2.items()
-            if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white[name]
+            for (name, good), white in zip(GOOD_R2.items(), noise, strict=True)
+            if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white
         ]
         if low:
             advice.append(Advice.of('poor-simulation', label=label, channels=', '.join(low)))

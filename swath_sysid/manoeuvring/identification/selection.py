@@ -279,13 +279,12 @@ def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = 
     remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
     rejected = {}
     for _ in range(MAX_TERMS):
-        ranked = _ranked(problem, now, remaining)
-        best = next(((group, gain) for group, gain in ranked if gain > 0.0), None)
-        if best is None:
+        offers = [(group, gain) for group, gain, _ in _offers(problem, now, remaining) if gain > 0.0]
+        if not offers:
             break
-        group, promised = best
+        group, _ = min(offers, key=lambda offer: (offer[0][0] in LAST, -offer[1]))
         names = (*now.names, *group)
-        start = np.concatenate([now.values, [_first_value(problem, n) for n in group]])
+        start = np.concatenate([now.values, problem.start(group)])
         tried = fit(problem, now.shooting, names, start, rounds=1)
         remaining.remove(group)
         if now.stable and not tried.stable:
@@ -322,19 +321,17 @@ def regularised_to_stable(problem: Problem, found: Fit) -> tuple[Fit, tuple[Advi
             break
         weakest = min(cross, key=lambda k: certainty[k])
         removed.append(found.names[weakest])
-        keep = [k for k in range(len(found.names)) if k != weakest]
-        problem = without(problem, removed[-1:])
-        found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
-    advice: tuple[Advice, ...] = ()
-    if removed:
-        advice = (Advice.of('made-stable', removed=', '.join(removed)),)
-    return found, advice
+        problem, found = _fit_without(problem, found, weakest)
+    return found, (Advice.of('made-stable', removed=', '.join(removed)),) if removed else ()
 
 
-def _ranked(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
-    """Groups of terms by expected gain beyond their threshold, largest first."""
-    offers = [(group, gain) for group, gain, _ in _offers(problem, now, candidates)]
-    return sorted(offers, key=lambda pair: (pair[0][0] in LAST, -pair[1]))
+def _fit_without(problem: Problem, found: Fit, k: int, *, held: bool = False):
+    """Problem and fit without the k-th unknown, which stays at its value where ``held``."""
+    problem = without(problem, found.names[k : k + 1])
+    if held:
+        problem.base[INDEX[found.names[k]]] = found.values[k]
+    names = (*found.names[:k], *found.names[k + 1 :])
+    return problem, fit(problem, found.shooting, names, np.delete(found.values, k), rounds=1)
 
 
 def with_refused(problem: Problem, found: Fit) -> Fit:
@@ -362,7 +359,7 @@ def _offers(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
     if not candidates:
         return []
     names = [n for group in candidates for n in group]
-    start = np.concatenate([now.values, [_first_value(problem, n) for n in names]])
+    start = np.concatenate([now.values, problem.start(names)])
     wide = now.shooting.with_unknowns(problem.unknowns((*now.names, *names)), problem.base)
     residuals, jacobians = wide.by_channel(*wide.linearised(start))
     residual, jacobian = np.concatenate(residuals), np.concatenate(jacobians)
@@ -384,7 +381,7 @@ def _offers(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
             continue
         step = -np.linalg.lstsq(part, left, rcond=None)[0]
         unknowns = problem.unknowns(group)
-        at = np.array([_first_value(problem, name) for name in group])
+        at = problem.start(group)
         step = np.clip(at + step, unknowns.lower, unknowns.upper) - at
         drop = np.sum(left**2) - np.sum((left + part @ step) ** 2)
         shift = np.zeros(n)
@@ -403,17 +400,14 @@ def _inflation(residuals: np.ndarray, covariance: ParameterCovariance):
     return max(residuals.size / max(covariance.effective_samples, 1.0) * excess, 1e-9)
 
 
-def _cost_with(tried: Fit, now: Fit):
-    """Cost of a fit under the robust weights of another."""
-    shooting = tried.shooting.with_unknowns(tried.shooting.unknowns, tried.shooting.parameters(tried.values)[0])
-    shooting.take_weights(now.shooting)
-    return 0.5 * float(np.sum(np.clip(np.nan_to_num(shooting.residuals(tried.values), nan=1e6), -1e6, 1e6) ** 2))
-
-
 def _gain(more: Fit, fewer: Fit):
     """Misfit that more terms explain in all runs, and the misfit without them."""
     misfit = fewer.shooting.refine(fewer.values, max_evaluations=6).cost
-    return misfit - _cost_with(more, fewer), misfit
+    # both under the robust weights of the fit with fewer terms
+    shooting = more.shooting.with_unknowns(more.shooting.unknowns, more.shooting.parameters(more.values)[0])
+    shooting.take_weights(fewer.shooting)
+    residual = np.clip(np.nan_to_num(shooting.residuals(more.values), nan=1e6), -1e6, 1e6)
+    return misfit - 0.5 * float(np.sum(residual**2)), misfit
 
 
 def _is_no_chance(gain: float, more: Fit, count: int):
@@ -431,26 +425,21 @@ def _shows_in_thrust(names: Sequence[str], gain: float, misfit: float):
     return _is_of_thrust(names) and gain > MIN_GAIN * misfit
 
 
-def _first_value(problem: Problem, name: str):
-    return float(problem.start((name,))[0])
-
-
 def _without_weak(problem: Problem, now: Fit, rejected: dict[str, str]):
     """Drop added and tentative terms that are insignificant, or do not help runs held out."""
     kept = {*problem.free, *CURRENT}
     while True:
         std = np.sqrt(np.diag(now.covariance.matrix))
         with np.errstate(invalid='ignore', divide='ignore'):
-            shift = np.abs(now.values - _neutral(now.names))
+            neutral = np.array([NEUTRAL[INDEX[n]] if n in INDEX else 0.0 for n in now.names])
+            shift = np.abs(now.values - neutral)
             certainty = np.where(std > 0.0, shift / std, 0.0)
         doubted = sorted((certainty[k], k) for k, n in enumerate(now.names) if n not in kept and certainty[k] < DOUBTED)
         if not doubted:
             return now
         certain, worst = doubted[0]
         name = now.names[worst]
-        keep = [k for k in range(len(now.names)) if k != worst]
-        fewer = without(problem, (name,))
-        tried = fit(fewer, now.shooting, tuple(now.names[k] for k in keep), now.values[keep], rounds=1)
+        fewer, tried = _fit_without(problem, now, worst)
         if _is_of_thrust((name,)):
             gain, misfit = _gain(now, tried)
             of_use = _is_no_chance(gain, now, 1) and (
@@ -478,13 +467,9 @@ def without_bounds(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
         ]
         if not ended:
             return problem, found
-        name, value = found.names[ended[0]], found.values[ended[0]]
-        problem = without(problem, (name,))
-        if name in ('Xu', 'Yv', 'Nr'):
-            problem.base[INDEX[name]] = value
-        keep = [k for k in range(len(found.names)) if k != ended[0]]
+        name = found.names[ended[0]]
         rejected = {**found.rejected, name: 'at the limit of its range'}
-        found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
+        problem, found = _fit_without(problem, found, ended[0], held=name in ('Xu', 'Yv', 'Nr'))
         found = replace(found, rejected=rejected)
 
 
@@ -502,10 +487,6 @@ def without(problem: Problem, names: Sequence[str]) -> Problem:
         if name in INDEX:
             base[INDEX[name]] = NEUTRAL[INDEX[name]]
     return replace(problem, base=base)
-
-
-def _neutral(names: Sequence[str]):
-    return np.array([NEUTRAL[INDEX[n]] if n in INDEX else 0.0 for n in names])
 
 
 def _is_stable(problem: Problem, names: Sequence[str], values: np.ndarray):

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.presets import WAMV_LENGTH, WAMV_LEVER
 from swath_sysid.manoeuvring.hull.terms import INDEX
 
 AUTO, SHARED, NONE = 'auto', 'shared', 'none'
@@ -13,7 +12,16 @@ HIGHEST_GENERATIONS = 1000
 
 @dataclass(frozen=True)
 class ManoeuvringSettings:
-    """Settings of `identify_manoeuvring`."""
+    """Settings of `identify_manoeuvring`.
+
+    Raises:
+        InputError: A value is not positive, or there is no such parameter or choice; the sentence names it.
+
+    Example:
+        >>> settings = ManoeuvringSettings(mass=180.0, lever=1.03, fixed={'Xu_dot': -18.0})
+        >>> settings.window
+        20.0
+    """
 
     mass: float | None = None  #: kg, cargo included.
     inertia: float | None = None  #: Yaw inertia without added inertia, kg m^2.
@@ -44,7 +52,3 @@ class ManoeuvringSettings:
             raise InputError(f'generations must be within 0 and {HIGHEST_GENERATIONS}')
         if self.population < 8:
             raise InputError('population must be at least 8')
-
-
-DEFAULT_LEVER = WAMV_LEVER
-DEFAULT_LENGTH = WAMV_LENGTH

@@ -388,8 +388,7 @@ class MultipleShooting:
                 right = np.nan_to_num(right - np.einsum('njw,jw->nw', taken, pull)) * usable
             right = right @ self._member.T + self.drift / self._drift_spread**2
             drift_move = -np.einsum('rjk,kr->jr', self._drift_information(projected, drifts), right)
-            limit = 1.0
-            drift_move = np.clip(drift_move, -limit, limit)
+            drift_move = np.clip(drift_move, -1.0, 1.0)
             residual = residual + np.einsum('jcsw,jw->csw', drifts, drift_move @ self._member)
         with np.errstate(over='ignore', invalid='ignore'):
             right = np.einsum('jcsw,csw->jw', slopes, residual) + pull
@@ -432,14 +431,6 @@ class MultipleShooting:
         drifts = self._drift_slopes()
         projected, _ = self._without_states(drifts, state_slopes, *self._state_information(state_slopes))
         return np.diagonal(self._drift_information(projected, drifts), axis1=1, axis2=2).T
-
-    def with_drift_spread(self, spread: float) -> 'MultipleShooting':
-        """The same with another spread of the currents of the runs, m/s."""
-        other = copy(self)
-        other._drift_spread = spread
-        if not spread:
-            other.drift = np.zeros_like(self.drift)
-        return other
 
     def _instability(self, columns: np.ndarray):
         """Weighted excess of growth of candidates (n, K), shape (speeds, K)."""

@@ -11,6 +11,7 @@ from swath_sysid.manoeuvring.hull.measurement import (
     recorded_position,
     recorded_speeds,
     through_water,
+    turned,
 )
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, substeps_for, track
@@ -43,8 +44,8 @@ class Scores:
     rmse: dict[str, float]  #: m/s and rad/s; NaN where not measured.
     position_error: dict[float, float]  #: Root mean square by lead, m; NaN where all windows are shorter.
     heading_error: dict[float, float]  #: rad.
-    windows: int
-    diverged: int
+    windows: int  #: How many there are.
+    diverged: int  #: How many of them ran away.
 
 
 def simulate_windows(
@@ -114,27 +115,23 @@ def score(
 def _errors_at(found: Simulated, references: list[tuple], lead: float):
     windows = found.windows
     step = round(lead / windows.step)
-    turned, missed = [], []
+    turns, missed = [], []
     for w in np.flatnonzero(windows.steps >= step):
         psi, x, y = references[windows.run_index[w]]
         begin, end = windows.start[w], windows.start[w] + step
         if psi is None:
             continue
-        turned.append(found.heading[step, w] - found.heading[0, w] - (psi[end] - psi[begin]))
+        turns.append(found.heading[step, w] - found.heading[0, w] - (psi[end] - psi[begin]))
         if x is None:
             continue
         # directions relative to the course at the start, so that tracks without a compass compare as well
-        away = _rotated(found.x[step, w] - found.x[0, w], found.y[step, w] - found.y[0, w], found.heading[0, w])
-        went = _rotated(x[end] - x[begin], y[end] - y[begin], psi[begin])
+        away = turned(found.x[step, w] - found.x[0, w], found.y[step, w] - found.y[0, w], found.heading[0, w])
+        went = turned(x[end] - x[begin], y[end] - y[begin], psi[begin])
         missed.append(np.hypot(away[0] - went[0], away[1] - went[1]))
     return tuple(
         float(np.sqrt(np.mean(np.square(np.clip(errors, -1e6, 1e6))))) if errors else float('nan')
-        for errors in (missed, turned)
+        for errors in (missed, turns)
     )
-
-
-def _rotated(x: np.ndarray, y: np.ndarray, angle: float):
-    return x * np.cos(angle) + y * np.sin(angle), -x * np.sin(angle) + y * np.cos(angle)
 
 
 def _reference_track(run: Run):

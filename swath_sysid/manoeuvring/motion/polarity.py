@@ -144,18 +144,8 @@ def _with_thrust_ahead(trials: Sequence[ManoeuvringTrial], advice: list[list[Adv
     # a surge that agrees with the track is not suspected, nor a thrust that turns the craft as it should
     confirmed = any(t.x is not None and t.heading is not None for t in trials)
     if confirmed or _turning_likeness(trials) < -SEEN:
-        return _reversed(
-            trials,
-            advice,
-            ('port', 'starboard'),
-            'thrust-reversed',
-        )
-    return _reversed(
-        trials,
-        advice,
-        ('surge',),
-        'surge-reversed',
-    )
+        return _reversed(trials, advice, ('port', 'starboard'), 'thrust-reversed')
+    return _reversed(trials, advice, ('surge',), 'surge-reversed')
 
 
 def _driven(port: np.ndarray, starboard: np.ndarray):

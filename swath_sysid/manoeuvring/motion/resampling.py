@@ -106,8 +106,7 @@ def on_grid(grid: np.ndarray, step: float, time: np.ndarray, values: np.ndarray)
     near = np.abs(time[nearest] - grid) <= 0.5 * step + 1e-9
     if interval <= 1.5 * step:
         between = (time[after] - time[before] < 1.8 * interval) & (time[before] <= grid) & (grid <= time[after])
-        found = np.where(between, np.interp(grid, time, values), np.where(near, values[nearest], np.nan))
-        return found
+        return np.where(between, np.interp(grid, time, values), np.where(near, values[nearest], np.nan))
     return np.where(near, values[nearest], np.nan)
 
 

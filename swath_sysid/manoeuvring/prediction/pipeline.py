@@ -26,13 +26,13 @@ LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
 NOT_FINITE, OUTLIER, FOLLOWED, NO_THRUST = 'not-finite', 'outlier', 'sensor-followed', 'no-thrust'
 #: What is counted, and what to do about it.
 REASONS = {
-    LATE: 'messages older than the filter were left out: look at the transport, or for a second publisher',
-    JUMPED_BACK: 'the clock was set back (a bag that looped?): the filter began anew',
-    LONG_GAP: 'odometry was silent for long and came back: the filter began anew',
-    NOT_FINITE: 'messages with NaN or infinite values were left out: look at the driver',
-    OUTLIER: 'values that contradict the forecast were refused: look for GPS jumps',
-    FOLLOWED: 'a sensor contradicted the filter until that followed it: check the sensor, identify again if it repeats',
-    NO_THRUST: 'no thrust command for long, it is taken as zero: check the thruster topics, or stop_after_s',
+    LATE: 'messages older than the filter were dropped: check the transport, or look for a second publisher',
+    JUMPED_BACK: 'the clock was set back (a bag that looped?): the filter restarted',
+    LONG_GAP: 'odometry returned after a long gap: the filter restarted',
+    NOT_FINITE: 'messages with NaN or infinite values were dropped: check the driver',
+    OUTLIER: 'values that contradict the forecast were rejected: look for GPS jumps',
+    FOLLOWED: 'a sensor contradicted the filter, which now follows it: check the sensor; if it repeats, identify again',
+    NO_THRUST: 'no thrust command for long, so the thrust counts as zero: check the thruster topics, or stop_after_s',
 }
 
 

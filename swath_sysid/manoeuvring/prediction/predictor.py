@@ -35,28 +35,14 @@ from swath_sysid.manoeuvring.hull.measurement import (
 from swath_sysid.manoeuvring.hull.simulation import moved, runge_kutta_columns, substeps_for
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 
-STATES = (
-    'u',
-    'v',
-    'r',
-    'heading',
-    'x',
-    'y',
-    'current_east',
-    'current_north',
-    'surge_disturbance',
-    'sway_disturbance',
-    'yaw_disturbance',
-    'port_thrust_to_come',
-    'starboard_thrust_to_come',
-)
-U, V, R, HEADING, X, Y, EAST, NORTH = range(8)
+STATES = 13
+HEADING, X, Y, EAST, NORTH = range(3, 8)
 DISTURBANCES, THRUST_TO_COME = slice(8, 11), slice(11, 13)
 MEASURABLE = ('surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
 LONGEST_STEP = 0.1  #: s, longest step of the filter.
 
 DIFFERENCE = 1e-5
-MOVES = np.concatenate([np.zeros((len(STATES), 1)), DIFFERENCE * np.eye(len(STATES))], axis=1)
+MOVES = np.concatenate([np.zeros((STATES, 1)), DIFFERENCE * np.eye(STATES)], axis=1)
 
 USUAL_DISTURBANCE_TIME = 5.0  #: s, for models without measured disturbances.
 
@@ -102,7 +88,7 @@ class ManoeuvreForecast:
     """Expected motion at some leads."""
 
     stamps: np.ndarray  #: (L,); s.
-    states: np.ndarray  #: (L, 13); See ``STATES``.
+    states: np.ndarray  #: (L, 13)
     covariances: np.ndarray  #: (L, 13, 13)
     recorded: np.ndarray  #: (L, 6); Expected sensor readings: see ``MEASURABLE``.
     recorded_covariances: np.ndarray  #: (L, 6, 6); Calibrated; without sensor noise.
@@ -117,7 +103,7 @@ class ManoeuvreFilter:
         self.model = identified.model
         self.settings = settings or ManoeuvreFilterSettings.of(identified)
         self.thrust = ThrustMemory(self.model.values)
-        self.x, self.P = np.zeros(len(STATES)), np.eye(len(STATES))
+        self.x, self.P = np.zeros(STATES), np.eye(STATES)
         self.stamp = math.nan
         self._noise = identified.forecast or _usual_noise(identified, self.settings)
         self._walk = _process_intensity(identified, self._noise)

@@ -100,7 +100,12 @@ def score_forecasts(
         others = training or [other for k, other in enumerate(runs) if k != index]
         arx = fit_arx(others) if others else fit_arx([run], until=0.5)
         true = run if truth is None else truth[index]
-        count += _score_run(identified, run, true, arx, supplied, settings, leads, held, errors, inside)
+        for rows in _forecast_errors(filtered(identified, run, settings), run, true, arx, supplied, leads, held):
+            count += 1
+            for method, q, i, error, reach in rows:
+                errors[method][q][i].append(error)
+                if method == 'model' and q in inside:
+                    inside[q][i].append(abs(error) < reach)
     if not count:
         raise InputError(f'no run is longer than {SETTLING + leads[0]:.0f} s with known thrust: give longer runs')
     rmse = {
@@ -121,62 +126,50 @@ def filtered(
     for k, stamp in enumerate(run.time):
         now = {name: float(values[k]) for name, values in channels.items() if np.isfinite(values[k])}
         if not filter_.is_started:
-            filter_.thrust.command(stamp, float(run.port[k]), float(run.starboard[k]))
             filter_.start(stamp, **now)
         else:
             filter_.advance(stamp)
             for name, value in now.items():
                 filter_.correct(name, value)
-            filter_.thrust.command(stamp, float(run.port[k]), float(run.starboard[k]))
+        filter_.thrust.command(stamp, float(run.port[k]), float(run.starboard[k]))
         yield k, filter_
 
 
-def _score_run(
-    identified: IdentifiedManoeuvringModel,
+def _forecast_errors(
+    filters: Iterator[tuple[int, ManoeuvreFilter]],
     run: Run,
     true: Run,
     arx: Arx | None,
     supplied: bool,
-    settings: ManoeuvreFilterSettings | None,
     leads: Sequence[float],
     held: bool,
-    errors: dict[str, dict[str, list[list[float]]]],
-    inside: dict[str, list[list[bool]]],
-):
+) -> Iterator[list[tuple[str, str, int, float, float]]]:
+    """For each forecast its method, quantity, index of the lead, error, and reach of the model's 90 % interval."""
     every, first = max(1, round(EVERY / run.step)), round(SETTLING / run.step)
     motion, inputs, known = _arx_series(run)
     places = [round(lead / run.step) for lead in leads]
-    truth = {
-        'surge_m_s': true.surge,
-        'sway_m_s': true.sway,
-        'yaw_rate_rad_s': true.yaw_rate,
-        'heading_rad': true.heading,
-    }
-    count = 0
-    for k, filter_ in filtered(identified, run, settings):
+    truth = dict(zip(QUANTITIES, (true.surge, true.sway, true.yaw_rate, true.heading), strict=False))
+    for k, filter_ in filters:
         if k < first or (k - first) % every or not run.driven[k]:
             continue
         usable = run.driven[k:] & (inputs[k:] == inputs[k]).all(axis=1) if held else run.driven[k:]
-        reach = [i for i, place in enumerate(places) if k + place < len(run.time) and usable[:place].all()]
-        if not reach:
+        reached = [i for i, place in enumerate(places) if k + place < len(run.time) and usable[:place].all()]
+        if not reached:
             continue
-        count += 1
-        steps = [places[i] for i in reach]
-        expected = _expected(
-            filter_, run, k, steps, supplied, arx if known[k - ORDER : k + 1].all() else None, motion, inputs
-        )
-        for method, table in expected.items():
-            for place, i in enumerate(reach):
+        steps = [places[i] for i in reached]
+        usable_arx = arx if known[k - ORDER : k + 1].all() else None
+        rows = []
+        for method, table in _expected(filter_, run, k, steps, supplied, usable_arx, motion, inputs).items():
+            for place, i in enumerate(reached):
                 at = k + steps[place]
                 for q, values in truth.items():
                     if values is not None and np.isfinite(values[at]):
-                        errors[method][q][i].append(table[q][place] - values[at])
-                        if method == 'model':
-                            inside[q][i].append(abs(table[q][place] - values[at]) < INTERVAL * table[f'{q} std'][place])
+                        reach = INTERVAL * table[f'{q} std'][place] if method == 'model' else np.nan
+                        rows.append((method, q, i, table[q][place] - values[at], reach))
                 if true.x is not None and true.y is not None:
                     miss = np.hypot(table['x'][place] - true.x[at], table['y'][place] - true.y[at])
-                    errors[method]['position_m'][i].append(miss)
-    return count
+                    rows.append((method, 'position_m', i, miss, np.nan))
+        yield rows
 
 
 def _expected(
