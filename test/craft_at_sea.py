@@ -14,16 +14,7 @@ SETTLING = 20.0
 
 @dataclass(frozen=True)
 class KnownSea:
-    """Motion of a hull in seas of known excitation.
-
-    Attributes
-    ----------
-    time : ndarray, shape (N,)
-        s.
-    angle, rate : ndarray, shape (N, S)
-        rad and rad/s, a column a seed.
-    model : DecayModel
-    """
+    """Motion of a hull in seas of known excitation: time, s, angle and rate, rad and rad/s, a column a seed."""
 
     time: np.ndarray
     angle: np.ndarray
@@ -45,27 +36,9 @@ def jonswap(frequency, peak, gamma):
 
 
 def known_sea(model, seeds, peak_ratio, std, duration, *, by_slope=False, interval=0.05, gamma=3.3):
-    """Simulate a hull in long-crested seas, one for each seed.
+    """A hull in long-crested seas, one for each seed, scaled until the angle has the standard deviation, rad.
 
-    Parameters
-    ----------
-    model : DecayModel
-    seeds : sequence of int
-    peak_ratio : float
-        Peak period of the waves over the hull's natural period.
-    std : float
-        Of the angle, rad: the excitation is scaled until the motion is of that size.
-    duration : float
-        s.
-    by_slope : bool
-        Whether the moment follows the waves' slope (deep water), instead of their height.
-    interval : float
-        s between samples, and of the Runge-Kutta steps.
-    gamma : float
-
-    Returns
-    -------
-    KnownSea
+    ``peak_ratio`` is the peak period of the waves over the natural one; the moment follows the waves' height or slope.
     """
     steps = round((duration + SETTLING) / interval)
     halves = np.arange(2 * steps + 1) * 0.5 * interval

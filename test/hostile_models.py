@@ -3,14 +3,12 @@
 import re
 
 import numpy as np
+from manoeuvring_runs import identified
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_to_yaml
 from swath_sysid.formats.model_file import model_to_yaml
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.hull.presets import preset
-from swath_sysid.manoeuvring.hull.stability import Region
 
 ALIASES = '\n'.join(
     ['a0: &a0 [x, x, x, x, x, x, x, x, x]', *(f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, 12))]
@@ -27,18 +25,18 @@ def attitude_text():
 
 def manoeuvring_text():
     """A model file of a manoeuvring craft."""
-    region = Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0)
-    return manoeuvring_to_yaml(
-        IdentifiedManoeuvringModel(
-            preset('wamv-vrx-old'),
-            ('Xu', 'Nr'),
-            np.array([[1.0, 0.1], [0.1, 4.0]]),
-            np.array([0.05, 0.05, 0.005]),
-            region,
-            {'r2': 0.99},
-            {'software': 'test'},
-        )
-    )
+    return manoeuvring_to_yaml(identified())
+
+
+def editor(text):
+    """Replaces the first match of a pattern in a text, which must be there."""
+
+    def edited(pattern, replacement):
+        found = re.sub(pattern, replacement, text, count=1)
+        assert found != text, pattern
+        return found
+
+    return edited
 
 
 def of_any_kind(text):
@@ -72,12 +70,7 @@ def of_any_kind(text):
 def attitude_texts():
     """Texts that are not attitude models: name to the text and a word of the sentence."""
     text = attitude_text()
-
-    def edited(pattern, replacement):
-        found = re.sub(pattern, replacement, text, count=1)
-        assert found != text, pattern
-        return found
-
+    edited = editor(text)
     return {
         **of_any_kind(text),
         'trim a date': (edited(r'trim_rad: .*', 'trim_rad: 2024-13-45'), "trim_rad: '2024-13-45' is not a number"),
@@ -111,12 +104,7 @@ def attitude_texts():
 def manoeuvring_texts():
     """Texts that are not manoeuvring models: name to the text and a word of the sentence."""
     text = manoeuvring_text()
-
-    def edited(pattern, replacement):
-        found = re.sub(pattern, replacement, text, count=1)
-        assert found != text, pattern
-        return found
-
+    edited = editor(text)
     return {
         **of_any_kind(text),
         'mass 1e300': (edited(r'm: \{value: [^,]*', 'm: {value: 1.0e+300'), 'parameter m'),

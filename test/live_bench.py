@@ -12,6 +12,7 @@ from pathlib import Path
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from package_process import environment
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -22,7 +23,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.nodes.executor_loop import events_executor
 
-ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 240.0
 """s, which only failing takes: beside eight busy processes a fit, which yields to all others, may take minutes."""
 
@@ -60,14 +60,13 @@ def wait_for(condition, what, seconds=PATIENCE):
 
 def start(*words, ros_args=()):
     """Start a Python process with ROS arguments."""
-    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))}
-    return subprocess.Popen(
-        [sys.executable, *words, '--ros-args', '-p', 'diagnostics_period_s:=0.1', *ros_args],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    command = [sys.executable, *words, '--ros-args', '-p', 'diagnostics_period_s:=0.1', *ros_args]
+    return subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def settings(*values):
+    """ROS arguments that set parameters: ``'name:=value'``."""
+    return [word for value in values for word in ('-p', value)]
 
 
 def start_together(*ros_args):
@@ -128,13 +127,7 @@ class Spinning:
 
 
 class Bench:
-    """A node that publishes IMU messages and keeps what the nodes publish.
-
-    Parameters
-    ----------
-    namespace : str
-    imu_topic : str
-    """
+    """A node that publishes IMU messages and keeps what the nodes publish."""
 
     def __init__(self, namespace='', imu_topic='imu/data'):
         self.context = rclpy.Context()

@@ -20,17 +20,7 @@ EXAMPLE = re.compile(r'[A-Z]{3,}|\.\.\.|\$')
 
 @dataclass(frozen=True)
 class Block:
-    """A block of a page.
-
-    Attributes
-    ----------
-    language : str
-        After the fence; empty where a block is indented only.
-    manner : str
-        The word after the language, which no reader sees: ``stays`` for what goes on beside the blocks that follow,
-        ``alone`` for what begins when all of that has been ended.
-    text : str
-    """
+    """A block of a page; its manner is the word after the language: ``stays`` beside what follows, or ``alone``."""
 
     language: str
     manner: str

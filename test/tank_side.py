@@ -19,18 +19,7 @@ REPORT_S = 0.5
 
 
 class TankSide:
-    """Sensor, nodes and the record of the page.
-
-    Parameters
-    ----------
-    axis : str
-        That the guide is to identify.
-    installation : Installation
-        As the nodes were told.
-    rate : float
-        Hz.
-    auto_identify : bool
-    """
+    """Sensor, nodes and the record of the page, whose guide is to identify one axis."""
 
     def __init__(self, axis='pitch', installation=None, rate=50.0, auto_identify=True):
         self.rate = rate
@@ -104,7 +93,7 @@ class TankSide:
     def identify(self, table=None):
         """What the identifier does with a window."""
         self._identifier.begin()
-        outcome = refit(self.refitter.request(table or self._window.table()))
+        outcome = refit(self.refitter.request(table or self._window.table(), is_asked=table is None))
         is_published = self.refitter.take(outcome)
         self._identifier.end(is_published, outcome.message)
         if is_published:

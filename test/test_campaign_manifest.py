@@ -12,6 +12,7 @@ from swath_sysid.campaign.manifest import (
 from swath_sysid.common.errors import InputError
 
 NAMES = [f'pitch_{angle}deg_repeat{repeat}.csv' for angle in ('3', '8.4') for repeat in (1, 2)]
+ONE = 'trials: [{file: pitch_3deg_repeat1.csv}]\n'
 
 
 @pytest.fixture
@@ -93,24 +94,15 @@ def test_a_bad_entry_is_named_and_the_rest_is_kept(folder, entry, words):
         ('- a\n- b\n', "must hold 'trials:'"),
         ('', "must hold 'trials:'"),
         ('axis: pitch\n', "'trials:' must list"),
-        ('axis: heave\ntrials: [{file: pitch_3deg_repeat1.csv}]\n', "axis: there is no axis 'heave'"),
-        (
-            'axis: pitch\nsearch: {preset: unheard}\ntrials: [{file: pitch_3deg_repeat1.csv}]\n',
-            'search: there is no preset',
-        ),
-        (
-            'axis: pitch\nobjectives: [luck]\ntrials: [{file: pitch_3deg_repeat1.csv}]\n',
-            "objectives, 1: there is no objective 'luck'",
-        ),
-        (
-            'axis: pitch\nequations: [luck]\ntrials: [{file: pitch_3deg_repeat1.csv}]\n',
-            "equations, 1: there is no equation 'luck'",
-        ),
+        (f'axis: heave\n{ONE}', "axis: there is no axis 'heave'"),
+        (f'axis: pitch\nsearch: {{preset: unheard}}\n{ONE}', 'search: there is no preset'),
+        (f'axis: pitch\nobjectives: [luck]\n{ONE}', "objectives, 1: there is no objective 'luck'"),
+        (f'axis: pitch\nequations: [luck]\n{ONE}', "equations, 1: there is no equation 'luck'"),
         ('trials: [{file: absent.csv}]\n', 'no trial is left to use: trials, 1: file not found'),
-        ('trials: [{file: pitch_3deg_repeat1.csv}]\n', 'no axis is given'),
-        ('axis: pitch\nequatoins: [linear]\ntrials: [{file: pitch_3deg_repeat1.csv}]\n', "'equations' is meant?"),
-        ('craft: {lenght_m: 1.2}\ntrials: [{file: pitch_3deg_repeat1.csv}]\n', "craft: unknown field 'lenght_m'"),
-        ('craft: {name: 007}\ntrials: [{file: pitch_3deg_repeat1.csv}]\n', 'craft, name: '),
+        (ONE, 'no axis is given'),
+        (f'axis: pitch\nequatoins: [linear]\n{ONE}', "'equations' is meant?"),
+        (f'craft: {{lenght_m: 1.2}}\n{ONE}', "craft: unknown field 'lenght_m'"),
+        (f'craft: {{name: 007}}\n{ONE}', 'craft, name: '),
         ('trials: [{file: pitch_3deg_repeat1.csv, repeat: 1, repeat: 2}]\n', "trials, 1: 'repeat' is given twice"),
     ],
 )

@@ -7,14 +7,15 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.campaign.evaluation import out_of_order
@@ -117,17 +118,8 @@ def test_interrupted_again_and_again_and_continued_gives_the_same_tables(trials,
 @pytest.mark.long
 @pytest.mark.slow
 def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials, done, tmp_path):
-    command = [
-        sys.executable,
-        '-m',
-        'swath_sysid.start',
-        'campaign',
-        str(trials / 'campaign.yaml'),
-        '--output',
-        str(tmp_path),
-        '--jobs',
-        '2',
-    ]
+    verb = [sys.executable, '-m', 'swath_sysid.start', 'campaign']
+    command = [*verb, str(trials / 'campaign.yaml'), '--output', str(tmp_path), '--jobs', '2']
     environment = os.environ | {'PYTHONPATH': str(ROOT)}
     stopped = 'stopped: the same command goes on from the finished fits'
     for number, code, last_words in (
@@ -334,12 +326,6 @@ def test_the_command_line_refuses_what_makes_no_sense(trials, tmp_path, capsys):
         assert words in capsys.readouterr().err
 
 
-def test_the_command_line_writes_a_manifest(trials, tmp_path, capsys):
-    assert main(['campaign', '--new', str(trials), '--output', str(tmp_path / 'new.yaml')]) == 0
-    assert '{axis}_{angle}deg_{draft_factor}T_repeat{repeat}.csv' in (tmp_path / 'new.yaml').read_text()
-    assert 'look through it' in capsys.readouterr().out
-
-
 @pytest.mark.parametrize('place', ['', 'below/deeper'])
 def test_a_manifest_that_stands_elsewhere_finds_the_trials(place, trials, tmp_path):
     folder = tmp_path / place
@@ -377,11 +363,6 @@ def test_on_a_dask_cluster_a_worker_that_dies_costs_nothing(trials, done, tmp_pa
     assert tables_of(outcome) == tables_of(done[0])
 
 
-def test_futures_of_the_serial_executor_carry_errors():
-    future = SerialExecutor().submit(int, 'x')
-    assert isinstance(future, Future) and isinstance(future.exception(), ValueError)
-
-
 @pytest.mark.slow
 def test_measured_trials(data_folder, tmp_path):
     """The smallest and the largest angle of the measured platform: friction is found."""
@@ -403,7 +384,6 @@ def test_measured_trials(data_folder, tmp_path):
 TANK = """\
 craft: {name: model, length_m: 1.2, beam_m: 0.6, draft_m: 0.154, displacement_kg: 30, gm_longitudinal_m: 0.4}
 axis: pitch
-equations: [odd-cubic]
 uncertainty: {metacentric_height: 0.02}
 predictions:
   - {method: Ikeda, amplitude_deg: 2, damping_n_m_s: 20}
@@ -415,11 +395,17 @@ trials:
 
 @pytest.fixture(scope='module')
 def at_two_speeds(tmp_path_factory):
-    """A campaign at design draft at rest and under way, and at another draft at rest; the damping grows with speed."""
+    """At design draft at rest and under way, and at another draft at rest; the damping grows with speed.
+
+    No equation is named; the second repeat at rest was in a swell.
+    """
     folder = tmp_path_factory.mktemp('tank')
     for seed, (factor, speed, repeat) in enumerate([(1.0, 0, 1), (1.0, 0, 2), (1.0, 2, 1), (1.1, 0, 1)]):
         hull = DecayModel.from_terms(HULL.equation, HULL.terms | {'b1': 0.5 + 0.3 * speed}, axis='pitch')
         made = simulated_trial(hull, math.radians(6), 12.0, 50.0, SensorNoise(rate=0.002), seed)
+        if repeat == 2:
+            angle, rate = 0.008 * np.sin(3.3 * made.time), 0.0264 * np.cos(3.3 * made.time)
+            made = replace(made, pitch=made.pitch + angle, pitch_rate=made.pitch_rate + rate)
         write_csv(folder / f'pitch_6deg_{factor}T_{speed}ms_repeat{repeat}.csv', made)
     (folder / 'campaign.yaml').write_text(TANK)
     outcome = work_off(folder, folder / 'out')
@@ -430,6 +416,23 @@ def at_two_speeds(tmp_path_factory):
 def rows_of(path):
     with open(path, newline='') as file:
         return list(csv.DictReader(file))
+
+
+def test_without_an_equation_one_hull_is_told_with_its_verdicts(at_two_speeds):
+    outcome, output = at_two_speeds
+    resting, _ = outcome.axes
+    (name,) = resting.names
+    assert set(equation_named(name).terms) == {t for (fit,) in resting.by_draft.values() for t in fit.terms}
+    assert name in resting.ranking.reason and 'general hull' in resting.ranking.reason
+    models = [identified for axis in outcome.axes for identified in axis.schedule.models]
+    assert all(set(m.posterior.equation.terms) >= set(m.model.equation.terms) and m.verdict for m in models)
+    levels = {row['fit of']: row['verdict'] for row in rows_of(output / 'tables/verdicts_pitch.csv')}
+    assert levels['all at 1.1'] == levels['pitch_6deg_1.1T_0ms_repeat1.csv'] == 'adequate'
+    assert levels['pitch_6deg_1.0T_0ms_repeat1.csv'] == 'adequate' != levels['pitch_6deg_1.0T_0ms_repeat2.csv']
+    assert 'repeat 2' in resting.ranking.findings[-1].message
+    page = (output / 'report.html').read_text()
+    assert 'Which equation' not in page and 'No equation fits' not in page and name in page
+    assert not list(output.glob('tables/ranking*')) and not list(output.glob('tables/*every_equation*'))
 
 
 def test_each_speed_has_its_own_model_and_damping(at_two_speeds):

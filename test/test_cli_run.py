@@ -23,38 +23,10 @@ def test_nothing_asked_for_is_nothing_handed_on():
 def test_everything_asked_for_is_handed_on(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path('p.yaml').write_text('{}')
-    arguments = parsed(
-        '--params-file',
-        'p.yaml',
-        '--model',
-        'm.yaml',
-        '--namespace',
-        '/craft/',
-        '--imu-topic',
-        '/sensor/imu',
-        '--use-sim-time',
-        '--ros-args',
-        '-p',
-        'seed:=2',
-        '--log-level',
-        'warn',
-    )
-    assert run.ros_arguments(arguments) == [
-        '--params-file',
-        'p.yaml',
-        '-p',
-        "model_path:='m.yaml'",
-        '-r',
-        '__ns:=/craft',
-        '-r',
-        'imu/data:=/sensor/imu',
-        '-p',
-        'use_sim_time:=true',
-        '-p',
-        'seed:=2',
-        '--log-level',
-        'warn',
-    ]
+    words = '--params-file p.yaml --model m.yaml --namespace /craft/ --imu-topic /sensor/imu --use-sim-time'
+    ros = "--params-file p.yaml -p model_path:='m.yaml' -r __ns:=/craft -r imu/data:=/sensor/imu -p use_sim_time:=true"
+    given = '-p seed:=2 --log-level warn'
+    assert run.ros_arguments(parsed(*f'{words} --ros-args {given}'.split())) == f'{ros} {given}'.split()
 
 
 def test_a_path_stays_text_for_the_node_that_reads_it():

@@ -1,19 +1,17 @@
-"""The demonstration: its craft, its scoring, its picture and view, and the whole of it over DDS."""
+"""The demonstration: its craft, its scoring, its picture, and the whole of it over DDS."""
 
-import os
 import signal
 import subprocess
 import sys
 import time
 from dataclasses import replace
-from io import StringIO
 from math import radians
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from rich.console import Console
+from package_process import command_line
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft, returns
@@ -34,10 +32,8 @@ from swath_sysid.pipeline.demonstration import (
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
-from swath_sysid.report.terminal_view import CHART_ROWS, ViewState, chart, line, render
 from swath_sysid.share import share_folder
 
-ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 600.0
 ROLL = hull_named('swath-roll').model
 SILENT = SensorNoise(0.0, 0.0, 0.0)
@@ -146,7 +142,7 @@ def test_the_verdict_needs_both_figures():
     assert not verdict_of(demonstration(0.2, 0.02, 0.5)).is_good
     assert not verdict_of(demonstration(0.2, 0.002, 0.005)).is_good
     good = Verdict(2.5, 1.0, 0.05, 0.5)
-    assert good.text.startswith('passed') and '0.050' in good.text
+    assert good.text.startswith('passed') and '0.050' in good.text and 'previous release' in good.text
     assert replace(good, after=0.2).text.startswith('NOT PASSED')
     assert not replace(good, after=float('nan')).is_good
 
@@ -188,46 +184,6 @@ def test_the_picture_shows_all_leads(tmp_path):
     assert imread(tmp_path / 'demo.png').std() > 0.05
 
 
-def view_state(**changes):
-    """A view with a sine and its forecast."""
-    time = np.arange(0.0, 10.0, 0.05)
-    state = ViewState(
-        'craft',
-        'let go',
-        10.0,
-        time,
-        0.08 * np.sin(time),
-        time + 2.0,
-        0.08 * np.sin(time + 2.0),
-        2.0,
-        ((0.5, 0.03, 0.001), (2.0, float('nan'), float('nan'))),
-        ('roll: odd-cubic',),
-        ((0, 'predictor: imu', 'receiving'), (1, 'identifier: identification', 'busy')),
-        0.1,
-    )
-    return replace(state, **changes)
-
-
-def test_the_view_shows_angle_forecast_model_and_diagnostics():
-    console = Console(file=StringIO(), width=120, height=50)
-    console.print(render(view_state()))
-    shown = console.file.getvalue()
-    for part in ('let go', '●', '•', '+1.72°', 'odd-cubic', 'predictor: imu', 'warning', 'busy', '0.5 s'):
-        assert part in shown
-    assert len(str(chart(view_state())).splitlines()) == CHART_ROWS
-
-
-def test_the_chart_leaves_out_what_lies_beyond_it():
-    beyond = view_state(angle=np.full(200, 5.0), forecast_angle=np.full(200, np.nan))
-    assert '●' not in str(chart(beyond)) and '•' not in str(chart(beyond))
-
-
-def test_the_line_says_the_same_in_short():
-    assert line(view_state()) == 'let go: -2.30 deg; forecast +1.72 in 0.5 s'
-    nothing = np.empty(0)
-    assert 'no angle' in line(view_state(time=nothing, angle=nothing))
-
-
 @pytest.mark.parametrize(
     ('words', 'sentence'),
     [
@@ -263,18 +219,14 @@ def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
 def test_the_demonstration_runs_to_its_verdict(tmp_path):
     """Over DDS, nodes and craft each a process; the exit code says what the verdict says, nothing is left running."""
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
-    result = subprocess.run(
-        [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--output', str(tmp_path / 'out')],
-        env={**os.environ, 'PYTHONPATH': path},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
-    told = result.stdout.splitlines()
-    assert result.returncode == 0, result.stdout + result.stderr + (tmp_path / 'out' / 'demo.log').read_text()
+    demo = command_line('demo', '--output', tmp_path / 'out', stderr=subprocess.PIPE)
+    out, error = demo.communicate(timeout=PATIENCE)
+    told = out.splitlines()
+    assert demo.returncode == 0, out + error + _read(tmp_path / 'out' / 'demo.log')
     assert told[-1].startswith('passed')
-    assert any(text.startswith('let go; waiting') for text in told)
+    assert any(text.startswith('released; waiting') for text in told)
+    assert any(text.strip().startswith('adequate: ') for text in told)
+    assert "    swath-sysid run --ros-args -p 'leads_s:=" in out
     for picture in ('sea.png', 'demo.png'):
         assert imread(tmp_path / 'out' / picture).shape[1] > 1000
     log = (tmp_path / 'out' / 'demo.log').read_text()
@@ -285,39 +237,21 @@ def test_the_demonstration_runs_to_its_verdict(tmp_path):
 @pytest.mark.dds
 def test_ctrl_c_ends_the_demonstration_and_its_processes(tmp_path):
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
-    demo = subprocess.Popen(
-        [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--only', 'release', '--output', str(tmp_path)],
-        env={**os.environ, 'PYTHONPATH': path},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    demo = command_line('demo', '--only', 'release', '--output', tmp_path)
     deadline = time.monotonic() + PATIENCE
     while 'no message' not in (log := _read(tmp_path / 'demo.log')) and 'model' not in log:
         assert time.monotonic() < deadline and demo.poll() is None
         time.sleep(0.1)
-    children = _children(demo.pid)
-    assert len(children) >= 4
+    from live_bench import children
+
+    started = children(demo.pid)
+    assert len(started) >= 2
     demo.send_signal(signal.SIGINT)
     told, _ = demo.communicate(timeout=PATIENCE)
     assert demo.returncode == 130, told
-    assert [pid for pid in children if Path(f'/proc/{pid}').exists()] == []
+    assert [pid for pid in started if Path(f'/proc/{pid}').exists()] == []
     assert 'Traceback' not in _read(tmp_path / 'demo.log')
 
 
 def _read(path):
     return path.read_text() if path.exists() else ''
-
-
-def _children(pid):
-    """Processes that a process has started."""
-    found = []
-    for folder in Path('/proc').glob('[0-9]*'):
-        try:
-            fields = (folder / 'stat').read_text().rpartition(')')[2].split()
-        except OSError:
-            continue
-        if int(fields[1]) == pid:
-            found.append(int(folder.name))
-    return found

@@ -1,8 +1,4 @@
-"""Every block of the pages is carried out as a reader would: page by page, from the top, with the records in the box.
-
-The commands of a page run in a folder that holds what a checkout has at its top. Numbers that a page prints must be
-among those that its commands print; YAML is read by what reads it. What cannot run here is listed with its reason.
-"""
+"""Every block of the pages is carried out as a reader would: page by page, from the top, with the records there."""
 
 import contextlib
 import functools

@@ -47,15 +47,11 @@ CUBIC = CROSSED.with_values(
     reverse_ratio=0.7,
 )
 TRANSIENT, STEADY = 2.0, 30.0
+REGION = Region(0.0, 2.0, 0.5, 0.5, -250.0, 250.0, 500.0)
 
 
 def written(path, model):
-    write_manoeuvring_model(
-        path,
-        IdentifiedManoeuvringModel(
-            model, (), np.zeros((0, 0)), np.ones(3), Region(0.0, 2.0, 0.5, 0.5, -250.0, 250.0, 500.0)
-        ),
-    )
+    write_manoeuvring_model(path, IdentifiedManoeuvringModel(model, (), np.zeros((0, 0)), np.ones(3), REGION))
     return str(path)
 
 
@@ -69,11 +65,7 @@ def numbers_of(plugin):
 
 
 def stepped(force, mass, inertia, port, starboard, arm, duration, step=0.01, within=None):
-    """Final u, v, r of a rigid body under plugin forces that see the accelerations of the step before.
-
-    ``force(nu, slope, acceleration)`` is what the plugin pushes with, from the derivative of nu and from the
-    acceleration in the world in body axes; ``within`` is added mass that the physics engine integrates (DART).
-    """
+    """Final u, v, r of a body under forces that see the step before; ``within``: added mass that DART integrates."""
     added = np.zeros((3, 3)) if within is None else within
     inverse = np.linalg.inv(np.diag([mass, mass, inertia]) + added)
     nu, slope, acceleration = np.zeros((3, 3))
@@ -114,6 +106,11 @@ def last_of(model, port, starboard, duration=STEADY):
     return np.array([run.u[-1], run.v[-1], run.yaw_rate[-1]])
 
 
+def thrusts_of_crossed(port, starboard):
+    """Of the left and right thruster, N, and their lever, m, by deduction, moment factor and balance of CROSSED."""
+    return 0.9 * 0.97 * port, 0.9 * 1.03 * starboard, 1.2 * 1.027135 / 0.9
+
+
 INPUTS = pytest.mark.parametrize('port, starboard', [(150.0, 150.0), (220.0, 90.0), (60.0, 200.0)])
 DURATIONS = pytest.mark.parametrize('duration', [TRANSIENT, STEADY])
 """s; inertia and added mass show in the first, damping in the second."""
@@ -131,18 +128,10 @@ def test_gazebos_own_equations_come_back_to_the_craft(port, starboard, duration)
     assert plugins[0].findtext('disable_coriolis') == 'true'
     assert [p.findtext('joint_name') for p in plugins[1:]] == ['port_joint', 'starboard_joint']
     assert plugins[1].findtext('velocity_control') == 'true'
-    left, right = 0.9 * 0.97 * port, 0.9 * 1.03 * starboard
     assert float(plugins[1].findtext('max_thrust_cmd')) == pytest.approx(0.9 * 0.97 * 250.0)
     inertial = tree.find('model/link/inertial')
-    found = stepped(
-        gazebo_force(numbers_of(plugins[0])),
-        float(inertial.findtext('mass')),
-        float(inertial.findtext('inertia/izz')),
-        left,
-        right,
-        1.2 * 1.027135 / 0.9,
-        duration,
-    )
+    masses = float(inertial.findtext('mass')), float(inertial.findtext('inertia/izz'))
+    found = stepped(gazebo_force(numbers_of(plugins[0])), *masses, *thrusts_of_crossed(port, starboard), duration)
     assert found == pytest.approx(last_of(CROSSED, port, starboard, duration), rel=0.003, abs=1e-3)
 
 
@@ -169,16 +158,8 @@ def test_added_mass_beyond_mass_goes_into_gazebos_link(port, starboard):
     assert within == {'xx': 20.0, 'yy': 250.0, 'yr': 56.0, 'rr': 150.0}
     added = np.array([[20.0, 0.0, 0.0], [0.0, 250.0, 56.0], [0.0, 56.0, 150.0]])
     for duration in (TRANSIENT, STEADY):
-        end = stepped(
-            gazebo_force(values),
-            180.0,
-            446.0,
-            0.9 * 0.97 * port,
-            0.9 * 1.03 * starboard,
-            1.2 * 1.027135 / 0.9,
-            duration,
-            within=added,
-        )
+        thrusts = thrusts_of_crossed(port, starboard)
+        end = stepped(gazebo_force(values), 180.0, 446.0, *thrusts, duration, within=added)
         assert end == pytest.approx(last_of(heavy, port, starboard, duration), rel=0.003, abs=1e-3)
     assert [a.code for a in gazebo(heavy.with_values(Nv_dot=-60.0)).advice] == ['added-mass-diverges']
 
@@ -311,13 +292,8 @@ def test_nav2_limits_are_within_what_the_craft_does():
 def uncertain(model, share=0.02):
     """Every hull derivative known to a share of itself."""
     names = tuple(name for name in (*GAZEBO, 'Xuuu', 'Nrrr', 'Nuur') if model[name])
-    return IdentifiedManoeuvringModel(
-        model,
-        names,
-        np.diag([(share * model[name]) ** 2 for name in names]),
-        np.ones(3),
-        Region(0.0, 2.0, 0.5, 0.5, -250.0, 250.0, 500.0),
-    )
+    covariance = np.diag([(share * model[name]) ** 2 for name in names])
+    return IdentifiedManoeuvringModel(model, names, covariance, np.ones(3), REGION)
 
 
 def circle(u, v, r):

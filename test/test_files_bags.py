@@ -328,11 +328,6 @@ def test_broken_metadata_is_one_sentence(tmp_path, text):
     assert '\n' not in str(error.value)
 
 
-def test_no_such_bag(tmp_path):
-    with pytest.raises(InputError, match='file not found'):
-        read_bag(tmp_path / 'absent')
-
-
 def written_trial():
     time = 0.01 * np.arange(300)
     return Trial(

@@ -74,32 +74,8 @@ def tables():
     yield 'utf-16, cut off', whole.decode().encode('utf-16')[:-1]
     yield 'utf-16, no numbers', NAMES[0].encode('utf-16')
     yield 'utf-16, a lone surrogate', b'\xff\xfe' + b'\x00\xd8' * 500
-    for cell in (
-        '',
-        'nan',
-        'NaN',
-        'inf',
-        '-inf',
-        'None',
-        '#N/A',
-        'abc',
-        '1e999',
-        '-1e308',
-        '0x10',
-        '1_000',
-        '--',
-        '?',
-        '1.2.3',
-        '1e',
-        '٣',
-        '"',
-        '"x',
-        '\x00',
-        '1;2',
-        ' ' * 1000,
-        '9' * 400,
-        '9' * 40000,
-    ):
+    cells = 'nan NaN inf -inf None #N/A abc 1e999 -1e308 0x10 1_000 -- ? 1.2.3 1e ٣ " "x \x00 1;2'.split(' ')
+    for cell in ('', *cells, ' ' * 1000, '9' * 400, '9' * 40000):
         for column in range(3):
             name = f'{cell[:8]!r} ({len(cell)}) in some cells of column {column}'
             yield name, with_cells(column, range(7, 390, 37), cell)
@@ -291,32 +267,17 @@ def test_memory_stays_small(malformed, capsys):
 
 
 def test_nothing_is_written_of_what_is_refused(malformed, tmp_path, capsys):
-    refused = [
-        'cut off at 0.001',
-        'decimal commas between commas',
-        'time: ms',
-        'degrees called rad',
-        'db3 cut off at 0.5',
-    ]
-    for name in refused:
+    of_tables = ('cut off at 0.001', 'decimal commas between commas', 'time: ms', 'degrees called rad')
+    for name in (*of_tables, 'db3 cut off at 0.5'):
         command = ['identify', str(malformed[name]), '--output', str(tmp_path / 'm.yaml')]
         assert main([*command, '--plot', str(tmp_path / 'm.png')]) == 2, name
     assert not list(tmp_path.iterdir())
 
 
 def test_unusual_but_clear_tables_are_read_right(malformed):
-    clear = [
-        'utf-8-sig',
-        'utf-16',
-        'utf-16-le',
-        'utf-16-be',
-        "separated by ';', decimal commas",
-        'lines end in cr',
-        "separated by '\\t', decimal commas",
-        'quoted decimal commas',
-        'rad and the same deg',
-    ]
-    for name in clear:
+    encodings = ('utf-8-sig', 'utf-16', 'utf-16-le', 'utf-16-be')
+    commas = ("separated by ';', decimal commas", "separated by '\\t', decimal commas", 'quoted decimal commas')
+    for name in (*encodings, *commas, 'lines end in cr', 'rad and the same deg'):
         assert is_true(name, malformed[name]), name
 
 

@@ -200,9 +200,6 @@ trials:
     'old, new, words',
     [
         ('generations: 20', 'generations: abc', 'search: generations must be a whole number from 1 to 100000, not abc'),
-        ('generations: 20', 'generations: 1.5', 'generations must be a whole number'),
-        ('generations: 20', 'generations: 1000000000', 'generations must be a whole number'),
-        ('population: 50', 'population: 99999999999999999999', 'population must be a whole number'),
         ('population: 50', f'population: {"9" * 401}', 'search, population: 9'),
         ('seed: 1', 'seed: -1', 'search: seed must be a whole number from 0'),
         ('seed: 1', 'seed: {}', 'one value is expected'),

@@ -113,25 +113,6 @@ def test_small_motion_properties():
     assert np.isnan(capsizing.natural_period)
 
 
-def test_published_hulls_carry_the_printed_coefficients():
-    pitch = hull_named('swath-pitch')
-    assert pitch.model.terms == pytest.approx(
-        {
-            'b1': 0.137953966 / 0.09,
-            'b2': 0.006320314 / 0.09,
-            'r1': 0.910961951 / 0.09,
-            'r2': 1.744499553 / 0.09,
-            'r3': 8.704769096 / 0.09,
-        }
-    )
-    roll = hull_named('swath-roll').model.terms
-    assert roll['s1'] == pytest.approx(0.498282369 / 0.080320655)
-    assert roll['b1'] == pytest.approx(2 * 0.000247681 / 0.080320655)
-    assert hull_named('swath-usv-pitch').model.natural_period == pytest.approx(
-        2 * np.pi * np.sqrt(0.0937801 / 0.6977489)
-    )
-
-
 @pytest.mark.parametrize('name', [n for n, hull in PUBLISHED_HULLS.items() if hull.form])
 def test_published_form_round_trip(name):
     hull = PUBLISHED_HULLS[name]

@@ -106,12 +106,6 @@ def test_the_viscous_scale_effect_is_told():
     assert 'larger' in down.message
 
 
-@pytest.mark.parametrize('text', ['0', '-3', 'big', '1/0', 'nan'])
-def test_no_length_ratio(text):
-    with pytest.raises(InputError, match='length ratio'):
-        length_ratio(text)
-
-
 @pytest.mark.parametrize('ratio, times', [('1000', 2), ('1.1234567891234567', 12)])
 def test_a_ratio_that_could_not_be_read_back_is_refused(ratio, times):
     there = identified(FULL)

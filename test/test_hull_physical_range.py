@@ -85,31 +85,12 @@ def test_the_command_line_refuses_ratios_of_no_craft(tmp_path, capsys):
     assert 'the ratio r1 is 1e+300' in capsys.readouterr().err and not output.exists()
 
 
-@pytest.mark.parametrize(
-    'text',
-    [
-        '1e300',
-        '1e-300',
-        '1e300000000',
-        '1e-300000000',
-        '10001',
-        '1/10001',
-        '0',
-        '-3',
-        '1/0',
-        'nan',
-        'inf',
-        '1e400/1e400',
-        '',
-        'long',
-        '9' * 300,
-        '1/2/3',
-    ],
-)
-def test_what_is_no_length_ratio(text):
-    with pytest.raises(InputError, match='length ratio') as caught:
-        length_ratio(text)
-    assert len(str(caught.value)) < 160
+def test_what_is_no_length_ratio():
+    texts = '1e300 1e-300 1e300000000 1e-300000000 10001 1/10001 0 -3 1/0 nan inf 1e400/1e400 long 1/2/3'.split()
+    for text in (*texts, '', '9' * 300):
+        with pytest.raises(InputError, match='length ratio') as caught:
+            length_ratio(text)
+        assert len(str(caught.value)) < 160
 
 
 @pytest.mark.parametrize('loading', [0.0, -1.0, math.nan, math.inf])

@@ -83,9 +83,6 @@ def test_the_curve_passes_through_the_models(schedule):
     np.testing.assert_allclose(ratios[1:, 1], [truth(v)['r1'] for v in LOADINGS])
     np.testing.assert_allclose(ratios[0], ratios[1])
     np.testing.assert_allclose(stds, 0.01)
-
-
-def test_the_middle_model_is_the_reference(schedule):
     assert schedule.reference == identified(1.0)
 
 

@@ -253,7 +253,7 @@ def settings():
 @pytest.mark.long
 def test_a_refit_on_waves_believes_what_is_better(linear_motion, settings):
     refitter = Refitter(settings)
-    first = refit(refitter.request(table(linear_motion), {'source': 'here'}))
+    first = refit(refitter.request(table(linear_motion), source={'topic': 'here'}))
     assert refitter.take(first) and is_at_sea(refitter.models['roll'])
     assert 'at sea, equivalent linear at 2' in first.message and '\n' not in first.message
     again = refit(refitter.request(table(measured(known_sea(LINEAR, [9], 1.2, np.radians(2.0), 300.0)))))
@@ -296,25 +296,14 @@ def test_the_command_line_takes_waves_for_waves(sea_file, tmp_path, capsys):
     data = json.loads(capsys.readouterr().out)
     assert data['identified_from'] == 'motion in waves' and data['equation'] == 'linear'
     assert data['natural_period_s'] == pytest.approx(LINEAR.natural_period, rel=0.03)
-    assert {
-        'natural_period_std_s',
-        'damping_ratio',
-        'damping_ratio_std',
-        'reference_amplitude_rad',
-        'misfit',
-        'sea',
-        'peak_period_s',
-        'wall_s',
-        'warnings',
-        'trim_rad',
-        'segment_s',
-    } <= set(data)
+    names = 'natural_period_std_s damping_ratio damping_ratio_std reference_amplitude_rad misfit sea peak_period_s'
+    assert {*names.split(), 'wall_s', 'warnings', 'trim_rad', 'segment_s'} <= set(data)
 
 
 @pytest.mark.parametrize(
     'arguments, sentence',
     [
-        (['--decay'], 'swings from beginning to end'),
+        (['--decay'], 'oscillates from start to end'),
         (['--decay'], '--start and --end)'),
         (['--at-sea', '--equation', 'odd-cubic'], '--equation has no meaning'),
         (['--at-sea', '--end', '60'], 'record at least'),

@@ -86,20 +86,9 @@ def linear_case(size=30, step=0.05):
 
 def run_filter(ratios, basin, step, counts, readings, bend=0.0):
     active = tuple(k in (1, 4) for k in range(9))
-    points = np.array(ratios)[:, None] * [1.0, 1.2], basin[:, None] * [1.0, 0.7], np.array([[0.1], [-0.05], [0.01]])
-    return innovations(
-        points[0],
-        active,
-        0.01,
-        points[1],
-        points[2] * [1.0, 0.9],
-        0.03,
-        np.zeros(2),
-        step,
-        bend,
-        *readings,
-        counts,
-    )
+    hulls, basins = np.array(ratios)[:, None] * [1.0, 1.2], basin[:, None] * [1.0, 0.7]
+    states, record = np.array([[0.1], [-0.05], [0.01]]) * [1.0, 0.9], (step, bend, *readings, counts)
+    return innovations(hulls, active, 0.01, basins, states, 0.03, np.zeros(2), *record)
 
 
 def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():
@@ -372,3 +361,13 @@ def test_a_hull_that_its_upright_position_throws_off_does_not_widen_the_stiffnes
     found = identify([made.axis('roll')], IdentificationSettings('swath-roll-3'))
     assert found.std['s1'] < 0.01
     assert abs(found.model.terms['s1'] - hull.terms['s1']) < 3.0 * found.std['s1']
+
+
+def test_many_records_have_an_uncertainty():
+    """The determinant of the covariance of a hundred parameters and more is below the smallest number."""
+    hull, count = hull_named('swath-pitch').model, 60
+    made = simulated_trial(hull, 0.1, 2.0, 25.0, SensorNoise(1e-5, 1e-4, 0.0), 0).axis('pitch')
+    records = [made] * count, [InitialState(0.1, 0.0, 0.0)] * count
+    likelihood = BasinLikelihood(*records, hull.equation, Scales(0.1, hull.natural_frequency), 1e-3)
+    found = likelihood.described(likelihood.evaluate([likelihood.start(hull.ratios, 0.003)]))
+    assert np.isfinite(found.covariance).all() and np.isfinite(found.trim_std)

@@ -190,6 +190,7 @@ def test_identical_files_count_once(tmp_path, capsys):
     assert 'identical-files' in [w['code'] for w in found['warnings']]
 
 
+@pytest.mark.long
 def test_json_carries_what_was_found_in_the_record(tmp_path, capsys):
     path = tmp_path / 'a.csv'
     write_csv(path, TRUE)
@@ -201,9 +202,3 @@ def test_json_carries_what_was_found_in_the_record(tmp_path, capsys):
         assert codes.count('repeated-stamps') == 1, verb
     assert main(['forecast', str(path), '--axis', 'pitch', '--json', '--leads', '0.1']) == 0
     assert 'repeated-stamps' in [w['code'] for w in json.loads(capsys.readouterr().out)['warnings']]
-
-
-def test_inertia_beside_mass_is_refused(tmp_path, capsys):
-    options = ['--inertia', '1', '--mass', '30', '--metacentric-height', '0.1']
-    assert main(['identify', str(tmp_path / 'a.csv'), *options]) == 2
-    assert 'not both' in capsys.readouterr().err

@@ -28,6 +28,7 @@ def settings(equation='swath-pitch-2', **options):
     return IdentificationSettings(equation, search=search, **options)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_truth_of_the_published_pitch_hull_within_its_uncertainty():
     errors, scores = [], []

@@ -118,7 +118,7 @@ def test_play_through_identifies_at_its_interval():
     """What a refit tells of the period reaches the watch, whether or not it publishes a model."""
 
     def fit(request):
-        begin, end = request.table.rows[[0, -1], 0].tolist()
+        begin, end = request.windows[-1].rows[[0, -1], 0].tolist()
         found = PeriodEstimate(begin, end, PERIOD, 0.01, 0.05)
         return RefitOutcome((AxisVerdict('roll', None, 'not published', estimate=found),))
 

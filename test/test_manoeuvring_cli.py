@@ -31,23 +31,9 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope='module')
 def model(folder):
     runs = [folder / 'runs' / f'{n}.csv' for n in ('speed_up', 'zigzag_20', 'mixed')]
+    given = ('--validate', folder / 'runs/turns_fast.csv', *'--mass 180 --generations 3 --population 10'.split())
     outputs = ('--output', folder / 'model.yaml', '--plot', folder / 'plots')
-    assert (
-        swath(
-            'identify',
-            *runs,
-            '--mass',
-            180,
-            '--validate',
-            folder / 'runs/turns_fast.csv',
-            *outputs,
-            '--generations',
-            3,
-            '--population',
-            10,
-        )
-        == 0
-    )
+    assert swath('identify', *runs, *given, *outputs) == 0
     return folder / 'model.yaml'
 
 
@@ -76,22 +62,8 @@ def test_identify_json(folder, capsys):
 
 def test_forecast(folder, model, capsys):
     capsys.readouterr()
-    assert (
-        swath(
-            'forecast',
-            folder / 'runs/zigzag_10.csv',
-            '--train',
-            folder / 'runs/mixed.csv',
-            '--model',
-            model,
-            '--json',
-            '--leads',
-            '1,5',
-            '--plot',
-            folder / 'forecast.png',
-        )
-        == 0
-    )
+    given = ('--train', folder / 'runs/mixed.csv', '--model', model, '--json', '--leads', '1,5')
+    assert swath('forecast', folder / 'runs/zigzag_10.csv', *given, '--plot', folder / 'forecast.png') == 0
     data = json.loads(capsys.readouterr().out)
     assert set(data['rmse']) == {'model', 'constant-velocity', 'constant-turn-rate', 'arx'}
     assert data['rmse']['model']['heading_rad']['1'] < data['rmse']['constant-turn-rate']['heading_rad']['1']
@@ -103,21 +75,8 @@ def test_forecast(folder, model, capsys):
 @pytest.mark.parametrize('test', ['turning-circle', 'spiral'])
 def test_simulate_from_the_identified_model(folder, model, test, capsys):
     capsys.readouterr()
-    assert (
-        swath(
-            'simulate',
-            '--model',
-            model,
-            '--test',
-            test,
-            '--json',
-            '--plot',
-            folder / f'{test}.png',
-            '--output',
-            folder / f'{test}.mcap',
-        )
-        == 0
-    )
+    outputs = ('--plot', folder / f'{test}.png', '--output', folder / f'{test}.mcap')
+    assert swath('simulate', '--model', model, '--test', test, '--json', *outputs) == 0
     assert json.loads(capsys.readouterr().out)['numbers']
     assert (folder / f'{test}.mcap').stat().st_size > 1000
     assert swath('simulate', '--hull', 'wamv-vrx-new', '--test', 'zigzag') == 0

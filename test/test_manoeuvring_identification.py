@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from manoeuvring_runs import OLD, trial_of
 from scipy.optimize import approx_fprime, least_squares, lsq_linear
 
 from swath_sysid.common.errors import InputError
@@ -29,25 +30,16 @@ from swath_sysid.manoeuvring.identification.selection import (
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.identification.windows import cut
-from swath_sysid.manoeuvring.motion.intake import prepare_all
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 
 pytestmark = pytest.mark.slow
 
-OLD = preset('wamv-vrx-old')
 QUICK = dict(mass=180.0, generations=4, population=12)
-
-
-def trial_of(manoeuvre, name, thrust_input='force'):
-    m = manoeuvre
-    return ManoeuvringTrial(
-        m.time, m.port, m.starboard, thrust_input, m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y, 'enu', source=name
-    )
 
 
 def runs_of(model, seed=1, names=None):
     programme = trial_programme(model)
-    return prepare_all(
+    return prepare_runs(
         [
             trial_of(with_noise(programme[name], SensorNoise(), 100 * seed + k), name, model.thrust_input)
             for k, name in enumerate(names or programme)
@@ -128,10 +120,9 @@ def test_added_terms_are_selected():
 @pytest.mark.parametrize('drift_spread', [0.0, 0.05])
 def test_forward_model_is_what_is_differentiated(force_runs, drift_spread):
     """The Jacobian with eliminated initial states and drifts against differences of the minimum over them."""
-    problem = assemble(force_runs[5:7], ManoeuvringSettings(**QUICK))
+    problem = replace(assemble(force_runs[5:7], ManoeuvringSettings(**QUICK)), drift_spread=drift_spread)
     names = ('Xu', 'Nr', 'lag', 'gain', 'current_east')
     shooting = shooting_of(problem, 20.0).with_unknowns(problem.unknowns(names), problem.base)
-    shooting = shooting.with_drift_spread(drift_spread)
     values = np.array([-55.0, -380.0, 0.2, 1.02, 0.05])
     for _ in range(6):
         residual = shooting.residuals(values)
@@ -261,12 +252,12 @@ def anchored(seed=1):
 
 @pytest.mark.long
 def test_anchored_runs_are_left_out_or_refused(force_runs):
-    runs = [*force_runs[4:7], *prepare_all([anchored()])]
+    runs = [*force_runs[4:7], *prepare_runs([anchored()])]
     found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK), validation=())
     assert 'at-anchor' in codes(found)
     assert len(found.identified_on) == 3
     with pytest.raises(InputError, match='at anchor'):
-        identify_manoeuvring(prepare_all([anchored()]), ManoeuvringSettings(**QUICK))
+        identify_manoeuvring(prepare_runs([anchored()]), ManoeuvringSettings(**QUICK))
 
 
 def test_no_turn_leaves_yaw_and_sway_unidentified(force_runs):
@@ -279,7 +270,7 @@ def test_no_turn_leaves_yaw_and_sway_unidentified(force_runs):
 
 def test_constant_thrust_flags_every_surge_derivative():
     steady = simulate(OLD, np.full(1200, 60.0), np.full(1200, 60.0), 0.1)
-    runs = prepare_all([trial_of(with_noise(steady, SensorNoise(), 1), 'steady')])
+    runs = prepare_runs([trial_of(with_noise(steady, SensorNoise(), 1), 'steady')])
     found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK))
     assert {'constant-thrust', 'no-turn'} <= codes(found)
     assert all('constant-thrust' in d.flags for d in found.derivatives.values())
@@ -354,7 +345,7 @@ def test_each_run_has_its_own_current():
         trial_of(with_noise(_drifting(programme[name], current), SensorNoise(), 40 + k), name)
         for k, (name, current) in enumerate(zip(names, truth, strict=True))
     ]
-    runs = prepare_all(trials)
+    runs = prepare_runs(trials)
     found = identify_manoeuvring(runs[:4], ManoeuvringSettings(**QUICK), runs[4:])
     assert found.has_currents_by_run
     assert 'current-by-run' in codes(found)

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from live_bench import Bench, start_node, stop, wait_for  # noqa: E402
+from manoeuvring_runs import MODEL, OLD  # noqa: E402
 from nav_msgs.msg import Odometry, Path  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
@@ -16,20 +17,13 @@ from std_msgs.msg import Float64, String  # noqa: E402
 
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_to_yaml  # noqa: E402
 from swath_sysid.formats.messages import stamp_ns  # noqa: E402
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel  # noqa: E402
-from swath_sysid.manoeuvring.hull.presets import preset  # noqa: E402
 from swath_sysid.manoeuvring.hull.simulation import simulate  # noqa: E402
-from swath_sysid.manoeuvring.hull.stability import Region  # noqa: E402
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: E402
 from swath_sysid.nodes.manoeuvring_predictor import odometry_message, odometry_reading  # noqa: E402
 from swath_sysid.nodes.qos import LATCHED  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
-OLD = preset('wamv-vrx-old')
-MODEL = IdentifiedManoeuvringModel(
-    OLD, (), np.zeros((0, 0)), np.array([0.05, 0.05, 0.005]), Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0)
-)
 RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -56,15 +50,8 @@ def test_forecasts_over_dds():
         left = bench.publisher(Float64, 'thrusters/left/thrust')
         right = bench.publisher(Float64, 'thrusters/right/thrust')
         model = bench.publisher(String, 'manoeuvring/model', LATCHED)
-        wait_for(
-            lambda: (
-                odometry.get_subscription_count()
-                and left.get_subscription_count()
-                and right.get_subscription_count()
-                and imu.get_subscription_count()
-            ),
-            'subscriptions',
-        )
+        sensors = odometry, left, right, imu
+        wait_for(lambda: all(sensor.get_subscription_count() for sensor in sensors), 'subscriptions')
         wait_for(
             lambda: any('no model' in text or 'no odometry' in text for _, text, _ in bench.statuses.values()),
             'diagnostic',

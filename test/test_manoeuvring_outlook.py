@@ -5,13 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from manoeuvring_runs import MODEL, OLD
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.topics import manoeuvring_lead_topic
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.prediction.pipeline import (
     ManoeuvreOutlook,
     ManoeuvreOutlookSettings,
@@ -19,10 +17,6 @@ from swath_sysid.manoeuvring.prediction.pipeline import (
     steady_motion,
 )
 
-OLD = preset('wamv-vrx-old')
-MODEL = IdentifiedManoeuvringModel(
-    OLD, (), np.zeros((0, 0)), np.array([0.05, 0.05, 0.005]), Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0)
-)
 SETTINGS = ManoeuvreOutlookSettings(leads=(1.0, 5.0), horizon=5.0, rate=1.0)
 
 
@@ -71,13 +65,6 @@ def test_forecasts_are_due_and_right(manoeuvre):
     assert np.mean(lead_errors(found, manoeuvre, 5.0)) < 0.6 * np.mean(lead_errors(steady, manoeuvre, 5.0))
     assert np.all(np.linalg.eigvalsh(state.pose_covariance) > 0)
     assert np.all(np.linalg.eigvalsh(state.twist_covariance) > 0)
-
-
-@pytest.mark.slow
-def test_same_messages_same_numbers(manoeuvre):
-    rows = list(enumerate(readings(manoeuvre)))[:200]
-    first, second = (play(ManoeuvreOutlook(SETTINGS, MODEL), manoeuvre, rows) for _ in range(2))
-    assert [s.leads[0].x for _, s in first] == [s.leads[0].x for _, s in second]
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from manoeuvring_runs import OLD, identified, trial_of
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.manoeuvring_model_file import (
@@ -13,52 +14,16 @@ from swath_sysid.formats.manoeuvring_model_file import (
     read_manoeuvring_model,
     write_manoeuvring_model,
 )
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.simulation import simulate
-from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, acting_thrust
 from swath_sysid.manoeuvring.motion.intake import prepare
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
-from swath_sysid.manoeuvring.prediction.predictor import STATES, ManoeuvreFilter, ManoeuvreFilterSettings
+from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter, ManoeuvreFilterSettings
 from swath_sysid.manoeuvring.prediction.skill import filtered, fit_arx, score_forecasts
-
-OLD = preset('wamv-vrx-old')
-NOISE = np.array([0.05, 0.05, 0.005])
-
-
-def identified(model=OLD):
-    names = ('Xu', 'Nr')
-    return IdentifiedManoeuvringModel(
-        model,
-        names,
-        np.array([[1.0, 0.1], [0.1, 4.0]]),
-        NOISE,
-        Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0),
-        {'r2': 0.99},
-        {'software': 'test'},
-    )
 
 
 def run_of(name, model=OLD, seed=1):
-    m = with_noise(trial_programme(model)[name], SensorNoise(), seed)
-    return prepare(
-        ManoeuvringTrial(
-            m.time,
-            m.port,
-            m.starboard,
-            model.thrust_input,
-            m.surge,
-            m.sway,
-            m.yaw_rate,
-            m.heading,
-            m.x,
-            m.y,
-            'enu',
-            source=name,
-        )
-    )
+    return prepare(trial_of(with_noise(trial_programme(model)[name], SensorNoise(), seed), name, model.thrust_input))
 
 
 def test_model_file_round_trip(tmp_path):
@@ -116,7 +81,6 @@ def test_forecast_without_noise_is_the_simulation():
     assert filter_.stamp == 0.0
     turned = filter_.forecast([5.0], [(0.0, 90.0, 40.0)])
     assert turned.states[0, 2] < 0 < forecast.states[1, 2]
-    assert len(STATES) == forecast.states.shape[1]
 
 
 def test_filter_is_consistent():

@@ -1,14 +1,12 @@
 """Craft with the vices of real ones, by a simulator that shares nothing with the package."""
 
 import importlib
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import swath_sysid
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv
@@ -24,7 +22,7 @@ from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.selection import fit, model_of, select, shooting_of, with_refused
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
-from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 from swath_sysid.manoeuvring.prediction.calibration import _scale, calibrated
 from swath_sysid.manoeuvring.prediction.predictor import THRUST_TO_COME, ManoeuvreFilter
@@ -40,21 +38,21 @@ def simulated():
         return importlib.import_module('simulated_craft')
 
 
+def trials_of(craft, records):
+    known = dict(thrust_input='force', frame='enu', lever=craft.lever, length=craft.length)
+    return [ManoeuvringTrial(source=f'run {k}', **known, **record) for k, record in enumerate(records)]
+
+
 @pytest.fixture(scope='module')
 def craft_and_trials(simulated):
     craft = simulated.catamaran()
     records = simulated.simulate(craft, simulated.drives(SEED), SEED)
-    return craft, [
-        ManoeuvringTrial(
-            thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record
-        )
-        for k, record in enumerate(records)
-    ]
+    return craft, trials_of(craft, records)
 
 
 @pytest.fixture(scope='module')
 def runs(craft_and_trials):
-    return prepare_all(craft_and_trials[1])
+    return prepare_runs(craft_and_trials[1])
 
 
 @pytest.fixture(scope='module')
@@ -98,13 +96,13 @@ def test_a_run_of_spins_reverses_nothing(craft_and_trials, runs):
     assert not {a.code for run in runs for a in run.advice}
     for run, trial in zip(runs, trials, strict=True):
         assert np.allclose(run.port, trial.port[: run.port.size])
-    alone = prepare_all(trials[1:2])[0]
+    alone = prepare_runs(trials[1:2])[0]
     assert np.allclose(alone.port, trials[1].port[: alone.port.size])
 
 
 def test_what_all_runs_agree_on_is_set_right_in_the_spins_too(craft_and_trials, runs):
     _, trials = craft_and_trials
-    found = prepare_all([replace(t, port=-t.port, starboard=-t.starboard) for t in trials[:4]])
+    found = prepare_runs([replace(t, port=-t.port, starboard=-t.starboard) for t in trials[:4]])
     assert all('thrust-reversed' in {a.code for a in run.advice} for run in found)
     for run, expected in zip(found, runs, strict=False):
         assert np.allclose(run.port, expected.port)
@@ -114,7 +112,7 @@ def test_a_sway_that_is_always_zero_is_unknown(craft_and_trials):
     """Common odometry; without position either, sway is left to the model."""
     _, trials = craft_and_trials
     plain = [replace(t, sway=np.zeros(t.time.size), x=None, y=None) for t in (trials[0], trials[2], trials[3])]
-    runs = prepare_all(plain)
+    runs = prepare_runs(plain)
     assert all(np.isnan(run.sway).all() for run in runs)
     assert {'constant-channel'} <= {a.code for run in runs for a in run.advice}
     problem = assemble(runs, ManoeuvringSettings(mass=26.0))
@@ -184,19 +182,12 @@ def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', [1, 2])
+@pytest.mark.parametrize('seed', [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, simulated):
     """Twenty of them, with terms of choice: benchmark/manoeuvring.py --vices unstable."""
     craft = simulated.unstable_hull(np.random.default_rng(seed))
     inputs = [rows[:1200] for rows in simulated.drives(seed, False, simulated.EVERY)[:5]]
-    runs = prepare_all(
-        [
-            ManoeuvringTrial(
-                thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record
-            )
-            for k, record in enumerate(simulated.simulate(craft, inputs, seed))
-        ]
-    )
+    runs = prepare_runs(trials_of(craft, simulated.simulate(craft, inputs, seed)))
     terms = ('Xu_dot', 'Xu', 'Xuu', 'Xvr', 'Yv_dot', 'Yv', 'Yvv', 'Iz', 'Nr', 'Nrr', 'Nuv', 'lag', 'delay')
     settings = ManoeuvringSettings(mass=craft.mass, terms=terms, generations=0)
     found = identify_manoeuvring(runs[:4], settings, runs[4:])
@@ -210,22 +201,10 @@ def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, s
 
 @pytest.fixture(scope='module')
 def otter(simulated):
-    """Craft, runs under force input, and its derivatives.
-
-    Its cross-flow drag by strips is none of the terms exactly: what stands for it is the least-squares fit to the
-    simulator's own forces over the motion that it was at.
-    """
+    """Craft, runs under force input, and its derivatives; for its drag by strips the least-squares fit of the terms."""
     craft = simulated.otter()
     inputs = [rows[:2000] for rows in simulated.drives(SEED, False, simulated.EVERY)[:8]]
-    records = simulated.simulate(craft, inputs, SEED)
-    runs = prepare_all(
-        [
-            ManoeuvringTrial(
-                thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record
-            )
-            for k, record in enumerate(records)
-        ]
-    )
+    runs = prepare_runs(trials_of(craft, simulated.simulate(craft, inputs, SEED)))
     still = replace(craft, noise=(0.0, 0.0, 0.0, 0.0), current=(0.0, 0.0))
     u, v, r = (
         np.concatenate([record[name] for record in simulated.simulate(still, inputs, SEED)])
@@ -415,8 +394,3 @@ def test_the_lever_is_asked_for_where_the_yaw_rate_depends_on_it(runs):
         assemble(bare, ManoeuvringSettings(mass=26.0, inertia=4.0))
     assert with_flags(refused.value.code, 'give it') == 'give it (--lever)'
     assert 'lever-assumed' in {a.code for a in assemble(bare, ManoeuvringSettings(mass=26.0)).advice}
-
-
-def test_no_sentence_of_the_core_names_a_flag():
-    sources = Path(swath_sysid.__file__).parent.glob('manoeuvring/**/*.py')
-    assert not [path.name for path in sources if re.search('[ (]--[a-z]', path.read_text())]

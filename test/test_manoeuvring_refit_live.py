@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from live_bench import Bench, start_node, stop, wait_for  # noqa: E402
+from live_bench import Bench, settings, start_node, stop, wait_for  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from std_msgs.msg import Float32, Float64, String  # noqa: E402
@@ -81,16 +81,8 @@ class Craft:
 def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     path = tmp_path / 'craft.yaml'
     options = ('-r', '__ns:=/wamv')
-    predictor = start_node(
-        'manoeuvring_predictor',
-        '-p',
-        f'leads_s:=[{LEAD}]',
-        '-p',
-        'forecast_rate_hz:=1.0',
-        '-p',
-        'horizon_s:=2.0',
-        *options,
-    )
+    given = settings(f'leads_s:=[{LEAD}]', 'forecast_rate_hz:=1.0', 'horizon_s:=2.0')
+    predictor = start_node('manoeuvring_predictor', *given, *options)
     parameters = tmp_path / 'parameters.yaml'
     parameters.write_text('/**/manoeuvring_identifier: {ros__parameters: {mass_kg: 180.0, lever_m: 1.027135}}')
     identifier = start_node(
@@ -103,14 +95,8 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         bench.node.create_subscription(Odometry, 'manoeuvring/lead_2_0s', forecasts.append, RELIABLE)
         bench.node.create_subscription(String, 'manoeuvring/model', models.append, LATCHED)
         bench.node.create_subscription(Float32, 'manoeuvring_identifier/progress', progress.append, RELIABLE)
-        wait_for(
-            lambda: (
-                craft.odometry.get_subscription_count() == 2
-                and craft.left.get_subscription_count() == 2
-                and craft.right.get_subscription_count() == 2
-            ),
-            'subscriptions',
-        )
+        sensors = craft.odometry, craft.left, craft.right
+        wait_for(lambda: all(sensor.get_subscription_count() == 2 for sensor in sensors), 'subscriptions')
         response = bench.call('manoeuvring_identifier/identify')
         assert not response.success
         assert 'check its topic' in response.message

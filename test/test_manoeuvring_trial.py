@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from manoeuvring_runs import trial_of
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -12,7 +13,7 @@ from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_man
 from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.manoeuvring.motion.intake import prepare, prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
 from swath_sysid.manoeuvring.motion.polarity import mirrored
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
@@ -28,22 +29,7 @@ def manoeuvres():
 
 @pytest.fixture(scope='module')
 def trials(manoeuvres):
-    return [
-        ManoeuvringTrial(
-            m.time,
-            m.port,
-            m.starboard,
-            surge=m.surge,
-            sway=m.sway,
-            yaw_rate=m.yaw_rate,
-            heading=m.heading,
-            x=m.x,
-            y=m.y,
-            frame='enu',
-            source=name,
-        )
-        for name, m in manoeuvres.items()
-    ]
+    return [trial_of(m, name) for name, m in manoeuvres.items()]
 
 
 def codes(runs):
@@ -127,7 +113,7 @@ def test_bag_with_joint_states_and_a_twist_in_world_axes(tmp_path, manoeuvres):
 
 
 def test_nothing_is_changed_without_need(trials):
-    runs = prepare_all(trials)
+    runs = prepare_runs(trials)
     assert codes(runs) == set()
     same(runs, [prepare(t) for t in trials])
 
@@ -146,9 +132,9 @@ def test_nothing_is_changed_without_need(trials):
     ],
 )
 def test_reversed_channels_are_set_right_and_named(trials, code, damage):
-    runs = prepare_all([damage(t) for t in trials])
+    runs = prepare_runs([damage(t) for t in trials])
     assert codes(runs) == ({code} if code else set())
-    same(runs, prepare_all(trials))
+    same(runs, prepare_runs(trials))
 
 
 def test_gap_means_zero_or_nothing(trials):
@@ -218,16 +204,9 @@ def test_bad_files_are_refused_in_one_sentence(tmp_path, text, match):
 
 
 def test_too_short_or_empty_trials(trials):
+    names = ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
     with pytest.raises(InputError, match='record 30 s'):
-        prepare(
-            replace(
-                trials[0],
-                **{
-                    n: getattr(trials[0], n)[:10]
-                    for n in ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
-                },
-            )
-        )
+        prepare(replace(trials[0], **{name: getattr(trials[0], name)[:10] for name in names}))
     with pytest.raises(InputError, match='neither speed nor yaw rate'):
         prepare(replace(trials[0], surge=None, sway=None, yaw_rate=None, heading=None))
 

@@ -185,20 +185,6 @@ def test_mounted_sensor_tells_the_motion_of_the_craft(mounting, craft):
     assert motion[3:5] == pytest.approx(attitude.euler_rates(motion.roll, motion.pitch, 0.1, 0.2, 0.3)[:2], abs=1e-6)
 
 
-def test_frd_sensor_is_brought_to_flu():
-    orientation = attitude.quaternion(0.1, 0.2, 0.3)
-    motion = motion_of(orientation, (0.0, 1.0, 0.0), (0.0, 0.0, -9.81), Installation('frd'))
-    assert motion.roll == pytest.approx(0.1)
-    assert motion.pitch == pytest.approx(-0.2)
-    assert motion.accel_z == 9.81
-    assert motion.pitch_rate == pytest.approx(-np.cos(0.1))
-
-
-def test_without_orientation_body_rates_stand_for_euler_rates():
-    motion = motion_of((0.0,) * 4, (0.1, 0.2, 0.3), (0.0, 0.0, 9.81), Installation())
-    assert np.isnan([motion.roll, motion.pitch]).all() and (motion.roll_rate, motion.pitch_rate) == (0.1, 0.2)
-
-
 @pytest.mark.parametrize('arguments', [('ned',), ('flu', (0.0, np.nan, 0.0)), ('flu', (0.0, 1.0))])
 def test_installation_that_cannot_be_is_refused(arguments):
     with pytest.raises(InputError):

@@ -181,7 +181,7 @@ def test_rows_with_rounded_stamps_are_spread_evenly(rate, step, rounding):
 
 def test_most_rows_with_the_stamps_of_others_are_refused_where_no_even_sampling_explains_them():
     stamps = np.sort(np.random.default_rng(1).integers(0, 300, 3000) ** 2 / 900.0)
-    with pytest.raises(InputError, match='have the stamp of the row before, and no even sampling'):
+    with pytest.raises(InputError, match='have the stamp of the previous row, and no even sampling'):
         clean(stamps, {'roll': np.sin(np.arange(3000.0))})
 
 

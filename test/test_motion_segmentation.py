@@ -17,7 +17,7 @@ from swath_sysid.attitude.motion.turning_points import (
     split_at_pauses,
 )
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.signals import noise_level, spikes
+from swath_sysid.common.signals import spikes
 from swath_sysid.formats.reading import read_trial
 
 RATE_HZ = 100.0
@@ -113,15 +113,6 @@ def test_turning_points_without_a_period_given_follow_the_motion_not_the_noise()
 def test_centre_of_a_geometric_decay_is_exact(centre, amplitude, ratio, number):
     value = centre + amplitude * (-ratio) ** np.arange(number)
     assert centre_of_decay(value) == pytest.approx(centre, abs=1e-6)
-
-
-@pytest.mark.parametrize('repeats', [1, 10])
-def test_noise_level_is_that_of_white_noise_on_a_swing(repeats):
-    time = np.arange(0.0, 100.0, repeats / RATE_HZ)
-    random = np.random.default_rng(3)
-    value = np.repeat(0.2 * np.sin(time) + 0.01 * random.normal(size=time.size), repeats)
-    # Ten equal samples average like one.
-    assert noise_level(value) / np.sqrt(repeats) == pytest.approx(0.01, rel=0.1)
 
 
 def test_spikes_are_lone_samples_not_swings_nor_jumps():
@@ -409,14 +400,6 @@ def test_sign_clock_and_trim_do_not_matter(seed, sign, clock, trim):
     assert changed.end - clock == pytest.approx(plain.end, abs=0.2)
     assert changed.initial_amplitude == pytest.approx(plain.initial_amplitude, rel=0.01)
     assert changed.trim == pytest.approx(sign * plain.trim + trim, abs=1e-3)
-
-
-def test_a_million_samples():
-    time = np.arange(10**6) / RATE_HZ
-    angle, _ = released(time - 5000.0, 0.1, 0.03)
-    decay = find_decay(motion_of(time, np.where(time < 5000.0, 0.0, angle)))
-    assert decay.start == pytest.approx(5000.0, abs=0.5)
-    assert decay.period == pytest.approx(PERIOD, rel=0.02)
 
 
 # Measured records -----------------------------------------------------------------------------

@@ -58,8 +58,8 @@ def craft_in_waves(duration=70.0, interval=0.1, seed=1, roll=0.06, pitch=0.05):
 
 @pytest.mark.parametrize('name', WRONG)
 def test_each_wrong_installation_is_named_with_its_cure(name):
-    wrong, other_frame, code, words = WRONG[name]
-    found, _ = named_by(readings_of(*wrong(*craft_in_waves())), declared('flu', other_frame))
+    wrong, code, words = WRONG[name]
+    found, _ = named_by(readings_of(*wrong(*craft_in_waves())), declared('flu', name))
     assert list(found) == [code]
     seconds, message = found[code]
     assert seconds <= 60.0 and sentence(words, 'flu') in message
@@ -68,9 +68,9 @@ def test_each_wrong_installation_is_named_with_its_cure(name):
 @pytest.mark.parametrize('start', range(0, 17_400, 3_480))
 @pytest.mark.parametrize('name', WRONG)
 def test_each_is_named_on_a_measured_buoy_within_a_minute(data_folder, name, start):
-    wrong, other_frame, code, words = WRONG[name]
+    wrong, code, words = WRONG[name]
     measured = [part[start : start + 600] for part in buoy(data_folder / 'waves/morro_buoy.csv')]
-    found, _ = named_by(readings_of(*wrong(*measured)), declared('frd', other_frame))
+    found, _ = named_by(readings_of(*wrong(*measured)), declared('frd', name))
     assert list(found) == [code]
     assert sentence(words, 'frd') in found[code][1]
 

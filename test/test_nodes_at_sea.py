@@ -9,7 +9,7 @@ pytest.importorskip('rclpy')
 
 from craft_at_sea import known_sea  # noqa: E402
 from imu_stream import EPOCH_NS, reading  # noqa: E402
-from live_bench import Bench, running, start_together, wait_for  # noqa: E402
+from live_bench import Bench, running, settings, start_together, wait_for  # noqa: E402
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named  # noqa: E402
 from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
@@ -38,8 +38,7 @@ def readings():
 def identified_in_waves(readings, model_path):
     """What the services answer after these readings, twice, with the bench that heard it."""
     bench = Bench()
-    settings = f'model_path:={model_path}', 'window_s:=300.0', 'max_rate_hz:=50.0', 'window_timeout_s:=60.0'
-    arguments = [word for setting in settings for word in ('-p', setting)]
+    arguments = settings(f'model_path:={model_path}', 'window_s:=300.0', 'max_rate_hz:=50.0', 'window_timeout_s:=60.0')
     try:
         with running(bench, start_together(*arguments)):
             bench.settle('imu_buffer', bench.send(readings))
@@ -51,6 +50,7 @@ def identified_in_waves(readings, model_path):
         bench.close()
 
 
+@pytest.mark.long
 def test_waves_are_identified_on_demand_and_only_better_models_published(readings, tmp_path):
     first, second, bench = identified_in_waves(readings, tmp_path / 'craft.yaml')
     assert first.success and first.message.startswith('roll: at sea, equivalent linear at 2'), first.message
@@ -65,6 +65,7 @@ def test_waves_are_identified_on_demand_and_only_better_models_published(reading
     assert not second.success and 'the current model explains the window as well' in second.message
 
 
+@pytest.mark.long
 def test_the_model_of_a_decay_stays_and_the_answer_says_so(readings, tmp_path):
     path = tmp_path / 'tank.yaml'
     tank = IdentifiedModel.exactly(hull_named('swath-roll').model)

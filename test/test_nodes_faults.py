@@ -86,50 +86,43 @@ def at_another_rate(step):
     return lambda craft: craft.good(150, step)
 
 
-def shocked(craft):
-    craft.bad(orientation=(0.0, 0.6, 0.0, 0.8))
-
-
 FAULTS = {
-    'repeated': (lambda craft: craft.bad(stamp=craft.stamp), 'duplicate-stamp', 'duplicate-stamp'),
-    'late': (late(0.1), 'out-of-order', 'out-of-order'),
-    'bag loop': (looped, 'clock-jumped-back', 'clock-jumped-back'),
-    'gap': (silent_for(0.3), 'gap', 'gap'),
-    'long gap': (silent_for(20.0), 'gap-too-long', 'gap-too-long'),
-    'NaN rates': (each(rates=(nan, 0.0, 0.0)), 'not-finite', 'not-finite'),
-    'infinite rates': (each(rates=(0.0, -inf, 0.0)), 'not-finite', 'not-finite'),
-    'NaN quaternion': (each(orientation=(nan, nan, nan, nan)), 'not-finite', 'not-finite'),
-    'all NaN': (each(orientation=(nan,) * 4, rates=(nan,) * 3, force=(nan,) * 3), 'nothing-usable', 'nothing-usable'),
-    'zero quaternion': (each(orientation=(0.0,) * 4), 'bad-quaternion', 'bad-quaternion'),
-    'denormal quaternion': (each(orientation=(5e-324, 0.0, 0.0, 1e-310)), 'bad-quaternion', 'bad-quaternion'),
-    'absurd rates': (each(rates=(1e30, 0.0, 0.0)), 'absurd-value', 'absurd-value'),
-    'absurd force': (each(force=(0.0, 0.0, 1e9)), 'absurd-value', 'absurd-value'),
-    'unknown covariances': (
-        each(orientation_covariance=UNKNOWN, rates_covariance=UNKNOWN),
-        'unknown-covariance',
-        'unknown-covariance',
-    ),
-    'no orientation': (each(orientation_covariance=NOT_GIVEN), 'no-orientation', 'no-orientation'),
-    'faster': (at_another_rate(STEP // 4), 'rate-changed', 'rate-changed'),
-    'slower': (at_another_rate(STEP * 4), 'rate-changed', 'rate-changed'),
-    'stray future stamp': (late(-3e6), 'stray-stamp', 'stray-stamp'),
-    'stray past stamp': (late(3e6), 'out-of-order', 'out-of-order'),
-    'shock': (shocked, None, 'outlier-pitch'),
+    'repeated': (lambda craft: craft.bad(stamp=craft.stamp), 'duplicate-stamp'),
+    'late': (late(0.1), 'out-of-order'),
+    'bag loop': (looped, 'clock-jumped-back'),
+    'gap': (silent_for(0.3), 'gap'),
+    'long gap': (silent_for(20.0), 'gap-too-long'),
+    'NaN rates': (each(rates=(nan, 0.0, 0.0)), 'not-finite'),
+    'infinite rates': (each(rates=(0.0, -inf, 0.0)), 'not-finite'),
+    'NaN quaternion': (each(orientation=(nan, nan, nan, nan)), 'not-finite'),
+    'all NaN': (each(orientation=(nan,) * 4, rates=(nan,) * 3, force=(nan,) * 3), 'nothing-usable'),
+    'zero quaternion': (each(orientation=(0.0,) * 4), 'bad-quaternion'),
+    'denormal quaternion': (each(orientation=(5e-324, 0.0, 0.0, 1e-310)), 'bad-quaternion'),
+    'absurd rates': (each(rates=(1e30, 0.0, 0.0)), 'absurd-value'),
+    'absurd force': (each(force=(0.0, 0.0, 1e9)), 'absurd-value'),
+    'unknown covariances': (each(orientation_covariance=UNKNOWN, rates_covariance=UNKNOWN), 'unknown-covariance'),
+    'no orientation': (each(orientation_covariance=NOT_GIVEN), 'no-orientation'),
+    'faster': (at_another_rate(STEP // 4), 'rate-changed'),
+    'slower': (at_another_rate(STEP * 4), 'rate-changed'),
+    'stray future stamp': (late(-3e6), 'stray-stamp'),
+    'stray past stamp': (late(3e6), 'out-of-order'),
+    # of which only the predictor knows what to expect
+    'shock': (each(orientation=(0.0, 0.6, 0.0, 0.8)), 'outlier-pitch'),
 }
 
 
 @pytest.mark.parametrize('name', FAULTS)
 def test_a_fault_is_counted_and_good_data_are_forecast_again_within_a_second(craft, name):
-    inject, at_buffer, at_predictor = FAULTS[name]
+    inject, reason = FAULTS[name]
     craft.good()
     before = craft.counts()
     inject(craft)
     craft.good()
     craft.bench.wait_for_forecast_after(craft.stamp)
     after = craft.counts()
-    for node, reason in (('imu_buffer', at_buffer), ('predictor', at_predictor)):
-        if reason is not None:
-            assert after[node][reason] > before[node][reason], (node, reason)
+    for node in ('imu_buffer', 'predictor'):
+        if node == 'predictor' or name != 'shock':
+            assert after[node][reason] > before[node][reason], node
         # all but a few of the good samples were used
         assert after[node]['used'] - before[node]['used'] >= 97
     assert craft.process.poll() is None

@@ -14,12 +14,10 @@ from swath_sysid.pipeline.health import (
     ERROR,
     FRAME_CHANGED,
     HARMLESS,
-    IDENTIFICATION_WORKER_DIED,
     NOT_SAVED,
     OK,
     SILENT,
     WARN,
-    WAVE_WORKER_DIED,
     BufferHealth,
     Changes,
     IdentifierHealth,
@@ -188,12 +186,6 @@ def test_a_sensor_warns_too_while_something_holds():
     assert levels == [WARN] * 3 and report(health, 4.0).level == OK
 
 
-def test_each_worker_is_told_by_its_own_name():
-    assert 'waves' in REASONS[WAVE_WORKER_DIED] and 'identifies' in REASONS[IDENTIFICATION_WORKER_DIED]
-    assert WAVE_WORKER_DIED in PredictorHealth('/imu/data', ForecastPipeline()).counts
-    assert IDENTIFICATION_WORKER_DIED in IdentifierHealth().counts
-
-
 def test_the_buffer_tells_its_window():
     window = MotionWindow()
     health = BufferHealth('imu/data', window)
@@ -222,7 +214,7 @@ def test_a_refused_model_is_told_until_a_good_one_comes():
     for _ in range(3):
         stream, forecast, _ = health.reports(1.0, EPOCH_NS)
         assert forecast.level == WARN
-        assert forecast.message.startswith('model/description, pitch: the trim; the model before it stays')
+        assert forecast.message.startswith('model/description, pitch: the trim; the previous model stays')
         assert forecast.values['refused_model'] == 'model/description, pitch: the trim'
         assert stream.values[BAD_MODEL] == 2
     health.note_model(2.0)

@@ -60,6 +60,7 @@ def test_axes_of_the_other_frame_are_named_with_their_cure(bench):
         assert installation(bench)[:2] == (level, message)
 
 
+@pytest.mark.long
 def test_the_right_frame_is_not_warned_of(bench):
     with running(bench, start_together('-p', 'frame:=frd')):
         sent_until(bench, lambda: int(installation(bench)[2].get('judgements', 0)) >= 3)

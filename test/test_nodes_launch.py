@@ -92,16 +92,14 @@ def test_every_node_is_started_again_when_it_dies(launch):
 def test_topics_are_remapped_from_what_the_nodes_hear(name, launch):
     hears = {node.get('exec'): {remap.get('from') for remap in node.findall('remap')} for node in launch.iter('node')}
     thrusters = {'thrusters/left/thrust', 'thrusters/right/thrust'}
-    assert (
-        hears
-        == {
-            'swath_sysid': {'imu_buffer': {'imu/data'}, 'predictor': {'imu/data'}, 'identifier': set()},
-            'manoeuvring': {
-                'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters,
-                'manoeuvring_identifier': {'odometry'} | thrusters,
-            },
-        }[name]
-    )
+    expected = {
+        'swath_sysid': {'imu_buffer': {'imu/data'}, 'predictor': {'imu/data'}, 'identifier': set()},
+        'manoeuvring': {
+            'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters,
+            'manoeuvring_identifier': {'odometry'} | thrusters,
+        },
+    }
+    assert hears == expected[name]
 
 
 def test_what_is_given_wins_over_the_parameter_file_and_that_over_defaults():

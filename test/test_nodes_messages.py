@@ -10,30 +10,28 @@ pytest.importorskip('rclpy')
 from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import imu_message  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
-from sensor_msgs.msg import Imu, PointCloud2, PointField  # noqa: E402
+from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
 from std_msgs.msg import Float64MultiArray  # noqa: E402
-from trajectory_msgs.msg import JointTrajectory  # noqa: E402
 
 from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES  # noqa: E402
-from swath_sysid.attitude.motion.window import COLUMNS, MotionTable  # noqa: E402
+from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.messages import (  # noqa: E402
-    ImuMessage,
+    WINDOW_COLUMNS,
     coefficients_message,
-    horizon_message,
     imu_reading,
     stamp_ns,
     window_message,
     window_table,
 )
 from swath_sysid.nodes.messages import time_message  # noqa: E402
-from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast  # noqa: E402
 
 
 def a_table(rows=20):
     values = np.random.default_rng(1).normal(size=(rows, len(COLUMNS)))
+    values[:, 0] = np.arange(rows)
     values[3:4, 2] = np.nan
-    return MotionTable(values, EPOCH_NS)
+    return MotionTable(values, EPOCH_NS, NoticedDecay('pitch', 4.0, 9.0) if rows else None)
 
 
 @pytest.mark.parametrize('stamp', [0, 1, EPOCH_NS + 999_999_999, -1, -(2**31) * 10**9])
@@ -53,16 +51,16 @@ def test_a_window_goes_both_ways():
     message = deserialize_message(window_message(a_table(), 'base_link'), PointCloud2)
     found = window_table(message)
     np.testing.assert_array_equal(found.rows, a_table().rows)
-    assert found.stamp_ns == EPOCH_NS and message.header.frame_id == 'base_link'
-    assert (message.height, message.width, message.point_step) == (1, 20, 64) and not message.is_dense
-    assert [field.name for field in message.fields] == list(COLUMNS)
+    assert found.stamp_ns == EPOCH_NS and found.noticed == a_table().noticed and message.header.frame_id == 'base_link'
+    assert (message.height, message.width, message.point_step) == (1, 20, 72) and not message.is_dense
+    assert [field.name for field in message.fields] == list(WINDOW_COLUMNS)
     nothing = deserialize_message(window_message(a_table(0), ''), PointCloud2)
     assert window_table(nothing).rows.shape == (0, len(COLUMNS))
 
 
 def test_a_window_of_another_maker_is_read():
     """Other byte order, columns in another order, a column more."""
-    names = ['extra', *reversed(COLUMNS)]
+    names = ['extra', *reversed(WINDOW_COLUMNS)]
     order = '>' if sys.byteorder == 'little' else '<'
     table = np.zeros(20, dtype=[(name, f'{order}f8') for name in names])
     for index, name in enumerate(COLUMNS):
@@ -91,7 +89,7 @@ def without_a_column(message):
 
 
 def reaching_too_far(message):
-    message.fields[1].offset = 60
+    message.fields[1].offset = 68
 
 
 @pytest.mark.parametrize(
@@ -108,27 +106,6 @@ def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):
     spoil(message)
     with pytest.raises(InputError, match=sentence):
         window_table(message)
-
-
-def test_the_attitude_message_is_filled_anew_each_time():
-    maker = ImuMessage('craft')
-    for sign in (1.0, -1.0):
-        forecast = AttitudeForecast(
-            EPOCH_NS, (0.0, 0.0, 0.0, sign), (1e-4,) + (0.0,) * 8, (sign, 0.0, 0.0), (-1.0,) + (0.0,) * 8
-        )
-        message = deserialize_message(maker.filled(forecast), Imu)
-        assert message.orientation.w == sign and message.angular_velocity.x == sign
-        assert message.orientation_covariance[0] == 1e-4 and message.angular_velocity_covariance[0] == -1.0
-        assert message.linear_acceleration_covariance[0] == -1.0 and message.header.frame_id == 'craft'
-        assert stamp_ns(message.header.stamp) == EPOCH_NS
-
-
-def test_the_horizon_is_a_trajectory():
-    horizon = HorizonForecast(EPOCH_NS, ('pitch', 'pitch_std'), (500_000_000, 2_000_000_000), np.eye(2), 2 * np.eye(2))
-    message = deserialize_message(horizon_message(horizon, 'craft'), JointTrajectory)
-    assert list(message.joint_names) == ['pitch', 'pitch_std'] and stamp_ns(message.header.stamp) == EPOCH_NS
-    assert [p.time_from_start.sec * 10**9 + p.time_from_start.nanosec for p in message.points] == [5 * 10**8, 2 * 10**9]
-    assert list(message.points[1].positions) == [0.0, 1.0] and list(message.points[0].velocities) == [2.0, 0.0]
 
 
 def test_no_model_has_no_rows():

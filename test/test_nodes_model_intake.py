@@ -126,13 +126,7 @@ def test_a_model_file_that_cannot_be_used_does_not_end_the_identifier(name, tmp_
         path.write_bytes(content.get(name) or attitude_texts()[name][0].encode())
     kept = path.read_bytes() if path.is_file() else None
     bench = Bench()
-    process = start_node(
-        'identifier',
-        '-r',
-        '__ns:=/refusing',
-        '-p',
-        f'model_path:={path}',
-    )
+    process = start_node('identifier', '-r', '__ns:=/refusing', '-p', f'model_path:={path}')
     try:
         status = 'refusing/identifier: identification'
         wait_for(lambda: status in bench.statuses, 'diagnostics', PATIENCE)

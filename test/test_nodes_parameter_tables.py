@@ -48,8 +48,7 @@ def test_the_defaults_are_those_of_the_cores():
     limits = QuiescenceLimits(roll=radians(3.0), pitch=radians(3.0), duration=settings.forecaster.horizon)
     assert settings == PipelineSettings(forecaster=ForecasterSettings(quiescence=limits))
     found = refit_settings(defaults('identifier'))
-    assert found.axes == RefitSettings().axes and found.least_improvement == RefitSettings().least_improvement
-    assert found.identification.chosen_equation == RefitSettings().identification.chosen_equation
+    assert found == RefitSettings()
 
 
 def test_choices_are_those_of_the_cores():
@@ -78,7 +77,7 @@ def test_choices_are_those_of_the_cores():
         ('identifier', 'objective', 'best'),
         ('identifier', 'search', 'magic'),
         ('identifier', 'population', 3),
-        ('identifier', 'least_improvement', 1.5),
+        ('identifier', 'equation', ''),
         ('predictor', 'leads_s', [1.0, 0.5]),
         ('predictor', 'leads_s', []),
         ('predictor', 'horizon_s', 1e6),

@@ -19,6 +19,7 @@ PERIOD_S = 4.0
 AMPLITUDE = math.radians(0.2)
 
 
+@pytest.mark.long
 def test_quiescence_is_told_for_the_limits_of_now():
     bench = Bench()
     heard, seas = [], []

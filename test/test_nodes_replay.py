@@ -1,17 +1,16 @@
 """Replay and record over real DDS: what went in comes out, and live nodes forecast as play-through does."""
 
-import os
 import signal
 import subprocess
 import sys
 import time
 from contextlib import ExitStack, contextmanager
 from math import radians
-from pathlib import Path
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
+from package_process import ROOT, command_line, environment
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.attitude.hull.catalogue import hull_named
@@ -24,7 +23,6 @@ from swath_sysid.formats.model_file import write_model
 rclpy = pytest.importorskip('rclpy', reason='replay and record need ROS 2')
 pytestmark = pytest.mark.dds
 
-ROOT = Path(__file__).resolve().parents[1]
 STORE = get_typestore(Stores.ROS2_JAZZY)
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
 PATIENCE = 240.0
@@ -34,14 +32,7 @@ START_NS = 1_700_000_000_000_000_000
 @contextmanager
 def verb(*words, ends=signal.SIGINT):
     """A verb in a process of its own, ended by a signal unless it ends by itself; exit code 0."""
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
-    child = subprocess.Popen(
-        [sys.executable, '-m', 'swath_sysid.cli.main', *map(str, words)],
-        env={**os.environ, 'PYTHONPATH': path},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    child = command_line(*words)
     try:
         yield child
         if child.poll() is None and ends is not None:
@@ -113,17 +104,8 @@ def stamp_of(message):
 def numbers_of(message):
     """The floats of a sensor_msgs/Imu that a forecast fills."""
     turn, rates = message.orientation, message.angular_velocity
-    return (
-        turn.x,
-        turn.y,
-        turn.z,
-        turn.w,
-        rates.x,
-        rates.y,
-        rates.z,
-        *message.orientation_covariance,
-        *message.angular_velocity_covariance,
-    )
+    covariances = *message.orientation_covariance, *message.angular_velocity_covariance
+    return turn.x, turn.y, turn.z, turn.w, rates.x, rates.y, rates.z, *covariances
 
 
 @pytest.fixture
@@ -214,12 +196,8 @@ def test_a_recording_holds_what_was_replayed(bag, tmp_path, node):
 def test_a_killed_recording_can_be_read(bag, tmp_path, node):
     with ExitStack() as stack:
         player = stack.enter_context(verb('replay', bag, '--loop', '--wait-for', 1))
-        recorder = subprocess.Popen(
-            [sys.executable, '-m', 'swath_sysid.cli.main', 'record', '--output', str(tmp_path / 'cut.mcap')],
-            cwd=ROOT,
-            stderr=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-        )
+        silent = {'stdout': subprocess.DEVNULL, 'stderr': subprocess.DEVNULL}
+        recorder = command_line('record', '--output', tmp_path / 'cut.mcap', **silent)
         try:
             growing = tmp_path / 'cut.recording' / 'cut.recording.mcap'
             wait_until(lambda: growing.exists() and growing.stat().st_size > 50_000, 'what was recorded')
@@ -339,14 +317,8 @@ sys.modules['rclpy'] = None
 from swath_sysid.cli.main import main
 sys.exit(main({words}))
 """
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
-    result = subprocess.run(
-        [sys.executable, '-c', code],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        env={**os.environ, 'PYTHONPATH': path},
-    )
+    command = [sys.executable, '-c', code]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment())
     assert result.returncode == 2
     assert len(result.stderr.strip().splitlines()) == 1
     assert 'pip install' in result.stderr

@@ -1,6 +1,7 @@
 """The package as a whole: its manifest, what it installs, and which room may use what."""
 
 import ast
+import functools
 import json
 import os
 import re
@@ -75,7 +76,7 @@ WINGS = ('attitude', 'manoeuvring')
 
 INNER_ORDER = ('motion', 'hull', 'identification', 'prediction')
 PURE_ROOMS = ('common', *(f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER), 'pipeline')
-FLAGLESS_ROOMS = ('common', 'attitude', 'pipeline', 'formats', 'campaign')
+FLAGLESS_ROOMS = ('common', *WINGS, 'pipeline', 'formats', 'campaign')
 OF_OTHER_COMMANDS = {
     'reading.py': 'rosbags-convert',
     'manifest.py': 'the comment above a new manifest',
@@ -125,11 +126,13 @@ def room_at(parts):
     return '/'.join(parts[:2]) if parts[0] in WINGS and len(parts) > 1 and parts[1] != '__init__' else parts[0]
 
 
+@functools.cache
 def tree_of(path):
     """The syntax tree of a module."""
     return ast.parse(path.read_text(encoding='utf-8'), str(path))
 
 
+@functools.cache
 def imports_of(path):
     """Every module that a file imports, absolute, wherever in the file: ``{dotted name}``."""
     names = set()

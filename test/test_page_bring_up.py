@@ -25,7 +25,6 @@ from swath_sysid.page.model_words import gain, reference
 from swath_sysid.pipeline.health import Report
 
 REST_S = 20.0
-HALF_TURN = (1.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope='module')
@@ -41,13 +40,6 @@ def test_the_steps_come_in_their_order(identified):
     steps = list(dict.fromkeys(guidance.step for guidance in identified.guidances))
     assert steps == [SENSOR, REST, PUSH, DECAY, JUDGE] or steps == [SENSOR, REST, PUSH, DECAY, IDENTIFY, JUDGE]
     assert identified.faults == {}
-
-
-def test_the_sentences_say_what_to_do_and_what_was_found(identified):
-    sentences = ' '.join(guidance.sentence for guidance in identified.guidances)
-    for words in ('Lie still', 'Now push the hull down at the bow by 5 degrees', 'further, then let go', 'Hands off'):
-        assert words in sentences
-    assert identified.guidances[-1].sentence.startswith('2.6')
 
 
 def test_period_and_damping_hold_the_truth_in_their_bands(identified):
@@ -166,15 +158,13 @@ def rest_then(play):
     return both
 
 
+def release(**how):
+    return rest_then(lambda tank: tank.release(5.0, **how))
+
+
 FAULTS = {
     # what is wrong: (how the tank is made, what happens, code, step, what the cure must name)
-    'frame': (
-        {'installation': Installation('frd')},
-        wrongly(lambda each: each),
-        'axes-of-sensor',
-        SENSOR,
-        'set frame to flu',
-    ),
+    'frame': ({'installation': Installation('frd')}, release(), 'axes-of-sensor', SENSOR, 'set frame to flu'),
     'upside down': ({}, wrongly(turned_over), 'sensor-turned', SENSOR, 'set mounting_deg to [180, 0, 0]'),
     'g for m/s^2': ({}, wrongly(in_g), 'accelerations-in-g', SENSOR, 'they are in g'),
     'deg/s for rad/s': ({}, wrongly(rates_times(57.29578)), 'rate-unit', SENSOR, 'deg/s where rad/s is expected'),
@@ -186,28 +176,10 @@ FAULTS = {
     'no orientation': ({}, wrongly(without_orientation), 'no-orientation', SENSOR, 'press Identify'),
     'waves': ({}, lambda tank: tank.send(40.0, waves), 'waves', REST, 'wait for calm water'),
     'waves after rest': ({}, rest_then(lambda tank: tank.send(70.0, waves)), 'waves', DECAY, 'wait for calm water'),
-    'held': ({}, rest_then(lambda tank: tank.release(5.0, hold=30.0)), 'held', PUSH, 'let go at once'),
-    'lowered by hand': (
-        {},
-        rest_then(lambda tank: tank.release(5.0, damping=0.95)),
-        'no-decay',
-        PUSH,
-        'instead of lowering it',
-    ),
-    'other axis': (
-        {},
-        rest_then(lambda tank: tank.release(5.0, axis='roll')),
-        'other-axis',
-        PUSH,
-        'or choose roll above',
-    ),
-    'not noticed': (
-        {'auto_identify': False},
-        rest_then(lambda tank: tank.release(5.0, duration=45.0)),
-        'not-noticed',
-        IDENTIFY,
-        'press Identify',
-    ),
+    'held': ({}, release(hold=30.0), 'held', PUSH, 'let go at once'),
+    'lowered by hand': ({}, release(damping=0.95), 'no-decay', PUSH, 'instead of lowering it'),
+    'other axis': ({}, release(axis='roll'), 'other-axis', PUSH, 'or choose roll above'),
+    'not noticed': ({'auto_identify': False}, release(duration=45.0), 'not-noticed', IDENTIFY, 'press Identify'),
 }
 
 

@@ -1,6 +1,5 @@
 """The page's node beside the real nodes and a sensor: what it hears, what it asks of them, and the faults it names."""
 
-import os
 import signal
 import time
 
@@ -9,7 +8,18 @@ import pytest
 pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, decay_stream, reading  # noqa: E402
-from live_bench import LATCHED, PATIENCE, Bench, Spinning, running, start_together, stop, wait_for  # noqa: E402
+from live_bench import (  # noqa: E402
+    LATCHED,
+    PATIENCE,
+    Bench,
+    Spinning,
+    running,
+    settings,
+    start_together,
+    stop,
+    wait_for,
+)
+from package_process import command_line  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from test_page_bring_up import in_g, turned_over  # noqa: E402
 
@@ -24,16 +34,7 @@ pytestmark = pytest.mark.dds
 
 RATE = 25.0
 
-SETTINGS = (
-    '-p',
-    'window_timeout_s:=60.0',
-    '-p',
-    'axes:=[pitch]',
-    '-p',
-    'generations:=20',
-    '-p',
-    'population:=30',
-)
+SETTINGS = settings('window_timeout_s:=60.0', 'axes:=[pitch]', 'generations:=20', 'population:=30')
 """A search that suffices for a linear hull, since it is not what is tested here."""
 
 
@@ -170,16 +171,7 @@ def test_a_page_that_stands_still_holds_nobody_up(page):
 
 def test_run_starts_the_page_and_ends_it():
     pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
-    import subprocess
-    import sys
-
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'swath_sysid.cli.main', 'run', '--page', '--namespace', 'paged'],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        env=os.environ,
-    )
+    process = command_line('run', '--page', '--namespace', 'paged')
     lines, deadline = [], time.monotonic() + PATIENCE
     while not any('the page is at http://localhost:' in line for line in lines):
         assert time.monotonic() < deadline and process.poll() is None, lines

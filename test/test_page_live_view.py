@@ -16,7 +16,7 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.sea_state import sea_as_yaml, sea_from_yaml
-from swath_sysid.page.charts import motion_options, motion_series, reach_of
+from swath_sysid.page.charts import motion_options, motion_series
 from swath_sysid.page.live_record import KEPT_FORECASTS, MAX_STATUSES, LiveRecord, horizon_of
 from swath_sysid.page.live_view import (
     calm_words,
@@ -102,20 +102,6 @@ def test_of_a_fast_sensor_25_samples_a_second_are_kept():
             record.add_reading(reading(begun + k * step))
     time = record.motions()['roll'].time
     assert np.diff(time) == pytest.approx(0.04, abs=1e-6) and time.size == 50
-
-
-@pytest.mark.parametrize(
-    ('largest', 'band', 'reach'),
-    [
-        (0.01, 0.0, 1.0),
-        (1.2, 0.5, 2.0),
-        (4.0, 3.0, 5.0),
-        (4.0, 90.0, 10.0),
-    ],
-)
-def test_the_height_of_a_chart_is_round_and_holds_the_motion(largest, band, reach):
-    chart = {'measured': [[0.0, -largest]], 'forecast': [[1.0, 0.0]], 'bands': [[[1.0, -band, band]]]}
-    assert reach_of(chart, 1.0) == reach
 
 
 def test_the_curves_of_an_exact_model_have_no_width():

@@ -12,7 +12,7 @@ from swath_sysid.attitude.identification import search
 from swath_sysid.campaign.papers import decay_study
 from swath_sysid.campaign.papers.decay_study import hull_at, study_record
 from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study, track_error
-from swath_sysid.campaign.papers.publication import DECAY_STUDIES, STUDIES, decay_publication, printed_values
+from swath_sysid.campaign.papers.publication import DECAY_STUDIES, STUDIES, citation, decay_publication, printed_values
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.report.campaign_page import escaped
@@ -110,6 +110,7 @@ def test_a_record_is_searched_down_to_its_exact_optimum_and_no_lower():
         assert abs(estimate - value) < 4.0 * std
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', ['hydrofoil-pitch', pytest.param('swath-roll', marks=pytest.mark.slow)])
 def test_the_page_of_a_study_has_its_figures_and_tables(name, tmp_path, short_search, capsys):
     page = tmp_path / 'study.html'
@@ -122,6 +123,9 @@ def test_the_page_of_a_study_has_its_figures_and_tables(name, tmp_path, short_se
     for values in publication.printed_objective.values():
         assert all(f'{value:.7g}' in text for value in values.values())
     assert all(escaped(claim['text']) in text for claim in publication.claims)
+    assert escaped(citation(publication.paper, publication.authors)) in text
+    assert '>measured<' not in text and 'simulated record' in text
+    assert 'by construction' in text
     assert '>nan' not in text
 
 

@@ -9,8 +9,7 @@ from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
-from swath_sysid.formats.topics import lead_topic
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_messages import NOT_GIVEN as NOT_PUBLISHED
 from swath_sysid.pipeline.forecast_messages import UNKNOWN_ANGLE_VARIANCE
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
@@ -46,16 +45,6 @@ def decay():
 
 def pitch_of(forecast):
     return Rotation.from_quat(forecast.orientation).as_euler('ZYX')[1]
-
-
-def test_topics_of_leads():
-    assert [lead_topic(lead) for lead in (0.1, 0.5, 1, 2.0, 0.25)] == [
-        'forecast/lead_0_1s',
-        'forecast/lead_0_5s',
-        'forecast/lead_1_0s',
-        'forecast/lead_2_0s',
-        'forecast/lead_0_25s',
-    ]
 
 
 def test_every_sample_after_the_first_gives_a_next(decay):
@@ -122,12 +111,9 @@ def test_the_horizon_is_a_table_with_standard_deviations(decay):
 
 
 def test_on_rates_alone_the_axes_are_forecast_and_without_any_they_are_unknown():
-    def without_angles(readings):
-        for one in readings:
-            yield one._replace(orientation_covariance=NOT_GIVEN)
-
     decay = decay_stream(RATE, 14.0, release=0.0, damping=0.02)
-    pipeline, steps = play(without_angles(decay), {'pitch': craft(damping=0.02)})
+    without_angles = (one._replace(orientation_covariance=NOT_GIVEN) for one in decay)
+    pipeline, steps = play(without_angles, {'pitch': craft(damping=0.02)})
     assert pipeline.counts['no-orientation'] == len(steps)
     truth, _ = released(14.0, 0.0, damping=0.02)
     assert pitch_of(steps[-1].next) == pytest.approx(truth, abs=0.01)
@@ -182,10 +168,6 @@ def test_what_cannot_be_used_is_counted_and_forecasts_nothing():
     assert steps[2].reasons == ('duplicate-stamp',) and pipeline.used == 3
     assert set(steps[3].reasons) == {'bad-quaternion', 'not-finite', 'nothing-usable'}
     assert pipeline.counts['bad-quaternion'] == 1
-
-
-def test_warm_up_runs():
-    warm_up()
 
 
 def test_the_next_attitude_goes_out_before_the_leads_are_worked_out():

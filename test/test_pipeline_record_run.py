@@ -60,14 +60,6 @@ def test_what_is_to_come_changes_no_forecast_before(whole):
     assert len(alike) > 200
 
 
-def test_a_record_cut_short_gives_the_beginning_of_the_whole(whole):
-    trial, run = whole
-    short = run_through(record(kept=lambda time: time < 20.0), SETTINGS)
-    assert 150 < len(short.steps) < len(run.steps)
-    for one, two in zip(short.steps, run.steps, strict=False):
-        np.testing.assert_array_equal(one.forecast.axes['roll'].angle, two.forecast.axes['roll'].angle)
-
-
 def test_every_sample_after_the_first_is_forecast_from_at_the_rate_of_the_sensor(whole):
     trial, run = whole
     np.testing.assert_allclose([step.stamp for step in run.steps], trial.time[1:], atol=1e-9)

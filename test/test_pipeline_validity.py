@@ -63,7 +63,7 @@ def test_the_predictor_tells_verdict_and_sentence():
         pipeline.add(reading(EPOCH_NS + k * 10_000_000, 0.0, radians(12.0) * sin(k / 30)))
     _, told, _ = health.reports(1.0, EPOCH_NS)
     assert told.level == WARN and 'the pitch model is doubtful: too few cycles: release it' in told.message
-    assert 'pitch swings by 12.0 deg, but its model was found at 6.0 deg and less' in told.message
+    assert 'pitch reaches 12.0 deg, but its model was identified at 6.0 deg and less' in told.message
     assert 'roll' not in told.message
     assert told.values['verdict_pitch'] == 'doubtful' and told.values['verdict_roll'] == 'adequate'
     assert told.values['verdict_sentence_pitch'] == metrics['verdict_sentence'] and told.values['published'] == 0

@@ -228,17 +228,6 @@ def test_without_fits_it_never_has_waves_and_forecasts_all_the_same():
     assert (error(steps, time, 15.0, 30.0)[:3] < SEA.angles(time)[0].std()).all()
 
 
-def test_the_same_samples_give_the_same_numbers():
-    samples = SEA.samples(clock(10.0, 20.0))
-    first, second = (run(samples)[1] for _ in range(2))
-    for one, other in zip(first, second, strict=True):
-        assert one.next == other.next and (one.forecast is None) == (other.forecast is None)
-        if one.horizon is not None:
-            assert one.horizon.covariance.tobytes() == other.horizon.covariance.tobytes()
-            for axis in one.horizon.axes:
-                assert one.horizon.axes[axis].angle.tobytes() == other.horizon.axes[axis].angle.tobytes()
-
-
 @pytest.mark.parametrize('models', [{}, {'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)}])
 def test_the_joint_covariance_holds_that_of_each_axis_and_is_one(steady, models):
     if models:

@@ -32,41 +32,39 @@ def test_a_diagram_without_outcomes_is_unknown():
     assert diagram.count.sum() == 0 and math.isnan(diagram.brier) and np.isnan(diagram.forecast).all()
 
 
+STILL, DEVIATION = np.zeros((10, 4)), np.full((10, 4), 0.02)
+
+
+def told_after(quiet, seconds, spread_at, seed):
+    """The probability after forecasts of no motion that erred so much each second."""
+    rng = np.random.default_rng(seed)
+    for k in range(seconds):
+        quiet.learn(float(k), lambda stamps, k=k: np.full((stamps.size, 4), spread_at(k) * rng.normal()))
+        told, _ = quiet.assess(float(k), STILL, DEVIATION, ONES)
+    return told
+
+
 def test_quiescence_counts_the_members_that_stay_inside():
-    rng = np.random.default_rng(8)
     quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
-    motion, deviation = np.zeros((10, 4)), np.full((10, 4), 0.02)
-    for k in range(400):
-        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 4), 0.08 * rng.normal()))
-        told, _ = quiet.assess(float(k), motion, deviation, ONES)
+    told = told_after(quiet, 400, lambda k: 0.08, 8)
     assert told == pytest.approx(math.erf(0.1 / 0.08 / math.sqrt(2.0)), abs=0.08)
 
 
 def test_errors_count_in_the_size_of_the_motion():
-    rng = np.random.default_rng(9)
     quiet = Quiescence(QuiescenceLimits(pitch=0.1, duration=1.0), LEADS)
-    motion, deviation = np.zeros((10, 4)), np.full((10, 4), 0.02)
-    for k in range(400):
-        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 4), 0.02 * rng.normal()))
-        told, _ = quiet.assess(float(k), motion, deviation, ONES)
+    told = told_after(quiet, 400, lambda k: 0.02, 9)
     assert told > 0.99
     for k in range(400, 900):
-        unchanged, _ = quiet.assess(float(k), motion, deviation, np.array([8.0, 1.0, 8.0, 1.0]))
+        unchanged, _ = quiet.assess(float(k), STILL, DEVIATION, np.array([8.0, 1.0, 8.0, 1.0]))
     assert unchanged == told
     for k in range(900, 1400):
-        rough, _ = quiet.assess(float(k), motion, deviation, np.array([1.0, 8.0, 1.0, 8.0]))
+        rough, _ = quiet.assess(float(k), STILL, DEVIATION, np.array([1.0, 8.0, 1.0, 8.0]))
     assert rough == pytest.approx(math.erf(0.1 / 0.16 / math.sqrt(2.0)), abs=0.1)
 
 
 def test_older_forecasts_count_less_while_little_is_known():
-    rng = np.random.default_rng(11)
     quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
-    motion, deviation = np.zeros((10, 4)), np.full((10, 4), 0.02)
-    for k in range(120):
-        spread = 0.5 if k < 50 else 0.01
-        quiet.learn(float(k), lambda stamps, s=spread: np.full((stamps.size, 4), s * rng.normal()))
-        told, _ = quiet.assess(float(k), motion, deviation, ONES)
-    assert told > 0.98
+    assert told_after(quiet, 120, lambda k: 0.5 if k < 50 else 0.01, 11) > 0.98
 
 
 def test_before_any_experience_the_worst_lead_decides():
@@ -86,14 +84,10 @@ def test_a_limited_axis_that_is_not_measured_leaves_the_probability_unknown():
 
 
 def test_other_limits_are_served_by_what_was_learnt():
-    rng = np.random.default_rng(10)
     quiet = Quiescence(QuiescenceLimits(duration=1.0), LEADS)
-    motion, deviation = np.zeros((10, 4)), np.full((10, 4), 0.02)
-    for k in range(400):
-        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 4), 0.08 * rng.normal()))
-        assert math.isnan(quiet.assess(float(k), motion, deviation, ONES)[0])
+    assert math.isnan(told_after(quiet, 400, lambda k: 0.08, 10))
     quiet.set_limits(QuiescenceLimits(roll=0.1, duration=1.0))
-    told, _ = quiet.assess(400.0, motion, deviation, ONES)
+    told, _ = quiet.assess(400.0, STILL, DEVIATION, ONES)
     assert told == pytest.approx(math.erf(0.1 / 0.08 / math.sqrt(2.0)), abs=0.08)
 
 

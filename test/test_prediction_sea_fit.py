@@ -20,7 +20,6 @@ from swath_sysid.attitude.prediction.sea_fit import (
     SeaRequest,
     fit_sea,
     newest_stretch,
-    warm_up,
 )
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalForecaster, VerticalRequest
@@ -79,37 +78,19 @@ def test_values_that_do_not_change_teach_nothing_and_break_nothing():
         assert all(np.isfinite(np.asarray(model.a)).all() for model in fit.waves.values())
 
 
-def test_the_same_request_gives_the_same_fit():
-    one, other = (fit_sea(SeaRequest(1.0, STEP, CHANNELS, waves(600))) for _ in range(2))
-    assert one.waves.keys() == other.waves.keys() and one.waves
-    for name in one.waves:
-        np.testing.assert_array_equal(one.waves[name].a, other.waves[name].a)
-
-
 def test_a_hull_is_asked_for_its_moment_and_gets_it():
     """The request of a forecaster that knows a hull; the axis without one is not asked for."""
     forecaster, values = Forecaster(ForecasterSettings(leads=(0.5,), horizon=0.5)), waves(400)
     forecaster.set_model('roll', IdentifiedModel.exactly(hull_named('swath-roll').model))
-    asked = [
-        observed.sea_request
-        for number, row in enumerate(values.tolist())
-        if (
-            observed := forecaster.observe(
-                CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7),
-                STEP * number,
-                STEP if number else None,
-            )
-        ).sea_request
-        is not None
-    ]
+    asked = []
+    for number, row in enumerate(values.tolist()):
+        sample = CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7)
+        observed = forecaster.observe(sample, STEP * number, STEP if number else None)
+        asked += [observed.sea_request] if observed.sea_request is not None else []
     assert asked and set(asked[-1].excitations) == {'roll'} and asked[-1].names == CHANNELS
     assert asked[-1].step == pytest.approx(STEP) and asked[-1].values.shape[1] == len(CHANNELS)
     fit = fit_sea(asked[-1])
     assert set(fit.excitations) == {'roll'} and fit.excitations['roll'] is not None
-
-
-def test_the_warm_up_runs():
-    warm_up()
 
 
 # -- the newest stretch

@@ -90,6 +90,7 @@ def test_a_hull_off_by_factors_is_off_in_these_terms_only(sea_forecasts):
     assert ratios == pytest.approx({'b1': 1.0, 'b2': 1.5, 'b3': 1.0, 's1': 1.15, 's2': 1.15})
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_forecasts_in_a_sea_come_near_those_of_the_filter_that_knows_everything(sea_forecasts):
     leads = 0.5, 2.0, 5.0

@@ -1,18 +1,13 @@
-"""A signal while the command line is still importing: no traceback, and the exit code it should have.
+"""A signal while the command line imports, SIGINT ignored as in a shell's background: no traceback, its exit code."""
 
-Every process here is started with SIGINT ignored, as a shell without job control starts those in its background.
-"""
-
-import os
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
+from package_process import environment
 
-ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 90.0
 
 
@@ -21,10 +16,9 @@ def started(*arguments):
     program = (
         "import sys\nfrom swath_sysid.start import command_line\nprint('begun', flush=True)\nsys.exit(command_line())"
     )
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
     return subprocess.Popen(
         [sys.executable, '-c', program, *arguments],
-        env={**os.environ, 'PYTHONPATH': path},
+        env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

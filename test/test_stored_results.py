@@ -1,8 +1,4 @@
-"""Forecasts and campaign tables of seeded records against values stored in test/data/stored_results.json.
-
-What computes the same differently leaves them as they are. After a change that is meant to alter them, and only then:
-``python test/test_stored_results.py``.
-"""
+"""Forecasts and tables against test/data/stored_results.json; ``python test/test_stored_results.py`` stores them."""
 
 import csv
 import io
@@ -123,6 +119,7 @@ def test_a_record_played_through_gives_the_stored_messages(stored, tmp_path):
             np.testing.assert_allclose(one, other, rtol=CLOSE, atol=CLOSE, err_msg=topic)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_campaign_gives_the_stored_tables(stored, tmp_path):
     pytest.importorskip('numba', reason='a fit without it ends elsewhere by 5e-8, which the scatter magnifies')

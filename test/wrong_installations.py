@@ -12,7 +12,7 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import StampSettings
 
 GRAVITY = 9.80665
-NOTHING_WRONG = 'nothing wrong'
+OTHER_FRAME = 'other frame'
 
 
 def turned(roll, pitch, yaw, orientation):
@@ -40,56 +40,39 @@ def frozen_from(sample):
     return wrong
 
 
+def rates_with(offsets):
+    return lambda attitude, rates, force: (attitude, rates + np.array(offsets), force)
+
+
+def of_another(rates):
+    return np.random.default_rng(1).normal(0.0, 0.1, rates.shape)
+
+
 def rates_times(factors):
     return lambda attitude, rates, force: (attitude, rates * factors, force)
 
 
 WRONG = {
-    # name: (what is wrong, whether the other frame is declared, code, what the sentence must name)
-    'other frame': (lambda *all_right: all_right, True, 'axes-of-sensor', 'set frame to {frame}'),
-    'upside down': (turned(180, 0, 0, True), False, 'sensor-turned', 'set mounting_deg to [180, 0, 0]'),
-    'upside down, its orientation corrected': (
-        turned(180, 0, 0, False),
-        False,
-        'axes-of-sensor',
-        'set mounting_deg to [180, 0, 0]',
-    ),
-    'turned by 90 deg': (turned(0, 0, 90, False), False, 'rates-turned', 'set mounting_deg to [0, 0, {quarter}]'),
-    'turned by 180 deg': (turned(0, 0, 180, False), False, 'rates-turned', 'set mounting_deg to [0, 0, 180]'),
-    'turned by 270 deg': (turned(0, 0, -90, False), False, 'rates-turned', 'set mounting_deg to [0, 0, {back}]'),
-    'on its side': (turned(90, 0, 0, True), False, 'sensor-turned', 'set mounting_deg to [90, 0, 0]'),
-    'on its side, its orientation corrected': (
-        turned(90, 0, 0, False),
-        False,
-        'axes-of-sensor',
-        'set mounting_deg to [90, 0, 0]',
-    ),
-    'deg/s': (rates_times(180 / np.pi), False, 'rate-unit', 'the rate is in deg/s where rad/s is expected'),
-    'g': (lambda a, r, f: (a, r, f / GRAVITY), False, 'accelerations-in-g', 'they are in g'),
-    'rates reversed': (rates_times(-1.0), False, 'rate-sign', 'reverse the signs of the rates'),
-    'roll rate reversed': (rates_times([-1.0, 1.0, 1.0]), False, 'rate-sign', 'the roll rate is the derivative'),
-    'gyroscopes exchanged': (
-        lambda a, r, f: (a, r[:, [1, 0, 2]], f),
-        False,
-        'rates-swapped',
-        'exchange the x and y gyroscopes',
-    ),
-    'rates 0.4 s late': (late(4), False, 'rate-late', 'after the'),
-    'frozen after 20 s': (frozen_from(200), False, 'sensor-frozen', 'restart its driver'),
-    'gyroscope 20 deg/s off': (
-        lambda a, r, f: (a, r + np.radians([20.0, 0.0, 0.0]), f),
-        False,
-        'rate-offset',
-        'calibrate the gyroscope',
-    ),
-    'rates of another sensor': (
-        lambda a, r, f: (a, np.random.default_rng(1).normal(0.0, 0.1, r.shape), f),
-        False,
-        'rate-unrelated',
-        'does not follow it',
-    ),
+    # name: (what is wrong, code, what the sentence must name)
+    OTHER_FRAME: (lambda *all_right: all_right, 'axes-of-sensor', 'set frame to {frame}'),
+    'upside down': (turned(180, 0, 0, True), 'sensor-turned', 'set mounting_deg to [180, 0, 0]'),
+    'upside down, corrected': (turned(180, 0, 0, False), 'axes-of-sensor', 'set mounting_deg to [180, 0, 0]'),
+    'turned by 90 deg': (turned(0, 0, 90, False), 'rates-turned', 'set mounting_deg to [0, 0, {quarter}]'),
+    'turned by 180 deg': (turned(0, 0, 180, False), 'rates-turned', 'set mounting_deg to [0, 0, 180]'),
+    'turned by 270 deg': (turned(0, 0, -90, False), 'rates-turned', 'set mounting_deg to [0, 0, {back}]'),
+    'on its side': (turned(90, 0, 0, True), 'sensor-turned', 'set mounting_deg to [90, 0, 0]'),
+    'on its side, corrected': (turned(90, 0, 0, False), 'axes-of-sensor', 'set mounting_deg to [90, 0, 0]'),
+    'deg/s': (rates_times(180 / np.pi), 'rate-unit', 'the rate is in deg/s where rad/s is expected'),
+    'g': (lambda a, r, f: (a, r, f / GRAVITY), 'accelerations-in-g', 'they are in g'),
+    'rates reversed': (rates_times(-1.0), 'rate-sign', 'reverse the signs of the rates'),
+    'roll rate reversed': (rates_times([-1.0, 1.0, 1.0]), 'rate-sign', 'the roll rate is the derivative'),
+    'gyros exchanged': (lambda a, r, f: (a, r[:, [1, 0, 2]], f), 'rates-swapped', 'exchange the x and y gyroscopes'),
+    'rates 0.4 s late': (late(4), 'rate-late', 'after the'),
+    'frozen after 20 s': (frozen_from(200), 'sensor-frozen', 'restart its driver'),
+    'gyro 20 deg/s off': (rates_with([np.radians(20), 0.0, 0.0]), 'rate-offset', 'calibrate the gyroscope'),
+    'rates of another sensor': (lambda a, r, f: (a, of_another(r), f), 'rate-unrelated', 'does not follow it'),
 }
-"""All at 10 Hz."""
+"""All at 10 Hz; corrected is what tells an orientation of the craft, whose rates and forces are the sensor's."""
 
 
 @cache
@@ -125,9 +108,9 @@ def named_by(readings, installation, interval=0.1):
     return found, check
 
 
-def declared(frame, other):
-    """How a sensor of this frame is said to sit, rightly or in the other frame."""
-    return Installation({'frd': 'flu', 'flu': 'frd'}[frame] if other else frame)
+def declared(frame, name):
+    """How a sensor of this frame that is wrong in this way is said to sit."""
+    return Installation({'frd': 'flu', 'flu': 'frd'}[frame] if name == OTHER_FRAME else frame)
 
 
 def sentence(words, frame):

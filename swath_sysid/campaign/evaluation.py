@@ -1,13 +1,8 @@
-"""Campaigns: every record with every equation, repeats together, drafts together, and what follows.
+"""The tasks of a campaign, pure functions of plain arguments that any process may run, and what follows from them.
 
-A campaign is worked off in four kinds of task, each a pure function of plain arguments, so that
-they can run in any process or on any machine and their results be kept:
-
-1. `fit_one`: one record, one equation, one objective; the full search.
-2. `settle`: all equations of one record put in order, where a search had failed one.
-3. `fit_together`: records of one condition, or of one draft, with common ratios, from the optima
-   found before.
-4. `judge`: how well the fits of a record step, simulate and forecast it, and another repeat.
+`fit_one` searches one record with one equation, `settle` refits where a search failed, `fit_together` fits common
+ratios to several records, `judge` scores the fits of a record. Where the manifest names no equation, `fit_one` of the
+general hull on all records of a draft jointly precedes them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,10 +11,12 @@ from typing import Any, Self
 
 import numpy as np
 
+from swath_sysid.attitude.hull.catalogue import composed, told
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.hull.terms import TERM_INDEX
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE, Verdict
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, next_step, simulation_error
 from swath_sysid.attitude.identification.identify import (
     Identification,
@@ -45,7 +42,8 @@ from swath_sysid.common.noise import weighting_noise
 
 CONFIDENCE = 0.95
 ORDER_TOLERANCE = 1e-9
-TIE = 1e-7  #: Objective values this close, relatively, are one: the larger equation has made nothing of its terms.
+SHOWN_RECORDS = 3
+TIE = 1e-7  #: Relative difference of objective values below which they are equal.
 
 
 @dataclass(frozen=True, order=True)
@@ -96,10 +94,7 @@ class _Plain:
 
 @dataclass(frozen=True)
 class FitSummary(_Plain):
-    """What is kept of an identification: plain numbers, exact to the last bit when read back.
-
-    Ratios with their deviations and covariance are in the order of the terms; angles in rad, rates in rad/s.
-    """
+    """What is kept of an identification, as plain numbers; rad and rad/s."""
 
     equation: str
     axis: str
@@ -112,23 +107,26 @@ class FitSummary(_Plain):
     trim_std: float
     friction_rate: float
     amplitude_range: tuple
-    states: tuple  #: Initial angle from trim, rad, rate, rad/s, and trim, rad, of each record.
+    states: tuple  #: Initial angle from trim, rate and trim of each record.
     objective_value: float
     r2: float
-    rmse: float | None  #: rad and rad/s; None where not measured.
-    rate_rmse: float | None  #: rad and rad/s; None where not measured.
+    rmse: float | None  #: rad; None where not measured.
+    rate_rmse: float | None  #: rad/s; None where not measured.
     samples: int
     effective_samples: float
-    amplitude: tuple  #: Curves with standard deviations; rad and rad/s.
-    frequency: tuple  #: Curves with standard deviations; rad and rad/s.
-    frequency_std: tuple  #: Curves with standard deviations; rad and rad/s.
-    damping_ratio: tuple  #: Curves with standard deviations; rad and rad/s.
-    damping_ratio_std: tuple  #: Curves with standard deviations; rad and rad/s.
+    amplitude: tuple  #: rad; of the curves below.
+    frequency: tuple
+    frequency_std: tuple
+    damping_ratio: tuple
+    damping_ratio_std: tuple
     generations: int
     evaluations: int
     stop: str
     seed: int
     advice: tuple  #: Code and message.
+    verdict: tuple  #: The values of a `Verdict`.
+    absent_term: str  #: That the equation lacks and the motion shows most; empty where there is none.
+    posterior: tuple  #: Terms, ratios and covariance of a `HullPosterior`; empty where the equation was named.
 
     @classmethod
     def of(cls, identification: Identification) -> Self:
@@ -163,6 +161,9 @@ class FitSummary(_Plain):
             stop=str(found.search.stop),
             seed=int(found.settings.search.seed),
             advice=tuple((a.code, a.message) for a in found.advice),
+            verdict=tuple(asdict(found.verdict).values()),
+            absent_term='' if found.absent_term is None else found.absent_term.name,
+            posterior=_plain_posterior(found.posterior),
         )
 
     @property
@@ -179,13 +180,13 @@ class FitSummary(_Plain):
 
     @property
     def initial_states(self) -> tuple[InitialState, ...]:
-        """Tuple of InitialState."""
+        """Of each record."""
         return tuple(InitialState(*s) for s in self.states)
 
     @property
-    def warnings(self) -> tuple[Advice, ...]:
-        """Tuple of Advice."""
-        return tuple(Advice(*a) for a in self.advice)
+    def judged(self) -> Verdict:
+        """Whether the fit can be used."""
+        return Verdict(*self.verdict)
 
     def ratio(self, term: str) -> tuple[float, float]:
         """Value and standard deviation of one ratio."""
@@ -200,9 +201,22 @@ class FitSummary(_Plain):
             np.array(self.covariance),
             self.trim_std,
             self.amplitude_range,
-            fit_metrics(self),
+            {**fit_metrics(self), **self.judged.metrics},
             {**provenance, **how},
+            self._hull_posterior(),
         )
+
+    def _hull_posterior(self) -> HullPosterior | None:
+        if not self.posterior:
+            return None
+        terms, ratios, covariance = self.posterior
+        return HullPosterior(composed(terms), np.array(ratios), np.array(covariance))
+
+
+def _plain_posterior(posterior: HullPosterior | None):
+    if posterior is None:
+        return ()
+    return posterior.equation.terms, _floats(posterior.ratios), tuple(map(_floats, posterior.covariance))
 
 
 def _floats(values: Iterable[float]) -> tuple[float, ...]:
@@ -246,10 +260,9 @@ def fit_one(problem: Problem, settings: IdentificationSettings) -> FitSummary:
 def settle(
     problem: Problem, settings: IdentificationSettings, summaries: Sequence[FitSummary]
 ) -> tuple[FitSummary, ...]:
-    """Put the fits of one problem, one an equation, in order: no equation worse than one that it contains.
+    """Fits of one problem with every equation, none worse than a fit whose equation it contains.
 
-    Where a search ended worse than that of a smaller equation, it is refined again from there, by the objective of the
-    settings, whose equation is ignored.
+    A search that ended worse is refined again from the smaller equation's optimum.
     """
 
     def refit(fit: FitSummary, better: FitSummary) -> FitSummary:
@@ -259,10 +272,7 @@ def settle(
 
 
 def out_of_order(summaries: Sequence[FitSummary]) -> tuple[tuple[str, str], ...]:
-    """Pairs of equation names, larger and contained, of which the larger fits worse.
-
-    Differences below the rounding of a least-squares fit are none.
-    """
+    """Pairs of equation names, containing and contained, of which the containing one fits worse."""
     return tuple(
         (big.equation, small.equation)
         for big in summaries
@@ -274,10 +284,9 @@ def out_of_order(summaries: Sequence[FitSummary]) -> tuple[tuple[str, str], ...]
 def fit_together(
     problem: Problem, settings: IdentificationSettings, equation: str, starts: Sequence[FitSummary]
 ) -> FitSummary:
-    """Fit common ratios to several records, each with its own initial state.
+    """Fit common ratios to several records, each with its own initial state; ``starts`` are their single fits in order.
 
-    No new search: refinement begins at the optimum of the record with the largest motion, which shows the most of every
-    term. The problem is that of `joined`; the starts are fits of this equation to its records, in order.
+    Refinement starts at the optimum of the record with the largest motion, which shows the most of every term.
     """
     states = tuple(s for start in starts for s in start.initial_states)
     largest = max(starts, key=lambda start: start.amplitude_range[1])
@@ -306,10 +315,8 @@ class Judgement(_Plain):
     equation: str
     next_step: float  #: Root mean square error of the rate one sample ahead, rad/s.
     simulation: float  #: Error of the simulated motion over the standard deviation of the measured one.
-    forecasts: tuple  #: The same for forecasts a quarter, a half and one period ahead; NaN on records too short.
-    #: Error of the simulated motion on another repeat, or, without one, on the second half of the record by a model of
-    #: the first; relative as above.
-    held_out: float
+    forecasts: tuple  #: The same a quarter, a half and one period ahead; NaN where the record is too short.
+    held_out: float  #: The same on another repeat, or on the second half of the record by a model of the first.
 
 
 def judge(
@@ -345,11 +352,7 @@ def _on_other(summary: FitSummary, other: Problem) -> float:
 
 
 def best_repeats(records: Sequence[Record], fits: Sequence[Sequence[FitSummary]]) -> dict[Condition, int]:
-    """Index of the best repeat of each condition; each record has its fits with the simulation objective.
-
-    The papers keep the best of three without saying how it is chosen. Here: the one whose motion
-    the equations explain best, by the median over the equations of R^2 of the simulated motion.
-    """
+    """Index of the best repeat of each condition: the one with the largest median R^2 over the equations."""
     best: dict[Condition, tuple[float, int]] = {}
     for index, record in enumerate(records):
         share = float(np.median([f.r2 for f in fits[index]]))
@@ -366,10 +369,9 @@ def tied_best(summaries: Sequence[FitSummary]) -> tuple[int, ...]:
 
 
 def beyond_noise(summaries: Sequence[FitSummary]) -> tuple[bool, ...]:
-    """Which equations fit one record, by one objective, worse than the best by more than noise explains.
+    """Which equations fit one record worse than the best by more than noise explains.
 
-    The likelihood ratio n ln(F^2 / F_best^2), with n the effective samples, is compared with the
-    95 % quantile of chi squared, its degrees of freedom the difference in terms (at least one).
+    The likelihood ratio n ln(F^2 / F_best^2), n effective samples, is compared with the 95 % quantile of chi squared.
     """
     from scipy.stats import chi2
 
@@ -390,11 +392,9 @@ class RankedEquation:
     terms: tuple
     criterion: float  #: Sum over the drafts of the Bayesian information criterion of the joint fits.
     r2: float  #: Smallest of the joint fits' R^2.
-    #: Root mean square over the records of the error on held-out motion, and of the forecasts one period ahead.
-    held_out: float
-    #: Root mean square over the records of the error on held-out motion, and of the forecasts one period ahead.
-    forecast: float
-    best_of: int  #: Records that it fits best; of equations that fit one alike, the smallest counts.
+    held_out: float  #: Root mean square over the records.
+    forecast: float  #: One period ahead, root mean square over the records.
+    best_of: int  #: Records that it fits best; of equal fits, the smallest equation counts.
 
     @property
     def name(self) -> str:
@@ -415,7 +415,7 @@ class Ranking:
     ranked: tuple
     choice: RankedEquation  #: The simplest adequate one.
     reason: str
-    findings: tuple  #: What the comparison says of friction, and of equations.
+    findings: tuple  #: What the comparison says of friction; of one equation alone, the verdicts.
 
 
 def rank_campaign(
@@ -424,17 +424,7 @@ def rank_campaign(
     by_record: Sequence[Sequence[FitSummary]],
     judgements: Sequence[Sequence[Judgement]],
 ) -> Ranking:
-    """Rank the equations of one axis over a whole campaign.
-
-    Args:
-        axis: For the error.
-        by_draft, by_record: For each draft the joint fits of all its records, and those of each record: one an
-            equation, in one order.
-        judgements: Of each record, in the same order.
-
-    Raises:
-        InputError: There is no fit.
-    """
+    """Rank the equations of one axis over a whole campaign."""
     if not by_draft or not by_draft[0]:
         raise InputError(f'no equation could be fitted to any {axis} record')
     best_of = [min((len(fits[k].terms), k) for k in tied_best(fits))[1] for fits in by_record]
@@ -455,6 +445,44 @@ def rank_campaign(
     ranked.sort(key=lambda r: r.criterion)
     choice, reason = simplest_adequate(ranked, 'criterion, with one set of ratios a draft for all angles and repeats,')
     return Ranking(axis, tuple(ranked), choice, reason, _findings(ranked, by_draft))
+
+
+def common_equation(pruned: Iterable[FitSummary], with_friction: bool) -> str:
+    """The composition of every term that the records of any draft show together."""
+    shown = {term for fit in pruned for term in fit.terms}
+    return composed(sorted(shown - ({'b0'} if not with_friction else set()), key=TERM_INDEX.__getitem__)).name
+
+
+def with_open_choice(fits: Sequence[FitSummary], pruned: FitSummary) -> tuple[FitSummary, ...]:
+    """The joint fit of a draft, only as certain as the choice of its terms leaves it.
+
+    Args:
+        fits: Of the one equation of all drafts.
+        pruned: Of the hull that the draft's own records show.
+    """
+    (fit,) = fits
+    return (pruned if pruned.terms == fit.terms else replace(fit, posterior=pruned.posterior),)
+
+
+def told_alone(
+    ranking: Ranking, by_draft: dict[float, FitSummary], by_record: dict[str, FitSummary], was_named: bool
+) -> Ranking:
+    """What there is to say of one equation, which nothing was compared with: its verdicts."""
+    first = next(iter(by_draft.values()))
+    name = told(first.model.equation, first.axis)
+    reason = ranking.reason if was_named else f'{name}: the terms of the general hull that the records of a draft show.'
+    findings = [
+        Advice(fit.judged.code, f'the fit of all records at {place:g} is {fit.judged}')
+        for place, fit in by_draft.items()
+    ]
+    others = [record for record, fit in by_record.items() if fit.judged.level != ADEQUATE]
+    if others:
+        shown = f'{"; ".join(others[:SHOWN_RECORDS])}{"; ..." if len(others) > SHOWN_RECORDS else ""}'
+        words = (
+            f'{len(others)} of {len(by_record)} records by themselves are not adequate ({shown}): see their verdicts'
+        )
+        findings.append(Advice('record-not-adequate', words))
+    return replace(ranking, reason=reason, findings=tuple(findings))
 
 
 def _root_mean_square(values: Iterable[float]) -> float:
@@ -516,9 +544,9 @@ class Spread:
 
     condition: Condition
     quantity: str  #: ``natural_period_s``, ``damping_ratio`` or a ratio's name.
-    mean: float  #: Over the repeats, standard deviation with n - 1.
-    spread: float  #: Over the repeats, standard deviation with n - 1.
-    stated: float  #: Standard deviation that the single fits state, root mean square; NaN where they state none.
+    mean: float
+    spread: float  #: Standard deviation over the repeats, with n - 1.
+    stated: float  #: Root mean square of the standard deviations of the single fits; NaN where they have none.
     repeats: int
 
 
@@ -563,17 +591,22 @@ def noise_statement(records: Sequence[Record], fits: Sequence[Sequence[FitSummar
         if len(same) > 1:
             between.append(np.std(same, ddof=1) / np.mean(same))
     words = [
-        f'Within a condition the objective values of the equations differ by {100 * np.median(ranges):.2g} % (median; '
-        f'largest {100 * max(ranges):.2g} %)'
+        f'Within a condition the objective values of the equations differ by {_percent(np.median(ranges))} (median; '
+        f'largest {_percent(max(ranges))})'
     ]
     if between:
-        words.append(f'between repeats of one condition by {100 * np.median(between):.2g} % (standard deviation)')
+        words.append(f'between repeats of one condition by {_percent(np.median(between))} (standard deviation)')
     verdict = (
         'no difference exceeds the noise: these values do not distinguish the equations'
         if beyond == 0
         else f'{beyond} of {total} differences from the best exceed the noise (95 %); they are marked'
     )
     return ', '.join(words) + f'; {verdict}.'
+
+
+def _percent(share: Any) -> str:
+    """With two digits, never as a power of ten."""
+    return f'{float(f"{100.0 * share:.2g}"):.12g} %'
 
 
 def term_values(summary: FitSummary) -> dict[str, tuple[float, float]]:

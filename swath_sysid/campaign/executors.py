@@ -19,11 +19,7 @@ CONNECT_S = 20
 
 
 def connection_losses() -> tuple[type[BaseException], ...]:
-    """What distributed raises where the connection to its scheduler is lost.
-
-    The futures of its executor are cancelled then (``distributed.cfexecutor``); handing in more raises
-    ``CommClosedError`` or ``ClosedClientError``.
-    """
+    """What distributed raises, or cancels its futures with, where the connection to its scheduler is lost."""
     cancelled = concurrent.futures.CancelledError, asyncio.CancelledError
     if distributed is None:
         return cancelled
@@ -32,11 +28,7 @@ def connection_losses() -> tuple[type[BaseException], ...]:
 
 @contextlib.contextmanager
 def executor_of(jobs: int, scheduler: str | None = None) -> Iterator[concurrent.futures.Executor]:
-    """An executor for independent tasks: processes on this machine, or the Dask scheduler at an address.
-
-    Raises:
-        InputError: ``jobs`` below one; distributed is not installed; the scheduler does not answer.
-    """
+    """An executor for independent tasks: processes on this machine, or the Dask scheduler at an address."""
     if jobs < 1:
         raise InputError('the work needs at least 1 process', 'no-process')
     if scheduler is not None:

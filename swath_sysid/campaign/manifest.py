@@ -1,7 +1,6 @@
-"""The manifest of a campaign: which trials, under which conditions, and what to fit; YAML.
+"""The manifest of a campaign, YAML: which trials, under which conditions, and what to fit.
 
-What is wrong with one trial leaves that trial out; the others are kept, because a campaign shall not stop at one bad
-entry. What concerns all of them stops it at once. Either is named by its keys.
+A fault in one trial leaves that trial out; a fault that concerns all of them is an error.
 """
 
 import os
@@ -47,7 +46,7 @@ def _decimal(matched: str) -> float:
 SHOWN_FILES = 3
 LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
-#: What a loading changes, beside a trial; without it that of the craft holds at the design draft alone.
+#: Given beside a trial; the craft's own values hold at the design draft alone.
 OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
 
 _NAME = text(1000)
@@ -84,22 +83,23 @@ class Craft:
     draft_m: float | None = None  #: Design draft, to which draft factors refer.
     displacement_kg: float | None = None
     kg_m: float | None = None  #: Height of the centre of gravity above the keel.
-    gm_transverse_m: float | None = None  #: Metacentric heights.
-    gm_longitudinal_m: float | None = None  #: Metacentric heights.
-    gyradius_m: float | None = None  #: About the axis of the trials; the inertia with added inertia.
-    inertia_kg_m2: float | None = None  #: About the axis of the trials; the inertia with added inertia.
+    gm_transverse_m: float | None = None
+    gm_longitudinal_m: float | None = None
+    gyradius_m: float | None = None
+    inertia_kg_m2: float | None = None  #: About the axis of the trials, with added inertia.
     water_density_kg_m3: float | None = None
     water_temperature_c: float | None = None
     appendages: str | None = None
     basin: str | None = None
 
+    def design_loading(self, quantity: str) -> float | None:
+        """The loading at the design draft, in one of ``QUANTITIES``."""
+        return {'draft_factor': 1.0, 'draft_m': self.draft_m, 'displacement_kg': self.displacement_kg}[quantity]
+
 
 @dataclass(frozen=True)
 class PredictedDamping:
-    """Equivalent damping that the user predicts, by Ikeda's method or CFD: in N m s or as a ratio, one of them.
-
-    The loading is in the quantity of the campaign; None: at any. Nor does axis None restrict it.
-    """
+    """Equivalent damping predicted by other means, as N m s or as a ratio; loading or axis None: for any."""
 
     method: str
     amplitude_deg: float
@@ -119,8 +119,8 @@ class TrialEntry:
     loading: tuple[str, float] | None = None  #: Quantity, one of ``QUANTITIES``, and value.
     initial_angle_deg: float | None = None
     repeat: int | None = None
-    start: float | None = None  #: Bounds of the decay, s.
-    end: float | None = None  #: Bounds of the decay, s.
+    start: float | None = None  #: Of the decay, s.
+    end: float | None = None
     frame: str | None = None
     topic: str | None = None
     speed_m_s: float | None = None
@@ -136,10 +136,10 @@ class Manifest:
     title: str
     craft: Craft
     trials: tuple[TrialEntry, ...]
-    equations: tuple[str, ...] = ()  #: Names; empty: those of each axis.
+    equations: tuple[str, ...] = ()  #: Names; empty: what the records show of the general hull.
     objectives: tuple[str, ...] = (OBJECTIVES[0],)
     search: SearchSettings = field(default_factory=SearchSettings)
-    uncertainty: TypeB = field(default_factory=TypeB)  #: Of what a decay itself cannot show.
+    uncertainty: TypeB = field(default_factory=TypeB)
     predictions: tuple[PredictedDamping, ...] = ()
     faults: tuple[str, ...] = ()  #: What was left out, and why.
 
@@ -205,11 +205,7 @@ _CAMPAIGN = record(
 
 
 def read_manifest(path: str | Path) -> Manifest:
-    """Read a manifest, with the faults of what was left out; paths are relative to its folder.
-
-    Raises:
-        InputError: It cannot be read, is not YAML, its search or objectives cannot be used, or no trial is left.
-    """
+    """Read a manifest, with the faults of what was left out; paths are relative to its folder."""
     path = Path(path)
     content = plain_content(text_of(path, 'manifest'), str(path))
     if not isinstance(content, dict):
@@ -291,11 +287,7 @@ def _trial(path: Path, given: dict, matched: dict, default_axis: str | None, whe
 
 
 def pattern_expression(pattern: str) -> re.Pattern:
-    """Regular expression of a pattern with placeholders and the wildcards ``*`` and ``?``.
-
-    Raises:
-        InputError: An unknown placeholder, or one used twice.
-    """
+    """Regular expression of a pattern with placeholders and the wildcards ``*`` and ``?``."""
     parts, used = [], set()
     for piece in re.split(r'(\{[^{}]*\}|\*|\?)', pattern):
         if piece == '*':
@@ -318,7 +310,6 @@ def pattern_expression(pattern: str) -> re.Pattern:
 
 def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
     """Files that a pattern matches, with what their names say."""
-    pattern_expression(pattern)
     if '**' in pattern:
         raise InputError(f"the pattern '{shown(pattern)}' holds **: write * for each folder")
     base = Path(pattern).anchor
@@ -404,8 +395,9 @@ craft:
 
 axis: {axis}
 
-# Equations to compare; without this key all published for the axis, and our own. Compositions are written
-# 'linear,quadratic|linear,cubic', and '+friction' adds dry friction.
+# Without this key one general hull is identified, with the terms that all records of a draft together show. Equations
+# named are fitted instead, and compared where there are several: names of the catalogue or compositions such as
+# 'linear,quadratic|linear,cubic'; '+friction' adds dry friction.
 # equations: [linear, odd-cubic, odd-cubic+friction]
 
 # The simulated motion is always fitted; one-step adds the objective of the papers, biased under noise, for comparison.
@@ -424,17 +416,7 @@ trials:
 def new_manifest(
     folder: str | Path, axis: str = 'pitch', name: str = 'campaign.yaml', at: str | Path | None = None
 ) -> str:
-    """Text of a commented manifest for the trials in a folder.
-
-    Args:
-        folder: Of the trials.
-        axis: Where the names do not say it.
-        name: File name of the manifest, for its first line.
-        at: The folder the manifest is to stand in, to which its paths are relative; by default that of the trials.
-
-    Raises:
-        InputError: No folder, or nothing in it that could be a trial.
-    """
+    """Text of a commented manifest for the trials in a folder."""
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f'{folder} is not a folder: give the folder of the trials')
@@ -451,7 +433,8 @@ def new_manifest(
         if '{' in pattern and len(names) > 1:
             lines.append(f'  - pattern: {_quoted(way + pattern)}   # {len(names)} files')
         else:
-            lines += [_file_entry(way + name) for name in names]
+            hints = '    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
+            lines += [f'  - file: {_quoted(way + name)}\n{hints}' for name in names]
     found_axis = next((a for a in AXES if any(a in file.name.lower() for file in files)), axis)
     return (
         HEAD.format(name=name, title=_quoted(folder.resolve().name or 'campaign'), axis=found_axis)
@@ -461,11 +444,7 @@ def new_manifest(
 
 
 def write_new_manifest(folder: str | Path, path: str | Path, axis: str = 'pitch') -> None:
-    """Write `new_manifest` to a file that does not exist yet.
-
-    Raises:
-        InputError: Also where the file exists.
-    """
+    """Write `new_manifest` to a file that does not exist yet."""
     path = Path(path)
     if path.exists():
         raise InputError(f'{path} exists already: remove it first, or name another file', 'manifest-exists')
@@ -484,10 +463,6 @@ def pattern_of_name(name: str) -> str:
     stem = re.sub(r'((?:repeat|rep|run|trial)[ _-]?)\d+', r'\1{repeat}', stem, count=1, flags=re.IGNORECASE)
     stem = re.sub(r'(?<![a-z])(roll|pitch)(?![a-z])', '{axis}', stem, count=1)
     return f'{stem}{dot}{ending}'
-
-
-def _file_entry(name: str) -> str:
-    return f'  - file: {_quoted(name)}\n    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
 
 
 def _quoted(text: str) -> str:

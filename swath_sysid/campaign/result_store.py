@@ -23,13 +23,7 @@ def key_of(*parts: Any) -> str:
 
 
 class ResultStore:
-    """A folder of results by key, made where it does not exist; each is written whole or not at all.
-
-    Killed at any moment, it holds every result that was put before, and no half of one.
-
-    Raises:
-        InputError: The folder cannot be made.
-    """
+    """A folder of results by key; each is written whole or not at all, whenever the process is killed."""
 
     def __init__(self, folder: str | Path) -> None:
         self._folder = Path(folder)
@@ -40,11 +34,7 @@ class ResultStore:
 
     @contextmanager
     def alone(self) -> Iterator[Self]:
-        """Hold the store for one process; what a killed one left half-written is cleared away.
-
-        Raises:
-            InputError: Another process holds it.
-        """
+        """Hold the store for one process; what a killed one left half-written is cleared away."""
         with open(self._folder / LOCK, 'w') as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""``swath-sysid demo``: a measured sea, forecast; then a simulated craft, the nodes, and forecasts that sharpen."""
+"""``swath-sysid demo``: a measured sea, forecast; then a simulated craft, released twice beside ``swath-sysid run``."""
 
 from __future__ import annotations
 
@@ -9,24 +9,19 @@ import shlex
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from argparse import ArgumentParser, Namespace
-from collections import deque
 from collections.abc import Callable
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import yaml
-from rich.console import Console
-from rich.live import Live
 
 import swath_sysid
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulated_craft import returns
+from swath_sysid.attitude.identification.replacement import told_verdict
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
@@ -38,8 +33,8 @@ from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadF
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
-from swath_sysid.report.terminal_view import ViewState, line, render
 from swath_sysid.share import share_folder
+from swath_sysid.start import verb_command
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -47,9 +42,6 @@ if TYPE_CHECKING:
     from swath_sysid.nodes.demo_monitor import Received
 
 HULLS = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
-#: The published polynomials with all their terms, whatever the true hull is.
-EQUATIONS = {'roll': 'swath-roll-1', 'pitch': 'swath-pitch-1'}
-
 SEA_RECORD = 'records/morro_buoy.csv'
 SEA_OPTIONS = ('--leads', '0.5,1,2,3', '--warmup', '180')
 SEA, RELEASE = 'sea', 'release'
@@ -57,17 +49,14 @@ SEA, RELEASE = 'sea', 'release'
 ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)  #: The first from which the hull returns is used.
 
 STILL_S = 1.5
-START_TIMEOUT_S = 120.0
+START_TIMEOUT_S = 300.0
 MODEL_TIMEOUT_S = 60.0
 ATTEMPTS = 2
 ANSWER_TIMEOUT_S = 60.0
 BETWEEN_S = 1.0
 EVERY_S = 20.0  #: Between releases with --keep-running.
 
-FRAME_S = 0.2
-LINE_S = 2.0
 STOP_TIMEOUT_S = 30.0
-ERROR_SPAN_S = 3.0
 EXIT_FAILED = 1
 
 
@@ -135,15 +124,14 @@ def _release(rclpy: Any, craft: _Craft, arguments: Namespace, domain: int, outpu
             _Interrupts(rclpy.spin_once) as interrupts,
             _processes(craft, arguments.seed, output / 'demo.log') as processes,
         ):
-            with _shown() as show:
-                stage = _Stage(listener, processes, show, interrupts.spin_once)
-                print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
-                demonstration = _demonstrate(craft, stage)
+            stage = _Stage(listener, processes, interrupts.spin_once)
+            print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
+            print(f'\n    {shlex.join(["swath-sysid", *craft.run_words])}\n', flush=True)
+            demonstration = _demonstrate(craft, stage)
             passed = _conclude(demonstration, output, began)
             if arguments.keep_running:
                 # Ctrl-C is the way to end it, not a failure
-                with suppress(KeyboardInterrupt), _shown() as show:
-                    stage.show = show
+                with suppress(KeyboardInterrupt):
                     _keep_running(stage)
     finally:
         listener.destroy_node()
@@ -152,7 +140,7 @@ def _release(rclpy: Any, craft: _Craft, arguments: Namespace, domain: int, outpu
 
 
 class _Craft:
-    """The hull, how it is released, and what the nodes are to do."""
+    """The hull, how it is released, and the leads that are forecast: the default ones and one natural period."""
 
     def __init__(self, hull: str | None, axis: str):
         self.hull = hull or HULLS[axis or 'roll']
@@ -167,25 +155,17 @@ class _Craft:
             raise InputError(f'{self.hull} does not return from {ANGLES_DEG[-1]} deg: choose another hull')
         self.angle_deg = angles[0]
         self.lead = round(self.period, 2)
-        self.leads = tuple(sorted({0.5, 1.0, self.lead, round(2.0 * self.period, 2)}))
+        self.leads = tuple(sorted({*ForecasterSettings().leads, self.lead}))
 
     @property
-    def horizon(self) -> float:
-        """Of the forecasts, s."""
-        return max(5.0, self.leads[-1])
-
-    @property
-    def parameters(self) -> dict[str, dict]:
-        """The nodes' ROS parameters."""
-        return {
-            '/**/identifier': {'ros__parameters': {'axes': [self.axis], 'equation': EQUATIONS[self.axis]}},
-            '/**/predictor': {'ros__parameters': {'leads_s': list(self.leads), 'horizon_s': self.horizon}},
-        }
+    def run_words(self) -> list[str]:
+        """How a user starts the nodes."""
+        return ['run', '--ros-args', '-p', f'leads_s:={list(self.leads)}']
 
     @property
     def pipeline_settings(self) -> PipelineSettings:
         """What the predictor is set to."""
-        return PipelineSettings(forecaster=ForecasterSettings(leads=self.leads, horizon=self.horizon))
+        return PipelineSettings(forecaster=ForecasterSettings(leads=self.leads))
 
 
 def _environment(domain: int):
@@ -235,27 +215,19 @@ class _Interrupts:
 
 @contextmanager
 def _processes(craft: _Craft, seed: int, log_path: Path):
-    """The craft and the three nodes, each a process of its own, ended with the demonstration."""
-    with tempfile.TemporaryDirectory() as folder, open(log_path, 'w', encoding='utf-8') as log:
-        parameters = Path(folder) / 'demo.yaml'
-        parameters.write_text(yaml.safe_dump(craft.parameters), encoding='utf-8')
-        ros = ['--ros-args', '--params-file', str(parameters)]
-        words = {
-            'simulated_craft': ['--hull', craft.hull, '--angle-deg', str(craft.angle_deg), '--seed', str(seed)],
-            'imu_buffer': ros,
-            'identifier': ros,
-            'predictor': ros,
-        }
-        running = {}
+    """The craft, and the nodes as users start them, ended with the demonstration."""
+    given = ['--hull', craft.hull, '--angle-deg', str(craft.angle_deg), '--seed', str(seed)]
+    commands = {
+        'simulated_craft': [sys.executable, '-m', 'swath_sysid.nodes.simulated_craft', *given],
+        'run': verb_command(*craft.run_words),
+    }
+    running = {}
+    with open(log_path, 'w', encoding='utf-8') as log:
         try:
-            for name, given in words.items():
+            for name, command in commands.items():
+                # Ctrl-C is the demonstration's, which then ends them in order
                 running[name] = subprocess.Popen(
-                    [sys.executable, '-m', f'swath_sysid.nodes.{name}', *given],
-                    stdout=log,
-                    stderr=log,
-                    # Ctrl-C is the demonstration's, which then ends them in order
-                    stdin=subprocess.DEVNULL,
-                    start_new_session=True,
+                    command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, start_new_session=True
                 )
             yield running
         finally:
@@ -276,43 +248,22 @@ def _stop(processes: Any) -> None:
             process.wait()
 
 
-@contextmanager
-def _shown():
-    """A function that shows a `ViewState`: live on a terminal, else a line now and then."""
-    console = Console()
-    live = Live(console=console, refresh_per_second=8, transient=True) if console.is_terminal else None
-    printed, stage = -LINE_S, ''
-
-    def show(state: ViewState) -> None:
-        nonlocal printed, stage
-        if live is not None:
-            live.update(render(state))
-            return
-        now = time.monotonic()
-        if now - printed >= LINE_S or state.stage != stage:
-            printed, stage = now, state.stage
-            print(line(state), flush=True)
-
-    with live or nullcontext():
-        yield show
-
-
 class _Stage:
-    """The demonstration as it goes on: spins the monitor, shows what it received, waits for conditions."""
+    """The demonstration as it goes on: spins the monitor, prints what changes, waits for conditions."""
 
-    def __init__(self, listener: Any, processes: Any, show: Callable[[ViewState], None], spin_once: Callable):
+    def __init__(self, listener: Any, processes: Any, spin_once: Callable):
         self.listener = listener
-        self.show = show
-        self.title = ''
-        self.scale = 0.1
-        self.drawn_lead = 1.0
         self._processes = processes
         self._spin_once = spin_once
-        self._drawn = -FRAME_S
+        self._printed = ''
+        self._versions = 0
 
     def wait(self, stage: str, done: Callable[[], bool], timeout: float) -> bool:
         """Go on until ``done()``; False if that took longer than the time-out, s."""
         deadline = time.monotonic() + timeout
+        if stage != self._printed:
+            self._printed = stage
+            print(stage, flush=True)
         while not done():
             if time.monotonic() >= deadline:
                 return False
@@ -320,10 +271,18 @@ class _Stage:
                 if process.poll() is not None:
                     raise InputError(f'the process {name} ended with code {process.returncode}: see demo.log')
             self._spin_once(self.listener, timeout_sec=0.05)
-            if time.monotonic() >= self._drawn + FRAME_S:
-                self._drawn = time.monotonic()
-                self.show(self._state(stage))
+            self._print_models()
         return True
+
+    def _print_models(self) -> None:
+        received = self.listener.received
+        if received.versions == self._versions:
+            return
+        self._versions = received.versions
+        for axis, held in received.models.items():
+            terms = ', '.join(f'{name} {value:.3g} ± {held.std[name]:.2g}' for name, value in held.model.terms.items())
+            print(f'    {axis}: period {held.model.natural_period:.2f} s, {terms}', flush=True)
+            print(f'    {told_verdict(held)}', flush=True)
 
     def pause(self, stage: str, duration: float) -> None:
         """Go on for a while, s of the sensor's stamps."""
@@ -337,46 +296,17 @@ class _Stage:
             raise InputError('the simulated craft does not answer: see demo.log')
         return int(answer.result().message)
 
-    def _state(self, stage: str):
-        received = self.listener.received
-        angles = _table(list(_last(received.angles, 1500))[::10], 2)
-        drawn = _table(_last(received.forecasts[self.drawn_lead], 150), 3)
-        now = angles[-1, 0] if len(angles) else 0.0
-        return ViewState(
-            self.title,
-            stage,
-            now,
-            angles[:, 0],
-            angles[:, 1],
-            drawn[:, 0],
-            drawn[:, 1],
-            self.drawn_lead,
-            tuple(self._lead_row(lead, angles) for lead in received.forecasts),
-            tuple(_described(received.models, received.versions)),
-            tuple((level, name, message) for name, (level, message) in sorted(received.diagnostics.items())),
-            self.scale,
-        )
-
-    def _lead_row(self, lead: float, angles: Any):
-        made = _table(_last(self.listener.received.forecasts[lead], 150), 3)
-        if not len(made) or not len(angles):
-            return lead, math.nan, math.nan
-        due = (made[:, 0] <= angles[-1, 0]) & (made[:, 0] > angles[-1, 0] - ERROR_SPAN_S)
-        missed = made[due, 1] - np.interp(made[due, 0], angles[:, 0], angles[:, 1])
-        return lead, made[-1, 1], float(np.sqrt(np.mean(missed**2))) if due.any() else math.nan
-
 
 def _demonstrate(craft: _Craft, stage: _Stage):
     """Release the craft, wait for its model, release it again."""
     received = stage.listener.received
-    stage.title = f'{craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
-    stage.scale, stage.drawn_lead = 1.3 * math.radians(craft.angle_deg), craft.lead
-    if not stage.wait('starting', stage.listener.is_ready, START_TIMEOUT_S):
+    starting = f'starting (a minute the first time): {craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
+    if not stage.wait(starting, stage.listener.is_ready, START_TIMEOUT_S):
         raise InputError(f'nothing came from the nodes within {START_TIMEOUT_S:g} s: see demo.log')
     stage.pause('still water, no model', STILL_S)
     for attempt in range(ATTEMPTS):
         first = stage.release('lifting the craft')
-        waiting = 'let go; waiting until the decay is noticed and identified'
+        waiting = 'released; waiting until the decay is noticed and identified'
         if stage.wait(waiting, lambda: received.model_ns is not None, MODEL_TIMEOUT_S):
             break
         if attempt == ATTEMPTS - 1:
@@ -412,9 +342,10 @@ def _demonstration(craft: _Craft, received: Received, first: Any, second: int):
 def _conclude(demonstration: Demonstration, output: Path, began: float):
     """Write the picture, print the verdict."""
     verdict = verdict_of(demonstration)
-    picture = output / 'demo.png'
-    save_figure(demo_figure(demonstration, verdict), picture)
-    print(f'{picture}, after {time.monotonic() - began:.0f} s')
+    if math.isfinite(verdict.after):
+        picture = output / 'demo.png'
+        save_figure(demo_figure(demonstration, verdict), picture)
+        print(f'{picture}, after {time.monotonic() - began:.0f} s')
     print(verdict.text, flush=True)
     return verdict.is_good
 
@@ -425,17 +356,6 @@ def _keep_running(stage: _Stage) -> None:
         stage.release('lifting the craft')
         stage.pause('running until Ctrl-C', EVERY_S)
         stage.listener.forget()
-
-
-def _described(models: dict[str, IdentifiedModel], versions: int):
-    for axis, held in models.items():
-        yield f'{axis}: {held.model.equation.name}, version {versions}, period {held.model.natural_period:.2f} s'
-        yield ', '.join(f'{name} {value:.3g} ± {held.std[name]:.2g}' for name, value in held.model.terms.items())
-
-
-def _last(rows: Any, count: int):
-    """The last rows of a deque, oldest first."""
-    return list(deque(rows, maxlen=count))
 
 
 def _table(rows: Any, columns: int, start: int = 0):

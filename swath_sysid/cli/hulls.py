@@ -29,11 +29,7 @@ def add_hull_arguments(parser: ArgumentParser) -> None:
 
 
 def hull_of(arguments: Namespace) -> DecayModel:
-    """The decay model that the arguments name.
-
-    Raises:
-        InputError: Unknown names, or ratios that do not suit the equation.
-    """
+    """The decay model that the arguments name."""
     if arguments.hull is not None:
         _refuse_ratios(arguments)
         return hull_named(arguments.hull).model
@@ -56,11 +52,7 @@ def hull_of(arguments: Namespace) -> DecayModel:
 
 
 def published_ratios_for(equation: Equation, axis: str | None = None) -> DecayModel:
-    """An equation with the ratios of the published hull of its family.
-
-    The hull of the same craft and axis in the name is taken, the linear restoring standing for
-    the sine where the hull has no sine; terms that the hull has not are zero.
-    """
+    """An equation with the ratios of the published hull of its family, linear restoring for a sine that it lacks."""
     by_axis = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
     hull = hull_of_family(equation.name)
     if hull is None:

@@ -75,11 +75,7 @@ def add_search_arguments(parser: ArgumentParser) -> None:
 def settings_of(arguments: Namespace, equation: str = AUTO) -> IdentificationSettings:
     """Identification settings of the command line."""
     search = SearchSettings(
-        arguments.search,
-        arguments.preset,
-        arguments.generations or None,
-        arguments.population or None,
-        arguments.seed,
+        arguments.search, arguments.preset, arguments.generations or None, arguments.population or None, arguments.seed
     )
     return IdentificationSettings(equation, arguments.objective, search, arguments.start, arguments.end)
 

@@ -32,7 +32,7 @@ from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
@@ -61,7 +61,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     _add_identify(verbs.add_parser('identify', help='from runs to a manoeuvring model'))
     _add_forecast(verbs.add_parser('forecast', help='score forecasts of runs by lead'))
     _add_simulate(verbs.add_parser('simulate', help='standard tests and simulated trials'))
-    _add_programme(verbs.add_parser('programme', help='runs to drive, and what driven ones still lack'))
+    programme = verbs.add_parser('programme', help='runs to drive, and what is missing from runs already driven')
+    add_run_arguments(programme, '*')
+    programme.add_argument('--json', action='store_true', help='print one JSON object')
     _add_play_through(verbs.add_parser('play-through', help='what manoeuvring_predictor would have published on a bag'))
 
 
@@ -78,7 +80,7 @@ def run(arguments: Namespace) -> int:
 
 
 def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
-    """How to read runs; shared by the sub-verbs that take them."""
+    """Flags for reading runs, shared by the sub-verbs."""
     parser.add_argument(
         'runs',
         nargs=count,
@@ -101,9 +103,9 @@ def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
 
 
 def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
-    """Read and prepare runs, all in one step."""
+    """Read and prepare runs, all with one step."""
     refuse_twice(paths)
-    return prepare_all([_read(path, arguments) for path in paths], arguments.gap_means_zero)
+    return prepare_runs([_read(path, arguments) for path in paths], arguments.gap_means_zero)
 
 
 def _read(path: str | Path, arguments: Namespace):
@@ -118,7 +120,7 @@ def _read(path: str | Path, arguments: Namespace):
         )
         return trial if arguments.frame is None else replace(trial, frame=arguments.frame)
     if Path(path).is_dir():
-        raise InputError(f'{path} is a folder and no bag: give CSV files or bags')
+        raise InputError(f'{path} is a folder but not a bag: give CSV files or bags')
     return read_manoeuvring_csv(path, arguments.frame)
 
 
@@ -243,11 +245,6 @@ def _target(text: str):
     return name.strip(), target
 
 
-def _add_programme(parser: ArgumentParser) -> None:
-    add_run_arguments(parser, '*')
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
-
-
 def _recipe(arguments: Namespace) -> int:
     runs = read_runs(arguments.runs, arguments) if arguments.runs else []
     shares = excitation(runs) if runs else {}
@@ -255,7 +252,7 @@ def _recipe(arguments: Namespace) -> int:
     recipe = [{'run': name, 'drive': what, 'duration_s': duration} for name, what, duration in RECIPE]
     if runs:
         lines = [
-            "Share of its motion that is a derivative's own (1: no other explains it):",
+            "Share of each derivative's motion that no other derivative explains, 0 to 1:",
             *(
                 f'  {name:<16}{share:>5.2f}  ' + (f'lacks {missing[name]}' if name in missing else 'enough')
                 for name, share in shares.items()
@@ -264,7 +261,7 @@ def _recipe(arguments: Namespace) -> int:
         ]
     else:
         lines = [
-            'Runs to drive, calm and well clear of others; record thrust, speeds, yaw rate, heading, position:',
+            'Runs to drive, in calm water, clear of traffic; record thrust, speeds, yaw rate, heading, position:',
             *(f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE),
         ]
     print_result(arguments.json, {'recipe': recipe, 'excitation': finite_or_none(shares), 'lacking': missing}, lines)
@@ -293,7 +290,7 @@ def _add_forecast(parser: ArgumentParser) -> None:
         '--future',
         choices=('held', 'supplied'),
         default='held',
-        help='inputs to come: held at their last value, or known (default: %(default)s)',
+        help='future inputs: held at their last value, or known (default: %(default)s)',
     )
     add_setting(parser, '--leads', PREDICTOR, 'leads_s', default=LEADS, meaning='leads that are scored')
     parser.add_argument('--plot', metavar='FILE.png')
@@ -325,7 +322,7 @@ def _add_play_through(parser: ArgumentParser) -> None:
 
 def _play_through(arguments: Namespace):
     if len(arguments.runs) != 1 or not is_bag(arguments.runs[0]):
-        raise InputError('one bag is played through: give one rosbag2 bag')
+        raise InputError('play-through needs a single bag: give one rosbag2 bag')
     output = Output('--output', arguments.output, is_recording=True, endings=('mcap',))
     check_outputs([output], [*arguments.runs, arguments.model])
     trial = _read(arguments.runs[0], arguments)
@@ -414,7 +411,7 @@ def _programme(model: Any, arguments: Namespace):
     if not arguments.output:
         raise InputError('the programme writes several runs: name a folder with --output')
     if arguments.plot:
-        raise InputError('the programme has no picture: identify from it with --plot')
+        raise InputError('the programme has no figure: identify from its runs with --plot')
     if arguments.command is not None:
         values = dict(assignment(text, 'Xu_dot=-18') for text in arguments.command)
         values.setdefault('gain', model.largest_input if model.thrust_input != COMMAND else model['gain'])

@@ -30,11 +30,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         'found are connected and discovery has had its 3.5 s)',
     )
     parser.add_argument(
-        '--wait',
-        type=finite,
-        default=15.0,
-        metavar='S',
-        help='the longest wait for them (default: %(default)s)',
+        '--wait', type=finite, default=15.0, metavar='S', help='the longest wait for them (default: %(default)s)'
     )
     parser.add_argument(
         '--in-step',

@@ -8,10 +8,7 @@ from swath_sysid.common.errors import InputError
 
 @contextmanager
 def ros_needed(without: str = '') -> Iterator[None]:
-    """Around imports of rclpy and the nodes, which raise an `InputError` where ROS is not installed.
-
-    The sentence adds what the verb does without it.
-    """
+    """Around imports of ROS: `InputError` where it is not installed, with what the verb does ``without`` it."""
     try:
         yield
     except ImportError as error:

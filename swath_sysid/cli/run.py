@@ -81,11 +81,7 @@ def beside(command: list[str]) -> Iterator[None]:
 
 
 def ros_arguments(arguments: Namespace) -> list[str]:
-    """What stands behind ``--ros-args`` for the nodes.
-
-    Raises:
-        InputError: A model is given for a node that reads no file, or the file that is there holds no model.
-    """
+    """What follows ``--ros-args`` for the nodes."""
     given = []
     if arguments.params_file:
         # ROS would log a line of its own before its sentence

@@ -13,12 +13,7 @@ OF_TABLE = object()
 def add_setting(
     parser: ArgumentParser, flag: str, node_name: str, name: str, default: Any = OF_TABLE, meaning: str = ''
 ) -> None:
-    """Add a flag with the type, the range, the unit, the default and the meaning of a node's parameter.
-
-    Args:
-        default: Where the command line has another; None: as the meaning says.
-        meaning: Where the setting means something else here.
-    """
+    """Add a flag with type, range, unit, default and meaning of a node's parameter (the last two may be replaced)."""
     parameter = next(p for p in table_of(node_name) if p.name == name)
     if default is OF_TABLE:
         default = tuple(parameter.default) if isinstance(parameter.default, list) else parameter.default

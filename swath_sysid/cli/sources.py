@@ -51,11 +51,7 @@ def add_reading_arguments(parser: ArgumentParser) -> None:
 
 
 def assignment(text: str, example: str) -> tuple[str, float]:
-    """Name and value of ``NAME=VALUE``.
-
-    Raises:
-        InputError: It is not, or the value is not a finite number; the sentence gives the example.
-    """
+    """Name and value of ``NAME=VALUE``; the error shows the example."""
     name, _, value = text.partition('=')
     try:
         return name.strip(), finite(value)
@@ -134,12 +130,7 @@ def chosen_axis(trials: Sequence[Trial], asked: str | None) -> str:
     """The axis asked for, or the one that moves more in the first trial."""
     if asked is not None:
         return asked
-    return max(trials[0].axes or AXES[:1], key=lambda axis: _excursion(trials[0].axis(axis)))
-
-
-def _excursion(motion: AxisMotion) -> float:
-    values = motion.rate if motion.angle is None else motion.angle
-    return 0.0 if values is None else float(np.ptp(values))
+    return max(trials[0].axes or AXES[:1], key=lambda axis: float(np.ptp(trials[0].axis(axis).primary)))
 
 
 def motions_of(trials: Sequence[Trial], axis: str) -> list[AxisMotion]:

@@ -37,11 +37,7 @@ def add_tank_arguments(parser: ArgumentParser) -> None:
 
 
 def particulars_of(arguments: Namespace) -> Particulars:
-    """What is known of the craft.
-
-    Raises:
-        InputError: Not positive, or the inertia is given twice or by half.
-    """
+    """The known particulars of the craft."""
     given = {f.name: getattr(arguments, f.name) for f in fields(Particulars)}
     for name, value in given.items():
         if value is not None and not value > 0.0:
@@ -55,11 +51,7 @@ def particulars_of(arguments: Namespace) -> Particulars:
 
 
 def type_b_of(arguments: Namespace) -> TypeB:
-    """Uncertainties of the command line.
-
-    Raises:
-        InputError: No such source, or no share.
-    """
+    """Uncertainties of the command line."""
     given = {}
     for text in arguments.uncertainty:
         name, _, share = text.partition('=')

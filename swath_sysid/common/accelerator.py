@@ -13,8 +13,6 @@ Function = TypeVar('Function', bound=Callable)
 _IS_INSTALLED = find_spec('numba') is not None
 _IS_WANTED = os.environ.get('NUMBA_DISABLE_JIT', '0') in ('', '0')
 
-NUMBA_DISABLED, NUMBA_FAILS = 'numba-disabled', 'numba-fails'  #: Codes of `why_uncompiled`.
-
 
 def compiler() -> Any:
     """The module numba, loaded now; None where it is not installed, not wanted, or cannot be loaded."""
@@ -27,17 +25,11 @@ def has_numba() -> bool:
 
 
 def why_uncompiled() -> Advice | None:
-    """Why all takes longer than it could here; loads numba. None also where it is not installed."""
+    """Why fits take longer than they could with numba, which is loaded; None also where it is not installed."""
     if _IS_INSTALLED and not _IS_WANTED:
-        return Advice(NUMBA_DISABLED, 'NUMBA_DISABLE_JIT is set: fits take longer than they could; unset it')
+        return Advice.of('numba-disabled')
     error = _loaded()[1]
-    if error is None:
-        return None
-    return Advice(
-        NUMBA_FAILS,
-        f'numba is installed but cannot be loaded ({error}): fits take longer than they could; install versions of '
-        'numba and numpy that fit each other, or remove numba',
-    )
+    return None if error is None else Advice.of('numba-fails', error=error)
 
 
 @cache
@@ -48,7 +40,7 @@ def _loaded() -> tuple[Any, str | None]:
     try:
         import numba
     except (ImportError, AttributeError, TypeError, ValueError, RuntimeError, SystemError, OSError) as error:
-        # all that versions of numpy or llvmlite which do not fit have led to
+        # all that mismatched versions of numpy or llvmlite have led to
         return None, ' '.join(str(error).split()) or type(error).__name__
     return numba, None
 
@@ -75,9 +67,6 @@ class _Compiled:
 
 
 def accelerated(function: Function, otherwise: Function | None = None) -> Function:
-    """Compile with numba (extra ``fast``) at the first call or, without it, call the function itself, or another.
-
-    The same source runs either way, called by position; ``test_hull_simulation`` requires the same results of both.
-    """
+    """Compile with numba (extra ``fast``) at the first call; without numba, the function itself or ``otherwise``."""
     plain = function if otherwise is None else otherwise
     return cast(Function, _Compiled(function, plain)) if _IS_INSTALLED and _IS_WANTED else plain

@@ -12,10 +12,7 @@ NOT_SEPARABLE = 0.95  #: Correlation beyond which a record does not separate two
 
 @dataclass(frozen=True)
 class ParameterCovariance:
-    """Covariance of the fitted parameters, shape (p, p), residual autocorrelation accounted for.
-
-    The effective samples are the independent ones that would leave the same uncertainty.
-    """
+    """Covariance (p, p) of fitted parameters under autocorrelated residuals."""
 
     matrix: np.ndarray
     effective_samples: float
@@ -24,19 +21,10 @@ class ParameterCovariance:
 def sandwich_covariance(
     residuals: Sequence[np.ndarray], jacobians: Sequence[np.ndarray], shortest_memory: int
 ) -> ParameterCovariance:
-    """Covariance of least-squares parameters under autocorrelated residuals.
+    """Least-squares covariance A^-1 (sum_k J_k^T Gamma_k J_k) A^-1, A = J^T J (Newey and West 1987).
 
-    A^-1 (sum_k J_k^T Gamma_k J_k) A^-1 with A = J^T J and Gamma_k the Toeplitz matrix of the
-    autocovariance of the residuals of one record and channel (Newey and West 1987). White
-    residuals give the usual s^2 (J^T J)^-1.
-
-    Args:
-        residuals: sequence of (N_k,); of each record and channel.
-        jacobians: sequence of (N_k, p); their derivatives by the parameters.
-        shortest_memory: See `autocovariance`; samples.
-
-    Returns:
-        Parameters that the residuals do not depend on have NaN rows and columns.
+    Gamma_k is the Toeplitz matrix of the autocovariance of residuals (N_k,), J_k their Jacobian (N_k, p). Parameters
+    that the residuals do not depend on have NaN rows and columns. ``shortest_memory`` is that of `autocovariance`.
     """
     information = sum(j.T @ j for j in jacobians)
     known = np.diag(information) > 0.0

@@ -10,7 +10,15 @@ class InputError(ValueError):
     line prints it and exits with code 2; a node counts it and reports a diagnostic.
 
     Args:
+        message: The sentence.
         code: Of the `Advice` that it is made of; '': of none.
+
+    Example:
+        >>> try:
+        ...     hull_named('titanic')
+        ... except InputError as error:
+        ...     print(error)
+        there is no hull 'titanic': choose from swath-pitch, swath-roll, hydrofoil-pitch, swath-usv-pitch
     """
 
     def __init__(self, message: str = '', code: str = '') -> None:
@@ -19,10 +27,6 @@ class InputError(ValueError):
 
 
 def check_choice(name: str, choices: Collection[str], kind: str) -> None:
-    """Refuse a name that is not among the choices; the kind, such as ``'hull'``, is what the names name.
-
-    Raises:
-        InputError: The name is none of them; the sentence lists them.
-    """
+    """Reject a name that is not among the choices; ``kind``, such as ``'hull'``, says what is named."""
     if name not in choices:
         raise InputError(f"there is no {kind} '{name}': choose from {', '.join(choices)}")

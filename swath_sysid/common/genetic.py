@@ -1,17 +1,8 @@
 """A real-coded genetic algorithm with ask and tell: it never calls the objective.
 
-The papers name its parameters without defining them; they are read here as follows.
-
-- *crossover* 0.8: probability that a pair of parents is recombined, else the first is copied.
-- *mutation* 0.15: probability that a variable of a child is disturbed.
-- *genetic factor* 0.05: share of the population that is inherited unchanged (elitism).
-- *evolution weight* 0.9: probability that the better of two wins the tournament for parenthood.
-
-Recombination places the child on the line through its parents, up to 0.6 of their distance
-beyond each: the blend crossover of Eshelman and Schaffer, taken along the line so that correlated
-variables stay correlated, a little wider than their 0.5 so that a narrow valley is not left
-early. Mutation is scaled by the spread of the population, so that the search sharpens as it
-converges, whatever the budget.
+Recombination places a child on the line through its parents, up to 0.6 of their distance beyond each: the blend
+crossover of Eshelman and Schaffer, along the line so that correlated variables stay correlated. Mutation is scaled by
+the spread of the population, so that the search sharpens as it converges.
 """
 
 from dataclasses import dataclass
@@ -26,16 +17,15 @@ BLEND = 0.6
 
 @dataclass(frozen=True)
 class GeneticSettings:
-    """Parameters of the genetic algorithm, by the papers' names; see the module."""
+    """Parameters of the genetic algorithm; the papers name them without definition."""
 
     generations: int = 300
     population: int = 80
-    crossover: float = 0.8
-    mutation: float = 0.15
-    genetic_factor: float = 0.05
-    evolution_weight: float = 0.9
-    #: Where given, mutation falls geometrically from ``mutation`` to this over the budget.
-    final_mutation: float | None = None
+    crossover: float = 0.8  #: Probability that a pair of parents is recombined, else the first is copied.
+    mutation: float = 0.15  #: Probability that a variable of a child is disturbed.
+    genetic_factor: float = 0.05  #: Share of the population that is inherited unchanged (elitism).
+    evolution_weight: float = 0.9  #: Probability that the better of two wins the tournament for parenthood.
+    final_mutation: float | None = None  #: If given, mutation falls geometrically to this over the budget.
     patience: int = 25  #: Generations without improvement before it stops; 0: never.
     tolerance: float = 1e-4  #: Relative improvement of the objective that counts as one.
     spread_tolerance: float = 1e-4  #: Spread of the population, as a share of the range, below which it has converged.
@@ -98,7 +88,9 @@ class GeneticSearch(AskAndTell):
             first + self._rng.uniform(-BLEND, 1.0 + BLEND, (count, 1)) * (second - first),
             first,
         )
-        disturbed = self._rng.random(children.shape) < self._mutation_probability()
+        start, end = self._settings.mutation, self._settings.final_mutation
+        share = self.generation / self._settings.generations
+        disturbed = self._rng.random(children.shape) < (start if end is None else start * (end / start) ** share)
         # normal steps of the population's own spread
         steps = self._rng.normal(size=(count, self._lower.size)) * self._population.std(axis=0)
         children += np.where(disturbed, steps, 0.0)
@@ -109,12 +101,6 @@ class GeneticSearch(AskAndTell):
         pair = np.sort(self._rng.integers(0, len(self._population), (2, count)), axis=0)
         better_wins = self._rng.random(count) < self._settings.evolution_weight
         return self._population[np.where(better_wins, pair[0], pair[1])]
-
-    def _mutation_probability(self) -> float:
-        start, end = self._settings.mutation, self._settings.final_mutation
-        if end is None:
-            return start
-        return start * (end / start) ** (self.generation / self._settings.generations)
 
     def _reflected(self, children: np.ndarray) -> np.ndarray:
         """Bring children that left the range back in by reflection at its bounds."""

@@ -4,9 +4,7 @@ import numpy as np
 
 
 def latin_hypercube(rng: np.random.Generator, count: int, dimensions: int) -> np.ndarray:
-    """Points in the unit cube, shape (count, dimensions): every coordinate hits each of ``count`` equal slices once.
-
-    A child of the generator is drawn from, as `scipy.stats.qmc` does.
+    """Points in the unit cube, (count, dimensions), one in each of ``count`` slices of every coordinate, as scipy's.
 
     McKay, Beckman and Conover, Technometrics 21 (1979), 239-245.
     """

@@ -11,29 +11,18 @@ MODEL_FLOOR = 0.005  #: No model of a hull is trusted closer than this share of 
 
 
 def weighting_noise(channels: Sequence[np.ndarray]) -> float:
-    """The noise by which the residuals of a channel, given in each record, are weighted.
-
-    Measured noise and the model floor, added in squares; never zero.
-    """
+    """Weighting noise of one channel's residuals in several records: measured noise and model floor in quadrature."""
     white = np.median([white_noise(c) for c in channels])
     motion = max(float(np.std(c)) for c in channels)
     return float(np.hypot(white, MODEL_FLOOR * motion)) or 1.0
 
 
 def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
-    """Tapered autocovariance of a residual, cut where it is within chance.
+    """Tapered autocovariance, lags 0 to L - 1, L at most N / 4, of an evenly sampled residual (N,).
 
-    The cut is the empirical rule of Politis (2003): the first lag after which
-    ``shortest_memory`` autocorrelations stay below ``2 sqrt(log10 N / N)``. The triangular taper
-    keeps the implied covariance matrix positive.
-
-    Args:
-        residual: (N,); at an even rate.
-        shortest_memory: Lags that must be small; longer than a quarter period, at which an oscillating residual passes
-            through zero.
-
-    Returns:
-        Lags 0 to L - 1, L at most N / 4.
+    Cut by the rule of Politis (2003): after it ``shortest_memory`` autocorrelations stay below ``2 sqrt(log10 N / N)``;
+    choose more than a quarter period, where an oscillating residual passes through zero. The triangular taper keeps the
+    covariance matrix positive.
     """
     count = residual.size
     centred = residual - residual.mean()
@@ -50,10 +39,7 @@ def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
 
 
 def correlated_information(sensitivity: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """J^T Gamma J, shape (p, p), for residuals of a given autocovariance, shape (L,), that of `autocovariance`.
-
-    The sensitivity J, shape (N, p), holds the derivatives of the residuals by the parameters.
-    """
+    """J^T Gamma J, (p, p), for a sensitivity J (N, p) of residuals with an autocovariance (L,)."""
     if covariance.size == 1:
         return covariance[0] * sensitivity.T @ sensitivity
     before = covariance.size - 1

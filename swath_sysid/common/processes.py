@@ -28,15 +28,9 @@ class SerialExecutor(Executor):
 
 
 def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], count: int) -> Iterator[Result]:
-    """The result of each task, in order, by this many processes.
+    """The result of each task, in order, by ``count`` processes, this one among them.
 
-    This process begins at the front, the others, which take seconds to start, at the end; each is given one task at a
-    time, so that none waits while another has more than one left.
-
-    Args:
-        function: Of one argument; importable by another process.
-        tasks: Arguments of the function.
-        count: Of processes, this one among them.
+    This process starts at the front, the others, which take seconds to start, at the end, one task at a time.
     """
     if count <= 1 or len(tasks) == 1:
         yield from map(function, tasks)
@@ -84,7 +78,7 @@ def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     try:
         yield executor
     except BaseException:
-        # what they are at is lost in any case, and waiting for it can last long
+        # their work is lost in any case
         for worker in multiprocessing.active_children():
             worker.terminate()
         raise

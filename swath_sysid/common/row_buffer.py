@@ -10,8 +10,7 @@ class RowBuffer:
     """The newest rows, as many as the capacity, contiguous and by number."""
 
     def __init__(self, capacity: int, columns: int) -> None:
-        # twice the room: rows move only once in a capacity, and the past is always contiguous
-        # filled, so that the memory is taken now and not row by row
+        # twice the room keeps the past contiguous with few moves; filled, so that memory is reserved now
         self._rows = np.full((2 * capacity, columns), np.nan)
         self._format = f'{columns}d'
         self.capacity = capacity
@@ -59,10 +58,7 @@ class RowBuffer:
         return self._rows[first : self._end]
 
     def at(self, numbers: np.ndarray) -> np.ndarray:
-        """Rows by number, which need not be whole, linear between two; shapes (N,) and (N, C).
-
-        NaN where a row is missing or no longer kept.
-        """
+        """Rows by fractional number, linear between two, (N,) and (N, C); NaN where one is missing."""
         before = np.floor(numbers + 1e-6).astype(int)
         share = np.maximum(numbers - before, 0.0)
         share[share < 1e-3] = 0.0

@@ -4,147 +4,206 @@ Values stand in braces by name. A key is a code, or a code and after a colon wha
 """
 
 SENTENCES = {
+    'absurd-values': 'impossible values left out ({channels}): check the units in the column names, or look for broken '
+    'packets',
     'absurd-values: run': '{source}: {number} values of {name} beyond {limit:g} left out: check its unit',
-    'added-mass-diverges': 'added mass exceeds mass: the plugin applies it by the acceleration of the step before '
-    'and diverges; identify again with the mass as weighed',
-    'at-anchor': '{source}: never faster than {speed:.2f} m/s and {rate:.1f} deg/s, as if at anchor or drifting: '
-    'left out; give runs under way',
-    'at-bound': '{name} ended at the limit of its range ({value:.3g}): the runs do not determine it; leave it out, '
-    'or add {runs}',
-    'clocks-apart': '{path}: header stamps and times of arrival run apart, so that times of arrival are used for '
-    'all topics: record with one clock',
-    'compass-misaligned': '{source}: the craft moves {offset:.1f} deg to {side} of its heading on straight courses: '
-    'heading and speeds were turned by that much; calibrate the compass',
-    'constant-channel': '{source}: {name} never changes, as where nothing is measured: it is taken as unknown; '
-    'check its sender',
-    'constant-difference': 'the difference of the thrusts is constant, so that nothing separates yaw inertia and '
-    'added masses from damping: add zig-zags and turns to both sides',
+    'added-mass-diverges': 'added mass exceeds mass, and the plugin, which applies it with the previous acceleration, '
+    'diverges; identify again with the mass as weighed',
+    'at-anchor': '{source}: never faster than {speed:.2f} m/s and {rate:.1f} deg/s, as if at anchor or drifting: left '
+    'out; give runs under way',
+    'at-bound': '{name} ended at the limit of its range ({value:.3g}): the runs do not determine it; leave it out, or '
+    'add {runs}',
+    'body-rates': 'the angles or a gyro axis are unknown, so body rates are used as Euler rates, which holds for small '
+    'angles only: record roll, pitch and all three gyro axes',
+    'clocks-apart': '{path}: header stamps and times of arrival drift apart, so times of arrival are used for all '
+    'topics: record with one clock',
+    'coarse-quantisation': 'the {quantity} is rounded to {step:.2g} {unit}, so the first amplitude has only '
+    '{steps:.0f} steps: write more digits, or use a finer sensor',
+    'compass-misaligned': '{source}: the craft moves {offset:.1f} deg to {side} of its heading on straight courses, '
+    'and heading and speeds were turned by that much; calibrate the compass',
+    'constant-channel': '{source}: {name} never changes, as if it were not measured, and is taken as unknown; check '
+    'its sender',
+    'constant-difference': 'the difference of the thrusts is constant, so yaw inertia and added masses cannot be '
+    'separated from damping: add zig-zags and turns to both sides',
     'constant-thrust': 'the total thrust is constant, so that {separating} separates inertia and resistance: add '
     'thrust steps up and down on a straight course',
     'course-unstable': 'the craft does not keep a straight course by itself: at {speed:.2f} m/s small turns grow '
-    '{growth:.2g} times a second, until damping ends that; steer it, and trust no forecast of its heading for '
-    'longer than {time:.0f} s',
-    'current-by-run': 'the drift of each run ({least:.2f} to {most:.2f} m/s: current, and what wind does like it) '
-    'was found from its own motion; the model holds the mean, which validation uses; ask for one current for all '
-    'runs if it was the same',
+    '{growth:.2g} times per second; steer it, and trust no forecast of its heading for longer than {time:.0f} s',
+    'current-by-run': 'the drift of each run ({least:.2f} to {most:.2f} m/s: current and wind) was found from its own '
+    'motion; the model holds the mean, which validation uses; ask for one current for all runs if it was the same',
     'current-not-exported': "VRX's SimpleHydrodynamics has no current: that of the model, {east:.3g} m/s east and "
     '{north:.3g} m/s north, is left out',
-    'damaged-bag': '{path} is damaged ({reason}): what is whole was read; stop the recorder before its power is cut',
+    'damaged-bag': '{path} is damaged ({reason}), and only its intact part was read; stop the recorder before its '
+    'power is cut',
     'damaged-messages': '{number} messages on {topic} are not of type {imu_type} and were left out: check the recorder',
     'damaged-messages: run': '{path}: {number} messages cannot be read and were left out: check the recorder',
-    'diverged': '{diverged} of {windows} windows of the {label} runs ran away in free simulation: look at their '
-    'thrust and speed',
-    'dry-friction-scaled': 'b0 is dry friction of a rig or mooring, which does not scale with the hull: use the '
-    'result with b0 = 0 unless such a rig exists there too',
+    'disturbed-tail': 'the motion after {end:.1f} s was left out because its half-cycles or its period jump there, '
+    'with {left:.0f} % of the first left: look at it, and give a later end if it belongs to the decay',
+    'disturbed-tail: bounds': 'the motion before the given end seems free only until {found:.1f} s, where its '
+    'half-cycles or its period jump: give this as the end, unless the craft was free until {end:.1f} s',
+    'diverged': '{diverged} of {windows} windows of the {label} runs diverged in free simulation: look at their thrust '
+    'and speed',
+    'dry-friction-scaled': 'b0 is dry friction of a rig or mooring, which does not scale with the hull: use the result '
+    'with b0 = 0 unless such a rig is used there too',
+    'empty-channel': 'no usable value in {channels}: left out; check that the sensor was set to send it',
     'empty-channel: run': '{source}: {name} holds no usable value and is left out',
-    'forecast-missing': '{missing} forecasts were issued without a value for {axis} at a lead, and persistence '
-    'stood in for them: see at which samples the sensor gave too little',
-    'frame-assumed': '{source}: more thrust to starboard turns to negative yaw, so yaw is taken as in NED; state '
-    'the frame (ned or enu): if it is ENU, port and starboard are swapped',
-    'frame-id-changed': 'the messages on {topic} come in {frames} frames ({names}): if these are two sensors, '
-    'record each on a topic of its own; else check whether the mounting is still right',
-    'friction-necessary': 'dry friction is necessary: it improves the criterion of {equation} by {gain:.0f} (more '
-    'than {criterion_margin:g} is decisive){effect}; look for it in the bearings or the mooring of the rig, and '
-    'leave it out for the craft afloat',
+    'forced-motion': '{name} oscillates from start to end (standard deviation {spread}) and never dies out, as in '
+    'waves. At sea this gives the natural period, and the damping at its amplitude; for more, record a release in '
+    'still water, or give start and end of a decay',
+    'forced-motion: bounds': 'between {start:.1f} and {end:.1f} s the motion oscillates from start to end and never '
+    'dies out, as it does in waves: give the bounds of a free decay',
+    'forecast-missing': '{missing} forecasts had no value for {axis} at a lead and were replaced by persistence: see '
+    'at which samples the sensor gave too little',
+    'frame-assumed': '{source}: more thrust to starboard turns to negative yaw, so yaw is taken as in NED; state the '
+    'frame (ned or enu): if it is ENU, port and starboard are swapped',
+    'frame-id-changed': 'the messages on {topic} come in {frames} frames ({names}): if these are two sensors, record '
+    'each on a topic of its own; else check whether the mounting is still right',
+    'friction-necessary': 'dry friction improves the criterion of {equation} by {gain:.0f} (more than '
+    '{criterion_margin:g} is decisive){effect}; look for it in the bearings or the mooring of the rig, and leave it '
+    'out for the craft afloat',
+    'gaps': '{gaps} in the time base, the longest of {longest:.4g} s after t = {time:.6g} s (samples come every '
+    '{median:.4g} s): nothing is filled in; choose a part without gaps if the fit is poor',
+    'gaps: decay': 'the decay has {gaps} longer than a quarter of its period, the longest of {longest:.2g} s at '
+    '{time:.1f} s: the fit bridges this, but record again if the first cycles are missing',
+    'gaps: motion': 'the {axis} has {gaps}, the longest of {longest:.2g} s at {time:.1f} s: look for lost messages, '
+    'and keep them out of the decay',
     'hardly-moves': "'{name}' swings by {swing:.2g} deg only: if it is in rad, call it '{other}'",
     'held-samples': '{source}: {name} changes only at every {usual:.0f}th sample: the repetitions are taken as missing',
-    'identical-files': '{path} has the same content as {original} and is left out: it would count twice as a repeat '
-    'that it is not',
-    'inertia-includes-added': 'Iz is yaw inertia and added inertia together, which free running cannot tell apart: '
-    'give the inertia to see Nr_dot',
-    'lag-like-surge': 'lag and mass can be exchanged: the lag of the thrusters ({lag:.2f} s) is near the time '
-    'constant of surge ({surge:.2f} s), and their standard deviations leave that out; excite with {runs}, or '
-    'measure the lag and give it',
-    'length-assumed': 'the length is taken as that of a WAM-V 16, {default_length:.2f} m: give it if the prime '
-    'system is of use',
-    'lever-assumed': 'half the distance between the thrusters is taken as that of a WAM-V 16, {default_lever:.2f} '
-    'm: give it, all yaw derivatives are proportional to it',
-    'loading-curvature-unknown': 'the model was identified at two values of {quantity} only, so that how its ratios '
-    'bend between them is unknown: add trials at a third',
-    'loading-outside': 'the model was identified for {quantity} {lowest:g} to {highest:g} and is not extrapolated '
-    'to {loading:g}: that of {nearest:g} is used; add trials at this loading',
-    'made-stable': 'with {removed} the model was unstable at speeds it was identified at: taken out; add turns at '
-    'several speeds to identify them',
-    'manoeuvres-beside': '{record} also holds odometry and thrust, which are left aside here: swath-sysid manoeuvre '
+    'identical-files': '{path} has the same content as {original} and is left out: it would count as a repeat that it '
+    'is not',
+    'inertia-includes-added': 'Iz includes added inertia, which free running cannot separate: give the inertia to see '
+    'Nr_dot',
+    'invalid-orientation': '{invalid} of {number} quaternions are invalid and were left out: check the sensor driver',
+    'lag-like-surge': 'lag and mass cannot be separated: the lag of the thrusters ({lag:.2f} s) is near the time '
+    'constant of surge ({surge:.2f} s), which their standard deviations do not include; excite with {runs}, or measure '
+    'the lag and give it',
+    'late-start': 'the motion after the given start seems free only from {found:.1f} s on: give this as the start, '
+    'unless the craft was free from {start:.1f} s',
+    'length-assumed': 'the length is taken as that of a WAM-V 16, {default_length:.2f} m: give it if you use the prime '
+    'system',
+    'lever-assumed': 'half the distance between the thrusters is taken as that of a WAM-V 16, {default_lever:.2f} m: '
+    'give it, because all yaw derivatives are proportional to it',
+    'loading-curvature-unknown': 'the model was identified at two values of {quantity} only, so the curvature of its '
+    'ratios between them is unknown: add trials at a third',
+    'loading-outside': 'the model was identified for {quantity} {lowest:g} to {highest:g} and is not extrapolated to '
+    '{loading:g}: the model at {nearest:g} is used; add trials at this loading',
+    'low-rate': 'the record has {samples:.1f} samples per period, and {needed:g} are needed to follow the motion: '
+    'record at {rate:.3g} Hz or more',
+    'made-stable': 'with {removed} the model was unstable at speeds it was identified at, so they were removed; add '
+    'turns at several speeds to identify them',
+    'manoeuvres-beside': '{record} also holds odometry and thrust, which are ignored here: swath-sysid manoeuvre '
     'play-through forecasts surge, sway and yaw from them',
-    'mass-not-given': 'm is mass and added mass in surge together, which free running cannot tell apart: give the mass',
+    'mass-not-given': 'm includes the added mass in surge, which free running cannot separate: give the mass',
     'missing-rows': '{source}: {number} rows hold no measured value and are bridged by the simulation: check the '
     'logger if they are many',
-    'mixed-frames': '{source}: heading and position are in different frames (one in NED, one in ENU): the heading '
-    'is taken as {turn} deg minus what was recorded; give both in one frame',
-    'mixed-frames: turned': '{source}: the heading is off the course by {turn} deg and was turned by that much: '
-    'check which axis heading and position are measured from',
+    'missing-stamps': '{rows} without a finite time left out: check what wrote the stamps',
+    'missing-values': 'values missing ({channels}): they are left out of the fit',
+    'mixed-frames': '{source}: heading and position are in different frames (one in NED, one in ENU): the heading is '
+    'taken as {turn} deg minus what was recorded; give both in one frame',
+    'mixed-frames: turned': '{source}: the heading is off the course by {turn} deg and was turned by that much: check '
+    'from which axis heading and position are measured',
     'model-doubtful': 'the {axis} model is {verdict}: {sentence}',
-    'motion-simplified': 'Nav2 moves a craft along its heading at the speed asked for: this one drifts by up to '
+    'motion-simplified': 'Nav2 moves a craft along its heading at the commanded speed: this one drifts by up to '
     '{drift:.3g} deg and its speed changes by {change:+.0%} in the hardest turn at the highest speed',
+    'no-decay': 'no free decay was found in {name}: it moves by {reach}, but its amplitudes do not shrink steadily in '
+    'a steady rhythm with rest before or after; record a release in still water until it has died out, or give start '
+    'and end of a decay',
     'no-friction': 'dry friction is not needed: it worsens the criterion of {equation} by {gain:.0f}',
-    'no-header-stamps': '{topic} carries no header stamps, so the times of arrival are used: have the driver stamp '
-    'its messages',
+    'no-header-stamps': '{topic} has no header stamps, so times of arrival are used: have the driver stamp its '
+    'messages',
     'no-model': 'no {axis} model has arrived, so the forecast does without one: identify the hull',
     'no-speed': 'no run holds a speed: surge is assumed, not identified; add surge_m_s, or position and heading',
-    'no-sway': 'no run holds a sway velocity: what it does is assumed; add sway_m_s, or position and heading',
+    'no-sway': 'no run holds a sway velocity: sway is assumed, not identified; add sway_m_s, or position and heading',
     'no-thrust': '{source}: the thrust is always zero: left out; give runs under way',
     'no-turn': 'no run turns (yaw rate within {rate:.1f} deg/s) under a difference of the thrusts: yaw and sway are '
     'assumed, not identified; add turns and zig-zags',
     'no-waves': 'no waves have been fitted yet: forecasts improve within a minute or two',
     'not-separable: derivatives': '{other} and {name} cannot be told apart on these runs (correlation '
     '{correlation:+.3f}): use them together only, or add {runs}',
-    'outlier': '{name} {value:.3g} was refused: expected {expected:.3g}',
-    'outside-valid-amplitude': '{axis} swings by {reached:.1f} deg, but its model was found at {largest:.1f} deg '
-    'and less: its forecasts may be further off than they say; identify again after a release from a larger angle',
+    'numba-disabled': 'NUMBA_DISABLE_JIT is set, so fits take longer than they could; unset it',
+    'numba-fails': 'numba is installed but cannot be loaded ({error}), so fits take longer than they could; install '
+    'versions of numba and numpy that fit each other, or remove numba',
+    'out-of-order-stamps': '{rows} out of order left out: split the file if it holds two recordings, or a replay that '
+    'looped',
+    'outlier': '{name} {value:.3g} was rejected: expected {expected:.3g}',
+    'outside-valid-amplitude': '{axis} reaches {reached:.1f} deg, but its model was identified at {largest:.1f} deg '
+    'and less, so forecast errors may exceed their intervals; identify again after a release from a larger angle',
     'poor-simulation': 'free simulation explains little of the {label} runs ({channels}; r2): wind, waves, a wrong '
     'thrust or a reversed channel; look at the pictures',
+    'repeated-stamps': '{rows} with the stamp of the previous row left out: if most are, write the time with more '
+    'digits',
     'restoring-not-exported': '{axis}: gz-sim takes restoring from the Buoyancy plugin and the shape of the hull: '
-    'see that it gives {stiffness:.4g} N m/rad, for a natural period of {natural_period:.4g} s',
-    'restoring-not-exported: unstable': '{axis}: this hull is not stable at its trim; gz-sim takes restoring from '
-    'the shape of the hull, and only its damping is exported',
-    'scale-not-given': 'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass '
-    'or the thrust of one thruster at full command',
+    'check that it gives {stiffness:.4g} N m/rad, for a natural period of {natural_period:.4g} s',
+    'restoring-not-exported: unstable': '{axis}: this hull is not stable at its trim; gz-sim takes restoring from the '
+    'shape of the hull, and only its damping is exported',
+    'rounded-stamps': 'the stamps are rounded to {resolution:.4g} s, about {each} rows each: they were spread evenly, '
+    'one every {interval:.4g} s; write the time with more digits',
+    'saturation': 'the {axis} {name} is cut off at {level:.3g} {unit} in {swings}: the sensor saturates there; set a '
+    'wider range, or release from a smaller angle',
+    'scale-not-given': 'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass or '
+    'the thrust of one thruster at full command',
     'sensor-followed': '{name} jumped and stayed: the filter follows it; check the sensor',
-    'short-rows': '{number} rows end early, the first in line {line}: their missing cells are taken as missing '
+    'several-decays': '{number} free decays were found, and the one with the most motion is used, from {start:.1f} to '
+    '{end:.1f} s: give start and end to use another ({others})',
+    'short-rows': '{number} rows end early, the first in line {line}, and their missing cells are taken as missing '
     'values; check that the file was written to the end',
     'speed-derived': '{source}: no {missing}: derived from position and heading',
-    'spikes: run': '{source}: {number} values of {name} jump away for a moment and are left out: look at the sensor '
-    'if they are many',
-    'strange-inertia': 'the craft answers to thrust as if it weighed {apparent:.4g} kg, not {mass:.4g} kg: check '
+    'spikes': 'the {axis} {name} of the decay has {samples} far from the neighbours, which a fit takes for motion: '
+    'remove them, or look for lost or broken packets',
+    'spikes: run': '{source}: {number} values of {name} jump away for a moment and are left out: look at the sensor if '
+    'they are many',
+    'strange-inertia': 'the craft responds to thrust as if its mass were {apparent:.4g} kg, not {mass:.4g} kg: check '
     'the mass and the scale of the thrust',
-    'surge-inertia-assumed': 'thrust scale and added mass in surge cannot be told apart with commands: Xu_dot is '
+    'surge-inertia-assumed': 'thrust scale and added mass in surge cannot be separated with commands, so Xu_dot is '
     'taken as {added_mass:g} kg; give the thrust of one thruster at full command to identify it',
-    'surge-reversed': '{source}: the speed is negative under positive thrust and is reversed: check its sign, or '
-    'that of both thrusts',
-    'surge-reversed: by position': '{source}: surge is opposite to the change of position and is reversed: check '
-    'its sign',
+    'surge-reversed': '{source}: the speed is negative under positive thrust and is reversed: check its sign, or that '
+    'of both thrusts',
+    'surge-reversed: by position': '{source}: surge is opposite to the change of position and is reversed: check its '
+    'sign',
     'sway-reversed': '{source}: sway is opposite to the change of position and is reversed: check its sign',
-    'sway-scale-assumed': 'nothing drives a craft sideways, so that its masses and damping in sway are known to a '
-    'common factor only, which their standard deviations leave out: Yur is taken equal to Xu_dot, as in potential '
-    'flow; give Yv_dot or Yur where it is known',
-    'taken-as-commands': '{path}: the thrusters stay within -1 and 1 and are taken as normalised commands; if they '
-    'are N, say so',
+    'sway-scale-assumed': 'nothing drives the craft sideways, so its masses and damping in sway are known to a common '
+    'factor only, which their standard deviations do not include: Yur is taken equal to Xu_dot, as in potential flow; '
+    'give Yv_dot or Yur if known',
+    'taken-as-commands': '{path}: the thrusters stay within -1 and 1 and are taken as normalised commands; if they are '
+    'N, say so',
     'terms-dropped': '{target} cannot express {named}{instead}: see how far the tests differ',
-    'terms-dropped: decay': '{axis}: gz-sim cannot express {named}: of a decay from {angle:.3g} deg crest {crests} '
-    'of the model and as exported: {time}; {height}',
+    'terms-dropped: decay': '{axis}: gz-sim cannot express {named}: of a decay from {angle:.3g} deg crest {crests} of '
+    'the model and as exported: {time}; {height}',
     'tests-differ': '{test} of the model and as exported: {changes}',
     'text-in-numbers': "{number} cells that are not numbers taken as missing, the first '{cell}' in line {line}, "
     'column {column}: correct them if they matter',
     'thrust-gaps': '{source}: the thrust is missing for {lost:.0f} s, which are left out: if commands are published '
     'only while driving, say that a gap means zero',
-    'thrust-reversed': '{source}: the craft moves astern under positive thrust: both thrusts are reversed; check '
-    'their sign',
-    'thrusters-swapped': '{source}: more thrust to starboard turns to starboard in the frame stated ({frame}), so '
-    'port and starboard were exchanged; check the channels, or the frame',
+    'thrust-reversed': '{source}: the craft moves astern under positive thrust: both thrusts are reversed; check their '
+    'sign',
+    'thrusters-swapped': '{source}: more thrust to starboard turns to starboard in the stated frame ({frame}), so port '
+    'and starboard were exchanged; check the channels, or the frame',
     'time-disorder': '{source}: {number} rows with missing, repeated or backward time left out: check the recorder',
-    'twist-in-world-axes': '{path}: the twist of the odometry is in world axes and was turned into body axes: '
-    'publish it in child_frame_id, as nav_msgs/Odometry defines',
-    'uncertain': '{name} is uncertain by {std:.3g} beside a value of {value:.3g}: add {runs}',
+    'time-unit': '{name} counts 0, 1, 2, ..., by which the craft would take {period:.3g} s per cycle: if it numbers '
+    'the samples, call it time_samples and put a line "# sample_rate_hz: 100" above; if it counts milliseconds, call '
+    'it time_ms',
+    'too-few-cycles': 'the decay shows only {cycles:.1f} cycles, and two are needed to show how the damping depends on '
+    'the amplitude: release from a larger angle, fit several trials jointly, or choose an equation with linear damping',
+    'too-small': 'the decay starts with an amplitude of only {size:.2g} {unit}, where friction and the basin dominate '
+    'the damping: release from 3 deg or more',
+    'too-small: noise': 'the decay starts with an amplitude of {size:.2g} {unit}, only {ratio:.1f} times the noise of '
+    '{noise:.2g} {unit}: release from a larger angle, or use a quieter sensor',
+    'too-small: record': '{name} hardly moves ({reach} peak to peak): release the craft from 3 deg or more, and check '
+    'that this is the axis that moved',
+    'twist-in-world-axes': '{path}: the twist of the odometry is in world axes and was turned into body axes: publish '
+    'it in child_frame_id, as nav_msgs/Odometry defines',
+    'uncertain': '{name} {value:.3g} has a standard deviation of {std:.3g}: add {runs}',
+    'uneven-time-base': 'sample intervals range from {low:.4g} to {high:.4g} s about a median of {median:.4g} s: if '
+    'these are times of arrival, use the stamps of the sensor',
     'unit-missing': 'columns without a unit left out ({columns}): {unit_advice}',
     'unstable': 'the model is unstable at speeds it was identified at{where}: do not use it; add turns at several '
     'speeds',
-    'viscous-scale-effect': 'Froude scaling keeps wave damping, but not viscous damping: the Reynolds number '
-    'changes by a factor {factor:.3g}, so that the frictional part of {damping} will be {side} than scaled here; '
-    'correct it with a friction line (ITTC 7.5-02-07-04.5) or confirm it at the other scale',
+    'viscous-scale-effect': 'Froude scaling keeps wave damping but not viscous damping: the Reynolds number changes by '
+    'a factor {factor:.3g}, so the frictional part of {damping} will be {side} than scaled here; correct it with a '
+    'friction line (ITTC 7.5-02-07-04.5) or confirm it at the other scale',
     'yaw-rate-derived': '{source}: no yaw rate: it is derived from the heading',
-    'yaw-rate-reversed': '{source}: yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate '
-    'is reversed; give both in one frame',
+    'yaw-rate-reversed': '{source}: yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate is '
+    'reversed; give both in one frame',
 }
 
 #: What does it on the command line, by the code of an `Advice` or an `InputError`.
@@ -187,52 +246,52 @@ REASONS = {
     'absurd-covariance': 'covariances of more than half a turn, or 35 rad/s, were taken as unknown: let the driver '
     'give them in rad^2 and rad^2/s^2, or all zero where they are unknown',
     'absurd-value': 'values that no craft reaches were left out: check that rates are rad/s and accelerations m/s^2',
-    'bad-loading': 'a draft or displacement that is not a positive number came in, the one before it stays: check '
-    'what publishes it',
-    'bad-model': 'a model description could not be read, the model before it stays: publish what `identify` writes',
-    'bad-model-file': 'the model file cannot be used and is not written over: correct it or move it away, and start '
+    'bad-loading': 'a draft or displacement was not a positive number, and the previous one stays: check what '
+    'publishes it',
+    'bad-model': 'a model description could not be read, and the previous model stays: publish what `identify` writes',
+    'bad-model-file': 'the model file cannot be used and is not overwritten: correct it or move it away, and start '
     'again',
-    'bad-quaternion': 'invalid quaternions were left out, rates were used: if the sensor has no orientation, let '
-    'the driver set orientation_covariance[0] to -1',
+    'bad-quaternion': 'invalid quaternions were left out, rates were used: if the sensor has no orientation, let the '
+    'driver set orientation_covariance[0] to -1',
     'bad-window': 'a motion window could not be read: publish what imu_buffer publishes',
-    'clock-jumped-back': 'the clock was set back (a bag that looped?): the window and the state of motion were '
-    'restarted, hull and sea are kept',
-    'duplicate-stamp': 'samples with the stamp of one before were left out: if many, have the driver stamp its '
-    'messages',
+    'clock-jumped-back': 'the clock was set back (a bag that looped?): window and filter state were restarted, hull '
+    'and sea state are kept',
+    'duplicate-stamp': 'samples with a repeated stamp were left out: if many, have the driver stamp its messages',
     'frame-id-changed': 'the frame_id of the messages changed: two sensors may share the topic, or the driver was '
-    'reconfigured; give each sensor a topic of its own, and check whether the mounting is still right',
+    'reconfigured; give each sensor its own topic, and check whether the mounting is still right',
     'gap': 'samples are missing: check the load of the machine and of the network',
     'gap-too-long': 'the sensor was silent for long and came back: check its driver and cable',
-    'gate-restarted-pitch': 'the sensor contradicted the filter until the filter was restarted: identify again if '
-    'this repeats',
-    'gate-restarted-roll': 'the sensor contradicted the filter until the filter was restarted: identify again if '
-    'this repeats',
-    'identification-worker-died': 'the process that identifies died and was started again: look for a lack of memory',
-    'late-fit': 'a fit of the waves came later than 0.5 s after its samples, and was used only from then on: '
+    'gate-restarted-pitch': 'the sensor contradicted the filter until the filter was restarted: identify again if this '
+    'repeats',
+    'gate-restarted-roll': 'the sensor contradicted the filter until the filter was restarted: identify again if this '
+    'repeats',
+    'identification-worker-died': 'the process that identifies died and was restarted: look for a lack of memory',
+    'late-fit': 'a fit of the waves came later than 0.5 s after its samples and was used only from then on, so '
     'forecasts differ a little from those of play-through; check the load of the machine if that matters',
     'loading-advice': 'the draft is outside the range of its model: see the log, and add trials at this draft',
     'model-not-saved': 'the model file could not be written: check model_path, its folder and its permissions',
-    'near-vertical': 'samples with pitch beyond 80 deg were left out, where roll and yaw cannot be distinguished: '
-    'if there are more and more, the sensor stands on end: set mounting_deg to [0, 90, 0] or [0, -90, 0]',
+    'near-vertical': 'samples with pitch beyond 80 deg were left out, where roll and yaw cannot be distinguished: if '
+    'there are more and more, the sensor is mounted on end: set mounting_deg to [0, 90, 0] or [0, -90, 0]',
     'no-orientation': 'the sensor gives no orientation, rates alone are used',
-    'no-rates': 'the sensor gives no rates, forecasts are less certain, most of all in the first seconds: let the '
+    'no-rates': 'the sensor gives no rates, so forecasts are less certain, most of all in the first seconds: let the '
     'driver publish angular_velocity, if the sensor has it',
     'not-finite': 'NaN or infinite values were left out: check the driver',
     'nothing-usable': 'messages with nothing usable in them were left out: check the driver',
     'out-of-order': 'late samples were left out: check the transport, and look for a second publisher',
     'outlier-pitch': 'samples that contradict the forecast were rejected: look for shocks or magnetic disturbance',
     'outlier-roll': 'samples that contradict the forecast were rejected: look for shocks or magnetic disturbance',
-    'passed-over': 'samples had waited in a queue: the filters used them, forecasts were issued from newer ones '
+    'passed-over': 'samples had waited in a queue: the filters used them, but forecasts were issued from newer ones '
     'only; check the load of the machine',
-    'qos-mismatch': 'a publisher and a subscription have incompatible QoS and do not connect: compare both with '
-    '`ros2 topic info --verbose`',
+    'qos-mismatch': 'a publisher and a subscription have incompatible QoS and do not connect: compare both with `ros2 '
+    'topic info --verbose`',
     'rate-changed': 'the sample rate changed, and the new one is used: check the driver if this was not intended',
     'sensor-silent': 'the sensor stopped publishing: check its driver and cable',
     'several-publishers': 'more than one node publishes the IMU topic: stop one, or remap them apart',
     'stray-stamp': 'single samples with a stamp far away were left out: check what stamps them',
-    'unknown-covariance': 'the sensor does not report its noise, which is therefore measured',
-    'wave-worker-died': 'the process that fits the waves died and was started again: look for a lack of memory',
-    'waves-not-fitted': 'the waves could not be fitted, forecasts go on with the fit before, or with none: see the log',
+    'unknown-covariance': 'the sensor does not report its noise, which is therefore estimated',
+    'wave-worker-died': 'the process that fits the waves died and was restarted: look for a lack of memory',
+    'waves-not-fitted': 'the waves could not be fitted, and forecasts go on with the previous fit, or with none: see '
+    'the log',
 }
 
 #: What to do about a state that is reported in /diagnostics but not counted.

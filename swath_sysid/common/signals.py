@@ -11,11 +11,9 @@ SPIKE_THRESHOLD = 10.0  #: Standard deviations of the noise by which it does.
 
 
 def white_noise(values: np.ndarray) -> float:
-    """Standard deviation of the white noise on a smooth, evenly sampled signal, shape (N,), by its third differences.
+    """Standard deviation of the white noise on an even signal (N,) of 20 samples per period or more; 0 for N < 8.
 
-    The median absolute third difference over its value for unit noise: third differences of white noise
-    have sqrt(20) times its standard deviation. The motion itself hardly enters where it is sampled twenty times a
-    period or more. Zero for fewer than eight values.
+    Median absolute third difference over that of unit noise: third differences have sqrt(20) times its deviation.
     """
     if values.size < 8:
         return 0.0
@@ -23,11 +21,7 @@ def white_noise(values: np.ndarray) -> float:
 
 
 def noise_level(values: np.ndarray) -> float:
-    """`white_noise` of values that may have been repeated to fill a faster grid.
-
-    Repeated values are counted once, and the noise is made larger so that averaging over the grid leaves what
-    averaging over the measured values would.
-    """
+    """`white_noise` of values that may have been repeated to fill a faster grid, enlarged by the repetition."""
     if values.size < 8:
         return 0.0
     new = values[np.concatenate([[True], np.diff(values) != 0.0])]
@@ -44,11 +38,10 @@ def quantum(values: np.ndarray) -> float:
 
 
 def spikes(values: np.ndarray) -> np.ndarray:
-    """Mask of the samples, alone or in pairs, of an even signal, shape (N,), that lie far outside their neighbourhood.
+    """Mask of the samples, alone or in pairs, of an even signal (N,) that are far outside their neighbourhood.
 
-    A sample is a spike where it differs from the median of the five around it by more than
-    `SPIKE_THRESHOLD` standard deviations of the noise, and by more than twice the range of the
-    three nearest to that median: the top of a sparsely sampled swing is none.
+    They differ from the median of five by more than `SPIKE_THRESHOLD` noise deviations and by more than twice the range
+    of the three nearest to it, which the crest of a sparsely sampled oscillation does not.
     """
     if values.size < SPIKE_NEIGHBOURS:
         return np.zeros(values.size, dtype=bool)
@@ -71,11 +64,7 @@ def without_spikes(values: np.ndarray) -> np.ndarray:
 
 
 def prominent_maxima(values: np.ndarray, least: float) -> np.ndarray:
-    """Maxima that stand out: `scipy.signal.find_peaks` of a prominence, without the 35 MB that loading it takes.
-
-    Their indices, increasing, of finite values, shape (N,); of a plateau, its middle. A maximum stands out by its
-    height above the higher of the two lowest values between it and the next higher one on either side.
-    """
+    """Indices of the maxima of finite values (N,) with this prominence; `scipy.signal.find_peaks` loads 35 MB."""
     begins = np.flatnonzero(np.diff(values, prepend=np.nan))
     ends = np.append(begins, values.size)[1:] - 1
     level = values[begins]
@@ -101,16 +90,7 @@ def _lowest_since_higher(heights: Sequence[float], valleys: Sequence[float]) -> 
 
 
 def bin_means(bins: np.ndarray, *columns: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Mean of each column over the samples of each bin that holds any.
-
-    Args:
-        bins: ndarray of int, shape (N,); number of the bin of each sample, from zero.
-        *columns: (N,); values of the samples.
-
-    Returns:
-        held: ndarray of int, shape (B,); the bins that hold any sample, increasing.
-        *means: (B,); of each column.
-    """
+    """Numbers (B,) of the bins that hold any sample, increasing, and the mean of each column (N,) over them."""
     count = np.bincount(bins)
     held = np.flatnonzero(count)
     return held, *(np.bincount(bins, column)[held] / count[held] for column in columns)

@@ -1,4 +1,4 @@
-"""What searches with ask and tell share, and the named reasons for which they stop."""
+"""The common part of searches with ask and tell, and the named reasons for which they stop."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -16,35 +16,19 @@ class SearchBudget(Protocol):
     """The settings of a search that end it, and the size of its population; see `GeneticSettings`."""
 
     @property
-    def generations(self) -> int:
-        """Most of them."""
-
+    def generations(self) -> int: ...
     @property
-    def population(self) -> int:
-        """Candidates in each."""
-
+    def population(self) -> int: ...
     @property
-    def patience(self) -> int:
-        """Generations without improvement."""
-
+    def patience(self) -> int: ...
     @property
-    def tolerance(self) -> float:
-        """Relative improvement."""
-
+    def tolerance(self) -> float: ...
     @property
-    def spread_tolerance(self) -> float:
-        """Share of the search range."""
+    def spread_tolerance(self) -> float: ...
 
 
 class AskAndTell:
-    """A search within bounds that never calls the objective.
-
-    Args:
-        lower, upper: array_like, shape (n,); bounds.
-        budget: What ends it.
-        seed: Of its random numbers.
-        first: array_like, shape (k, n); candidates to include in the first generation.
-    """
+    """A search within bounds (n,) that never calls the objective; ``first`` (k, n) joins the first generation."""
 
     def __init__(self, lower: ArrayLike, upper: ArrayLike, budget: SearchBudget, seed: int, first: ArrayLike) -> None:
         self._lower, self._upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
@@ -74,12 +58,7 @@ class AskAndTell:
             self._waited += 1
 
     def _stop_reason(self, candidates: np.ndarray) -> str | None:
-        """Name of the rule that ends the search now, or None.
-
-        ``generations``: the budget is spent. ``stagnation``: the best value has not improved for ``patience``
-        generations (0: never). ``convergence``: the candidates have drawn together to ``spread_tolerance`` of the
-        search range in every variable.
-        """
+        """The rule that ends the search now, or None: budget, ``patience`` without improvement, or convergence."""
         if not self.generation:
             return None
         if self.generation >= self._budget.generations:

@@ -1,7 +1,6 @@
-"""A child process that runs one function after the other for its parent, spawned once, warm, and never left behind.
+"""A child process that runs one function after the other for its parent, and ends with it.
 
-A plain child with one socket, rather than multiprocessing's spawn: that would import the parent's main module, and
-rclpy with it, into the child, and start a resource tracker.
+A plain child with one socket: multiprocessing's spawn would import the parent's main module, and rclpy with it.
 """
 
 import os
@@ -19,8 +18,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
 
 NICENESS = 10  #: The child yields to the processes that forecast.
-CANCEL_PATIENCE = 0.3  #: s; a child that has not given up by then is killed and started again.
-
+CANCEL_PATIENCE = 0.3  #: s; a child that has not given up by then is killed and restarted.
 POLL_PERIOD = 0.02
 
 Work = tuple[Callable, tuple, bool]
@@ -33,10 +31,9 @@ class WorkerError(RuntimeError):
 
 
 class WorkerProcess:
-    """The process, as its parent uses it: from one thread at a time.
+    """The process, as its parent uses it, from one thread at a time; all functions must be importable in it.
 
-    The warm-up is run in it when it starts, and must be importable there, as all functions given; the clock gives
-    seconds that only go forward, for `CANCEL_PATIENCE`. A process that is resting starts with the first work, not now.
+    The clock gives monotonic seconds. A process that is resting starts with the first work.
     """
 
     def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float], is_resting: bool = False) -> None:
@@ -51,10 +48,7 @@ class WorkerProcess:
         return self._process.pid
 
     def died_idle(self) -> bool:
-        """Whether it was ready and has died since, which is reported once.
-
-        One that never got ready is started again with the next work only, not for ever.
-        """
+        """Whether it was ready and has died since, reported once."""
         if self._is_resting:
             return False
         try:
@@ -69,20 +63,9 @@ class WorkerProcess:
     def run(
         self, work: Work, is_cancelled: Callable[[], bool], on_progress: Callable[[float], None] | None = None
     ) -> Any:
-        """Have a function run, and wait for its end.
+        """The result of a function that the process runs, or what it raised; EOFError or OSError if the process died.
 
-        Args:
-            work: Function, arguments, and whether it takes ``progress=`` and ``should_cancel=``.
-            is_cancelled: Asked often.
-            on_progress: Called with 0 to 1.
-
-        Returns:
-            What the function returned.
-
-        Raises:
-            InputError, Cancelled, WorkerError: What the function ended in; `Cancelled` within half a second of
-                ``is_cancelled()``.
-            EOFError, OSError: The process has died.
+        `Cancelled` comes within half a second of ``is_cancelled()``; ``on_progress`` is called with 0 to 1.
         """
         sent, asked_at = False, None
         if self._is_resting:
@@ -112,7 +95,7 @@ class WorkerProcess:
                     raise Cancelled
 
     def restart(self) -> str:
-        """Start another process in place of this one; how this one had ended, in words."""
+        """Start another process in place of this one: how this one ended, in words."""
         code = None
         if not self._is_resting:
             code = self._process.poll()
@@ -167,7 +150,7 @@ class WorkerProcess:
 
 
 def _result(kind: str, content: Any) -> Any:
-    """What a function returned; else what it ended in is raised."""
+    """What a function returned or, raised, what it ended in."""
     if kind == DONE:
         return content
     if kind == REFUSED:
@@ -178,7 +161,7 @@ def _result(kind: str, content: Any) -> Any:
 
 
 def serve(connection: Connection) -> None:
-    """What the process does: one function after the other, until the parent is gone."""
+    """Run one function after the other until the parent is gone."""
     while True:
         try:
             work = connection.recv()
@@ -198,7 +181,7 @@ def _carried_out(connection: Connection, function: Callable, arguments: tuple, r
             connection.send((PROGRESS, float(share)))
 
     def should_cancel() -> bool:
-        # a message amid work can only say: stop
+        # a message during work can only mean: stop
         if connection.poll():
             connection.recv()
             return True

@@ -15,15 +15,9 @@ KINDS = {stat.S_ISCHR: 'a device', stat.S_ISBLK: 'a device', stat.S_ISFIFO: 'a p
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A temporary name to write a file or a folder under, which takes the final name at the end.
+    """A temporary name to write a file or folder under, which takes its final name at the end.
 
-    The temporary file lies in a hidden folder beside the final place, under its final name.
-    If the block raises, nothing is left behind and what was at `path` before stays. A symbolic link
-    stays one: what it points at is replaced.
-
-    Raises:
-        InputError: The folder does not exist or cannot be written to, the disk is full, or a folder stands at `path`
-            already (folders are never replaced).
+    If the block raises, what was at `path` stays. A symbolic link stays one: its target is replaced.
     """
     try:
         path = Path(os.path.realpath(refuse_no_file(path)))
@@ -50,7 +44,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def refuse_no_file(path: str | Path, option: str = '') -> str | Path:
-    """The path, unless it names no file, or there is a folder, a device or a pipe: then `InputError`."""
+    """The path, unless it names no file, a folder, a device or a pipe."""
     shown = f'{option} {path}'.strip()
     if os.path.isdir(path):
         raise InputError(f'{shown} is a folder that exists already: choose another name, or remove it first')

@@ -21,8 +21,7 @@ class ReplaySettings:
     loop: bool = False  #: Begin again at the end.
     clock: bool = False  #: Publish /clock too.
     wait: float = 15.0  #: s; the longest wait for subscriptions before the start.
-    #: Subscriptions to the IMU to wait for, or to any topic in a bag without one; 0: those that are found.
-    listeners: int = 0
+    listeners: int = 0  #: Subscriptions (to the IMU, if the bag has one) to wait for; 0: those that are found.
     in_step: bool = False  #: Stay near the stamp of the newest ``forecast/next``.
 
     def __post_init__(self) -> None:
@@ -75,11 +74,7 @@ def merged_messages(readers: Sequence[Any], topics: Collection[str]) -> Iterator
 
 @dataclass(frozen=True)
 class Timeline:
-    """Bag time against the clock on the wall.
-
-    The first message, of a bag time in ns, is published at a wall time, s; from there on it runs at so many times real
-    time.
-    """
+    """Bag time, ns, against wall time, s: ``first_ns`` is published at ``begun``, the rest at that rate."""
 
     begun: float
     first_ns: int

@@ -3,7 +3,7 @@
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,7 +39,6 @@ METADATA_FILE = 'metadata.yaml'
 #: First bytes of a storage file, and the ending it should have.
 MAGIC = {MCAP_MAGIC: '.mcap', b'SQLite format 3\0': '.db3'}
 
-#: As numbers, so many readings stay in the processor's cache until they are taken.
 MESSAGES_AT_ONCE, READINGS_AT_ONCE = 50_000, 500
 
 
@@ -47,15 +46,12 @@ MESSAGES_AT_ONCE, READINGS_AT_ONCE = 50_000, 500
 class ImuRecord:
     """The messages of one IMU."""
 
-    stamps: np.ndarray  #: ndarray of int64, shape (N,); header.stamp, ns.
-    #: (N, 37); The numbers of each message in the order of the message definition, as `ORIENTATION` and its like place
-    #: them; a covariance that begins with -1 says that there is no such measurement.
-    values: np.ndarray
-    #: ndarray of int64, shape (N,); When the recorder got them, ns; they are in this order.
-    received: np.ndarray | None = None
-    topic: str = ''  #: Empty where the record is not a bag.
-    frame_id: str = ''  #: Empty where the record is not a bag.
-    in_craft_axes: bool = False  #: Whether frame and mounting of the sensor were taken into account already.
+    stamps: np.ndarray  #: (N,), int64; header.stamp, ns.
+    values: np.ndarray  #: (N, 37), in message order; a covariance that begins with -1: not measured.
+    received: np.ndarray | None = None  #: (N,), int64, increasing; when they were recorded, ns.
+    topic: str = ''
+    frame_id: str = ''
+    in_craft_axes: bool = False  #: Whether frame and mounting are applied already.
     advice: tuple[Advice, ...] = ()
 
     def __len__(self) -> int:
@@ -84,11 +80,9 @@ def read_bag(
     frame: str | None = None,
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Trial:
-    """Read a trial from an IMU topic of a rosbag2 bag.
+    """Read a trial from an IMU topic of a rosbag2 bag; parameters and errors are those of `read_trial`.
 
-    Time is that of the header stamps, from the first message. Angles come from the orientation
-    (none if its covariance begins with -1), Euler rates from it and the angular velocity. Parameters and errors are
-    those of `swath_sysid.formats.reading.read_trial`.
+    Time is that of the header stamps, from the first message.
     """
     installation = Installation(frame or 'flu', mounting)
     record = read_imu(path, topic)
@@ -112,17 +106,9 @@ def read_bag(
 
 
 def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
-    """Read the messages of an IMU topic of a rosbag2 bag, as they are.
+    """Read the messages of an IMU topic; the topic is needed only where a bag holds several.
 
-    The whole part of a truncated bag is read, and advice says so.
-
-    Args:
-        path: A bag folder, or a single .mcap or .db3 file.
-        topic: Needed only if the bag holds several of type sensor_msgs/msg/Imu.
-
-    Raises:
-        InputError: There is no such bag or topic, the choice of the topic is open, or the bag is damaged beyond
-            reading.
+    The intact part of a truncated bag is read, with advice.
     """
     path = Path(path)
     with opened_bag(path) as (readers, advice):
@@ -156,16 +142,9 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
 def write_imu_bag(
     path: str | Path, trial: Trial, *, start_stamp_ns: int = 0, topic: str = '/imu/data', frame_id: str = 'imu_link'
 ) -> None:
-    """Write a trial, in the axes of the craft, as an IMU would have sent it, the first sample with the stamp given.
+    """Write a trial in the craft's axes as an IMU would have sent it, the first sample with the stamp given.
 
-    Body rates and orientation are those of the trial's angles and Euler rates, the orientation
-    without yaw; an angle or rate that the trial does not hold is taken as zero, unless it holds none
-    of roll and pitch. An Imu message has no place for heave.
-
-    The path is ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
-
-    Raises:
-        InputError: Something stands at `path` that may not be replaced, or it cannot be written.
+    ``NAME.mcap`` or ``NAME.db3`` is a single file, any other path a bag folder. An Imu message has no place for heave.
     """
     stamps = int(start_stamp_ns) + np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
     sender = ImuMessage(frame_id)
@@ -175,10 +154,9 @@ def write_imu_bag(
 
 
 def imu_values(trial: Trial) -> np.ndarray:
-    """The numbers of the messages, shape (N, 37), that an IMU in the craft's axes would have sent, without yaw.
+    """The numbers, shape (N, 37), that an IMU in the craft's axes would have sent, without yaw.
 
-    An angle or rate that the trial does not hold is zero, unless it holds none of them: then the
-    covariance says that it is not measured.
+    A missing angle or rate is zero; where a whole group is missing, its covariance says that it was not measured.
     """
     count = trial.time.size
     values = np.zeros((count, IMU_VALUES))
@@ -204,11 +182,7 @@ def imu_values(trial: Trial) -> np.ndarray:
 
 
 class _ImuDecoder:
-    """Turns serialised Imu messages into arrays, many at once.
-
-    Messages of one length and frame_id have their numbers in the same places (CDR, as ROS 2
-    sends it), so that a block of them is an array already.
-    """
+    """Turns serialised Imu messages into arrays: messages of one length and frame_id have one CDR layout."""
 
     def __init__(self) -> None:
         self.frame_ids: dict[str, None] = {}
@@ -272,14 +246,7 @@ def _imu_layout(encoding: bytes, name_length: bytes, size: int) -> np.dtype | No
 
 @contextmanager
 def opened_bag(path: str | Path) -> Iterator[tuple[list[Any], list[Advice]]]:
-    """The open readers of everything in a bag, in the order of recording, and advice about its state.
-
-    The path is a bag folder, or a single .mcap or .db3 file; of one that was cut off, what is whole can be read.
-    Readers have ``connections`` and ``messages(connections)``, as those of rosbags.
-
-    Raises:
-        InputError: There is no such bag, or it is damaged beyond reading.
-    """
+    """The open rosbags readers of a bag folder or storage file, in recording order, and advice about damage."""
     with ExitStack() as stack:
         found = existing(path)
         yield (_open_folder if found.is_dir() else _open_storage)(found, stack)
@@ -319,10 +286,9 @@ def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]
         raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
     open_storage = Reader.STORAGE_PLUGINS[kind]
     try:
-        storage = _opened(open_storage(path))
         if kind == '.mcap' and (damage := damage_of(path)):
             raise InputError(damage)
-        return [stack.enter_context(storage)], []
+        return [_opened(open_storage(path), stack)], []
     except Exception as error:  # as above
         if kind != '.mcap':
             raise InputError(
@@ -333,18 +299,14 @@ def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]
     try:
         mended = Path(stack.enter_context(tempfile.TemporaryDirectory())) / path.name
         copy_whole_records(path, mended)
-        return [stack.enter_context(_opened(open_storage(mended)))], advice
+        return [_opened(open_storage(mended), stack)], advice
     except Exception as error:  # as above
         raise InputError(f'{path} is damaged beyond reading ({_reason(path, error)}): record it again') from error
 
 
-@contextmanager
-def _opened(storage: Any) -> Iterator[Any]:
+def _opened(storage: Any, stack: ExitStack) -> Any:
     storage.open()
-    try:
-        yield storage
-    finally:
-        storage.close()
+    return stack.enter_context(closing(storage))
 
 
 def _storage_files(folder: Path) -> list[Path]:

@@ -42,7 +42,7 @@ ACCELERATION_UNITS = {'m_s2': 1.0, 'g': STANDARD_GRAVITY}
 
 TIME_NAMES = ('time', 't', 'stamp', 'timestamp', 'header_stamp')
 DATE_NAMES = (*TIME_NAMES, 'date', 'datetime', 'date_time', 'utc', 'time_utc', 'utc_time')  #: Of dates, without a unit.
-#: Names a column may have before its unit, the reading it holds, and its units with their size in SI.
+#: Names before the unit, reading, and units with their size in SI.
 QUANTITIES = (
     (('roll', 'roll_angle'), 'roll', ANGLE_UNITS),
     (('pitch', 'pitch_angle'), 'pitch', ANGLE_UNITS),
@@ -65,13 +65,13 @@ TIMES = ('time', 'time_sec', 'time_nanosec')
 #: rad, with some rounding: beyond these there is no roll or pitch.
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}
 
-#: So many values beyond all limits, or this part of them, may be broken packets.
+#: Values beyond all limits, or their share, that may be broken packets.
 BROKEN_PACKETS, BROKEN_SHARE = 3, 0.002
 
 MIN_SWING_RAD, LARGEST_SWING_RAD = 0.03, 0.7  #: Half the range of angles in rad of a craft that moves by 2 to 40 deg.
 MIN_SAMPLES_A_CYCLE = 8  #: Noise of a sensor at rest turns faster.
 
-#: Two columns of one quantity may differ by this part of its size, or by as much in SI units: rounding.
+#: Difference of two columns of one quantity, as share or in SI units, that is rounding.
 SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3
 
 #: Readings without any of which there is no roll or pitch.
@@ -79,28 +79,8 @@ MOTION = frozenset(('roll', 'pitch', 'roll_rate', 'pitch_rate', 'gyro_x', 'gyro_
 
 UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
 
-LOOKED_FOR = (
-    'roll_rad',
-    'pitch_rad',
-    'roll_deg',
-    'pitch_deg',
-    'roll_rate_rad_s',
-    'pitch_rate_rad_s',
-    'gyro_x_rad_s',
-    'gyro_y_rad_s (or _deg_s)',
-)
-
-WRITTEN_UNITS = {
-    'roll': 'rad',
-    'pitch': 'rad',
-    'roll_rate': 'rad_s',
-    'pitch_rate': 'rad_s',
-    'accel_x': 'm_s2',
-    'accel_y': 'm_s2',
-    'accel_z': 'm_s2',
-    'yaw_rate': 'rad_s',
-    'heave': 'm',
-}
+LOOKED_FOR = 'roll_rad, pitch_rad, roll_rate_rad_s, pitch_rate_rad_s, gyro_x_rad_s, gyro_y_rad_s (or deg for rad)'
+WRITTEN_UNITS = {reading: next(iter(units)) for _, reading, units in QUANTITIES}
 
 
 def read_csv(
@@ -164,11 +144,7 @@ def read_csv(
 
 
 def write_csv(path: str | Path, trial: Trial) -> None:
-    """Write every channel of a trial as a CSV file, whole or not at all, that `read_csv` reads back exactly.
-
-    Raises:
-        InputError: The file cannot be written.
-    """
+    """Write every channel of a trial as a CSV file, whole or not at all, that `read_csv` reads back exactly."""
     remarks = {'frame': 'flu', 'draft_m': trial.draft, 'initial_angle_rad': trial.initial_angle}
     channels = {f'{name}_{WRITTEN_UNITS[name]}': values for name, values in trial.channels.items()}
     write_table(path, remarks, {'time_s': trial.time, **channels})
@@ -204,19 +180,14 @@ def _find_columns(path: str | Path, head: TableHead) -> tuple[list[Column], list
         if unitless:
             raise InputError(f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}")
         raise InputError(
-            f'{path} has no roll or pitch motion: looked for {", ".join(LOOKED_FOR)}, '
+            f'{path} has no roll or pitch motion: looked for {LOOKED_FOR}, '
             f'found {listed_names(names)}; name the columns so'
         )
-    _refuse_doubled(path, [column.name for column in columns])
-    return columns, unitless
-
-
-def _refuse_doubled(path: str | Path, names: Sequence[str]) -> None:
-    """Refuse a table in which a column that is read stands twice."""
-    plain = [plain_name(name) for name in names]
-    twice = next((name for place, name in enumerate(names) if plain[place] in plain[:place]), None)
+    read = [plain[column.index] for column in columns]
+    twice = next((column.name for place, column in enumerate(columns) if read[place] in read[:place]), None)
     if twice is not None:
         raise InputError(f"{path} has two columns '{shown(twice)}': leave one out, or rename it")
+    return columns, unitless
 
 
 def _agreeing(path: str | Path, columns: Sequence[Column], values: Iterable[np.ndarray]) -> dict[str, np.ndarray]:
@@ -287,26 +258,19 @@ def _small_angle_advice(columns: Sequence[Column], values: Iterable[np.ndarray])
     samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name], 1)
     if samples_a_cycle is None or samples_a_cycle < MIN_SAMPLES_A_CYCLE:
         return ()
-    return (
-        Advice.of(
-            'hardly-moves',
-            name=shown(name),
-            swing=swings[name],
-            other=shown(re.sub('deg', 'rad', name, flags=re.IGNORECASE)),
-        ),
-    )
+    other = re.sub('deg', 'rad', name, flags=re.IGNORECASE)
+    return (Advice.of('hardly-moves', name=shown(name), swing=swings[name], other=shown(other)),)
 
 
 def _sample_rate(path: str | Path, remarks: dict[str, str]) -> float:
     rate = remark_number(path, remarks, 'sample_rate_hz')
-    if rate is not None and not 0.0 < rate < math.inf:
-        raise InputError(
-            f"{path} says 'sample_rate_hz: {shown(remarks['sample_rate_hz'])}', which must be greater than zero"
-        )
     if rate is None:
         raise InputError(
-            f'{path} numbers its samples and does not say how many come a second: put a line '
-            f"'# sample_rate_hz: 100' above the columns"
+            f"{path} numbers its samples but states no rate: put a line '# sample_rate_hz: 100' above the columns"
+        )
+    if not 0.0 < rate < math.inf:
+        raise InputError(
+            f"{path} says 'sample_rate_hz: {shown(remarks['sample_rate_hz'])}', which must be greater than zero"
         )
     return rate
 

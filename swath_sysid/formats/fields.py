@@ -1,8 +1,4 @@
-"""Descriptions of what a file may hold: each checks a plain value and names the field that is wrong.
-
-A description is a function of a value and of where it stands; it returns the value that is used from then on, or
-raises `InputError`.
-"""
+"""Checks of plain values from files: functions of a value and its place that return what to use, or raise an error."""
 
 import difflib
 import math
@@ -18,12 +14,12 @@ from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.untrusted_yaml import dumped, plain_content, shown, text_of
 
 Built = TypeVar('Built')
-Check = Callable[[Any, str], Any]  #: Of a value and where it stands, as errors say it.
+Check = Callable[[Any, str], Any]  #: Of a value and its place in the file.
 
 LONGEST_TEXT = 200
-LONGEST_WORD = 40  #: Characters by which a name is compared with those that there are.
-PSD_ROUNDING = 1e-6  #: Least eigenvalue of a correlation matrix below zero that is rounding, not a mistake.
-STD_ROUNDING = 1e-6  #: Relative difference of a standard deviation from the root of its variance that is rounding.
+LONGEST_WORD = 40  #: Characters of a name that are compared with the known ones.
+PSD_ROUNDING = 1e-6  #: Negative eigenvalue of a correlation matrix that is rounding.
+STD_ROUNDING = 1e-6  #: Relative difference of a standard deviation and its variance that is rounding.
 
 
 def within(where: str, name: str) -> str:
@@ -155,10 +151,7 @@ def record(required: Mapping[str, Check], optional: Mapping[str, Check] | None =
 
 
 def table_of(names: Collection[str], kind: str, description: Check | dict[str, Check]) -> Check:
-    """Some of the names of a kind, with one description for all or one a name; a dict in the order given.
-
-    The kind is what errors call a name.
-    """
+    """Some of the names of a kind, with one check for all or one per name; a dict in the order given."""
 
     def check(value: Any, where: str) -> Any:
         if not isinstance(value, dict):
@@ -209,21 +202,16 @@ def metrics(value: Any, where: str) -> dict:
 class ModelFormat:
     """A format of model files: YAML that says its format, version and frame, and is checked on reading and writing."""
 
-    format: str  #: What the fields of these names hold.
-    frame: str  #: What the fields of these names hold.
-    remedy: str  #: What to do about a file that is none, or of another version.
+    format: str
+    frame: str
+    remedy: str  #: What to do about a file of another kind or version.
     required: dict  #: The other fields, by name; see `record`.
-    optional: dict  #: The other fields, by name; see `record`.
+    optional: dict
     version: int = 1
     kind: str = 'model file'  #: What errors call such a file.
 
     def content(self, text: str, source: str) -> dict:
-        """The checked fields of a text, by name.
-
-        Raises:
-            InputError: Not of this format and version, or with unknown, missing or wrong fields; the sentence names the
-                field.
-        """
+        """The checked fields of a text, by name."""
         content = plain_content(text, source)
         if not isinstance(content, dict) or content.get('format') != self.format:
             raise InputError(f"{source} is not a {self.kind}: its field 'format' is not '{self.format}'; {self.remedy}")
@@ -260,9 +248,9 @@ def built(build: Callable[[], Built], where: str) -> Built:
 
 
 def covariance(rows: object, names: Sequence[str], where: str) -> np.ndarray:
-    """The covariance of named quantities, shape (n, n), as the file has it: finite, symmetric, positive semidefinite.
+    """The covariance of named quantities, shape (n, n): symmetric and positive semidefinite.
 
-    A quantity whose variance is not known has nothing but null in its row and column, and NaN in the result.
+    Null fills the row and column of a quantity that is not known; it becomes NaN.
     """
     size = len(names)
     if not isinstance(rows, list) or [len(row) if isinstance(row, list) else -1 for row in rows] != [size] * size:

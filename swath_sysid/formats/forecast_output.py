@@ -50,32 +50,17 @@ _NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [UNKNOWN_RATE_VARIANCE] 
 
 def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Sequence[float] = ()) -> list[str]:
     """Every topic that is published, for leads, s, named points, and frames at leads as `ForecastMessages` has them."""
-    of_points = [
-        topic
-        for point in points
-        for topic in (
-            point_horizon_topic(point),
-            *(point_lead_topic(point, lead) for lead in leads),
-            *(point_acceleration_topic(point, lead) for lead in leads),
-        )
-    ]
-    return [
-        NEXT_TOPIC,
-        *(lead_topic(lead) for lead in leads),
-        HORIZON_TOPIC,
-        QUIESCENCE_TOPIC,
-        CALM_TOPIC,
-        SEA_TOPIC,
-        *of_points,
-        *([FRAMES_TOPIC] if frames_at else []),
-    ]
+    topics = [NEXT_TOPIC, *map(lead_topic, leads), HORIZON_TOPIC, QUIESCENCE_TOPIC, CALM_TOPIC, SEA_TOPIC]
+    for point in points:
+        topics.append(point_horizon_topic(point))
+        topics += [topic_at(point, lead) for topic_at in (point_lead_topic, point_acceleration_topic) for lead in leads]
+    return [*topics, FRAMES_TOPIC] if frames_at else topics
 
 
 class ForecastMessages:
-    """The messages of one predictor.
+    """The messages of one predictor, in the craft's frame and in ``FRAME_level``, which follows its mean motion.
 
-    The frame is that of the craft; the level frame that moves with its mean is ``FRAME_level``. The frames predicted at
-    some leads, s, go to ``/tf``, beside ``FRAME_now``.
+    The frames predicted at the leads ``frames_at``, s, go to ``/tf``, beside ``FRAME_now``.
     """
 
     def __init__(self, frame_id: str, frames_at: Sequence[float] = ()) -> None:
@@ -101,15 +86,8 @@ class ForecastMessages:
         if step.sea is not None:
             yield SEA_TOPIC, text_message(sea_as_yaml(step.sea, step.stamp_ns))
         if self._frames_at and step.forecast is not None and step.next is not None:
-            yield (
-                FRAMES_TOPIC,
-                serialised(
-                    make(
-                        TYPES[FRAMES_TOPIC],
-                        list(self._transforms(step.forecast, step.next, step.heading[0], step.stamp_ns)),
-                    )
-                ),
-            )
+            frames = list(self._transforms(step.forecast, step.next, step.heading[0], step.stamp_ns))
+            yield FRAMES_TOPIC, serialised(make(TYPES[FRAMES_TOPIC], frames))
 
     def _transforms(self, forecast: Forecast, now: AttitudeForecast, yaw: float, stamp_ns: int) -> Iterator[Any]:
         """From the level frame to the craft now and at the leads, all at the time of issue; the heading is left out."""
@@ -139,33 +117,15 @@ class ForecastMessages:
 
     def _at_points(self, step: PipelineStep) -> Iterator[tuple[str, bytes]]:
         for point in step.points():
-            yield (
-                point_lead_topic(point.name, point.lead),
-                self._filled(
-                    _odometry,
-                    point.name,
-                    point.stamp_ns,
-                    (
-                        *point.position,
-                        *point.orientation,
-                        *point.pose_covariance.ravel().tolist(),
-                        *point.linear,
-                        *point.angular,
-                        *point.twist_covariance.ravel().tolist(),
-                    ),
-                ),
-            )
+            pose = *point.position, *point.orientation, *point.pose_covariance.ravel().tolist()
+            twist = *point.linear, *point.angular, *point.twist_covariance.ravel().tolist()
+            odometry = self._filled(_odometry, point.name, point.stamp_ns, (*pose, *twist))
+            yield point_lead_topic(point.name, point.lead), odometry
             covariance = _NOTHING_KNOWN.copy()
             covariance[2, 2] = point.acceleration_variance
-            yield (
-                point_acceleration_topic(point.name, point.lead),
-                self._filled(
-                    _acceleration,
-                    point.name,
-                    point.stamp_ns,
-                    (0.0, 0.0, point.acceleration, *covariance.ravel().tolist()),
-                ),
-            )
+            numbers = 0.0, 0.0, point.acceleration, *covariance.ravel().tolist()
+            acceleration = self._filled(_acceleration, point.name, point.stamp_ns, numbers)
+            yield point_acceleration_topic(point.name, point.lead), acceleration
         horizon = step.horizon
         if horizon is None:
             return
@@ -175,12 +135,10 @@ class ForecastMessages:
             values = np.stack([motion.mean, deviation], axis=2).ravel()
             yield point_horizon_topic(name), self._filled(_point_horizon, leads_ns, step.stamp_ns, values)
         if step.quiescence is not None:
-            calm = horizon.calm
-            points = (
-                []
-                if calm is None
-                else [trajectory_point(round(time * SECOND_NS), [calm.probability]) for time in (calm.begin, calm.end)]
-            )
+            points = []
+            if (calm := horizon.calm) is not None:
+                times = calm.begin, calm.end
+                points = [trajectory_point(round(time * SECOND_NS), [calm.probability]) for time in times]
             yield CALM_TOPIC, serialised(make(TRAJECTORY, header(step.stamp_ns, self._level), ['probability'], points))
 
     def _filled(self, message_of: Callable, key: Any, stamp_ns: int, values: Any) -> bytes:

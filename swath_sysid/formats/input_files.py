@@ -9,11 +9,7 @@ from swath_sysid.common.errors import InputError
 
 
 def existing(path: str | Path, named: str = '') -> Path:
-    """The path of a file or folder that is there; the error may name it otherwise.
-
-    Raises:
-        InputError: It is not there.
-    """
+    """The path of a file or folder that is there; the error may name it otherwise."""
     # not Path.exists, which raises an error for a name that is too long
     if not os.path.exists(path):
         raise InputError(f'file not found: {named or path}')

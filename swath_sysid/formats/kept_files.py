@@ -15,14 +15,7 @@ def kept_files(path: Path) -> list[Path]:
 
 
 def keep_copy(path: Path) -> Path:
-    """Copy a file to ``NAME.1``; those before move up by one, the tenth goes.
-
-    Whenever this is interrupted, all that was there is there, under some number.
-
-    Raises:
-        InputError: See `replacing`.
-        OSError: Those before cannot be moved.
-    """
+    """Copy a file to ``NAME.1``; earlier copies move up by one, the tenth goes. An interruption loses nothing."""
     newest = _make_room(path)
     with replacing(newest) as temporary:
         shutil.copy2(path, temporary)

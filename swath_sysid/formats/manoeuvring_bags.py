@@ -26,6 +26,7 @@ from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.topics import IMU, ODOMETRY
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.window import LARGEST_COMMAND
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState
 
 Table = dict[str, np.ndarray]
@@ -38,11 +39,10 @@ THRUSTER = re.compile('thrust|thruster|motor|cmd|command|prop|drive', re.I)
 
 MOTION = ('x', 'y', 'heading', 'surge', 'sway', 'yaw_rate')
 
-LARGEST_COMMAND = 1.0 + 1e-6
-CLOCKS_APART = 1.0  #: s by which header stamps and times of arrival may wander against each other.
-SAME_TIME = 3  #: Decimals, s, to which two messages count as simultaneous.
+CLOCKS_APART = 1.0  #: s by which header stamps may drift against times of arrival.
+SAME_TIME = 3  #: Decimals, s, within which two messages are simultaneous.
 TWIST_SPAN = 3.0  #: s over which velocity and change of position are compared.
-LONGEST_HOLD = 1.0  #: s for which one thruster's last message still counts beside the other's.
+LONGEST_HOLD = 1.0  #: s for which one thruster's last message holds beside the other's.
 
 
 def read_manoeuvring_bag(
@@ -53,19 +53,12 @@ def read_manoeuvring_bag(
     starboard: str | None = None,
     thrust_input: str | None = None,
 ) -> ManoeuvringTrial:
-    """Read a record of a manoeuvre from a bag.
+    """Read a manoeuvre from a bag folder or a single .mcap or .db3 file; topics may be named where several fit.
 
     Pose and twist come from nav_msgs/Odometry (pose in ENU, twist in body axes x forward, y to port), yaw rate from
     sensor_msgs/Imu where there is one, thrust from two std_msgs/Float64 (or Float32) topics with left or port, right or
-    starboard in their names, or from a sensor_msgs/JointState with two such joints (effort, else velocity).
-
-    Args:
-        path: A bag folder, or a single .mcap or .db3 file.
-        odometry, imu, port, starboard: Topics, where several could be meant.
-        thrust_input: ``force`` or ``command``; by default commands if all values are within -1 and 1.
-
-    Raises:
-        InputError: There is no such bag or topic, or the choice is open.
+    starboard in their names, or from a sensor_msgs/JointState with two such joints (effort, else velocity). Values
+    within -1 and 1 are commands unless ``thrust_input`` is given.
     """
     path = Path(path)
     with opened_bag(path) as (readers, advice):
@@ -120,12 +113,10 @@ def holds_manoeuvres(path: str | Path) -> tuple[bool, bool]:
 
 
 def write_manoeuvring_bag(path: str | Path, manoeuvre: Manoeuvre, *, start_stamp_ns: int = 0) -> None:
-    """Write a simulated manoeuvre as VRX would have recorded it.
-
-    Topics ``/wamv/thrusters/left/thrust`` and ``right/thrust`` (std_msgs/Float64), ``/wamv/odometry``
-    (nav_msgs/Odometry) and ``/wamv/sensors/imu/imu/data`` (sensor_msgs/Imu).
-
-    Its inputs become the thrust commands. Path and stamp are as for `swath_sysid.formats.bags.write_imu_bag`.
+    """Write a simulated manoeuvre with the topics of VRX; path and stamp as for
+    `swath_sysid.formats.bags.write_imu_bag`. Topics are ``/wamv/thrusters/left/thrust`` and ``right/thrust``
+    (std_msgs/Float64, the inputs), ``/wamv/odometry`` (nav_msgs/Odometry) and ``/wamv/sensors/imu/imu/data``
+    (sensor_msgs/Imu).
     """
     m = manoeuvre
     imu = ImuMessage('wamv/imu_link')
@@ -267,14 +258,14 @@ def _joints(message: Any) -> list[int]:
             held = ', '.join(message.name)
             raise InputError(
                 f'the joints {held} hold {len(found)} for the {side} thruster: record a JointState with '
-                f'one joint a thruster, left or port and right or starboard'
+                f'one joint per thruster, left or port and right or starboard'
             )
         places += found
     return places
 
 
 def _clock_offset(odometry: Table, path: str | Path, advice: list[Advice]) -> float | None:
-    """What to add to times of arrival so that they compare with header stamps; None: use arrival throughout."""
+    """Offset from times of arrival to header stamps, s; None: use arrival throughout."""
     difference = odometry['stamps'] - odometry['received']
     if not np.all(np.isfinite(difference)) or np.ptp(odometry['stamps']) == 0.0:
         return None
@@ -310,7 +301,7 @@ def _thrust(
 
 
 def _together(port: Series, starboard: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Both thrusters at every message of either, the other held for a while."""
+    """Both thrusters at every message of either, the other held."""
     time = np.unique(np.concatenate([port[0], starboard[0]]))
     held = []
     for clock, values in (port, starboard):
@@ -324,7 +315,7 @@ def _together(port: Series, starboard: Series) -> tuple[np.ndarray, np.ndarray, 
 
 
 def _motion(values: np.ndarray, time: np.ndarray, path: str | Path, advice: list[Advice]) -> dict[str, np.ndarray]:
-    """Channels of the odometry; a twist that is in world axes is turned into body axes."""
+    """Channels of the odometry; a twist in world axes is turned into body axes."""
     x, y, yaw, surge, sway, rate = values.T
     span = max(1, round(TWIST_SPAN / max(float(np.median(np.diff(time))), 1e-6))) if time.size > 1 else 1
     if time.size > 4 * span and np.ptp(x) + np.ptp(y) > 2.0:

@@ -31,7 +31,7 @@ SPEED_UNITS = {'m_s': 1.0, 'km_h': 1.0 / 3.6, 'kn': 1852.0 / 3600.0}
 FORCE_UNITS = {'n': 1.0}
 PULSE_UNITS = {'us': 1.0}
 
-#: Names a column may have before its unit, the reading it holds, and its units with their size in SI.
+#: Names of a column without its unit, its quantity, and its units with their size in SI.
 QUANTITIES = (
     (('time', 't', 'stamp', 'timestamp'), 'time', TIME_UNITS),
     *(
@@ -48,8 +48,8 @@ QUANTITIES = (
 )
 
 FRAMES = ('enu', 'ned')
-USUAL_NEUTRAL, USUAL_FULL = 1500.0, 1900.0  #: us of pulses to speed controllers: no thrust, and full thrust ahead.
-LARGEST_COMMAND = 1.5  #: A command beyond is not normalised.
+USUAL_NEUTRAL, USUAL_FULL = 1500.0, 1900.0  #: us; pulses for no thrust and for full thrust ahead.
+LARGEST_COMMAND = 1.5  #: A larger command is not normalised.
 
 
 def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> ManoeuvringTrial:
@@ -66,8 +66,16 @@ def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> Manoeuvr
         path: Of the file.
         frame: ``enu`` or ``ned``; by default what the file states, else not stated.
 
+    Returns:
+        The channels in SI units, for `prepare_runs`.
+
     Raises:
         InputError: The file cannot be read, or lacks time, thrust or motion; the sentence names what was looked for.
+
+    Example:
+        >>> trial = read_manoeuvring_csv('runs/zigzag_20.csv')
+        >>> trial.thrust_input, sorted(trial.measured())
+        ('force', ['heading', 'surge', 'sway', 'x', 'y', 'yaw_rate'])
     """
     with reading(path):
         head = read_head(path)
@@ -103,7 +111,7 @@ def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> Manoeuvr
 
 
 def write_manoeuvring_csv(path: str | Path, manoeuvre: Manoeuvre, model: ManoeuvringModel) -> None:
-    """Write a simulated manoeuvre as `read_manoeuvring_csv` reads it, in ENU; the inputs are of the model's kind."""
+    """Write a simulated manoeuvre as `read_manoeuvring_csv` reads it, in ENU, with the inputs of the model."""
     kind = 'thrust_n' if model.thrust_input == FORCE else 'command'
     columns = {
         'time_s': manoeuvre.time,

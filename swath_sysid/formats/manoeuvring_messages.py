@@ -1,4 +1,6 @@
-"""Between ROS messages of surge, sway and yaw and plain values, without ROS; encoders return the serialised message."""
+"""Conversion between ROS messages of surge, sway and yaw and plain values, without ROS; messages are returned
+serialised.
+"""
 
 from collections.abc import Iterable
 from typing import Any
@@ -10,13 +12,12 @@ from swath_sysid.formats.topics import ODOMETRY, PATH
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState, OdometryReading
 
 PLANAR = (0, 1, 5)  #: Rows of x, y, yaw (and of their rates) in a covariance of six.
-LARGEST_VARIANCE = 1e4  #: A larger one in odometry stands for a quantity that is not measured.
+LARGEST_VARIANCE = 1e4  #: A larger variance marks a quantity that is not measured.
 
 
 def odometry_message(state: ManoeuvreState, frame_id: str, child_frame_id: str, stamp: int | None = None) -> bytes:
-    """The nav_msgs/Odometry of a `ManoeuvreState`; heave, roll and pitch are zero, with zero variance.
-
-    The stamp, ns, is by default that of the state.
+    """The nav_msgs/Odometry of a state, stamp in ns, by default its own; heave, roll, pitch and their variance are
+    zero.
     """
     vector = 'geometry_msgs/msg/Vector3'
     twist = make(
@@ -36,7 +37,7 @@ def odometry_message(state: ManoeuvreState, frame_id: str, child_frame_id: str, 
 
 
 def path_message(path: Iterable[ManoeuvreState], stamp: float, frame_id: str) -> bytes:
-    """The nav_msgs/Path of states, each pose with the stamp that it is for."""
+    """The nav_msgs/Path of states, each pose with its own stamp."""
     poses = [
         make('geometry_msgs/msg/PoseStamped', header(round(state.stamp * SECOND_NS), frame_id), _pose(state))
         for state in path
@@ -61,7 +62,7 @@ def _of_six(block: np.ndarray) -> np.ndarray:
 
 
 def odometry_reading(message: Any) -> OdometryReading:
-    """The `OdometryReading` of a nav_msgs/Odometry."""
+    """Values of a nav_msgs/Odometry."""
     pose, twist = message.pose.pose, message.twist.twist
     q = pose.orientation
     heading = float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)))

@@ -55,7 +55,7 @@ _FORECAST = record(
 )
 
 
-#: What a model file holds; null stands for what is not known.
+#: Content of a model file; null stands for an unknown value.
 FORMAT = ModelFormat(
     'swath_sysid manoeuvring model',
     'body x forward, y port, z up; world x east, y north (REP 103)',
@@ -88,15 +88,8 @@ def manoeuvring_to_yaml(identified: IdentifiedManoeuvringModel) -> str:
         for p in PARAMETERS
         if p.name in identified.names or model[p.name] != NEUTRAL[INDEX[p.name]]
     }
-    forecast = (
-        {}
-        if identified.forecast is None
-        else {
-            'forecast': {
-                name: np.asarray(values, dtype=float).tolist() for name, values in asdict(identified.forecast).items()
-            }
-        }
-    )
+    noise = {} if identified.forecast is None else asdict(identified.forecast)
+    forecast = {name: np.asarray(values, dtype=float).tolist() for name, values in noise.items()}
     return FORMAT.text(
         name=model.name,
         thrust_input=model.thrust_input,
@@ -110,7 +103,7 @@ def manoeuvring_to_yaml(identified: IdentifiedManoeuvringModel) -> str:
         region={name: float(value) for name, value in asdict(identified.region).items()},
         metrics=identified.metrics,
         provenance=identified.provenance,
-        **forecast,
+        **({'forecast': forecast} if forecast else {}),
     )
 
 
@@ -170,5 +163,20 @@ def write_manoeuvring_model(path: str | Path, identified: IdentifiedManoeuvringM
 
 
 def read_manoeuvring_model(path: str | Path) -> IdentifiedManoeuvringModel:
-    """Read a model file; see `manoeuvring_from_yaml`."""
+    """Read a model file of a manoeuvring craft.
+
+    Args:
+        path: Of a file that ``swath-sysid manoeuvre identify`` wrote.
+
+    Returns:
+        The model, its uncertainty, and where it is valid.
+
+    Raises:
+        InputError: The file cannot be read, is no model file or one of another version, or has unknown, missing or
+            wrong fields; the sentence names the field.
+
+    Example:
+        >>> read_manoeuvring_model('wamv.yaml').model.terms
+        ('m', 'Iz', 'Xu', 'Xuu', 'Yv', 'Nr', 'lever')
+    """
     return FORMAT.read(path, manoeuvring_from_yaml)

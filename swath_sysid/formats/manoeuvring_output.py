@@ -1,4 +1,4 @@
-"""What manoeuvring_predictor would have published on a record, written as mcap without ROS."""
+"""Forecasts of manoeuvring_predictor for a record, written as mcap without ROS."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -23,13 +23,7 @@ from swath_sysid.manoeuvring.prediction.pipeline import (
 def play_manoeuvres(
     trial: ManoeuvringTrial, settings: ManoeuvreOutlookSettings, identified: IdentifiedManoeuvringModel | None = None
 ) -> Iterator[tuple[float, OutlookStep]]:
-    """Forecasts on a trial of a bag, in ENU, as the live node makes them, each with its time; same trial, same numbers.
-
-    Without a model there are none.
-
-    Raises:
-        InputError: The trial lacks what an odometry holds, or its thrust is not of the model's kind.
-    """
+    """Times and forecasts for the trial of a bag, in ENU, as the live node makes them; same trial, same numbers."""
     names = ('x', 'y', 'heading', 'surge', 'sway')
     missing = [name for name in (*names, 'yaw_rate') if getattr(trial, name) is None]
     if missing:
@@ -58,11 +52,7 @@ def play_manoeuvres(
 
 
 def write_forecasts(path: str | Path, forecasts: Iterable[tuple[float, OutlookStep]], leads: Sequence[float]) -> int:
-    """Write forecasts, of a stamp, s, each, as mcap on the topics of manoeuvring_predictor; returns their number.
-
-    Raises:
-        InputError: The name does not end in .mcap, or the file cannot be written.
-    """
+    """Write forecasts, each with its stamp, s, as mcap on the topics of manoeuvring_predictor; returns their number."""
     count = 0
     with writing_output_bag(path) as bag:
         for stamp, step in forecasts:

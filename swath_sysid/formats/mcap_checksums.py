@@ -1,7 +1,7 @@
-"""Check sums of mcap files (mcap.dev/spec), and what is whole of a damaged one.
+"""Checksums of mcap files (mcap.dev/spec), and recovery of what is intact in a damaged one.
 
-A file is a magic, records and the magic again; a record is an operation code, a length of eight bytes and its
-content. Chunks, the data section and the summary have a check sum each; zero is none.
+A file is a magic, records (code, length of eight bytes, content) and the magic again. Chunks, the data section and
+the summary have a checksum each; zero means none.
 """
 
 import os
@@ -40,10 +40,9 @@ def _number(file: BinaryIO, at: int, size: int = 4) -> int:
 
 
 def damage_of(path: Path) -> str:
-    """Whether records go beyond the file, and which check sums of the data section and of the summary do not hold.
+    """What is wrong with the record lengths or with the checksums of data section and summary; empty where nothing is.
 
-    Check sums of the chunks are checked where the chunks are read. Lengths are checked first, because a
-    corrupt one would have as much memory allocated. Empty where nothing is wrong.
+    Lengths come first, because a corrupt one would have as much memory allocated. Chunks are checked when read.
     """
     with open(path, 'rb') as file:
         size = file.seek(0, os.SEEK_END)
@@ -79,9 +78,9 @@ def add_checksums(path: Path) -> None:
 
 
 def copy_whole_records(path: Path, target: Path) -> None:
-    """Copy an mcap file up to its last whole record, without chunks of which the check sum does not hold or an index.
+    """Copy an mcap file up to its last complete record, without chunks whose checksum fails and without an index.
 
-    Of a plain chunk that was cut off, its own records follow: they may also stand alone.
+    Of a plain chunk that was cut off, its complete records are kept.
     """
     size = path.stat().st_size
     with open(path, 'rb') as source, open(target, 'wb') as copy:

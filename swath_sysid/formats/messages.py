@@ -1,7 +1,6 @@
-"""Between ROS messages and plain values, without ROS.
+"""ROS messages as serialised bytes and as plain values, without ROS.
 
-Encoders return the serialised message. rclpy publishes such bytes as they are and bags hold them, so that nodes and
-play-through send the same. The same values give the same bytes: padding is zero.
+rclpy publishes such bytes as they are and bags hold them, so nodes and play-through send the same.
 """
 
 from __future__ import annotations
@@ -15,7 +14,8 @@ import numpy as np
 
 from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
-from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.topics import IMU, STRING, TRAJECTORY, TYPES, WINDOW_TOPIC
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast
 
 SECOND_NS = 1_000_000_000
+#: The last is 1 (roll) or 2 (pitch) in the rows of the free decay for which the window was published by itself, else 0.
+WINDOW_COLUMNS = (*COLUMNS, 'decay')
 FLOAT64 = 8  #: sensor_msgs/PointField's number for doubles.
 IMU_VALUES = 37  #: Doubles in an Imu message: orientation 4, 9 of covariance, then rates and acceleration 3 and 9 each.
 
@@ -62,10 +64,9 @@ def header(stamp_ns: int, frame_id: str) -> Any:
 
 
 class Template:
-    """A serialised message in which stamp and doubles are replaced: messages of one shape differ in nothing else.
+    """A serialised message in which only the stamp and ``count`` doubles are replaced, in the order of its fields.
 
-    Serialising each costs 20 us to 1 ms, this 5 us. The function given makes a message that begins with a header
-    from its doubles, so many of them, in the order of the message's fields.
+    Filling one costs 5 us, serialising it 20 us to 1 ms.
     """
 
     def __init__(self, message_of: Callable[[np.ndarray], Any], count: int) -> None:
@@ -188,9 +189,9 @@ def trajectory_values(message: Any) -> tuple[int, list[int], list[str], list[flo
 
 
 def window_message(table: MotionTable, frame_id: str) -> bytes:
-    """The sensor_msgs/PointCloud2 of a `MotionTable`: a row a sample."""
-    rows = np.ascontiguousarray(table.rows, dtype='<f8')
-    size = FLOAT64_BYTES * len(COLUMNS)
+    """The sensor_msgs/PointCloud2 of a `MotionTable`: one row for each sample."""
+    rows = np.column_stack([table.rows, _marks(table)]).astype('<f8')
+    size = FLOAT64_BYTES * len(WINDOW_COLUMNS)
     return serialised(
         make(
             TYPES[WINDOW_TOPIC],
@@ -199,7 +200,7 @@ def window_message(table: MotionTable, frame_id: str) -> bytes:
             width=len(rows),
             fields=[
                 make('sensor_msgs/msg/PointField', name, FLOAT64_BYTES * place, FLOAT64, 1)
-                for place, name in enumerate(COLUMNS)
+                for place, name in enumerate(WINDOW_COLUMNS)
             ],
             is_bigendian=False,
             point_step=size,
@@ -210,16 +211,30 @@ def window_message(table: MotionTable, frame_id: str) -> bytes:
     )
 
 
-def window_table(message: Any) -> MotionTable:
-    """The `MotionTable` of a sensor_msgs/PointCloud2, whatever order its columns have.
+def _marks(table: MotionTable) -> np.ndarray:
+    """The values of the column that marks a decay."""
+    marks, noticed = np.zeros(len(table.rows)), table.noticed
+    if noticed is not None:
+        inside = (table.rows[:, 0] >= noticed.start) & (table.rows[:, 0] <= noticed.end)
+        marks[inside] = 1 + AXES.index(noticed.axis)
+    return marks
 
-    Raises:
-        InputError: A column is missing or of another type, or the data are cut off.
-    """
+
+def _noticed(stamps: np.ndarray, marks: np.ndarray) -> NoticedDecay | None:
+    """The decay that the last column marks."""
+    for number, axis in enumerate(AXES, 1):
+        marked = stamps[marks == number]
+        if marked.size:
+            return NoticedDecay(axis, float(marked[0]), float(marked[-1]))
+    return None
+
+
+def window_table(message: Any) -> MotionTable:
+    """The `MotionTable` of a sensor_msgs/PointCloud2, whatever order its columns have."""
     fields = {field.name: field for field in message.fields}
     order = '>' if message.is_bigendian else '<'
     count = message.width * message.height
-    for name in COLUMNS:
+    for name in WINDOW_COLUMNS:
         if name not in fields or fields[name].datatype != FLOAT64:
             raise InputError(f'the window has no FLOAT64 column {name}: publish the table that imu_buffer publishes')
         if fields[name].offset + FLOAT64_BYTES > message.point_step:
@@ -230,15 +245,15 @@ def window_table(message: Any) -> MotionTable:
         )
     layout = np.dtype(
         {
-            'names': COLUMNS,
-            'formats': [f'{order}f8'] * len(COLUMNS),
-            'offsets': [fields[name].offset for name in COLUMNS],
+            'names': WINDOW_COLUMNS,
+            'formats': [f'{order}f8'] * len(WINDOW_COLUMNS),
+            'offsets': [fields[name].offset for name in WINDOW_COLUMNS],
             'itemsize': message.point_step,
         }
     )
     table = np.frombuffer(memoryview(message.data), dtype=layout, count=count)
-    rows = np.stack([table[name].astype(float) for name in COLUMNS], axis=1)
-    return MotionTable(rows, stamp_ns(message.header.stamp))
+    *columns, marks = (table[name].astype(float) for name in WINDOW_COLUMNS)
+    return MotionTable(np.stack(columns, axis=1), stamp_ns(message.header.stamp), _noticed(columns[0], marks))
 
 
 def text_message(text: str) -> bytes:

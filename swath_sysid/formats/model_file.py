@@ -1,8 +1,7 @@
-"""The model file: YAML, versioned, complete, checked on reading; one or both axes of a craft.
+"""The model file: YAML, versioned, checked when it is read or written; one or both axes of a craft.
 
-It is what `identify` writes, what the identifier publishes on ``model/description``, and what
-the predictor and `forecast` read. A file may also hold a schedule on draft (`scheduled_to_yaml`):
-its ``axes`` are then the models of the middle draft, for readers without schedules.
+`identify` writes it, the identifier publishes it on ``model/description``. It may also hold a schedule on draft; its
+``axes`` are then the models of the middle draft, for readers without schedules.
 """
 
 import math
@@ -67,9 +66,9 @@ FORMAT = ModelFormat(
 )
 
 
-def model_to_yaml(models: Mapping[str, IdentifiedModel]) -> str:
-    """Text of a model file that holds models by axis."""
-    return _dumped(models)
+def model_to_yaml(models: Mapping[str, IdentifiedModel], **more: Any) -> str:
+    """Text of a model file that holds models by axis, and more fields."""
+    return FORMAT.text(axes={axis: _axis_to_plain(identified) for axis, identified in models.items()}, **more)
 
 
 def scheduled_to_yaml(schedules: Mapping[str, ScheduledModel]) -> str:
@@ -84,11 +83,7 @@ def scheduled_to_yaml(schedules: Mapping[str, ScheduledModel]) -> str:
         }
         for axis, schedule in schedules.items()
     }
-    return _dumped({axis: schedule.reference for axis, schedule in schedules.items()}, schedule=plain)
-
-
-def _dumped(models: Mapping[str, IdentifiedModel], **more: Any) -> str:
-    return FORMAT.text(axes={axis: _axis_to_plain(identified) for axis, identified in models.items()}, **more)
+    return model_to_yaml({axis: schedule.reference for axis, schedule in schedules.items()}, schedule=plain)
 
 
 def model_from_yaml(text: str, source: str = 'the model') -> dict[str, IdentifiedModel]:
@@ -99,14 +94,7 @@ def model_from_yaml(text: str, source: str = 'the model') -> dict[str, Identifie
 def description_from_yaml(
     text: str, source: str = 'the model'
 ) -> tuple[dict[str, IdentifiedModel], dict[str, ScheduledModel]]:
-    """Models and schedules, by axis, of a model file's text, which may be any text; errors name its source.
-
-    The schedules are empty where the text holds none.
-
-    Raises:
-        InputError: Not a model file, of another version, with unknown, missing or wrong fields, or of a hull that no
-            craft has; the sentence names the field.
-    """
+    """Models and schedules (empty where there are none) by axis of any text; errors name the source and the field."""
     content = FORMAT.content(text, source)
     axes, schedule = content['axes'], content.get('schedule', {})
     if not axes:
@@ -172,10 +160,18 @@ def _model_of(plain: dict, axis: str) -> DecayModel:
 
 
 def write_model(path: str | Path, models: Mapping[str, IdentifiedModel]) -> None:
-    """Write a model file, whole or not at all; see `model_to_yaml`.
+    """Write a model file (YAML), whole or not at all.
+
+    Args:
+        path: Of the file; one that exists is replaced.
+        models: By axis, ``roll`` and ``pitch``.
 
     Raises:
-        InputError: It cannot be written, or would be refused by its readers.
+        InputError: It cannot be written, or would be rejected by its readers.
+
+    Example:
+        >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')])
+        >>> write_model('tanker.yaml', {'roll': found.identified_model({'source': 'tutorial'})})
     """
     FORMAT.write(path, model_to_yaml(models), description_from_yaml)
 
@@ -186,16 +182,28 @@ def write_scheduled(path: str | Path, schedules: Mapping[str, ScheduledModel]) -
 
 
 def read_description(path: str | Path) -> tuple[dict[str, IdentifiedModel], dict[str, ScheduledModel]]:
-    """Read models and schedules of a model file; see `description_from_yaml`.
-
-    Raises:
-        InputError: Also where the file cannot be read.
-    """
+    """Read models and schedules of a model file; see `description_from_yaml`."""
     return FORMAT.read(path, description_from_yaml)
 
 
 def read_model(path: str | Path) -> dict[str, IdentifiedModel]:
-    """Read the models of a model file; see `read_description`."""
+    """Read the models of a model file.
+
+    Args:
+        path: Of a file that `write_model` or ``swath-sysid identify`` wrote.
+
+    Returns:
+        By axis, ``roll`` and ``pitch``; of a schedule on draft, those of the middle draft.
+
+    Raises:
+        InputError: The file cannot be read, is no model file or one of another version, has unknown, missing or wrong
+            fields, or describes a hull that no craft has; the sentence names the field.
+
+    Example:
+        >>> write_model('craft.yaml', {'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)})
+        >>> read_model('craft.yaml')['roll'].model == hull_named('swath-roll').model
+        True
+    """
     return read_description(path)[0]
 
 

@@ -47,12 +47,10 @@ def read_mti(
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
     progress: Progress | None = None,
 ) -> Trial:
-    """Read a trial from an Xsens MTi text export.
+    """Read a trial from an Xsens MTi text export; parameters and errors are those of `read_trial`.
 
-    Time comes from SampleTimeFine (0.1 ms), or else from PacketCounter and the update rate that
-    the comment lines give; both are unwrapped, and lost packets show as gaps. It counts from the
-    first sample. Without a frame it is taken as delivered, in ENU. Parameters and errors are those of
-    `swath_sysid.formats.reading.read_trial`.
+    Time, from the first sample, is SampleTimeFine (0.1 ms), or PacketCounter over the update rate in the comments, both
+    unwrapped. Without a frame it is taken as delivered, in ENU.
     """
     with reading(path):
         head = read_head(path)

@@ -46,13 +46,9 @@ FOR_EVER = QosTime(9223372036, 854775807)
 
 @contextmanager
 def writing_bag(path: str | Path) -> Iterator[Callable]:
-    """A rosbag2 bag being written, which takes its final name at the end; nothing is left if the block raises.
+    """A function that adds topic, type, time in ns, bytes and QoS to a new bag, which takes its final name at the end.
 
-    The path is ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap). What is yielded adds a
-    message: topic, type, time, ns, and bytes; and, for a new topic, the QoS offered.
-
-    Raises:
-        InputError: Something stands at `path` that may not be replaced, or it cannot be written.
+    ``NAME.mcap`` or ``NAME.db3`` is a single file, any other path a bag folder.
     """
     path = Path(path)
     kind = path.suffix if path.suffix in STORAGES else None
@@ -79,11 +75,7 @@ def writing_bag(path: str | Path) -> Iterator[Callable]:
 def writing_output_bag(
     path: str | Path, *, frame_id: str = 'base_link', frames_at: Sequence[float] = ()
 ) -> Iterator[OutputBag]:
-    """An `OutputBag`, ``NAME.mcap``, that takes its final name at the end; see `writing_bag` and `ForecastMessages`.
-
-    Raises:
-        InputError: The name does not end in .mcap, or the file cannot be written.
-    """
+    """An `OutputBag`, ``NAME.mcap``, that takes its final name at the end."""
     if not str(path).endswith('.mcap'):
         raise InputError(f"the messages are written as mcap: give an output name that ends in .mcap, not '{path}'")
     with writing_bag(path) as add:
@@ -137,14 +129,7 @@ class OutputBag:
 
 def offered_qos(latched: bool, reliable: bool) -> Qos:
     """What a bag says of the publisher of a topic: transient local if latched, best effort if not reliable."""
-    return Qos(
-        QosHistory.KEEP_LAST,
-        1 if latched else 10,
-        QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
-        QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
-        FOR_EVER,
-        FOR_EVER,
-        QosLiveliness.AUTOMATIC,
-        FOR_EVER,
-        False,
-    )
+    reliability = QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT
+    durability, depth = (QosDurability.TRANSIENT_LOCAL, 1) if latched else (QosDurability.VOLATILE, 10)
+    end = FOR_EVER, FOR_EVER, QosLiveliness.AUTOMATIC, FOR_EVER, False
+    return Qos(QosHistory.KEEP_LAST, depth, reliability, durability, *end)

@@ -27,20 +27,11 @@ class Output:
 
 
 def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None] = ()) -> None:
-    """Refuse outputs that cannot be written, or would destroy what is read or was measured.
-
-    Both are all of one command; inputs that are None are left aside.
-
-    Raises:
-        InputError: A name is empty or cannot be a name; an output is an input, lies in a bag that is an input, is
-            another output, a folder (or, where a folder is wanted, none), a device or a pipe; it would replace a
-            recording by something else; or its folder is missing or may not be written to.
-    """
+    """Reject outputs of a command that cannot be written, collide, or would destroy an input or a recording."""
     outputs = [output for output in outputs if output.path is not None]
-    read = [Path(path) for path in inputs if path is not None and os.path.lexists(_name(path))]
+    read = [Path(path) for path in inputs if path is not None and os.path.lexists(path)]
     for place, output in enumerate(outputs):
         _check_name(output)
-        _check_ending(output)
         _check_target(output)
         for path in read:
             _refuse_input(output, path)
@@ -67,17 +58,6 @@ def refuse_inputs_among(paths: Iterable[Path], inputs: Iterable[str | Path]) -> 
                 )
 
 
-def _name(path: str | Path) -> str | Path:
-    """The path, where the system can look for it at all."""
-    try:
-        os.lstat(path)
-    except ValueError:
-        return ''
-    except OSError:
-        pass
-    return path
-
-
 def _check_name(output: Output) -> None:
     if not str(output.path).strip():
         raise InputError(f'{output.option} is empty: give a name')
@@ -90,11 +70,7 @@ def _check_name(output: Output) -> None:
             shown = str(output.path)
             shown = shown if len(shown) <= 80 else f'{shown[:80]}...'
             raise InputError(f'cannot write {shown}: {error.strerror}; choose another name') from error
-
-
-def _check_ending(output: Output) -> None:
-    ending = Path(output.path).suffix.lower().lstrip('.')
-    if output.endings and ending not in output.endings:
+    if output.endings and Path(output.path).suffix.lower().lstrip('.') not in output.endings:
         raise InputError(
             f"{output.option} cannot be written as '{output.path}': end the name in .{', .'.join(output.endings)}"
         )
@@ -144,12 +120,8 @@ def _check_folder(output: Output) -> None:
 
 
 def _are_same(first: str | Path, second: str | Path) -> bool:
-    if os.path.realpath(first) == os.path.realpath(second):
-        return True
-    try:
-        return os.path.samefile(first, second)
-    except OSError:
-        return False
+    both_exist = os.path.exists(first) and os.path.exists(second)
+    return os.path.realpath(first) == os.path.realpath(second) or (both_exist and os.path.samefile(first, second))
 
 
 def _is_recording(path: str | Path) -> bool:

@@ -47,7 +47,7 @@ def read_trial(
 ) -> Trial:
     """Read a trial from a CSV file, a rosbag2 bag, or an MTi text export.
 
-    What it is shows from its content, not from its name.
+    The kind of file is found from its content, not from its name.
 
     Args:
         path: Of a file or a bag folder.
@@ -56,10 +56,18 @@ def read_trial(
         mounting: Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, that stated in a CSV file.
         progress: Called with 0 to 1 while a long text is read.
 
+    Returns:
+        The motion in the craft's axes and SI units, with advice on what was repaired or left out.
+
     Raises:
         InputError: There is no such file, it cannot be read or is none of these, the choice of the topic is open, a
             column lacks its unit or contradicts another, a value is one that its unit cannot have, or there is no time,
             no roll or pitch motion, or too little of it.
+
+    Example:
+        >>> trial = read_trial(records / 'kvlcc2_roll_decay.csv')
+        >>> trial.axes, trial.time.size
+        (('roll', 'pitch'), 2501)
     """
     from swath_sysid.formats.bags import MAGIC, is_bag, read_bag
 
@@ -93,10 +101,7 @@ def read_readings(
     frame: str = 'flu',
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> ImuRecord:
-    """The messages of an IMU: those of a bag as they are, of other trials as an IMU would have sent them.
-
-    Parameters and errors are those of `read_trial`; frame and mounting are not applied to bags.
-    """
+    """The IMU messages of a bag, as they are; of other trials, those that an IMU would have sent in craft axes."""
     from swath_sysid.formats.bags import ImuRecord, imu_values, is_bag, read_imu
 
     try:
@@ -111,11 +116,7 @@ def read_readings(
 
 
 def source_hash(path: str | Path) -> str:
-    """The SHA-256, hexadecimal, of a file, or of the names and contents of the files in a bag folder.
-
-    Raises:
-        InputError: It cannot be read.
-    """
+    """The SHA-256, hexadecimal, of a file, or of the names and contents of the files in a bag folder."""
     path = Path(path)
     digest = hashlib.sha256()
     with reading(path):

@@ -21,12 +21,9 @@ OURS = {topic.lstrip('/'): kind for topic, kind in TYPES.items() if topic != PAT
 
 
 class Recording:
-    """One mcap file, ``NAME.mcap``, that is being written; whole in itself once a second, and named at the end.
+    """One mcap file, ``NAME.mcap``, that is complete on disk once a second and takes its name at the end.
 
-    While it grows it lies in the folder ``NAME.recording``, which stays, readable, if the process is killed.
-
-    Raises:
-        InputError: The name does not end in .mcap, something has it already, or the folder cannot be written to.
+    While it grows it is in the folder ``NAME.recording``, which stays readable if the process is killed.
     """
 
     def __init__(self, path: str | Path) -> None:

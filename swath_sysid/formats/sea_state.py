@@ -62,11 +62,7 @@ def sea_as_yaml(report: SeaReport, stamp_ns: int) -> str:
 
 
 def sea_from_yaml(text: str) -> SeaReport:
-    """The `SeaReport` that `sea_as_yaml` wrote; of a spectrum nothing is known.
-
-    Raises:
-        InputError: The text is another one.
-    """
+    """The `SeaReport` that `sea_as_yaml` wrote; of a spectrum nothing is known."""
     data = plain_content(text, SEA_TOPIC)
     try:
         if not data['is_known']:

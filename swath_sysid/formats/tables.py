@@ -21,8 +21,7 @@ RATE_UNITS = {'rad_s': 1.0, 'deg_s': np.pi / 180}
 LENGTH_UNITS = {'m': 1.0}
 PURE = {'': 1.0}  #: Units as the names of columns end in them, with their size in SI.
 
-#: A time column that begins beyond this counts from an epoch, and is taken from its first sample instead.
-EPOCH_SECONDS = 1e8
+EPOCH_SECONDS = 1e8  #: A time that begins beyond this counts from an epoch.
 
 COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
 BLOCK_BYTES = 1 << 22  #: How much text is parsed at once.
@@ -40,7 +39,7 @@ LINES_AROUND = 3  #: Lines that are parsed cell by cell where one of them is dam
 AT_ROW = re.compile(r'at row (\d+)')  #: Where numpy found it.
 SOME_WORD = re.compile('[a-df-zA-DF-Z/#?]|-[-,;\t\n]')  #: Where a missing value may be written as a word.
 
-#: A date with a time of day, as ISO 8601 writes it, with or without a zone.
+#: ISO 8601, with or without a zone.
 ISO_TIME = re.compile(r'"?\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?"?', re.I)
 
 LINES_AT_ONCE = 100_000  #: Rows written at once.
@@ -57,24 +56,17 @@ Progress = Callable[[float], None]  #: Takes the share done, 0 to 1.
 class TableHead:
     """What stands above the numbers of a table, and how they are written."""
 
-    names: tuple[str, ...]  #: The names of the columns, as written.
+    names: tuple[str, ...]  #: As written.
     remarks: dict[str, str]  #: ``key: value`` of the comment lines, keys in lower case.
     delimiter: str | None  #: None: any white space.
     decimal_comma: bool  #: Whether numbers are written 0,5 rather than 0.5.
     first_line: int  #: The number of the first line of data, from 1.
     offset: int  #: Where it begins, bytes.
-    dates: frozenset[int] = frozenset()  #: Places, from 0, of the columns that hold dates with times of day.
+    dates: frozenset[int] = frozenset()  #: Places, from 0, of columns of dates with times.
 
 
 def read_head(path: str | Path) -> TableHead:
-    """What stands above the numbers of a table.
-
-    The names are on the first line that is not a comment; if that line is numbers already, on the
-    last comment line (as numpy.savetxt writes them).
-
-    Raises:
-        InputError: The file is empty, not text, or has no line of names.
-    """
+    """What stands above the numbers: names on the first line, or on the last comment (as numpy.savetxt writes them)."""
     with _opened(path) as file:
         head = file.read(HEAD_BYTES)
     if not head.strip():
@@ -119,13 +111,9 @@ def read_head(path: str | Path) -> TableHead:
 def read_columns(
     path: str | Path, head: TableHead, indices: Sequence[int], progress: Progress | None = None
 ) -> tuple[np.ndarray, tuple[Advice, ...]]:
-    """Some columns of a table, by their places from 0, as numbers: shape (len(indices), N), and advice.
+    """Columns by their places from 0, shape (len(indices), N), and advice on text and short rows, which become NaN.
 
-    Empty cells and text become NaN, rows that end early are filled with NaN; advice ``text-in-numbers``,
-    ``short-rows``. Dates become seconds since 1970; one without a zone counts as UTC.
-
-    Raises:
-        InputError: A line is too long for a table.
+    Dates become seconds since 1970; one without a zone counts as UTC.
     """
     parser = _BlockParser(head, tuple(indices))
     with _opened(path) as file:
@@ -144,10 +132,7 @@ def read_columns(
 
 
 def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> None:
-    """Write a table that `read_columns` reads back exactly, whole or not at all.
-
-    Remarks are comment lines above; those of which the value is None are left out. Columns, shape (N,), are by name.
-    """
+    """Write columns of shape (N,) that `read_columns` restores exactly; remarks that are None are left out."""
     values = [np.asarray(column, dtype=float) for column in columns.values()]
     with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
         file.writelines(f'# {key}: {value}\n' for key, value in remarks.items() if value is not None)
@@ -167,10 +152,7 @@ def plain_name(name: str) -> str:
 def known_columns(
     quantities: Iterable[tuple[Sequence[str], str, Mapping[str, float]]],
 ) -> dict[str, tuple[str, str, float]]:
-    """Every name that a column may have, to reading, unit and size of the unit in SI.
-
-    Quantities have their names before the unit, the reading, and units with their size.
-    """
+    """Every name that a column may have, to reading, unit and SI factor; quantities are names, reading and units."""
     return {
         f'{alias}_{unit}' if unit else alias: (reading, unit, scale)
         for aliases, reading, units in quantities

@@ -1,11 +1,7 @@
-"""From a YAML text that anyone may have written to plain data.
+"""Plain data from a YAML text that anyone may have written.
 
-A model may come from the network, from a file that a stick has half lost, or from a stranger.
-Size, nesting and number of values are limited before anything is built, so that no text costs
-more than some tens of milliseconds; what is understood is plain data only: mappings, lists,
-texts, finite numbers, true and false, null. Anchors and aliases (a short text that expands to a
-long one), tags (a value of a type of one's own) and directives are refused, and so is a name
-given twice. Dates stay text.
+Size, depth and number of values are limited before anything is built. Aliases, tags, directives and repeated names
+are rejected; dates stay text.
 """
 
 import os
@@ -47,11 +43,7 @@ def shown(value: object) -> str:
 
 
 def text_of(path: str | Path, what: str = 'model file') -> str:
-    """Text of a file, of which the errors say what it should be.
-
-    Raises:
-        InputError: It cannot be read, is not a regular file, is larger than `LARGEST_TEXT`, or is not UTF-8.
-    """
+    """Text of a file, of which the errors say what it should be."""
     try:
         # before it is opened: a pipe would wait for ever
         status = os.stat(path)
@@ -75,11 +67,7 @@ def text_of(path: str | Path, what: str = 'model file') -> str:
 
 
 def plain_content(text: str, source: str) -> Any:
-    """Plain data of any YAML text, whose source the errors name; names are texts, numbers finite.
-
-    Raises:
-        InputError: The text is too large, too deep, no YAML, or uses what is not understood here.
-    """
+    """Plain data of any YAML text, whose source the errors name; names are texts, numbers finite."""
     _check_text(text, source)
     try:
         events = _checked(yaml.parse(text, Loader=_PARSER), source)
@@ -152,10 +140,7 @@ def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...]) -> str | int |
 
 
 def dumped(content: Any) -> str:
-    """The text of plain data, without anchors, that `plain_content` reads back as it is.
-
-    Numbers that are not finite become null: not known.
-    """
+    """YAML text without anchors that `plain_content` reads back; numbers that are not finite become null."""
     return yaml.dump(
         finite_or_none(content),
         Dumper=_PlainDumper,

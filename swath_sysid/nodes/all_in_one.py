@@ -9,11 +9,9 @@ from swath_sysid.nodes.predictor import Predictor
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run imu_buffer, predictor and identifier until a signal comes; returns the exit code.
+    """Run imu_buffer, predictor and identifier until a signal comes: the exit code.
 
-    Those that subscribe to the sensor share the executor with the least delay. The identifier's services
-    wait for its worker, which that executor cannot do, so it has one of its own in a second thread;
-    it is idle but for a window now and then.
+    The identifier's services wait for its worker, so it has an executor of its own in a second thread.
     """
     # the predictor first: it gets each sample before the buffer does
     return run([(events_executor, [Predictor, ImuBuffer]), (SingleThreadedExecutor, [Identifier])], args)

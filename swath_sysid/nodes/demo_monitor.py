@@ -31,8 +31,7 @@ class Received:
 
     readings: deque = field(default_factory=deque)
     angles: deque = field(default_factory=deque)  #: Stamp, ns, and measured angle about the axis, rad.
-    #: Lead to the stamps they are for, ns, angle and standard deviation, rad.
-    forecasts: dict = field(default_factory=dict)
+    forecasts: dict = field(default_factory=dict)  #: Lead to stamps they are for, ns, angle and deviation, rad.
     nexts: int = 0  #: Forecasts one sample ahead.
     models: dict = field(default_factory=dict)
     model_ns: int | None = None  #: Stamp of the sensor when the first model came.

@@ -9,19 +9,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from swath_sysid.common.accelerator import NUMBA_DISABLED
 from swath_sysid.common.advice import Advice
 from swath_sysid.formats.messages import diagnostics_message
 from swath_sysid.pipeline.health import OK, WARN, Changes, Report
 
 
 class DiagnosticsPublisher:
-    """Publishes what a node reports, every period, and logs what changes for the worse or the better.
-
-    Args:
-        period: s.
-        reports: Returns the `Report` list of now.
-    """
+    """Publishes the reports of a node every ``period`` s, and logs what changes for the worse or the better."""
 
     def __init__(self, node: Node, period: float, reports: Callable[[], list[Report]]):
         self._node = node
@@ -57,10 +51,10 @@ class DiagnosticsPublisher:
 
 
 def tell_uncompiled(node: Node, health: Any, why: Advice | None) -> None:
-    """Log why all takes longer than it could, if it does, and have a node's `health` report it."""
+    """Log why fits take longer than they could, if so, and have a node's `health` report it."""
     if why is not None:
         health.uncompiled_because = why.message
-        if why.code == NUMBA_DISABLED:
+        if why.code == 'numba-disabled':
             node.get_logger().info(why.message)
         else:
             node.get_logger().warning(why.message)

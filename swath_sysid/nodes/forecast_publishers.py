@@ -39,11 +39,7 @@ def frames_message() -> type | None:
 
 
 class ForecastPublishers:
-    """Publishes what the steps of a pipeline lead to.
-
-    Args:
-        frames_at: See `ForecastMessages`.
-    """
+    """Publishes the forecasts of the steps of a pipeline."""
 
     def __init__(
         self, node: Node, settings: ForecasterSettings, frame_id: str, health: Reasons, frames_at: Sequence[float] = ()

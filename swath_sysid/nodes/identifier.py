@@ -1,11 +1,14 @@
 """The node identifier: refits the model on a window in a worker process, while it goes on answering."""
 
 import sys
+from collections import deque
+from dataclasses import replace
 
 from rclpy.executors import SingleThreadedExecutor
 
 from swath_sysid import __version__
-from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit, warm_up, window_provenance
+from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
+from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit, warm_up
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.formats.topics import WINDOW_TOPIC
 from swath_sysid.nodes.executor_loop import run
@@ -26,7 +29,8 @@ class Identifier(IdentificationNode):
         super().__init__('identifier', refit_settings)
         self._models = ModelPublisher(self, self.parameters['model_path'], self.health)
         self.refitter = Refitter(self.parameters.settings, self._models.known(), self._models.history())
-        self._waiting_table: MotionTable | None = None
+        #: Windows with a decay that has not been fitted yet.
+        self._noticed: deque[MotionTable] = deque(maxlen=MOST_DECAYS)
         self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window)
         self.serve(warm_up)
         if self.refitter.models:
@@ -37,18 +41,15 @@ class Identifier(IdentificationNode):
 
     def _identify_unasked(self) -> None:
         if not self.busy:
-            self.begin(self.identify)
+            self.begin(lambda: self._refit_fresh(is_asked=False))
 
     def change(self, settings: RefitSettings) -> None:
         """Refit as set from now on."""
         self.refitter.settings = settings
 
     async def identify(self) -> Answer:
-        """Refit on a fresh window."""
-        problem = await self._windows.fetch(self.parameters['window_timeout_s'])
-        if problem or self._windows.newest is None:
-            return False, problem
-        return await self._refit(self._windows.newest)
+        """Refit all axes on a fresh window."""
+        return await self._refit_fresh(is_asked=True)
 
     def rollback(self) -> Answer:
         """Return to the model before."""
@@ -67,24 +68,34 @@ class Identifier(IdentificationNode):
         ]
 
     def when_free(self) -> None:
-        """Refit on a window that came meanwhile."""
-        if self._waiting_table is not None and not self.busy:
-            table, self._waiting_table = self._waiting_table, None
-            self.begin(lambda: self._refit(table))
+        """Refit on the decays that were noticed meanwhile."""
+        if self._noticed and self.parameters['auto_identify'] and not self.busy:
+            self.begin(lambda: self._refit(is_asked=False))
 
     def stop_waiting(self) -> None:
         """Give up windows that wait or are waited for."""
-        self._waiting_table = None
+        self._noticed.clear()
         self._windows.stop_waiting(CANCELLED)
 
     def _on_window(self, table: MotionTable) -> None:
-        if self.parameters['auto_identify'] and len(table.rows):
-            self._waiting_table = table
+        if not len(table.rows):
+            # the buffer was cleared
+            self._noticed.clear()
+            self.refitter.forget_decays()
+        elif table.noticed is not None:
+            self._noticed.append(table)
             self.when_free()
 
-    async def _refit(self, table: MotionTable) -> Answer:
-        provenance = window_provenance(table, {'topic': WINDOW_TOPIC}, f'swath_sysid {__version__}')
-        request = self.refitter.request(table, provenance)
+    async def _refit_fresh(self, is_asked: bool) -> Answer:
+        problem = await self._windows.fetch(self.parameters['window_timeout_s'])
+        if problem or self._windows.newest is None:
+            return False, problem
+        return await self._refit(is_asked, replace(self._windows.newest, noticed=None))
+
+    async def _refit(self, is_asked: bool, *fresh: MotionTable) -> Answer:
+        origin = {'source': {'topic': WINDOW_TOPIC}, 'software': f'swath_sysid {__version__}'}
+        request = self.refitter.request(*self._noticed, *fresh, is_asked=is_asked, **origin)
+        self._noticed.clear()
         outcome, problem = await self.carried_out(refit, request)
         if problem or not self.refitter.take(outcome):
             return False, problem or outcome.message

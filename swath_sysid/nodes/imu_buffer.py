@@ -13,7 +13,7 @@ from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, watched_publisher
+from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, waiting, watched_publisher
 from swath_sysid.pipeline.health import BufferHealth, Report
 
 
@@ -41,6 +41,11 @@ class ImuBuffer(Node):
             self.window.resize(settings.window)
 
     def _on_imu(self, message: Imu) -> None:
+        # all that wait at once: beside a busy predictor each return to the executor costs this thread milliseconds
+        for each in (message, *waiting(self._subscription, self.parameters['queue_depth'])):
+            self._take(each)
+
+    def _take(self, message: Imu) -> None:
         begun, clock_ns = perf_counter(), self.get_clock().now().nanoseconds
         reading = imu_reading(message)
         step = self.window.add(reading)
@@ -69,6 +74,8 @@ class ImuBuffer(Node):
 
     def _on_clear(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.window.clear()
+        # empty: the identifier forgets its decays, too
+        self._publish(self.window.table())
         response.success, response.message = True, self.window.described
         return response
 

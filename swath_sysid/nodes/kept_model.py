@@ -13,14 +13,7 @@ PARAMETER = 'model_path'  #: The parameter of both identifiers that names the fi
 
 
 class ModelFile:
-    """A model on the disk, those before it in numbered files; one that cannot be read is left alone for good.
-
-    Args:
-        path: Empty: none.
-        read: Of a path; the model, or `InputError`.
-        text_of: Of a model; what the file would hold.
-        write: Of a path and a model.
-    """
+    """A model on the disk, previous ones in numbered files; one that cannot be read is never touched."""
 
     def __init__(
         self, path: str | Path, read: Callable, text_of: Callable[[Any], str], write: Callable, health: IdentifierHealth
@@ -43,10 +36,7 @@ class ModelFile:
             return None
 
     def history(self) -> list:
-        """The models that `rollback` leads back to from the one in the file, oldest first.
-
-        The files are every model that was in use, in order: one that is the last but one again was returned to.
-        """
+        """The models that `rollback` can return to, oldest first; a repeated one was itself a return."""
         if self._path is None or self._refusal:
             return []
         stack: list[tuple[str, Any]] = []
@@ -64,16 +54,12 @@ class ModelFile:
             try:
                 models.append(self._read(path))
             except InputError:
-                # it stays where it is, for who can make use of it
+                # left where it is
                 continue
         return models
 
     def keep(self, model: Any) -> str:
-        """Replace what is in the file, which stays beside it; an empty model leaves no file of this name.
-
-        Returns:
-            A remark: where the file before is, or why this was not possible.
-        """
+        """Replace what is in the file, and remark where the previous one is, or what failed."""
         if self._path is None:
             return ''
         if self._refusal:
@@ -85,10 +71,10 @@ class ModelFile:
             self._health.note(NOT_SAVED, PARAMETER)
             return f'; not saved: {error}'
         self._health.settle(PARAMETER)
-        return '' if before is None else f'; the model file before is kept as {before}'
+        return '' if before is None else f'; the previous model file is kept as {before}'
 
     def _replace(self, path: Path, model: Any) -> Path | None:
-        """Where the file before is now; None where there was none."""
+        """Where the previous file is now; None where there was none."""
         is_there = os.path.exists(path)
         if not model:
             return set_aside(path) if is_there else None

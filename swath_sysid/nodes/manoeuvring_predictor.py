@@ -26,8 +26,7 @@ from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, SENSOR, THRUSTERS
 from swath_sysid.pipeline.health import Report
 from swath_sysid.pipeline.manoeuvring_health import ManoeuvringHealth
 
-#: s between the node's clock and the stamps of the odometry, beyond which thrust is stamped like the odometry.
-CLOCKS_APART = 1.0
+CLOCKS_APART = 1.0  #: s between node clock and odometry stamps beyond which thrust is stamped like the odometry.
 
 
 class ManoeuvringPredictor(Node):
@@ -116,7 +115,7 @@ class ManoeuvringPredictor(Node):
 
     def _refuse(self, sentence: str) -> None:
         self.health.note_refused_model(sentence)
-        self.get_logger().error(f'{sentence}; the model before it stays')
+        self.get_logger().error(f'{sentence}; the previous model stays')
 
     def _now(self) -> float:
         """Stamp for a message without one: the node's clock, unless that is not the clock of the odometry."""

@@ -8,19 +8,13 @@ from typing import Any
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT
 
-MAX_WAITING = 16  #: Texts; of a flood the oldest are passed over, as they are superseded anyway.
-MAX_ENDINGS = 1000  #: Refusals and models that wait to be taken: more than are read between two diagnostics.
-
+MAX_WAITING = 16  #: Texts; of a flood the oldest are dropped, as they are superseded anyway.
+MAX_ENDINGS = 1000  #: Models and rejections, more than are read between two diagnostics.
 LONGEST_SENTENCE = 300
 
 
 class ModelIntake:
-    """Reads texts one after the other and keeps what they hold until it is taken.
-
-    Args:
-        read: Of a text; returns what it holds or raises `InputError`.
-        on_refused: Of the sentence about a text that cannot be used; called by `taken`.
-    """
+    """Reads texts one after the other in a thread and keeps what they hold until it is taken."""
 
     def __init__(self, read: Callable, on_refused: Callable[[str], None]):
         self._read = read
@@ -34,12 +28,12 @@ class ModelIntake:
 
     def submit(self, text: str) -> None:
         """Have a text read."""
-        # enough of a larger one to be refused as too large, without keeping all of it
+        # enough of a larger one to be rejected as too large
         self._waiting.append(text[: LARGEST_TEXT + 1])
         self._come.release()
 
     def taken(self) -> Iterator[Any]:
-        """What the texts hold that were read since the last call, in their order; those refused are reported."""
+        """The contents of the texts read since the last call, in order; rejected ones are reported."""
         while self._endings:
             content, refusal = self._endings.popleft()
             if refusal is None:

@@ -15,11 +15,7 @@ from swath_sysid.pipeline.health import IdentifierHealth
 
 
 class ModelPublisher:
-    """Publishes models and keeps their file.
-
-    Args:
-        path: Of the model file; empty: none.
-    """
+    """Publishes models and keeps their file."""
 
     def __init__(self, node: Node, path: str | Path, health: IdentifierHealth):
         self._file = ModelFile(path, read_model, model_to_yaml, write_model, health)

@@ -1,4 +1,4 @@
-"""The node of the page: subscribes to what the nodes publish."""
+"""The node of the page: subscribes to the topics of the other nodes."""
 
 from collections.abc import Callable
 from functools import partial
@@ -36,15 +36,12 @@ from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.pipeline.health import Report
 
-#: What this node is too slow for is lost to it alone.
-SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-
+SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Lossy: it slows nobody else.
 NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  #: No publisher waits for a page.
 
 ASK_PERIOD = 0.1
-#: s between looks at how the predictor's parameters say that the sensor sits: it may have been started anew.
-INSTALLATION_PERIOD = 3.0
-#: What the page asks of the predictor: how the sensor is mounted, which points are forecast, and what counts as quiet.
+INSTALLATION_PERIOD = 3.0  #: s between requests for the predictor's parameters: it may have been restarted.
+#: The predictor's parameters that the page shows.
 ASKED = (
     'frame mounting_deg points horizon_s quiet_for_s quiet_roll_deg quiet_pitch_deg quiet_roll_rate_deg_s '
     'quiet_pitch_rate_deg_s quiet_heave_m quiet_vertical_velocity_m_s quiet_about_trim quiet_probability'
@@ -52,11 +49,7 @@ ASKED = (
 
 
 class PageNode(Node):
-    """Keeps a `LiveRecord` up to date, and carries out requests in the thread that spins it.
-
-    Args:
-        report: Called with one line for people about each answer.
-    """
+    """Keeps a `LiveRecord` up to date, and carries out requests in the thread that spins it."""
 
     def __init__(self, report: Callable[[str], None]):
         super().__init__('page')

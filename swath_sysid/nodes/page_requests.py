@@ -14,13 +14,7 @@ MAX_REQUESTS = 10
 
 
 class PageRequests:
-    """Calls services and hands on what they answer.
-
-    Args:
-        node: That calls.
-        report: Called with one line for people about each answer.
-        on_kept: Called with whether the present model is kept, once the identifier has agreed.
-    """
+    """Calls services and reports one line for each answer; ``on_kept`` takes whether the model is now kept."""
 
     def __init__(self, node: Node, report: Callable[[str], None], on_kept: Callable[[bool], None]):
         self._node = node
@@ -50,13 +44,7 @@ class PageRequests:
             self._waiting.popleft()()
 
     def get_parameters(self, node: str, names: list[str], take: Callable[..., None]) -> None:
-        """Hand on the values of parameters, where the node is there.
-
-        Args:
-            node: Its name.
-            names: Of the parameters.
-            take: Called with the values.
-        """
+        """Call ``take`` with the values of a node's parameters, where the node is there."""
         self._call(
             f'{node}/get_parameters',
             GetParameters,

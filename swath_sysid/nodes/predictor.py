@@ -23,7 +23,7 @@ from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
 from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.pipeline.forecast_health import PredictorHealth
-from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
 
 #: A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late.
@@ -37,7 +37,9 @@ class Predictor(Node):
 
     def __init__(self) -> None:
         super().__init__('predictor')
+        self.get_logger().info('loading the filters: up to a minute after an installation, then seconds')
         uncompiled = why_uncompiled()  # which loads numba now, not amid the first samples
+        warm_up()
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         self.pipeline = ForecastPipeline(self.parameters.settings)
         self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
@@ -67,9 +69,9 @@ class Predictor(Node):
         super().destroy_node()
 
     def _on_imu(self, message: Imu) -> None:
-        """Forecast from a sample, or where others wait behind it, from the newest ones only."""
+        """Forecast from a sample or, where others wait behind it, from the newest only."""
         if self._take_models():
-            # who has just seen the model must not read for a period that there is none
+            # a user who has just seen the model must not read that there is none
             self._diagnostics.publish()
         clock_ns = self.get_clock().now().nanoseconds
         messages = [message, *waiting(self._subscription, self.parameters['queue_depth'])]
@@ -105,7 +107,7 @@ class Predictor(Node):
 
     def _refuse_model(self, sentence: str) -> None:
         self.health.note_refused_model(sentence)
-        self.get_logger().error(f'{sentence}; the model before it stays')
+        self.get_logger().error(f'{sentence}; the previous model stays')
 
     def _on_loading(self, message: Float64) -> None:
         before, self._published_loading = self._published_loading, message.data
@@ -114,7 +116,7 @@ class Predictor(Node):
         except InputError as error:
             self._published_loading = before
             self.health.note(BAD_LOADING, 'loading')
-            self.get_logger().error(f'{error}; the loading before it stays')
+            self.get_logger().error(f'{error}; the previous loading stays')
 
     def _on_parameters(self, settings: PipelineSettings) -> None:
         self.pipeline.forecaster.set_quiescence(settings.forecaster.quiescence)

@@ -1,4 +1,4 @@
-"""Publishers and subscriptions of the contract: their QoS, and the count of those that do not fit."""
+"""Publishers and subscriptions with their QoS, and the count of incompatible ones."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 #: Reliable, depth 1: a slow subscriber gets the newest forecast only.
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 
-#: Of the ten requests that the stock profile keeps, those of fifty callers at once would push out forty.
+#: The stock profile keeps ten requests only.
 SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Connects with any publisher.
@@ -26,18 +26,16 @@ THRUSTERS = {'port': 'thrusters/left/thrust', 'starboard': 'thrusters/right/thru
 
 
 def imu_subscription(node: Node, kind: type, callback: Callable, depth: int, health: Reasons) -> Subscription:
-    """Subscribe to the sensor with sensor data QoS (best effort, volatile), but a longer queue.
+    """Subscribe to the sensor with sensor data QoS (best effort, volatile: fits any publisher) but a longer queue.
 
-    Best effort and volatile connect with any publisher. The depth is the subscriber's own matter:
-    with the five of the stock profile, 2 % of the samples at 1000 Hz were lost when the machine
-    paused for 5 ms.
+    With the stock depth of five, 2 % of the samples at 1000 Hz were lost when the machine paused for 5 ms.
     """
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
     return watched_subscription(node, kind, IMU_TOPIC, callback, qos, health)
 
 
 def waiting(subscription: Subscription, most: int) -> list:
-    """The messages that a subscription has received and that wait to be handled, at most this many, oldest first."""
+    """The received messages of a subscription that wait to be handled, at most this many, oldest first."""
     messages: list = []
     # as rclpy's own executors and wait_for_message take them
     with subscription.handle:
@@ -50,7 +48,7 @@ def waiting(subscription: Subscription, most: int) -> list:
 
 
 def watched_publisher(node: Node, kind: type, topic: str, qos: QoSProfile | int, health: Reasons) -> Publisher:
-    """A publisher whose refused subscriptions are counted."""
+    """A publisher whose incompatible subscriptions are counted."""
     events = PublisherEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
     return node.create_publisher(kind, topic, qos, event_callbacks=events)
 
@@ -58,6 +56,6 @@ def watched_publisher(node: Node, kind: type, topic: str, qos: QoSProfile | int,
 def watched_subscription(
     node: Node, kind: type, topic: str, callback: Callable, qos: QoSProfile, health: Reasons
 ) -> Subscription:
-    """A subscription whose refused publishers are counted."""
+    """A subscription whose incompatible publishers are counted."""
     events = SubscriptionEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
     return node.create_subscription(kind, topic, callback, qos, event_callbacks=events)

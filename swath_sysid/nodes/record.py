@@ -18,11 +18,7 @@ SAVE_PERIOD = 1.0  #: s of messages that a loss of power costs at most.
 
 
 class Record(Node):
-    """Subscribes to every topic of ours as it appears, and hands its messages on as they are.
-
-    Args:
-        others: Further topics, by their full names.
-    """
+    """Subscribes to every topic of ours as it appears, and to others, and hands their messages on unchanged."""
 
     def __init__(self, recording: Recording, others: Sequence[str] = ()):
         super().__init__('record')
@@ -60,20 +56,7 @@ class Record(Node):
 
 
 def record(path: str | Path, others: Sequence[str] = (), args: list[str] | None = None) -> tuple[int, dict[str, int]]:
-    """Record until a signal comes.
-
-    Args:
-        path: ``NAME.mcap``.
-        others: Further topics.
-        args: As for `rclpy.init`.
-
-    Returns:
-        code: Exit code.
-        counts: Messages by topic.
-
-    Raises:
-        InputError: See `Recording`.
-    """
+    """Record to ``NAME.mcap`` until a signal comes: the exit code and the number of messages by topic."""
     recording = Recording(path)
     try:
         code = run([(events_executor, [lambda: Record(recording, others)])], args)

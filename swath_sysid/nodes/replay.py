@@ -24,14 +24,7 @@ DISCOVERY = 3.5  #: s in which a subscription that is there is found: mostly 0.2
 
 
 class Replay(Node):
-    """Publishes the topics of a bag whose types are installed.
-
-    Args:
-        should_stop: Asked often.
-
-    Raises:
-        InputError: There is no such bag, or no topic of a known type in it.
-    """
+    """Publishes the topics of a bag whose types are installed."""
 
     def __init__(self, path: str | Path, settings: ReplaySettings, should_stop: Callable[[], bool]):
         super().__init__('replay')
@@ -65,18 +58,17 @@ class Replay(Node):
         return self.create_publisher(kind, topic, bag_qos(is_latched, depth=1 if is_latched else DEPTH))
 
     def wait_for_listeners(self) -> int:
-        """Wait until the subscribers are connected, at most as long as was set.
-
-        These are as many as were set; else all that are found, once no more have come for as long as discovery takes.
-
-        Returns:
-            How many are, on the IMU topic, or on the one with the most in a bag without an IMU.
-        """
+        """Wait for as many subscribers as were set (else all): how many there are on the IMU or busiest topic."""
         deadline = time.monotonic() + self._replaying.wait
         settling = SETTLING if self._replaying.listeners else DISCOVERY
         before, changed = None, time.monotonic()
         while not self._should_stop():
-            now, connections = time.monotonic(), self._connected()
+            now = time.monotonic()
+            # connected and known subscriptions of every topic
+            connections = [
+                (outlet.get_subscription_count(), self.count_subscribers(topic))
+                for topic, outlet in self.outlets.items()
+            ]
             if connections != before:
                 before, changed = connections, now
             listening = self._listening()
@@ -85,12 +77,6 @@ class Replay(Node):
                 return listening
             time.sleep(0.02)
         return self._listening()
-
-    def _connected(self):
-        """For every topic, the subscriptions that are connected, and those that are known of."""
-        return [
-            (outlet.get_subscription_count(), self.count_subscribers(topic)) for topic, outlet in self.outlets.items()
-        ]
 
     def _listening(self):
         imus = [topic for topic in self.outlets if self._recorded[topic].is_imu]

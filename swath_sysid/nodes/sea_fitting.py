@@ -12,12 +12,7 @@ from swath_sysid.pipeline.health import LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED
 
 
 class SeaFitting:
-    """Takes the requests of a pipeline's steps to a worker and its fits to the pipeline.
-
-    Args:
-        logger: With ``error(sentence)``.
-        waits: Wait for a fit that is due, instead of using it when it has ended.
-    """
+    """Takes the requests of a pipeline's steps to a worker, and its fits to the pipeline."""
 
     def __init__(self, pipeline: ForecastPipeline, health: PredictorHealth, logger: Any, waits: bool = False):
         self._pipeline = pipeline
@@ -35,12 +30,7 @@ class SeaFitting:
         self.worker.close()
 
     def submit(self, request: Any, stamp_ns: int) -> None:
-        """Fit what a step asked for, unless a fit is still under way.
-
-        Args:
-            request: The past to fit.
-            stamp_ns: Of the sample that led to it.
-        """
+        """Fit the past that a step at this stamp asked for, unless a fit is still under way."""
         if self._is_fitting:
             self._health.note(LATE_FIT)
             return

@@ -11,19 +11,12 @@ from swath_sysid.formats.messages import SECOND_NS, raw_stamp_ns, stamp_ns
 from swath_sysid.formats.topics import NEXT_TOPIC
 from swath_sysid.nodes.qos import NEWEST
 
-#: Of the record, by which samples may be ahead of the forecasts: few enough to wait at the node.
-AHEAD_NS = 2 * SECOND_NS
-
-PATIENCE = 5.0  #: s from one forecast to the next: samples that the node refuses bring none.
+AHEAD_NS = 2 * SECOND_NS  #: By which samples may be ahead of the forecasts: few enough to wait at the node.
+PATIENCE = 5.0  #: s from one forecast to the next: rejected samples bring none.
 
 
 class StepKeeping:
-    """Holds samples back until those before them have been forecast from.
-
-    Args:
-        node: Of the replay.
-        should_stop: Asked often.
-    """
+    """Holds samples of the replay back until those before them have been forecast from."""
 
     def __init__(self, node: Node, should_stop: Callable[[], bool]):
         self._node = node

@@ -1,4 +1,4 @@
-"""Waiting in coroutines of a node: for the end of a worker, and for a turn to answer."""
+"""Waiting in coroutines of a node for the end of a worker and for a turn to answer."""
 
 from collections import deque
 from collections.abc import Callable
@@ -10,8 +10,7 @@ from rclpy.task import Future
 
 from swath_sysid.nodes.worker import OnProgress, Worker
 
-#: s. A client receives the replies to all clients of its service and keeps ten: a burst of fifty pushes its own out.
-PERIOD = 0.1
+PERIOD = 0.1  #: s. A client keeps ten of the replies to all clients: a burst of fifty pushes its own out.
 
 
 async def ending_of(
@@ -38,7 +37,7 @@ class Turns:
         self._timer.cancel()
 
     async def wait(self) -> None:
-        """Go on when it is this one's turn: at once, unless another one went on just before."""
+        """Continue in turn: at once, unless another coroutine did just before."""
         if self._timer.is_canceled():
             self._timer.reset()
             return

@@ -25,13 +25,9 @@ class _Job:
 
 
 class Worker:
-    """Runs one function after the other in a process of its own.
+    """Runs one function after the other in a process of its own; ``on_death`` is called from the worker's thread.
 
-    Args:
-        warm_up: Run in the process when it starts; importable there, as all functions given.
-        on_death: Called (from the worker's thread) when the process died and was started again.
-        longest_idle: s without work after which the process is ended, to be started with the next; 0: it stays ready
-            from now on.
+    After ``longest_idle`` s without work the process is ended until the next; 0: never.
     """
 
     def __init__(
@@ -54,14 +50,9 @@ class Worker:
     def submit(
         self, function: Callable, arguments: tuple, on_end: OnEnd, on_progress: OnProgress | None = None
     ) -> None:
-        """Have ``function(*arguments)`` run; with ``on_progress`` also given ``progress=`` and ``should_cancel=``.
+        """Run ``function(*arguments)``; with ``on_progress`` it also gets ``progress=`` and ``should_cancel=``.
 
-        Args:
-            function: Importable in the worker.
-            arguments: Picklable.
-            on_end: Called from the worker's thread with the result and None, or with None and one of `InputError`,
-                `Cancelled`, `WorkerError`.
-            on_progress: Called from the worker's thread with 0 to 1.
+        ``on_end`` is called from the worker's thread with the result and None, or None and the error.
         """
         job = _Job((function, arguments, on_progress is not None), on_progress, on_end)
         self._unfinished.append(job)

@@ -1,4 +1,4 @@
-"""What a forecast must beat: simple and standard forecasts, each from the record's past alone."""
+"""Baselines: simple and standard forecasts from the record's past alone."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,21 +9,19 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
 
-#: Order of each regression, given enough past; an autoregression reads its own angle, the others every channel.
+#: Order of each regression, given enough past; ``ar`` reads its own angle, ``var`` every channel.
 REGRESSIONS = {'ar_40': 40, 'var_40': 40, 'var_60': 60}
 
 SIMPLE = ('persistence', 'constant_rate', 'mean')
 BASELINES = (*SIMPLE, *REGRESSIONS)
 
 ORDERS = (60, 40, 20, 10, 5, 2, 1)
-#: A shorter past supports a lower order only: with fewer rows than these a regression fits the noise.
-ROWS_A_COEFFICIENT = 8
-
+ROWS_A_COEFFICIENT = 8  #: With fewer rows than this a regression fits the noise.
 RIDGE = 1e-8  #: A row, in standard deviations; a hundred times as much costs a clean IMU a tenth at the shortest lead.
 REGRESSION_STEP = 0.1  #: s between lags, about: forty of them reach a wave period back, whatever the sensor's rate.
 REFIT_INTERVAL = 10.0  #: s.
-EVEN = 1.5  #: Samples further apart than so many usual intervals have lost one between them.
-ON_A_SAMPLE = 0.02  #: Usual intervals: a time as near as this to a sample is the sample's.
+EVEN = 1.5  #: Usual intervals between two samples from which one was lost.
+ON_A_SAMPLE = 0.02  #: Usual intervals from a sample within which a time is the sample's.
 
 _MIN_SHARE = 0.5
 _STILL = 1e-12
@@ -54,15 +52,7 @@ class Record:
         return self.values[:, self.names.index(name)] if name in self.names else None
 
     def at(self, wanted: np.ndarray, places: Sequence[int] | None = None) -> np.ndarray:
-        """The channels at given times, linear between neighbouring samples.
-
-        Args:
-            wanted: (...); s.
-            places: Of the channels; all by default.
-
-        Returns:
-            NaN before the first and after the last sample, and where a neighbour is missing.
-        """
+        """The channels (some, by place) at times (...), s, linear between samples; NaN where one is missing."""
         values = self.values if places is None else self.values[:, list(places)]
         near = ON_A_SAMPLE * self.interval
         after = np.clip(np.searchsorted(self.time, wanted - near), 1, self.time.size - 1)
@@ -77,11 +67,7 @@ class Record:
         return result
 
     def after_gap(self, name: str, stamps: np.ndarray, duration: float) -> np.ndarray:
-        """Whether each stamp lies within a gap of a channel, or within `duration` after it.
-
-        A gap is where at least one sample of the channel was lost or is NaN; what is missing before
-        the first reading is none.
-        """
+        """Whether each stamp lies within a gap of a channel or within `duration`, s, after it; the start is no gap."""
         measured = self.time[np.isfinite(self.column(name))]
         gaps = np.flatnonzero(np.diff(measured) > EVEN * self.interval)
         last, first = np.append(measured[gaps], np.inf), np.append(-np.inf, measured[gaps + 1])
@@ -92,17 +78,9 @@ class Record:
 def baseline_forecasts(
     record: Record, axes: Sequence[str], stamps: np.ndarray, leads: np.ndarray, window: float
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Forecasts of every baseline, issued at the stamps from the samples up to and with them.
+    """Forecasts (N, L) of `BASELINES` by axis, issued at stamps (N,), s, from the last ``window`` s, for leads (L,), s.
 
-    Args:
-        record: Its channels include the axes; the vector regressions read all of them.
-        axes: Those to forecast.
-        stamps: (N,); s, increasing.
-        leads: (L,); s; between whole steps of a regression its forecasts are joined linearly.
-        window: s of past that mean and regressions learn from.
-
-    Returns:
-        By axis and baseline (those of `BASELINES`), NaN where there is none.
+    The vector regressions read all channels of the record; NaN where there is no forecast.
     """
     every = [k for k, name in enumerate(record.names)]
     result = {axis: simple_forecasts(record, axis, stamps, leads, window) for axis in axes}
@@ -120,22 +98,15 @@ def baseline_forecasts(
 def simple_forecasts(
     record: Record, name: str, stamps: np.ndarray, leads: np.ndarray, window: float
 ) -> dict[str, np.ndarray]:
-    """Persistence, constant rate and the mean of the past.
+    """Persistence, constant rate and the mean of the past (`SIMPLE`), arguments as in `baseline_forecasts`.
 
-    Args:
-        record: Holds the channel.
-        name: Channel to forecast; its rate is the one of that name with ``_rate``, or that between its newest two
-            values.
-        stamps, leads, window: As in `baseline_forecasts`.
-
-    Returns:
-        By `SIMPLE`.
+    The rate is the channel with ``_rate`` after its name or, without one, that between the newest two values.
     """
     measured = np.isfinite(record.column(name))
     time, angle = record.time[measured], record.column(name)[measured]
     none = np.full((stamps.size, leads.size), np.nan)
     if not time.size:
-        return {'persistence': none, 'constant_rate': none, 'mean': none}
+        return dict.fromkeys(SIMPLE, none)
     newest = np.searchsorted(time, stamps, side='right') - 1
     rate = record.column(f'{name}_rate')
     if rate is None:
@@ -146,12 +117,8 @@ def simple_forecasts(
     oldest = np.searchsorted(time, stamps - window)
     mean = (total[newest + 1] - total[oldest]) / np.maximum(newest + 1 - oldest, 1)
     known = (newest >= 0)[:, None]
-    flat = np.ones(leads.size)
-    return {
-        'persistence': np.where(known, angle[newest][:, None] * flat, np.nan),
-        'constant_rate': np.where(known, angle[newest][:, None] + rate[newest][:, None] * leads, np.nan),
-        'mean': np.where(known, mean[:, None] * flat, np.nan),
-    }
+    found = angle[newest][:, None], angle[newest][:, None] + rate[newest][:, None] * leads, mean[:, None]
+    return {name: np.where(known, values, none) for name, values in zip(SIMPLE, found, strict=True)}
 
 
 def running_regression(
@@ -163,17 +130,10 @@ def running_regression(
     leads: np.ndarray,
     window: float,
 ) -> np.ndarray:
-    """A vector autoregression by ridge least squares, iterated ahead and refitted as time goes on.
+    """A vector autoregression by ridge least squares, refitted as time goes on: forecasts (N, T, L) of T targets.
 
-    Args:
-        record: Read at even steps, a whole number of its intervals.
-        channels: Places of what it reads; those that do not move or are mostly missing are left out.
-        targets: Places of what it forecasts, T of them.
-        order: Lags, as far as the past at each refit supports them.
-        stamps, leads, window: As in `baseline_forecasts`.
-
-    Returns:
-        NaN before the first fit and where a lag is missing.
+    It reads those channels that move and are mostly known; stamps, leads and window as in `baseline_forecasts`. NaN
+    before the first fit and where a lag is missing.
     """
     step = record.interval * max(1, round(REGRESSION_STEP / record.interval))
     start = float(record.time[0])
@@ -188,7 +148,8 @@ def running_regression(
         end = int((refit - start - EVEN * record.interval) / step) + 1
         begin = max(0, end - int(window / step))
         useful = _useful(grid[begin:end], channels)
-        supported = _supported_order(order, end - begin, len(useful))
+        fewest = ROWS_A_COEFFICIENT * len(useful)
+        supported = next((o for o in ORDERS if o <= order and end - begin - o >= fewest * o), None)
         if now.start == now.stop or not set(targets) <= set(useful) or supported is None:
             continue
         if sums is None or (sums.channels, sums.order) != (useful, supported):
@@ -211,12 +172,6 @@ def _useful(values: np.ndarray, channels: Sequence[int]):
     return tuple(
         c for c in channels if np.isfinite(values[:, c]).mean() > _MIN_SHARE and np.nanstd(values[:, c]) > _STILL
     )
-
-
-def _supported_order(order: int, rows: int, channels: int):
-    """The highest of `ORDERS`, up to the one wanted, that so many rows can support; None where none."""
-    supported = (o for o in ORDERS if o <= order and rows - o >= ROWS_A_COEFFICIENT * channels * o)
-    return next(supported, None)
 
 
 @dataclass

@@ -1,7 +1,8 @@
-"""What a demonstration showed: forecasts of a released craft against what was measured then."""
+"""The result of a demonstration: forecasts of a released craft against the measured motion."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,12 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
-UNAWARE = 0.3  #: s after letting go; no forecast issued earlier can know that the craft is free.
-SCORED_SPAN = 10.0  #: s of motion after letting go that count.
-LIFTING = 3.0  #: s; so long at most the craft is lifted and held before it is let go.
+UNAWARE = 0.3  #: s after the release; no forecast issued earlier can know of it.
+SCORED_SPAN = 10.0  #: s of motion after the release that are scored.
+LIFTING = 3.0  #: s; the longest time for which the craft is lifted and held before its release.
 
-LARGEST_ERROR = 0.1
-#: What is asked of the forecast one natural period ahead: its NRMSE, and its part of that without a model.
-LARGEST_SHARE = 0.25
+#: Largest NRMSE of the one-period-ahead forecast, and largest part of that without a model.
+LARGEST_ERROR, LARGEST_SHARE = 0.1, 0.25
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class Demonstration:
     hull: str
     release_angle: float  #: rad, from trim.
     period: float  #: The hull's natural period, s.
-    time: np.ndarray  #: (N,); Measured.
-    angle: np.ndarray  #: (N,); Measured.
+    time: np.ndarray  #: (N,); of the samples.
+    angle: np.ndarray  #: (N,); measured, rad.
     releases: tuple[float, float]  #: When the craft was let go.
     model_time: float  #: When the first model arrived.
     forecasts: tuple[LeadForecasts, ...]  #: As they were published.
@@ -57,16 +57,13 @@ class Demonstration:
         return min(self.releases[release] + SCORED_SPAN, float(self.time[-1]), *lifted_again)
 
     def during(self, forecasts: LeadForecasts, release: int) -> LeadForecasts:
-        """The forecasts that were issued and came due between letting go and the end, aware of the first."""
+        """The forecasts issued (aware of the release) and due between that release and its end."""
         issued = forecasts.time - forecasts.lead
         chosen = (issued >= self.releases[release] + UNAWARE) & (forecasts.time <= self.end(release))
         return LeadForecasts(forecasts.lead, forecasts.time[chosen], forecasts.angle[chosen], forecasts.std[chosen])
 
     def error(self, forecasts: LeadForecasts, release: int) -> float:
-        """Root mean square error over the standard deviation of the motion since letting go (NRMSE).
-
-        NaN where no forecast came due.
-        """
+        """NRMSE: error over the standard deviation of the motion since release; NaN if no forecast was due."""
         scored = self.during(forecasts, release)
         if not scored.time.size:
             return float('nan')
@@ -80,8 +77,8 @@ class Verdict:
     """Whether the forecasts became what they should."""
 
     lead: float  #: One natural period, s.
-    before: float  #: NRMSE in the first release, without a model, and in the second.
-    after: float  #: NRMSE in the first release, without a model, and in the second.
+    before: float  #: NRMSE in the first release, without a model.
+    after: float  #: NRMSE in the second.
     unaided: float  #: NRMSE of what would have been published in the second release without a model.
 
     @property
@@ -92,21 +89,18 @@ class Verdict:
     @property
     def text(self) -> str:
         """One line."""
+        if not isfinite(self.after):
+            return 'NOT PASSED: no forecast came due after the second release; the machine may be too busy, see the log'
         comparison = (
             f'forecast {self.lead:g} s (one natural period) ahead: NRMSE {self.after:.3f} with the identified model, '
-            f'{self.unaided:.3f} without it, {self.before:.3f} in the release before'
+            f'{self.unaided:.3f} without it, {self.before:.3f} in the previous release'
         )
-        if self.is_good:
-            return f'passed: {comparison}'
-        return f'NOT PASSED (at most {LARGEST_ERROR}, and a quarter of that without a model): {comparison}'
+        limits = f'NOT PASSED (at most {LARGEST_ERROR}, and a quarter of that without a model)'
+        return f'{"passed" if self.is_good else limits}: {comparison}'
 
 
 def verdict_of(demonstration: Demonstration) -> Verdict:
-    """Judge a demonstration by its forecasts one natural period ahead.
-
-    Args:
-        demonstration: Of both releases.
-    """
+    """Judge a demonstration by its forecasts one natural period ahead."""
     lead = demonstration.period_lead
     published, unaided = (
         next(f for f in given if f.lead == lead) for given in (demonstration.forecasts, demonstration.unaided)
@@ -123,16 +117,7 @@ def attitude_at(forecast: Any, axis: str) -> tuple[float, float]:
 
 
 def without_model(readings: Iterable[ImuReading], axis: str, settings: PipelineSettings) -> dict[float, list[tuple]]:
-    """The forecasts of the same messages if no model were known.
-
-    Args:
-        readings: The messages, in the order in which they came.
-        axis: ``roll`` or ``pitch``.
-        settings: Those that the forecasts were published with.
-
-    Returns:
-        Lead to stamps (ns), angles and standard deviations.
-    """
+    """Forecasts of the same messages without a model: by lead, s, rows of stamp, ns, angle and standard deviation."""
     pipeline = ForecastPipeline(settings)
     found: dict[float, list[tuple]] = {lead: [] for lead in settings.forecaster.leads}
     for reading in readings:

@@ -1,4 +1,4 @@
-"""How the forecasts fare, and whether the sensor sits as was given."""
+"""Health of the forecasts, and whether the sensor is mounted as given."""
 
 from math import isnan
 
@@ -25,23 +25,21 @@ class PredictorHealth(StreamHealth):
     """How samples become forecasts; see `StreamHealth`."""
 
     def __init__(self, topic: str, pipeline: ForecastPipeline):
-        super().__init__(
-            topic,
-            (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED),
-        )
+        reasons = (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED)
+        super().__init__(topic, reasons)
         self._pipeline = pipeline
         self._model_arrival: float | None = None
         self._refusal = ''
         self.published = 0  #: Forecasts on forecast/next.
-        self.uncompiled_because = ''  #: Why all takes longer than it could.
+        self.uncompiled_because = ''
 
     def note_model(self, now: float) -> None:
-        """A model came, s of the clock of `note_message`."""
+        """A model arrived, s of the clock of `note_message`."""
         self._model_arrival = now
         self._refusal = ''
 
     def note_refused_model(self, sentence: str) -> None:
-        """A model came that cannot be used, for this reason; it is reported until a good one comes."""
+        """A model cannot be used, for this reason; it is reported until a good one comes."""
         self.note(BAD_MODEL)
         self._refusal = sentence
 
@@ -50,7 +48,7 @@ class PredictorHealth(StreamHealth):
         state = self._pipeline.diagnostics()
         interval = None if isnan(state.sample_interval) else state.sample_interval
         level, message = OK, 'forecasting with the identified model'
-        refused = [f'{self._refusal}; the model before it stays'] if self._refusal else []
+        refused = [f'{self._refusal}; the previous model stays'] if self._refusal else []
         if refused or state.advice:
             level, message = WARN, '; '.join([*refused, *(advice.message for advice in state.advice)])
         values: dict[str, object] = {
@@ -63,11 +61,11 @@ class PredictorHealth(StreamHealth):
             'uncompiled_because': self.uncompiled_because,
             **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
         }
+        names = tuple(CANDIDATES)
         for a, axis in enumerate(AXES):
             for number, lead in enumerate(self._pipeline.settings.forecaster.leads):
                 values[f'nrmse_{axis}_{lead}s'] = float(state.nrmse[a, number])
                 values[f'coverage90_{axis}_{lead}s'] = float(state.coverage[a, number])
-                names = tuple(CANDIDATES)
                 values[f'leading_{axis}_{lead}s'] = names[int(state.weights[:, a, number].argmax())]
                 for k, candidate in enumerate(names):
                     values[f'nrmse_{axis}_{lead}s_{candidate}'] = float(state.candidate_nrmse[k, a, number])
@@ -79,11 +77,7 @@ class PredictorHealth(StreamHealth):
 
 
 def installation_report(check: InstallationCheck) -> Report:
-    """Whether the sensor sits as was given.
-
-    Args:
-        check: Of the running sensor; it judges anew where that is due.
-    """
+    """Whether the sensor is mounted as given; the check judges anew where that is due."""
     contradictions = check.judge()
     level, message = OK, check.described
     if contradictions:

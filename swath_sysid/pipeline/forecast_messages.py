@@ -1,4 +1,4 @@
-"""Forecasts as the values of the messages that publish them: what every driver sends or writes."""
+"""Forecasts as the values of the messages that publish them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,12 +15,8 @@ from swath_sysid.attitude.prediction.forecast import Forecast
 UNKNOWN_ANGLE_VARIANCE = math.pi**2
 
 UNKNOWN_RATE_VARIANCE = 100.0  #: rad^2/s^2.
-
-#: The covariance of a quantity that a sensor_msgs/Imu does not give.
-NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-#: m^2, m^2/s^2 and m^2/s^4; of the horizontal motion of the sensor, which is not forecast.
-UNKNOWN_PLACE_VARIANCE = 100.0
+NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  #: Covariance that a sensor_msgs/Imu does not give.
+UNKNOWN_PLACE_VARIANCE = 100.0  #: m^2 (and per s^2 and s^4); the horizontal motion is not forecast.
 
 _NOTHING_KNOWN = 0.0, 0.0, UNKNOWN_ANGLE_VARIANCE, 0.0, UNKNOWN_RATE_VARIANCE
 
@@ -49,13 +45,9 @@ class HorizonForecast:
 def attitude_forecast(
     stamp_ns: int, lead: float, axes: Mapping[str, Sequence[float]], yaw: float, yaw_rate: float
 ) -> AttitudeForecast:
-    """The forecast at one lead as an attitude with covariance.
+    """The forecast at one lead, s, as an attitude, with a held heading, rad, and its rate, rad/s.
 
-    Args:
-        stamp_ns: When issued.
-        lead: s.
-        axes: By axis that the sensor measures: angle, rate, angle variance, covariance of both, rate variance.
-        yaw, yaw_rate: Held heading, rad, and its rate, rad/s.
+    By measured axis: angle, rate, angle variance, covariance of both, rate variance.
     """
     roll, roll_rate, roll_variance, _, roll_rate_variance = axes.get('roll', _NOTHING_KNOWN)
     pitch, pitch_rate, pitch_variance, _, pitch_rate_variance = axes.get('pitch', _NOTHING_KNOWN)
@@ -71,16 +63,7 @@ def attitude_forecast(
 def attitudes_at_leads(
     forecast: Forecast, stamp_ns: int, yaw: float, yaw_rate: float
 ) -> tuple[tuple[float, AttitudeForecast], ...]:
-    """The forecast at each of its leads as an attitude with covariance.
-
-    Args:
-        forecast: At the leads.
-        stamp_ns: When issued.
-        yaw, yaw_rate: See `attitude_forecast`.
-
-    Returns:
-        Lead, s, and the attitude.
-    """
+    """Each lead, s, and the forecast at it as an attitude with covariance; see `attitude_forecast`."""
     moments = {
         axis: np.column_stack(
             [ahead.angle, ahead.rate, ahead.covariance[:, 0, 0], ahead.covariance[:, 0, 1], ahead.covariance[:, 1, 1]]
@@ -88,20 +71,13 @@ def attitudes_at_leads(
         for axis, ahead in forecast.axes.items()
     }
     return tuple(
-        [
-            (lead, attitude_forecast(stamp_ns, lead, {axis: rows[k] for axis, rows in moments.items()}, yaw, yaw_rate))
-            for k, lead in enumerate(forecast.leads.tolist())
-        ]
+        (lead, attitude_forecast(stamp_ns, lead, {axis: rows[k] for axis, rows in moments.items()}, yaw, yaw_rate))
+        for k, lead in enumerate(forecast.leads.tolist())
     )
 
 
 def horizon_forecast(forecast: Forecast, stamp_ns: int) -> HorizonForecast:
-    """The forecast over the horizon as a table.
-
-    Args:
-        forecast: Over the horizon.
-        stamp_ns: When issued.
-    """
+    """The forecast over the horizon as a table."""
     positions, velocities = np.empty((2, forecast.leads.size, 2 * len(forecast.axes)))
     for place, ahead in enumerate(forecast.axes.values()):
         positions[:, 2 * place], velocities[:, 2 * place] = ahead.angle, ahead.rate
@@ -131,24 +107,18 @@ class PointForecast(NamedTuple):
     name: str
     lead: float  #: s.
     stamp_ns: int  #: The time it is for.
-    #: From the sensor's mean place, m: z is about the mean level of the point; x and y by rotation alone.
-    position: tuple[float, ...]
+    position: tuple[float, ...]  #: m from the sensor's mean place; z from the point's mean level.
     orientation: tuple[float, ...]  #: Quaternion x, y, z, w.
     pose_covariance: np.ndarray  #: (6, 6); Of x, y, z and the rotations about them.
-    linear: tuple[float, ...]  #: In the axes of the craft then, m/s and rad/s.
-    angular: tuple[float, ...]  #: In the axes of the craft then, m/s and rad/s.
+    linear: tuple[float, ...]  #: In the axes of the craft then, m/s.
+    angular: tuple[float, ...]  #: rad/s.
     twist_covariance: np.ndarray  #: (6, 6)
     acceleration: float  #: Upwards, m/s^2.
     acceleration_variance: float
 
 
 def points_at_leads(forecast: Forecast, stamp_ns: int) -> list[PointForecast]:
-    """The forecast of each point at each of its leads.
-
-    Args:
-        forecast: At the leads.
-        stamp_ns: When issued.
-    """
+    """The forecast of each point at each of its leads."""
     if not forecast.points:
         return []
     roll, pitch = forecast.axes['roll'], forecast.axes['pitch']
@@ -170,9 +140,9 @@ def _point_forecast(
     covariance: np.ndarray,
 ):
     heave, velocity, acceleration = motion
-    orientation = attitude.quaternion(at[0], at[1], 0.0)
-    back = attitude.conjugate(*orientation)
     roll, pitch, roll_rate, pitch_rate = at
+    orientation = attitude.quaternion(roll, pitch, 0.0)
+    back = attitude.conjugate(*orientation)
     angular = attitude.body_rates(roll, pitch, roll_rate, pitch_rate, 0.0)
     level = attitude.rotate(orientation, *place)
     across = attitude.rotate(orientation, *_cross(angular, place))

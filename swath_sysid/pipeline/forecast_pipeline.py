@@ -1,15 +1,13 @@
-"""IMU samples and hull models in, forecasts out, all as plain numbers.
-
-The live node, play-through, scoring, the demonstration and the benchmarks run this object, so that all of them forecast
-the same. A sample's way: intake (stamp, frame, plausibility: once), forecaster, the values of the messages.
-"""
+"""IMU samples and hull models in, forecasts out, as plain numbers: the same for the live node and all offline runs."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import NamedTuple
 
+from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, CraftSample, ImuReading, Intake, Taken
 from swath_sysid.attitude.motion.sensor_mount import Installation
@@ -42,7 +40,12 @@ OnNext = Callable[[AttitudeForecast], None]
 
 @dataclass(frozen=True)
 class PipelineSettings:
-    """Where the sensor sits, how its stamps are read, and how is forecast."""
+    """Sensor mounting, stamp handling and forecast settings.
+
+    Example:
+        >>> PipelineSettings(forecaster=ForecasterSettings(horizon=8.0)).forecaster.horizon
+        8.0
+    """
 
     installation: Installation = field(default_factory=Installation)
     stamps: StampSettings = field(default_factory=StampSettings)
@@ -50,15 +53,13 @@ class PipelineSettings:
 
 
 class PipelineStep(NamedTuple):
-    """What one sample led to."""
+    """The results of one sample."""
 
     reasons: tuple[str, ...] = ()  #: From `PIPELINE_REASONS`: what was counted.
-    used: bool = False  #: False: the sample was left out, for the reason in ``reasons``.
+    used: bool = False
     next: AttitudeForecast | None = None  #: One sample ahead.
-    #: At the leads and over the horizon, when due. Their stamps are s from the first sample.
-    forecast: Forecast | None = None
-    #: At the leads and over the horizon, when due. Their stamps are s from the first sample.
-    horizon: Forecast | None = None
+    forecast: Forecast | None = None  #: At the leads, when due; its stamp is s from the first sample.
+    horizon: Forecast | None = None  #: Over the horizon, when due; its stamp is s from the first sample.
     #: To be fitted by `fit_sea`, in the background or at once; the result is for `ForecastPipeline.install`.
     sea_request: SeaRequest | None = None
     stamp_ns: int = 0  #: Of the sample; 0 where it was left out.
@@ -86,10 +87,25 @@ class PipelineStep(NamedTuple):
 class ForecastPipeline:
     """Forecasts from the messages of one sensor.
 
-    Pure and causal: time is the stamps; the same messages, models and fits give the same forecasts.
+    Pure and causal: time is the stamps; the same messages, models and fits give the same forecasts. What a step asks
+    to learn of the sea (``sea_request``) is fitted by `fit_sea` and given to `install`.
 
     Args:
+        settings: By default those of `PipelineSettings`.
         intake: That of the settings, where another core shares it.
+
+    Example:
+        >>> trial = read_trial(records / 'morro_buoy.csv').between(0.0, 20.0)
+        >>> pipeline = ForecastPipeline()
+        >>> for sample in samples_of(trial):
+        ...     step = pipeline.add_sample(sample)
+        ...     if step.sea_request is not None:
+        ...         pipeline.install(fit_sea(step.sea_request))
+        >>> step.forecast.leads.tolist()
+        [0.1, 0.5, 1.0, 2.0, 3.0, 5.0]
+        >>> roll = step.forecast.axes['roll']
+        >>> roll.angle.shape, roll.half_width.shape  # 50, 90 and 99 % intervals
+        ((6,), (6, 3))
     """
 
     def __init__(self, settings: PipelineSettings | None = None, intake: Intake | None = None) -> None:
@@ -106,11 +122,7 @@ class ForecastPipeline:
         self._yaw = self._yaw_rate = 0.0
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
-        """Swap the hulls under the running filters; one that stays the same is not touched.
-
-        Args:
-            models: By axis; an axis without one is forecast without a hull.
-        """
+        """Swap the hulls by axis under the running filters; an axis without one is forecast without a hull."""
         for axis in AXES:
             model = models.get(axis)
             if model != self._models[axis]:
@@ -136,12 +148,7 @@ class ForecastPipeline:
         return self.add_converted(self._intake.place(sample), on_next)
 
     def add_converted(self, taken: Taken, on_next: OnNext | None = None) -> PipelineStep:
-        """Take what the intake made of one message or sample.
-
-        Args:
-            taken: As `Intake.take` or `Intake.place` gave it.
-            on_next: See `add`.
-        """
+        """Accept what the intake made of one message or sample; see `add`."""
         sample, reasons = taken
         for reason in reasons:
             self.counts[reason] += 1
@@ -189,3 +196,12 @@ class ForecastPipeline:
         """The running state; see `Forecaster.diagnostics`."""
         state = self.forecaster.diagnostics()
         return replace(state, advice=state.advice + self.validity.advice())
+
+
+def warm_up() -> None:
+    """Forecasts of a hull at rest, so that the first samples find everything loaded and compiled."""
+    pipeline = ForecastPipeline()
+    pipeline.set_models({'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)})
+    at_rest = CraftSample(0, *(0.0,) * 6, STANDARD_GRAVITY, *(1e-6,) * 4)
+    for number in range(3):
+        pipeline.add_sample(at_rest._replace(stamp_ns=number * 10_000_000))

@@ -1,7 +1,4 @@
-"""How a node fares: counts by reason, levels and messages, for its diagnostics.
-
-Time is what the caller says. What to do about a reason is in the catalogue of sentences.
-"""
+"""Health of a node for its diagnostics: counts by reason, levels and messages; time is given by the caller."""
 
 from __future__ import annotations
 
@@ -42,74 +39,57 @@ CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory
 
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
 
-LASTING = {NO_RATES}  #: Warned of when they begin; then told while they last, without a warning.
+LASTING = {NO_RATES}  #: Warned of when they begin; then reported while they last, without a warning.
 
-CALM_SINCE_WARNING = 30.0  #: s without a warning after which a log says that it is over.
+CALM_SINCE_WARNING = 30.0  #: s without a warning after which the log reports its end.
 
 LONGEST_SILENCE = 1.0
-STARTING_TIME = 5.0  #: s; a sensor that has never published is an error after so long: discovery takes up to three.
+STARTING_TIME = 5.0  #: s after which a sensor that has never published is an error: discovery takes up to three.
 
-#: s between the stamp of a message and its arrival; more means that clocks differ, or a replay at another time.
-LARGEST_STAMP_AGE = 1.0
-
-#: Reports; stamps that are older than the best of these by more than `LARGEST_STAMP_AGE` have waited in a queue.
-REMEMBERED_AGES = 60
+LARGEST_STAMP_AGE = 1.0  #: s; more means that clocks differ, or a replay at another time.
+REMEMBERED_AGES = 60  #: Reports; much older stamps than the best of these have waited in a queue.
 
 
 @dataclass(frozen=True)
 class Report:
-    """One status, as diagnostic_msgs/DiagnosticStatus has it."""
+    """One diagnostic_msgs/DiagnosticStatus."""
 
     name: str
     level: int  #: `OK`, `WARN` or `ERROR`.
-    message: str  #: What is wrong and what to do; else what goes on.
+    message: str
     values: dict[str, object] = field(default_factory=dict)
 
     def status_of(self, node: str) -> tuple[int, str, str, dict[str, str]]:
-        """The fields of its diagnostic_msgs/DiagnosticStatus.
-
-        Args:
-            node: Its full name without the first slash.
-
-        Returns:
-            level
-            name, message
-            values
-        """
+        """Level, name, message and values of a DiagnosticStatus of a node, by its full name without first slash."""
         texts = {key: f'{value:.6g}' if isinstance(value, float) else str(value) for key, value in self.values.items()}
         return self.level, f'{node}: {self.name}', self.message, texts
 
 
 class Changes:
-    """Which changes of a level deserve a line in a log: of one that comes and goes, few do."""
+    """Which changes of a level deserve a line in a log."""
 
     def __init__(self) -> None:
-        self._told = OK
+        self._logged = OK
         self._has_been_well = False
         self._better_since: float | None = None
 
     def is_news(self, level: int, now: float) -> bool:
-        """Whether to tell this level now, s: what is worse at once, the end of a warning when it has stayed away."""
-        if level >= self._told:
+        """Whether to log this level now, s: a worse one at once, the end of a warning when it has stayed away."""
+        if level >= self._logged:
             self._better_since = None
         elif self._better_since is None:
             self._better_since = now
         lasted = self._better_since is not None and now - self._better_since >= CALM_SINCE_WARNING
         is_first = level == OK and not self._has_been_well
-        if level > self._told or (level < self._told and (self._told == ERROR or is_first or lasted)):
-            self._told, self._better_since = level, None
+        if level > self._logged or (level < self._logged and (self._logged == ERROR or is_first or lasted)):
+            self._logged, self._better_since = level, None
             self._has_been_well = self._has_been_well or level == OK
             return True
         return False
 
 
 class Reasons:
-    """Counts by reason, and which of them still hold.
-
-    Args:
-        reasons: Those that are counted here.
-        cures: Reason to what to do about it.
-    """
+    """Counts by reason, which of them still hold, and what to do about them."""
 
     def __init__(self, reasons: Iterable[str], cures: Mapping[str, str] = CURES):
         self._cures = cures
@@ -119,14 +99,14 @@ class Reasons:
         self._lasting: list[str] = []
 
     def note(self, reason: str, about: str | None = None, sentence: str = '') -> None:
-        """Count one more of a reason; one about something, in a sentence of its own, holds until that is settled."""
+        """Count one more of a reason; one ``about`` something holds until that is settled."""
         self.counts[reason] += 1
         if about is not None:
             cure = self._cures[reason]
             self._holding[about] = f'{reason}: {sentence}; {cure}' if sentence else f'{reason}: {cure}'
 
     def settle(self, about: str) -> None:
-        """What was noted about something is over."""
+        """End what was noted about something."""
         self._holding.pop(about, None)
 
     def fresh(self, counts: Mapping[str, int]) -> dict[str, int]:
@@ -135,8 +115,8 @@ class Reasons:
         grown = {reason: count - before.get(reason, 0) for reason, count in counts.items()}
         grown = {reason: growth for reason, growth in grown.items() if growth > 0}
         self._lasting = sorted(LASTING & grown.keys())
-        told = HARMLESS | {reason for reason in LASTING if before.get(reason, 0) > 0}
-        return {reason: growth for reason, growth in grown.items() if reason not in told}
+        known = HARMLESS | {reason for reason in LASTING if before.get(reason, 0) > 0}
+        return {reason: growth for reason, growth in grown.items() if reason not in known}
 
     def worst(self, fresh: Mapping[str, int]) -> str:
         """The reason that grew most, how often, and what to do about it."""
@@ -155,12 +135,7 @@ class Reasons:
 
 
 class StreamHealth(Reasons):
-    """How the messages of one topic come in.
-
-    Args:
-        topic: Its name for people.
-        reasons: Counted beside those of every stream.
-    """
+    """How the messages of one topic arrive, counting further reasons beside those of every stream."""
 
     def __init__(self, topic: str, reasons: Iterable[str] = ()):
         super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED, *reasons))
@@ -179,30 +154,23 @@ class StreamHealth(Reasons):
         self._reported_ns = 0
 
     def note_message(self, stamp_ns: int, clock_ns: int, begun: float, ended: float) -> None:
-        """A message was handled.
-
-        Args:
-            stamp_ns: Its stamp.
-            clock_ns: When it came, by the clock that stamps are compared with.
-            begun, ended: Two readings of another clock, s.
-        """
-        spent = ended - begun
+        """Count a message: its stamp and the clock at its arrival, ns, and two readings around its handling, s."""
         self.received += 1
         self._since_report += 1
         self._age = (clock_ns - stamp_ns) * 1e-9
         self._arrival = begun
-        self._spent += spent
-        self._longest = max(self._longest, spent)
+        self._spent += ended - begun
+        self._longest = max(self._longest, ended - begun)
 
     def note_frame_id(self, frame_id: str) -> None:
-        """A message was in this frame."""
+        """Count a change of frame."""
         if frame_id != self._frame_id:
             if self._frame_id is not None:
                 self.note(FRAME_CHANGED)
             self._frame_id = frame_id
 
     def note_publishers(self, count: int) -> None:
-        """So many nodes publish the topic now."""
+        """Count the appearance of a second publisher."""
         if count > 1 and not self._several:
             self.note(SEVERAL_PUBLISHERS)
         self._several = count > 1
@@ -210,31 +178,25 @@ class StreamHealth(Reasons):
     def report(
         self, now: float, now_ns: int, core_counts: Mapping[str, int], used: int, interval: float | None = None
     ) -> Report:
-        """What to report now, and begin a new period.
+        """The report now, and start a new period.
 
-        Args:
-            now: Of the clock of `note_message`, s.
-            now_ns: Of the clock that stamps are compared with.
-            core_counts: By the node's core, since its start.
-            used: Messages the core used.
-            interval: Usual time between messages, s, once it is known.
+        ``now`` is of the clock of `note_message`, s, ``now_ns`` of that of the stamps; ``core_counts`` count since the
+        start, ``used`` messages the core used; ``interval``, s, is the usual one.
         """
         if self._begun is None:
             self._begun, self._reported_ns = now, now_ns
         self._note_silence(now, now_ns)
-        silence = self._silence
-        is_silent = self.received > 0 and silence > max(LONGEST_SILENCE, 5.0 * (interval or 0.0))
+        is_silent = self.received > 0 and self._silence > max(LONGEST_SILENCE, 5.0 * (interval or 0.0))
         if is_silent and not self._silent:
             self.note(SILENT)
         self._silent = is_silent
-        age = None
-        if self._arrival is not None:
-            age = self._age
-            # a simulated clock that the node has not read yet makes messages come before their time
+        age = None if self._arrival is None else self._age
+        if age is not None:
+            # with a simulated clock that the node has not read yet, messages arrive before their time
             self._ages.append(max(age, 0.0))
         counts = {**core_counts, **self.counts}
         stands = now_ns == self._reported_ns and not self._since_report
-        level, message = self._verdict(silence, age, self.fresh(counts), stands)
+        level, message = self._verdict(age, self.fresh(counts), stands)
         period = None if self._reported_at is None else now - self._reported_at
         values: dict[str, object] = {
             'rate_hz': self._since_report / period if period else 0.0,
@@ -251,7 +213,7 @@ class StreamHealth(Reasons):
         return Report('imu', level, message, values)
 
     def _note_silence(self, now: float, now_ns: int) -> None:
-        """Add what has passed by both clocks: none does while that of the stamps stands still."""
+        """Add the time passed by both clocks: none while that of the stamps stands still."""
         before = self._begun if self._reported_at is None else self._reported_at
         by_stamps = max((now_ns - self._reported_ns) * 1e-9, 0.0)
         if self._since_report and self._arrival is not None:
@@ -259,14 +221,12 @@ class StreamHealth(Reasons):
         elif before is not None:
             self._silence += min(now - before, by_stamps)
 
-    def _verdict(
-        self, silence: float, age: float | None, fresh: Mapping[str, int], clock_stands: bool
-    ) -> tuple[int, str]:
+    def _verdict(self, age: float | None, fresh: Mapping[str, int], clock_stands: bool) -> tuple[int, str]:
         if age is None:
-            level = ERROR if silence > STARTING_TIME else WARN
+            level = ERROR if self._silence > STARTING_TIME else WARN
             return level, f'no message on {self.topic} yet: {CURES[NO_MESSAGE_YET]}'
         if self._silent:
-            return ERROR, f'no message on {self.topic} for {silence:.1f} s: {CURES[SILENT]}'
+            return ERROR, f'no message on {self.topic} for {self._silence:.1f} s: {CURES[SILENT]}'
         if self._several:
             return WARN, CURES[SEVERAL_PUBLISHERS]
         if fresh:
@@ -275,7 +235,7 @@ class StreamHealth(Reasons):
             return WARN, self.holding
         late = age - min(self._ages)
         if late > LARGEST_STAMP_AGE:
-            return WARN, f'messages come {late:.1f} s later than they can: {CURES[QUEUED]}'
+            return WARN, f'messages arrive {late:.1f} s late: {CURES[QUEUED]}'
         if abs(age) > LARGEST_STAMP_AGE:
             return WARN, f'stamps differ from the clock by {age:.1f} s: {CURES[CLOCKS_DIFFER]}'
         if clock_stands:
@@ -284,7 +244,7 @@ class StreamHealth(Reasons):
 
 
 class BufferHealth(StreamHealth):
-    """How the samples of a motion window come in, and what it holds; see `StreamHealth`."""
+    """How the samples of a motion window arrive, and what it holds."""
 
     def __init__(self, topic: str, window: MotionWindow):
         super().__init__(topic)
@@ -296,8 +256,7 @@ class BufferHealth(StreamHealth):
         window = self._window
         level, message = OK, window.described
         if window.is_short_of_memory:
-            level = WARN
-            message += f': {CURES[SHORT_OF_MEMORY]}'
+            level, message = WARN, f'{message}: {CURES[SHORT_OF_MEMORY]}'
         values: dict[str, object] = {
             'samples': window.size,
             'duration_s': window.duration,
@@ -311,7 +270,7 @@ class BufferHealth(StreamHealth):
 
 
 class IdentifierHealth(Reasons):
-    """How identification goes."""
+    """The state of identification."""
 
     def __init__(self) -> None:
         super().__init__((BAD_WINDOW, IDENTIFICATION_WORKER_DIED, NOT_SAVED, BAD_MODEL_FILE, QOS_MISMATCH))
@@ -321,26 +280,19 @@ class IdentifierHealth(Reasons):
         self.uncompiled_because = ''  #: Why fits take longer than they could.
 
     def begin(self) -> None:
-        """A refit begins."""
+        """A refit starts."""
         self.progress = 0.0
         self.refits += 1
 
     def end(self, published: bool, message: str) -> None:
-        """It has ended: whether a model was published, and one line about it."""
+        """It has ended, published a model or not, with one line about it."""
         self.published += published
         self.last = message
 
     def report(
         self, models: str, steps_back: int, is_busy: bool, verdicts: Mapping[str, object] | None = None
     ) -> Report:
-        """What to report now, and begin a new period; see `StreamHealth.report`.
-
-        Args:
-            models: For people.
-            steps_back: How many models `rollback` leads back over.
-            is_busy: Whether a refit runs.
-            verdicts: Of `verdict_values`.
-        """
+        """The report now, and start a new period; ``steps_back``: how many models `rollback` can return to."""
         fresh = list(self.fresh(self.counts))
         doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
         level, message = OK, doing
@@ -362,11 +314,7 @@ class IdentifierHealth(Reasons):
 
 
 def stability_report(watch: StabilityWatch) -> Report:
-    """What the natural period of roll says of the stability.
-
-    Args:
-        watch: Its newest finding is reported.
-    """
+    """What the natural period of roll says of the stability, by the newest finding of the watch."""
     found = watch.newest
     if found is None:
         return Report('stability', OK, 'too few estimates of the natural period yet', {'estimates': watch.count})

@@ -1,17 +1,13 @@
-"""How the forecasts of surge, sway and yaw fare."""
+"""Health of the forecasts of surge, sway and yaw."""
 
 from swath_sysid.manoeuvring.prediction.pipeline import REASONS, ManoeuvreOutlook
 from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report
 
-SILENT_AFTER = 2.0  #: s without odometry, which usually comes ten times a second and more.
+SILENT_AFTER = 2.0  #: s without odometry, which usually comes at 10 Hz and more.
 
 
 class ManoeuvringHealth(Reasons):
-    """How odometry becomes forecasts.
-
-    Args:
-        topic: Of the odometry, for people.
-    """
+    """How odometry becomes forecasts."""
 
     def __init__(self, topic: str, pipeline: ManoeuvreOutlook):
         super().__init__(pipeline.counts, REASONS)
@@ -31,12 +27,12 @@ class ManoeuvringHealth(Reasons):
         self._refusal = ''
 
     def note_refused_model(self, sentence: str) -> None:
-        """A model came that cannot be used, for this reason; it is reported until a good one comes."""
+        """A model cannot be used, for this reason; it is reported until a good one comes."""
         self._bad_models += 1
         self._refusal = sentence
 
     def reports(self, now: float) -> list[Report]:
-        """What to report now, s, and begin a new period."""
+        """The report now, s, and start a new period."""
         fresh = self.fresh(self._pipeline.counts)
         level, text = OK, 'forecasting with the identified model'
         if self._arrival is None or now - self._arrival > SILENT_AFTER:
@@ -44,10 +40,10 @@ class ManoeuvringHealth(Reasons):
         elif fresh:
             level, text = WARN, self.worst(fresh)
         elif self._refusal:
-            level, text = WARN, f'{self._refusal}; the model before it stays'
+            level, text = WARN, f'{self._refusal}; the previous model stays'
         elif not self._pipeline.has_model:
             level = WARN
-            text = 'no model yet, steady motion is taken: give model_file, or publish one on manoeuvring/model'
+            text = 'no model yet, steady motion is assumed: give model_file, or publish one on manoeuvring/model'
         values: dict[str, object] = {
             'received': self._received,
             'bad_models': self._bad_models,

@@ -1,19 +1,14 @@
-"""The live pipeline without its processes: buffer, identifier and predictor run over messages one after another."""
+"""The live pipeline without its processes: buffer, identifier and predictor run over the same messages."""
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.refit import (
-    RefitOutcome,
-    RefitRequest,
-    RefitSettings,
-    Refitter,
-    refit,
-    window_provenance,
-)
+from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
+from swath_sysid.attitude.identification.refit import RefitOutcome, RefitRequest, RefitSettings, Refitter, refit
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading, Intake
 from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
 from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest, fit_sea
@@ -22,38 +17,31 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 
 @dataclass(frozen=True)
 class PlayThroughSettings:
-    """What the three nodes are set to."""
+    """Settings of the three nodes."""
 
     window: WindowSettings = field(default_factory=WindowSettings)
     refit: RefitSettings = field(default_factory=RefitSettings)
     forecasts: PipelineSettings = field(default_factory=PipelineSettings)
     auto_identify: bool = True  #: Refit whenever the buffer publishes a window.
-    #: s from a window to the models found in it; at the next sample if it is 0. Live, a refit takes 0.1 to 3 s.
-    refit_delay: float = 0.0
-    window_source: dict = field(default_factory=dict)  #: What names the windows' source in the provenance of models.
-    identify_interval: float = 0.0  #: s after which the window is identified by itself; 0: never.
+    refit_delay: float = 0.0  #: s from a window to its models; live, a refit takes 0.1 to 3 s.
+    window_source: dict = field(default_factory=dict)  #: Names the windows' source in the provenance of models.
+    identify_interval: float = 0.0  #: s after which the window is identified unasked; 0: never.
 
 
 class Played(NamedTuple):
-    """What one IMU message made the three nodes publish, in the order of publishing."""
+    """What the three nodes publish after one IMU message, in order."""
 
-    stamp_ns: int  #: Of the IMU message.
-    #: By axis, where they have changed; in use for this message's forecasts already.
-    models: dict[str, IdentifiedModel] | None
-    window: MotionTable | None  #: Published by itself because a free decay has ended.
-    step: PipelineStep  #: The forecasts.
+    stamp_ns: int
+    models: dict[str, IdentifiedModel] | None  #: Where they have changed; already used for this message's forecasts.
+    window: MotionTable | None  #: Published because a free decay has ended.
+    step: PipelineStep
     verdict: str | None = None  #: One line on a refit that ended.
 
 
 class PlayThrough:
-    """Buffer, identifier and predictor on one thread, with stamps for a clock.
+    """Buffer, identifier and predictor on one thread, clocked by the stamps; ``models`` are those known at the start.
 
-    Deterministic: the same messages, settings and models give the same results.
-
-    Args:
-        models: Known at the start, by axis.
-        fit: Turns a `RefitRequest` into a `RefitOutcome`.
-        fit_sea: Turns a `SeaRequest` into a `SeaFit`.
+    Deterministic. ``fit`` turns a `RefitRequest` into a `RefitOutcome`, ``fit_sea`` a `SeaRequest` into a `SeaFit`.
     """
 
     def __init__(
@@ -76,7 +64,7 @@ class PlayThrough:
         self._fit_sea = fit_sea
         self.refits = 0
         self._running: tuple[int, RefitOutcome] | None = None
-        self._waiting: MotionTable | None = None
+        self._waiting: deque[MotionTable] = deque(maxlen=MOST_DECAYS)
         self._due_ns: int | None = None
         self._unpublished = bool(models)
 
@@ -86,35 +74,31 @@ class PlayThrough:
         return self._running is not None
 
     def add(self, reading: ImuReading) -> Played:
-        """Take in one IMU message.
-
-        Args:
-            reading: The message.
-        """
+        """Process one IMU message."""
         stamp_ns = reading.stamp_ns
         models, verdict = self._finish_refit(stamp_ns)
         taken = None if self._intake is None else self._intake.take(reading)
         step = self.forecasts.add(reading) if taken is None else self.forecasts.add_converted(taken)
         if step.sea_request is not None:
-            # it comes into use a while after its stamp, so that live, too, it is there by then
+            # used a while after its stamp, so that a live fit is ready by then
             self.forecasts.install(self._fit_sea(step.sea_request))
         finished = (self.window.add(reading) if taken is None else self.window.add_taken(taken)).finished
         if self._is_due(stamp_ns):
-            self._waiting = self.window.table()
+            self._waiting.append(self.window.table())
             self._start_refit(stamp_ns)
         if finished is None:
             return Played(stamp_ns, models, None, step, verdict)
         if self.settings.auto_identify:
-            self._waiting = finished.table
+            self._waiting.append(finished.table)
             self._start_refit(stamp_ns)
         return Played(stamp_ns, models, finished.table, step, verdict)
 
     def _is_due(self, stamp_ns: int):
-        """Whether the window is to be identified by itself now."""
+        """Whether the window is to be identified unasked now."""
         interval_ns = round(self.settings.identify_interval / NANOSECOND)
         if not interval_ns:
             return False
-        # a clock that was set back begins anew
+        # restarts when the clock was set back
         if self._due_ns is None or self._due_ns - stamp_ns > interval_ns:
             self._due_ns = stamp_ns + interval_ns
         if stamp_ns < self._due_ns or not self.window.size:
@@ -123,12 +107,12 @@ class PlayThrough:
         return True
 
     def _start_refit(self, stamp_ns: int):
-        """Fit the newest window, unless a fit is still under way by the stamps."""
-        if self._running is None and self._waiting is not None:
-            software = f'swath_sysid {__version__}'
-            provenance = window_provenance(self._waiting, self.settings.window_source, software)
-            outcome = self._fit(self.refitter.request(self._waiting, provenance))
-            self._running, self._waiting = (stamp_ns, outcome), None
+        """Fit the windows that wait, unless a fit is still under way by the stamps."""
+        if self._running is None and self._waiting:
+            origin = {'source': self.settings.window_source, 'software': f'swath_sysid {__version__}'}
+            outcome = self._fit(self.refitter.request(*self._waiting, is_asked=False, **origin))
+            self._running = stamp_ns, outcome
+            self._waiting.clear()
             self.refits += 1
 
     def _finish_refit(self, stamp_ns: int):

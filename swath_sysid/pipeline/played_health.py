@@ -1,4 +1,4 @@
-"""What the diagnostics of the three nodes would be in a play-through."""
+"""The diagnostics of the three nodes in a play-through."""
 
 from collections.abc import Sequence
 
@@ -9,13 +9,9 @@ from swath_sysid.pipeline.validity import verdict_values
 
 
 class PlayedHealth:
-    """What the three nodes would report in a play-through, where the stamps are the clock.
+    """What the three nodes report in a play-through, clocked by the stamps, with processing times of zero.
 
-    Nothing takes time there: processing times are zero.
-
-    Args:
-        topic: Of the sensor, for people.
-        periods: s between the diagnostics of imu_buffer, identifier and predictor.
+    ``periods``, s: between the diagnostics of imu_buffer, identifier and predictor.
     """
 
     def __init__(self, pipeline: PlayThrough, topic: str, periods: Sequence[float]):
@@ -30,17 +26,10 @@ class PlayedHealth:
         self._now_ns: int | None = None
 
     def follow(self, played: Played) -> list[list[tuple]]:
-        """Take in one step.
-
-        Args:
-            played: As `PlayThrough.add` gave it.
-
-        Returns:
-            Where diagnostics are due: those of each node, every one as `Report.status_of` gives it.
-        """
+        """Process one step; where diagnostics are due, those of each node, each as of `Report.status_of`."""
         due: list[list[tuple]] = []
         stamp_ns = played.stamp_ns
-        # a stray stamp must not be taken for the time
+        # a stray stamp is not the time
         if played.step.used or self._now_ns is None:
             if self._now_ns is None or not self._now_ns <= stamp_ns < self._next_ns:
                 due = self._reports_at(stamp_ns)
@@ -60,7 +49,7 @@ class PlayedHealth:
         return due
 
     def _reports_at(self, stamp_ns: int) -> list[list[tuple]]:
-        """What is due at a stamp, which begins time anew where it lies before the last."""
+        """The reports due at a stamp; time restarts where it is before the last."""
         if self._now_ns is None or stamp_ns < self._now_ns:
             self._begun_ns = stamp_ns
             self._due_ns = {node: stamp_ns + period for node, period in self._periods_ns.items()}

@@ -1,4 +1,4 @@
-"""Skill: every forecast that was issued counts, beside what it must beat."""
+"""Forecast skill: the score of every issued forecast, beside the baselines."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,6 +10,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.vertical import EDGE
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability, quantity_at
 from swath_sysid.common.advice import Advice
@@ -28,9 +29,10 @@ _BLOCK = 30.0  #: s: several wave groups, so that the errors of one block say li
 
 _MIN_BLOCKS = 8
 _REPLICATES = 2000
-_SELDOM = 2.0  #: Standard deviations: so rarely passed that staying below for some seconds is an open question.
+_SELDOM = 2.0  #: Standard deviations: passed so rarely that staying below for some seconds is uncertain.
 _MIN_LIMIT = 1e-4
 _MIN_WARMUP = 30.0  #: s from which limits of quiescence can be taken.
+_LONGEST_WARMUP = 600.0
 
 
 @dataclass(frozen=True)
@@ -38,53 +40,55 @@ class QuantitySkill:
     """Scores of one quantity; errors are root mean squares over ``deviation``."""
 
     deviation: float  #: Standard deviation of what came while it was scored: rad, m, m/s or m/s^2.
-    #: ndarray of int, shape (L,); Forecasts that count, and those that cannot because nothing was measured at their
-    #: time.
-    counted: np.ndarray
-    #: ndarray of int, shape (L,); Forecasts that count, and those that cannot because nothing was measured at their
-    #: time.
-    unmeasured: np.ndarray
-    #: dict of str to (L,); By `METHODS`; of vertical motion by those that need no measurement of it.
-    nrmse: dict[str, np.ndarray]
-    #: dict of str to (L,); Share of the counted for which the method had no value, so that persistence stood in; of
-    #: vertical motion the mean of the past, which is all that is known before it is learnt.
+    counted: np.ndarray  #: (L,); scored forecasts.
+    unmeasured: np.ndarray  #: (L,); those that cannot be scored because nothing was measured at their time.
+    nrmse: dict[str, np.ndarray]  #: (L,) by `METHODS`, of vertical motion by those that need no measurement of it.
+    #: (L,); share for which the method had no value and was replaced by persistence (vertical motion: the mean).
     stood_in: dict[str, np.ndarray]
-    coverage: np.ndarray  #: (L, 3); Share of the 50, 90 and 99 % intervals that held what came.
-    interval: np.ndarray  #: (L, 2); Of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
+    coverage: np.ndarray  #: (L, 3); of the 50, 90 and 99 % intervals.
+    interval: np.ndarray  #: (L, 2); of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
     best: tuple[str, ...]  #: The baseline with the least error, by lead.
     ratio: np.ndarray  #: (L,); Error of the forecast over that of the best baseline.
     ratio_interval: np.ndarray  #: (L, 2)
     gap_share: np.ndarray  #: (L,); Share of the counted that were issued in a gap or within `AFTER_GAP` after it.
-    gap_nrmse: dict[str, np.ndarray]  #: dict of str to (L,); Their own error, of ``forecast`` and ``persistence``.
+    gap_nrmse: dict[str, np.ndarray]  #: (L,); their error, of ``forecast`` and ``persistence``.
 
 
 @dataclass(frozen=True)
 class Skill:
-    """Scores of a record."""
+    """Scores of a record.
+
+    Example:
+        >>> trial = read_trial(records / 'morro_buoy.csv').between(0.0, 60.0)
+        >>> skill = score(trial, run_through(trial, ForecasterSettings(leads=(1.0,), forecast_rate=2.0)))
+        >>> sorted(skill.axes), skill.warmup
+        (['pitch', 'roll'], 20)
+        >>> skill.axes['roll'].coverage.shape  # of the 50, 90 and 99 % intervals, by lead
+        (1, 3)
+    """
 
     leads: np.ndarray  #: (L,); s.
     axes: dict[str, QuantitySkill]
-    warmup: float  #: s from the record's start; forecasts issued between them were scored.
-    until: float  #: s from the record's start; forecasts issued between them were scored.
+    warmup: float  #: s from the record's start that were not scored.
+    until: float  #: s from the record's start up to which forecasts were scored.
     window: float  #: s of past that the baselines learnt from.
-    step_time: dict[str, float]  #: Seconds ('median', 'most') of the run; NaN where not measured.
-    refit_time: dict[str, float]  #: Seconds ('median', 'most') of the run; NaN where not measured.
+    step_time: dict[str, float]  #: 'median' and 'most', s; NaN where not measured.
+    refit_time: dict[str, float]
     quiescence: Reliability | None = None
     quiescence_limits: QuiescenceLimits | None = None
     advice: tuple[Advice, ...] = ()
     points: dict[str, dict[str, QuantitySkill]] = field(default_factory=dict)  #: By point and `POINT_MOTION`.
 
 
+def usual_warmup(trial: Trial) -> float:
+    """Seconds at the start of a record that are not scored: 600, or a third of a shorter one."""
+    return min(_LONGEST_WARMUP, round(float(trial.time[-1] - trial.time[0]) / 3.0))
+
+
 def usual_limits(trial: Trial, limits: QuiescenceLimits, warmup: float) -> QuiescenceLimits | None:
-    """Limits of quiescence to score: those given, else the angles that the craft seldom passed in the warm-up.
+    """Limits of quiescence to score: those given, else the angles that the craft seldom passed in the warm-up, s.
 
-    Args:
-        trial: The whole record.
-        limits: Those given; where none of them is of attitude, roll and pitch are added to them.
-        warmup: s.
-
-    Returns:
-        None where none are given and the warm-up is too short to suggest any.
+    None where none are given and the warm-up is too short.
     """
     if np.isfinite(limits.bounds(ATTITUDE)).any():
         return limits
@@ -101,9 +105,9 @@ def usual_limits(trial: Trial, limits: QuiescenceLimits, warmup: float) -> Quies
 def score(
     trial: Trial,
     run: Run,
-    leads: Sequence[float] | np.ndarray,
-    warmup: float,
-    window: float,
+    leads: Sequence[float] | np.ndarray | None = None,
+    warmup: float | None = None,
+    window: float = ForecasterSettings.window,
     until: float | None = None,
     seed: int = 0,
     points: Sequence[Point] = (),
@@ -116,18 +120,32 @@ def score(
     Args:
         trial: The whole record.
         run: Through that record.
-        leads: s, of those that the forecasts are for.
-        warmup: s from the record's start that are not scored.
+        leads: s, of those that the forecasts are for; by default all.
+        warmup: s from the record's start that are not scored; by default 600, or a third of a shorter record.
         window: s of past that the baselines learn from.
         until: s from the record's start; by default to its end.
         seed: Of the bootstrap.
         points: Of those whose vertical motion was forecast; it is scored by that of the whole record
             (`vertical_record`).
 
+    Returns:
+        Root mean square errors over the standard deviation of the motion by axis and lead, beside those of the
+        baselines, and the share of the intervals that held what came.
+
     Raises:
         InputError: The record has no angle, or no forecast was issued in time for one of the leads; with points, it
             does not show its vertical motion.
+
+    Example:
+        >>> trial = read_trial(records / 'morro_buoy.csv').between(0.0, 60.0)
+        >>> run = run_through(trial, ForecasterSettings(leads=(1.0, 2.0), forecast_rate=2.0))
+        >>> roll = score(trial, run).axes['roll']
+        >>> bool((roll.nrmse['forecast'] < roll.nrmse['persistence']).all())
+        True
     """
+    warmup = usual_warmup(trial) if warmup is None else warmup
+    if leads is None:
+        leads = run.steps[0].forecast.leads if run.steps else (math.inf,)
     leads = np.array(sorted({float(lead) for lead in leads}))
     axes, name = [axis for axis in AXES if axis in trial.channels], trial.source or 'the record'
     if not axes:
@@ -151,7 +169,9 @@ def score(
         at = _Occasions(stamps, leads, span, record.after_gap(axis, stamps, AFTER_GAP), seed)
         methods = {FORECAST: angle, **baselines[axis]}
         results[axis] = _score(record, axis, at, methods, half_width, 'persistence')
-        advice += _advice_on(axis, results[axis])
+        missing = round(float(np.nan_to_num(results[axis].stood_in[FORECAST] * results[axis].counted).max()))
+        if missing:
+            advice.append(Advice.of('forecast-missing', missing=missing, axis=axis))
     vertical: dict[str, dict[str, QuantitySkill]] = {}
     if points:
         truth = vertical_record(trial, points)
@@ -192,18 +212,9 @@ def score_forecasts(
     stand_in: np.ndarray,
     seed: int = 0,
 ) -> QuantitySkill:
-    """Score anyone's forecasts of one channel, as `score` does those of a run.
+    """Score forecasts (N, L) of one channel, issued at stamps (N,), s, for leads (L,), s, beside ``persistence``.
 
-    Args:
-        record: Holds the channel as measured.
-        name: The channel.
-        stamps: (N,); s, increasing, when they were issued.
-        leads: (L,); s.
-        forecasts, stand_in: (N, L); naN where there is no forecast, and the other counts in its place: ``persistence``.
-        seed: Of the bootstrap.
-
-    Returns:
-        Of these forecasts alone, beside ``persistence``.
+    Where a forecast is NaN, ``stand_in`` (N, L) counts in its place; ``seed`` is that of the bootstrap.
     """
     span = float(stamps[0]), float(stamps[-1] + leads[-1])
     at = _Occasions(stamps, leads, span, record.after_gap(name, stamps, AFTER_GAP), seed)
@@ -299,29 +310,13 @@ def _score(
 
 
 def block_sums(stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Sums over blocks of time.
-
-    Args:
-        stamps: (N,); s, increasing.
-        values: (K, N, L); K quantities at each stamp and lead.
-
-    Returns:
-        Over the B blocks in which there is a stamp.
-    """
+    """Sums (K, B, L) of values (K, N, L) over the B blocks of time that hold any of the stamps (N,), s."""
     blocks = ((stamps - stamps[0]) // _BLOCK).astype(int)
     return np.add.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1)), axis=1)
 
 
 def resampled(sums: np.ndarray, seed: int) -> np.ndarray:
-    """Totals of blocks drawn with replacement, again and again (Kuensch 1989, with blocks that do not overlap).
-
-    Args:
-        sums: (K, B, L); as `block_sums` gives them.
-        seed: Of the draws.
-
-    Returns:
-        NaN where there are too few blocks.
-    """
+    """Totals of block sums (K, B, L) drawn with replacement (Kuensch 1989); NaN for too few blocks."""
     count = sums.shape[1]
     if count < _MIN_BLOCKS:
         return np.full((sums.shape[0], _REPLICATES, sums.shape[2]), np.nan)
@@ -332,13 +327,6 @@ def _middle(values: np.ndarray):
     """The central interval over replicates, shape (L, 2)."""
     tail = 0.5 * (1.0 - CONFIDENCE)
     return np.quantile(values, (tail, 1.0 - tail), axis=0).T
-
-
-def _advice_on(axis: str, scores: QuantitySkill):
-    missing = int(round(float(np.max(np.nan_to_num(scores.stood_in[FORECAST] * scores.counted)))))
-    if not missing:
-        return []
-    return [Advice.of('forecast-missing', missing=missing, axis=axis)]
 
 
 def _spread(times: Sequence[float]):

@@ -1,4 +1,4 @@
-"""Whether a hull's model holds for what the craft does now: its verdict, and the amplitudes it was found at."""
+"""Whether a hull's model is valid for the present motion: its verdict, and the amplitudes it was identified at."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -7,11 +7,9 @@ from math import degrees, inf
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.common.advice import Advice
 
-BLOCKS = 16  #: The past is kept as the extremes of so many parts.
-PERIODS = 2.0  #: Natural periods over which a motion's amplitude is taken.
-
-#: Motion beyond the largest amplitude of the record by this factor is none that the model was found at.
-BEYOND = 1.1
+BLOCKS = 16  #: The past is kept as the extremes of this many parts.
+PERIODS = 2.0  #: Natural periods over which a motion's amplitude is measured.
+BEYOND = 1.1  #: Factor beyond the largest amplitude of the record from which the model is not valid.
 
 
 class Reach:
@@ -23,7 +21,7 @@ class Reach:
         self._end = -inf
 
     def add(self, time: float, angle: float) -> None:
-        """Take in an angle, rad; NaN: not measured."""
+        """Add an angle, rad; NaN: not measured."""
         if not self._end - self._block <= time < self._end:
             self._end = time + self._block
             self._lows.append(inf)
@@ -38,21 +36,21 @@ class Reach:
 
 
 class ModelValidity:
-    """The models in use, and how far the craft swings."""
+    """The models in use, and the amplitudes of the craft."""
 
     def __init__(self) -> None:
         self._models: dict[str, IdentifiedModel] = {}
         self._reaches: dict[str, Reach] = {}
 
     def set_model(self, axis: str, model: IdentifiedModel | None) -> None:
-        """Judge by this one from now on."""
+        """Use this one from now on."""
         self._models.pop(axis, None)
         self._reaches.pop(axis, None)
         if model is not None:
             self._models[axis], self._reaches[axis] = model, Reach(model.model.natural_period)
 
     def add(self, time: float, angles: Mapping[str, float]) -> None:
-        """Take in the angles of a sample, by axis, s and rad."""
+        """Add the angles of a sample, rad, by axis, at a time, s."""
         for axis, reach in self._reaches.items():
             reach.add(time, angles[axis])
 
@@ -69,7 +67,7 @@ class ModelValidity:
                 sentence = identified.verdict_sentence or 'release the craft again, and identify it'
                 found.append(Advice.of('model-doubtful', axis=axis, verdict=identified.verdict, sentence=sentence))
             (smallest, largest), reached = identified.amplitude_range, self._reaches[axis].amplitude
-            # one amplitude alone is that of an equivalent in waves, which is none of their crests
+            # a single amplitude is that of an equivalent linear model in waves, not of their crests
             if smallest < largest and reached > BEYOND * largest:
                 found.append(
                     Advice.of('outside-valid-amplitude', axis=axis, reached=degrees(reached), largest=degrees(largest))
@@ -79,11 +77,8 @@ class ModelValidity:
 
 def verdict_values(models: Mapping[str, IdentifiedModel]) -> dict[str, object]:
     """Verdict and sentence of models by axis, for diagnostics."""
-    return {
-        name: value
-        for axis, identified in models.items()
-        for name, value in (
-            (f'verdict_{axis}', identified.verdict or 'not known'),
-            (f'verdict_sentence_{axis}', identified.verdict_sentence),
-        )
-    }
+    found: dict[str, object] = {}
+    for axis, identified in models.items():
+        found[f'verdict_{axis}'] = identified.verdict or 'not known'
+        found[f'verdict_sentence_{axis}'] = identified.verdict_sentence
+    return found

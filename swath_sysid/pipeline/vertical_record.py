@@ -1,4 +1,4 @@
-"""The vertical motion of a whole record, looking both ways: what forecasts of it are scored by."""
+"""The vertical motion of a whole record by zero-phase filters, the reference for scores of its forecasts."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,10 +19,8 @@ from swath_sysid.attitude.prediction.quiescence import quantity_at
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import Record
 
-_BRIDGED = 1.0  #: s; so short a gap is joined linearly, a longer one ends a stretch.
-
+_BRIDGED = 1.0  #: s; a shorter gap is bridged linearly, a longer one ends a stretch.
 _WITH_RATES = ('heave', 'heave_rate', 'vertical_velocity', 'vertical_velocity_rate', 'vertical_acceleration')
-
 WITHOUT_RATES = ('roll', 'pitch', 'accel_x', 'accel_y', 'accel_z')
 
 
@@ -41,15 +39,7 @@ class Stretch(NamedTuple):
 
 
 def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretch]:
-    """The stretches of a record in which all of some channels were measured.
-
-    Args:
-        trial: The whole record.
-        names: Among them those of `WITHOUT_RATES`.
-
-    Raises:
-        InputError: A channel was not measured.
-    """
+    """The stretches of a record in which all of some channels were measured, at even steps."""
     name = trial.source or 'the record'
     absent = [channel for channel in names if channel not in trial.channels]
     if absent:
@@ -74,18 +64,10 @@ def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretc
 
 
 def vertical_record(trial: Trial, points: Sequence[Point]) -> Record:
-    """Heave, vertical velocity and acceleration at points, by integrals without phase error and the lever arm.
+    """Heave, vertical velocity and acceleration at points by zero-phase integrals of the whole record and lever arms.
 
-    Args:
-        trial: The whole record, with all of `CHANNELS`.
-        points: Where the motion is wanted.
-
-    Returns:
-        Its channels are named by `quantity_at`, those of the derivatives with ``_rate`` after it. Only where the
-        integrals are right: not within `EDGE` of the ends of a stretch.
-
-    Raises:
-        InputError: A channel was not measured, or no stretch is long enough.
+    Channels are named by `quantity_at`, derivatives with ``_rate`` after it; NaN within `EDGE` of the ends of a
+    stretch.
     """
     parts = [_at_points(part, points) for part in even_stretches(trial) if part.time[-1] - part.time[0] > 2.0 * EDGE]
     if not parts:

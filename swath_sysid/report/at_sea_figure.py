@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,8 +23,12 @@ def at_sea_figure(found: AtSeaIdentification) -> Figure:
     """Draw an `AtSeaIdentification`."""
     figure = new_figure(12.0, 7.4)
     spectrum, response, excitation, decrement = (quiet(axes) for axes in figure.subplots(2, 2).ravel())
-    _spectrum(spectrum, found)
-    _excitation(excitation, found)
+    s, unit = found.spectra, np.degrees(1.0) ** 2 * 2.0 * np.pi
+    _spectra(spectrum, found, (unit * s.measured, 'measured'), (unit * s.fitted, 'fitted', MODEL))
+    spectrum.set(ylabel=f'{found.model.axis}, deg²/Hz', ylim=_limits(unit * s.measured))
+    _spectra(excitation, found, (s.excitation, 'needed by the hull'), (s.fitted_excitation, 'fitted waves', RESIDUAL))
+    excitation.set(xlabel='frequency, Hz', ylabel='exciting moment / inertia, (rad/s²)² s')
+    excitation.set(ylim=_limits(s.fitted_excitation))
     _response(response, found)
     _decrement(decrement, found)
     figure.suptitle(
@@ -45,24 +49,15 @@ def _in_hertz(axes: Axes, hertz: np.ndarray):
     axes.set_xticks([], minor=True)
 
 
-def _spectrum(axes: Axes, found: AtSeaIdentification):
-    spectra, hertz = found.spectra, found.spectra.frequency / (2.0 * np.pi)
-    unit = np.degrees(1.0) ** 2 * 2.0 * np.pi
-    axes.loglog(hertz, unit * spectra.measured, color=MEASURED, linewidth=1.0, label='measured')
-    axes.loglog(hertz, unit * spectra.fitted, '--', color=MODEL, linewidth=1.4, label='fitted')
-    top = unit * spectra.measured.max()
-    axes.set(ylabel=f'{found.model.axis}, deg²/Hz', ylim=(_SHOWN * top, 3.0 * top))
-    _in_hertz(axes, hertz)
-    _marks(axes, found)
-    axes.legend(frameon=False, fontsize='small', loc='lower left')
+def _limits(values: np.ndarray):
+    return _SHOWN * values.max(), 3.0 * values.max()
 
 
-def _excitation(axes: Axes, found: AtSeaIdentification):
-    spectra, hertz = found.spectra, found.spectra.frequency / (2.0 * np.pi)
-    axes.loglog(hertz, spectra.excitation, color=MEASURED, linewidth=1.0, label='needed by the hull')
-    axes.loglog(hertz, spectra.fitted_excitation, '--', color=RESIDUAL, linewidth=1.4, label='fitted sea')
-    top = spectra.fitted_excitation.max()
-    axes.set(xlabel='frequency, Hz', ylabel='exciting moment / inertia, (rad/s²)² s', ylim=(_SHOWN * top, 3.0 * top))
+def _spectra(axes: Axes, found: AtSeaIdentification, measured: tuple, fitted: tuple):
+    """Values and label of the measured spectrum; values, label and colour of the fitted one."""
+    hertz = found.spectra.frequency / (2.0 * np.pi)
+    axes.loglog(hertz, measured[0], color=MEASURED, linewidth=1.0, label=measured[1])
+    axes.loglog(hertz, fitted[0], '--', color=fitted[2], linewidth=1.4, label=fitted[1])
     _in_hertz(axes, hertz)
     _marks(axes, found)
     axes.legend(frameon=False, fontsize='small', loc='lower left')
@@ -79,21 +74,15 @@ def _marks(axes: Axes, found: AtSeaIdentification):
 def _response(axes: Axes, found: AtSeaIdentification):
     hertz = found.spectra.frequency / (2.0 * np.pi)
     own = _magnification(hertz, found.natural_period, found.damping_ratio)
-    covariance = found.estimate_covariance
+    estimate = np.array([found.natural_period, found.damping_ratio])
     spread = np.zeros_like(own)
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = np.linalg.eigh(found.estimate_covariance)
     for value, vector in zip(values, vectors.T, strict=True):
-        shift = math.sqrt(max(value, 0.0)) * vector
-        moved = _magnification(
-            hertz,
-            max(found.natural_period + shift[0], 0.1 * found.natural_period),
-            max(found.damping_ratio + shift[1], 0.1 * found.damping_ratio),
-        )
-        spread += np.log(moved / own) ** 2
+        moved = np.maximum(estimate + math.sqrt(max(value, 0.0)) * vector, 0.1 * estimate)
+        spread += np.log(_magnification(hertz, *moved) / own) ** 2
     factor = np.exp(2.0 * np.sqrt(spread))
-    axes.fill_between(
-        hertz, own / factor, own * factor, color=BAND, alpha=0.6, linewidth=0, label='two standard deviations'
-    )
+    style: dict[str, Any] = {'color': BAND, 'alpha': 0.6, 'linewidth': 0, 'label': 'two standard deviations'}
+    axes.fill_between(hertz, own / factor, own * factor, **style)
     axes.loglog(hertz, own, color=MODEL, label='equivalent linear hull')
     axes.set(xlabel='frequency, Hz', ylabel='response, angle / static angle', ylim=(1e-2, 3.0 * own.max()))
     _in_hertz(axes, hertz)

@@ -18,12 +18,7 @@ SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a 
 
 
 def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> dict:
-    """What ``identify --json`` prints of a record in waves: plain numbers, strings, lists and dicts.
-
-    Beside what a free decay gives: ``identified_from``, the standard deviations ``natural_period_std_s``,
-    ``damping_ratio_std`` and ``reference_amplitude_std_rad``, ``misfit`` (1: hull and sea explain the motion), ``sea``
-    and ``peak_period_s``. ``wall_s`` is how long it took.
-    """
+    """What ``identify --json`` prints of a record in waves; ``misfit`` 1: hull and sea explain the motion."""
     model = found.model
     return finite_or_none(
         {

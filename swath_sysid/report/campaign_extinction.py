@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import matplotlib
 import numpy as np
 
-from swath_sysid.attitude.hull.amplitude import AmplitudeCurves
 from swath_sysid.attitude.identification.extinction import (
     Particulars,
     extinction_of,
@@ -17,9 +16,8 @@ from swath_sysid.attitude.identification.extinction import (
     measured_peaks,
     tank_quantities,
 )
-from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
 from swath_sysid.common.errors import InputError
-from swath_sysid.report.campaign_figures import HEIGHT, STYLE, WIDTH, legend_below
+from swath_sysid.report.campaign_figures import STYLE, bands_of, legend_below, panel
 from swath_sysid.report.campaign_page import Drawing
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.extinction_tables import (
@@ -30,7 +28,7 @@ from swath_sysid.report.extinction_tables import (
     peaks_table,
     quantity_row,
 )
-from swath_sysid.report.figures import MEASURED, SERIES, new_panel, two_std_band
+from swath_sysid.report.figures import MEASURED, SERIES, two_std_band
 from swath_sysid.report.tables import Column, Table, digits
 
 if TYPE_CHECKING:
@@ -69,31 +67,18 @@ def conditions_table(outcome: CampaignOutcome) -> Table:
     for speed in sorted({t.entry.speed_m_s for t in outcome.trials if t.entry.speed_m_s is not None}):
         number = '' if craft.length_m is None else f', Froude number {froude_number(speed, craft.length_m):.3g}'
         rows.append(('speed [m/s]', f'{speed:g}{number}'))
-    return Table(
-        'conditions',
-        'Conditions',
-        'As the manifest says; at the design draft.',
-        (Column('what'), Column('value')),
-        tuple(rows),
-    )
+    note = 'As the manifest says; at the design draft.'
+    return Table('conditions', 'Conditions', note, (Column('what'), Column('value')), tuple(rows))
 
 
 def particulars_of(outcome: CampaignOutcome, condition: Condition) -> Particulars:
     """What is known of the craft in one condition: beside its trials, or at the design draft of the craft itself."""
-    craft, entries = (
-        outcome.manifest.craft,
-        [t.entry for t in outcome.trials if t.record is not None and t.record.condition == condition],
-    )
-    design = {'draft_factor': 1.0, 'draft_m': craft.draft_m, 'displacement_kg': craft.displacement_kg}[outcome.quantity]
-    by_craft = (
-        {
-            'mass_kg': craft.displacement_kg,
-            'inertia_kg_m2': craft.inertia_kg_m2,
-            'gm_m': craft.gm_transverse_m if condition.axis == 'roll' else craft.gm_longitudinal_m,
-        }
-        if design is not None and math.isclose(condition.loading, design)
-        else {}
-    )
+    craft = outcome.manifest.craft
+    entries = [t.entry for t in outcome.trials if t.record is not None and t.record.condition == condition]
+    design, by_craft = craft.design_loading(outcome.quantity), {}
+    if design is not None and math.isclose(condition.loading, design):
+        gm = craft.gm_transverse_m if condition.axis == 'roll' else craft.gm_longitudinal_m
+        by_craft = {'mass_kg': craft.displacement_kg, 'inertia_kg_m2': craft.inertia_kg_m2, 'gm_m': gm}
     if outcome.quantity == 'displacement_kg':
         by_craft['mass_kg'] = condition.loading
 
@@ -107,10 +92,8 @@ def _conditions(outcome: CampaignOutcome, axis: AxisOutcome):
     """Condition, its records, extinction curve or None, joint fit, inertia and particulars."""
     for condition, fits in sorted(axis.together.items()):
         members = [k for k, r in enumerate(axis.records) if r.condition == condition]
-        peaks = [
-            measured_peaks(r.problem.motions[0], r.problem.segments[0].period)
-            for r in (axis.records[k] for k in members)
-        ]
+        problems = [axis.records[k].problem for k in members]
+        peaks = [measured_peaks(p.motions[0], p.segments[0].period) for p in problems]
         try:
             curve = extinction_of(peaks)
         except InputError:
@@ -118,12 +101,6 @@ def _conditions(outcome: CampaignOutcome, axis: AxisOutcome):
         particulars = particulars_of(outcome, condition)
         fit = fits[axis.choice]
         yield condition, members, peaks, curve, fit, particulars.inertia_of(fit.model), particulars
-
-
-def bands_of(fit: FitSummary) -> AmplitudeBands:
-    """Frequency and damping over amplitude of a kept fit, with their standard deviations."""
-    curves = AmplitudeCurves(*map(np.array, (fit.amplitude, fit.frequency, fit.damping_ratio)))
-    return AmplitudeBands(curves, np.array(fit.frequency_std), np.array(fit.damping_ratio_std))
 
 
 def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, Table]:
@@ -146,15 +123,11 @@ def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
         'Of the repeats of a condition together, at the geometric mean of the amplitudes seen. Standard uncertainties; '
         'U = 2 times their root sum of squares. Damping in N m s where the inertia is known (GM and mass, or inertia).'
     )
-    budget = (*where, Column('at [deg]', digits(3)), *QUANTITY_COLUMNS)
+    budget, columns = (*where, Column('at [deg]', digits(3)), *QUANTITY_COLUMNS), (*where, *CURVE_COLUMNS)
     return {
         'damping': Table(f'damping_{axis.axis}', f'Damping, {axis.axis}', note, budget, tuple(damping)),
         'extinction': Table(
-            f'extinction_{axis.axis}',
-            f'Extinction curves, {axis.axis}',
-            CURVE_NOTE,
-            (*where, *CURVE_COLUMNS),
-            tuple(curves),
+            f'extinction_{axis.axis}', f'Extinction curves, {axis.axis}', CURVE_NOTE, columns, tuple(curves)
         ),
         'peaks': peaks_table(f'peaks_{axis.axis}', labelled),
     }
@@ -168,46 +141,29 @@ def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Dra
         by_loading.setdefault(item[0].loading, []).append(item)
     with matplotlib.rc_context(STYLE):
         for loading, items in by_loading.items():
-            title = f'{LOADING_NAMES[outcome.quantity]} {loading:g}'
-            found.append(
-                Drawing(
-                    f'extinction_{axis.axis}_{loading:g}',
-                    f'Extinction curves, {title}: half a cycle, every repeat',
-                    _extinction_figure(items, title, axis),
-                )
+            title, name = f'{LOADING_NAMES[outcome.quantity]} {loading:g}', f'{axis.axis}_{loading:g}'
+            curves = f'Extinction curves, {title}: half a cycle, every repeat'
+            damping = (
+                f'Equivalent damping against amplitude, {title}: points of the decrements, bands of the fitted motion '
+                '(two standard deviations), crosses as predicted'
             )
-            found.append(
-                Drawing(
-                    f'damping_{axis.axis}_{loading:g}',
-                    f'Equivalent damping against amplitude, {title}: points of the decrements, bands of the fitted '
-                    'motion (two standard deviations), crosses as predicted',
-                    _damping_figure(outcome, items, title, axis),
-                )
-            )
+            found += [
+                Drawing(f'extinction_{name}', curves, _extinction_figure(items, title, axis)),
+                Drawing(f'damping_{name}', damping, _damping_figure(outcome, items, title, axis)),
+            ]
     return found
 
 
 def _extinction_figure(items: Sequence[tuple], title: str, axis: AxisOutcome):
-    figure, axes = new_panel(
-        WIDTH,
-        HEIGHT,
-        title=title,
-        xlabel=f'{axis.motion} mean amplitude [deg]',
-        ylabel='decrement [deg]',
-    )
+    figure, axes = panel(title=title, xlabel=f'{axis.motion} mean amplitude [deg]', ylabel='decrement [deg]')
     for k, (condition, _, peaks, curve, *_) in enumerate(items):
         colour = SERIES[k % len(SERIES)]
         for p in peaks:
             axes.plot(np.degrees(p.mean_amplitude), np.degrees(p.decrement), '.', color=colour, markersize=4)
         if curve is not None:
             amplitude = np.linspace(0.0, max(p.mean_amplitude.max() for p in curve.peaks), 60)
-            axes.plot(
-                np.degrees(amplitude),
-                np.degrees(curve.curve(amplitude)),
-                color=colour,
-                linewidth=1.2,
-                label=f'from {condition.initial_angle_deg:g} deg',
-            )
+            shown, label = np.degrees(curve.curve(amplitude)), f'from {condition.initial_angle_deg:g} deg'
+            axes.plot(np.degrees(amplitude), shown, color=colour, linewidth=1.2, label=label)
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     if axes.lines and any(not str(line.get_label()).startswith('_') for line in axes.lines):
@@ -219,13 +175,8 @@ def _damping_figure(outcome: CampaignOutcome, items: Sequence[tuple], title: str
     """In N m s where the inertia is known in every condition of the loading, else as a ratio."""
     dimensional = all(inertia is not None for *_, inertia, _ in items)
     symbol = {'roll': 'B44', 'pitch': 'B55'}[axis.motion]
-    figure, axes = new_panel(
-        WIDTH,
-        HEIGHT,
-        title=title,
-        xlabel=f'{axis.motion} mean amplitude [deg]',
-        ylabel=f'{symbol} [N m s]' if dimensional else 'equivalent damping ratio',
-    )
+    ylabel = f'{symbol} [N m s]' if dimensional else 'equivalent damping ratio'
+    figure, axes = panel(title=title, xlabel=f'{axis.motion} mean amplitude [deg]', ylabel=ylabel)
     highest = 0.0
     for k, (condition, _, peaks, _, fit, inertia, _) in enumerate(items):
         colour, bands = SERIES[k % len(SERIES)], bands_of(fit)

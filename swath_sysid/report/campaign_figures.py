@@ -10,19 +10,20 @@ import matplotlib
 import numpy as np
 from matplotlib import rcsetup
 
+from swath_sysid.attitude.hull.amplitude import AmplitudeCurves
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
 from swath_sysid.campaign.evaluation import term_values
 from swath_sysid.common.covariance import correlation
 from swath_sysid.report.campaign_page import Drawing
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.figures import (
     MEASURED,
-    MODEL,
-    RESIDUAL,
     SERIES,
     TWO_STD,
-    measured_channel,
+    curves_of,
+    draw_fit,
     new_figure,
     new_panel,
     quiet,
@@ -31,6 +32,7 @@ from swath_sysid.report.figures import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from swath_sysid.campaign.evaluation import Condition, FitSummary
     from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
@@ -66,9 +68,19 @@ def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
         }
 
 
-def _thinned(*arrays: np.ndarray):
-    step = max(1, arrays[0].size // MAX_POINTS)
-    return [a[::step] for a in arrays]
+def bands_of(fit: FitSummary) -> AmplitudeBands:
+    """Frequency and damping over amplitude of a kept fit, with their standard deviations."""
+    curves = AmplitudeCurves(*map(np.array, (fit.amplitude, fit.frequency, fit.damping_ratio)))
+    return AmplitudeBands(curves, np.array(fit.frequency_std), np.array(fit.damping_ratio_std))
+
+
+def panel(**labels: str) -> tuple[Figure, Axes]:
+    """A small figure with a single panel."""
+    return new_panel(WIDTH, HEIGHT, **labels)
+
+
+def _thinned(size: int):
+    return slice(None, None, max(1, size // MAX_POINTS))
 
 
 def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
@@ -84,21 +96,16 @@ def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Draw
             if any(getattr(m, what) is None for m in motions):
                 continue
             title = f'from {angle:g} deg' if several else 'all angles'
-            figure, axes = new_panel(
-                WIDTH,
-                HEIGHT,
-                title=title,
-                xlabel='time since release [s]',
-                ylabel=f'{axis.motion} [deg]' if what == 'angle' else f'{axis.motion} rate [deg/s]',
-            )
-            for condition, index in members:
-                motion = axis.records[index].problem.motions[0]
-                time, value = _thinned(motion.time - motion.time[0], getattr(motion, what))
+            ylabel = f'{axis.motion} [deg]' if what == 'angle' else f'{axis.motion} rate [deg/s]'
+            figure, axes = panel(title=title, xlabel='time since release [s]', ylabel=ylabel)
+            for (condition, _), motion in zip(members, motions, strict=True):
                 label = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
-                axes.plot(time, np.degrees(value), linewidth=1.1, label=label)
+                time, value = motion.time - motion.time[0], np.degrees(getattr(motion, what))
+                thinned = _thinned(time.size)
+                axes.plot(time[thinned], value[thinned], linewidth=1.1, label=label)
             axes.legend(frameon=False)
             suffix = f'{angle:g}deg' if several else 'all'
-            yield Drawing(f'decays_{axis.axis}_{what}_{suffix}', f'Measured decays {title}, best repeats', figure)
+            yield Drawing(f'decays_{axis.axis}_{what}_{suffix}', f'Recorded decays {title}, best repeats', figure)
 
 
 def _loading(outcome: CampaignOutcome, condition: Condition):
@@ -113,14 +120,14 @@ def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawi
         for k, loading in enumerate(loadings):
             colour = SERIES[k % len(SERIES)]
             members = sorted(c for c in axis.together if c.loading == loading)
-            label = f'{LOADING_NAMES[outcome.quantity]} {loading:g}'
+            label = _loading(outcome, members[0])
             _ratios(axes, axis, term, members, 'initial_angle_deg', label, color=colour, linewidth=1.2)
             single = [
                 (r.condition.initial_angle_deg, fits[axis.choice].ratio(term)[0])
                 for r, fits in zip(axis.records, axis.fits['simulation'], strict=True)
                 if r.condition.loading == loading
             ]
-            axes.plot(*np.transpose(single), 'x', color=colour, alpha=0.6, markersize=4)
+            axes.plot(*np.transpose(single), 'x', color=colour, markersize=6)
         _finish_ratio(axes)
         what = 'repeats together with two standard deviations; crosses: single repeats'
         caption = f'{term} against initial angle: {what}'
@@ -150,7 +157,7 @@ def legend_below(axes: Axes) -> None:
 
 
 def _ratio_panel(term: str, below: str):
-    return new_panel(WIDTH, HEIGHT, xlabel=below, ylabel=f'{term} [{RATIO_UNITS[term]}]')
+    return panel(xlabel=below, ylabel=f'{term} [{RATIO_UNITS[term]}]')
 
 
 def _finish_ratio(axes: Axes):
@@ -175,17 +182,8 @@ def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawi
         axes.plot(fine, value, color=MEASURED, linewidth=1.6, label='all angles: the schedule')
         for k, angle in enumerate(angles):
             members = sorted(c for c in axis.together if c.initial_angle_deg == angle)
-            _ratios(
-                axes,
-                axis,
-                term,
-                members,
-                'loading',
-                f'{angle:g} deg',
-                color=SERIES[k % len(SERIES)],
-                linewidth=0.9,
-                linestyle='--',
-            )
+            style = {'color': SERIES[k % len(SERIES)], 'linewidth': 0.9, 'linestyle': '--'}
+            _ratios(axes, axis, term, members, 'loading', f'{angle:g} deg', **style)
         _finish_ratio(axes)
         caption = f'{term} against {LOADING_NAMES[outcome.quantity]}, two standard deviations'
         yield Drawing(f'{term}_against_draft_{axis.axis}', caption, figure)
@@ -195,19 +193,17 @@ def amplitude_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
     """Natural period and equivalent damping against amplitude, all conditions on one axis."""
     loadings = sorted({c.loading for c in axis.together})
     angles = sorted({c.initial_angle_deg for c in axis.together})
+    bands = {condition: bands_of(fits[axis.choice]) for condition, fits in sorted(axis.together.items())}
     for quantity, label in (('period', 'natural period [s]'), ('damping', 'equivalent damping ratio')):
         height = HEIGHT + 0.22 * math.ceil(len(axis.together) / 2)
         figure, axes = new_panel(WIDTH, height, xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
-        for condition, fits in sorted(axis.together.items()):
-            fit = fits[axis.choice]
-            amplitude = np.degrees(fit.amplitude)
-            value, std = _curve(fit, quantity)
-            place = (
-                loadings.index(condition.loading) if len(loadings) > 1 else angles.index(condition.initial_angle_deg)
-            )
-            colour = SERIES[place % len(SERIES)]
+        for condition, band in bands.items():
+            amplitude = np.degrees(band.curves.amplitude)
+            value, std = curves_of(band)[label]
+            place = angles.index(condition.initial_angle_deg)
+            style = LINE_STYLES[place % len(LINE_STYLES)]
+            colour = SERIES[(loadings.index(condition.loading) if len(loadings) > 1 else place) % len(SERIES)]
             two_std_band(axes, amplitude, value, std, color=colour, alpha=0.12)
-            style = LINE_STYLES[angles.index(condition.initial_angle_deg) % len(LINE_STYLES)]
             name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if len(loadings) > 1 else '')
             axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
         _fit_to_curves(axes)
@@ -217,14 +213,6 @@ def amplitude_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
         quantity_name = label.partition(' [')[0].capitalize()
         caption = f'{quantity_name} against amplitude, bands of two standard deviations'
         yield Drawing(f'{quantity}_against_amplitude_{axis.axis}', caption, figure)
-
-
-def _curve(fit: FitSummary, quantity: str):
-    frequency, frequency_std = np.array(fit.frequency), np.array(fit.frequency_std)
-    if quantity == 'period':
-        period = 2.0 * np.pi / frequency
-        return period, period * frequency_std / frequency
-    return np.array(fit.damping_ratio), np.array(fit.damping_ratio_std)
 
 
 def _fit_to_curves(axes: Axes):
@@ -238,28 +226,18 @@ def _fit_to_curves(axes: Axes):
 
 
 def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
-    """Measured and identified motion with residual of every record."""
+    """Every record with the identified motion and the residual."""
     for record, fits in zip(axis.records, axis.fits['simulation'], strict=True):
         fit, motion = fits[axis.choice], record.problem.motions[0]
         state = fit.initial_states[0]
         angle, rate = simulate(fit.model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
-        measured, label = measured_channel(motion)
-        simulated = rate if motion.angle is None else angle
         figure = new_figure(WIDTH, HEIGHT)
-        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-        time, m, s = _thinned(motion.time, np.degrees(measured), np.degrees(simulated))
-        quiet(above).plot(time, m, color=MEASURED, linewidth=1.3, label='measured')
-        above.plot(time, s, color=MODEL, linewidth=1.0, linestyle='--', label='identified')
-        above.set_ylabel(label)
+        above, below = map(quiet, figure.subplots(2, 1, sharex=True, height_ratios=(3, 1)))
+        draw_fit(above, below, motion, angle, rate, _thinned(motion.time.size))
         above.legend(frameon=False, ncols=2, loc='upper right')
         c = record.condition
-        above.set_title(
-            f'{c.initial_angle_deg:g} deg, {_loading(outcome, c)}, repeat {record.repeat}', fontsize='small'
-        )
-        quiet(below).plot(time, m - s, color=RESIDUAL, linewidth=0.7)
-        below.axhline(0.0, color=MEASURED, linewidth=0.5)
-        below.set_ylabel('residual')
-        below.set_xlabel('time [s]')
+        title = f'{c.initial_angle_deg:g} deg, {_loading(outcome, c)}, repeat {record.repeat}'
+        above.set_title(title, fontsize='small')
         name = f'record_{axis.axis}_{c.initial_angle_deg:g}deg_{c.loading:g}_repeat{record.repeat}'
         best = ' (best repeat)' if axis.records[axis.best[c]] is record else ''
         yield Drawing(name, f'{record.name}{best}: R² {fit.r2:.5f}', figure)

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from swath_sysid.report.figures import MEASURED
 
 if TYPE_CHECKING:
-    from swath_sysid.report.tables import Column, Table
+    from swath_sysid.report.tables import Table
 
 STYLE_SHEET = """
 :root{color-scheme:light dark;--paper:#ffffff;--ink:#1f2933;--faint:#5c6b7a;--line:#d8dee4;--panel:#f6f8fa;
@@ -48,6 +48,7 @@ td.best{background:var(--good-back);color:var(--good);font-weight:650}
 td.beyond{color:var(--bad)}
 .wide{font-size:.78rem}
 .wide th,.wide td{padding:.2rem .32rem}
+.scroll{overflow-x:auto}
 @media print{
 :root{--paper:#fff;--ink:#111;--faint:#444;--line:#bbb;--panel:#fff;--good:#0b5d25;--good-back:#e6f3e8;--bad:#8c1c10;--link:#111}
 body{font-size:10pt}
@@ -61,26 +62,7 @@ h2,h3{break-after:avoid}
 @page{size:A4 landscape;margin:12mm}
 }
 """
-MANY_COLUMNS, FEW_COLUMNS = 9, 3
-#: Below a width, every row of a table becomes a card; a table of few columns is narrow enough.
-CARDS = """
-@media screen and (max-width:%dpx){
-%s,%s tbody,%s tr,%s td{display:block;width:100%%}
-%s thead{position:absolute;left:-10000px;top:auto;width:1px;height:1px;overflow:hidden}
-%s tr{border:1px solid var(--line);border-radius:6px;margin:.5rem 0;padding:.25rem .5rem;background:var(--panel)}
-%s td,%s td:first-child{display:flex;gap:1rem;justify-content:space-between;border:0;text-align:right;padding:.1rem 0;
-white-space:normal}
-%s td::before{content:attr(data-name);color:var(--faint);text-align:left;font-weight:400;flex:0 1 55%%}
-}
-"""
-NARROW, NARROW_WIDE = 820, 1330
-
-
-def style_sheet() -> str:
-    """The page's style."""
-    widths = {'table:not(.few)': NARROW, 'table.wide': NARROW_WIDE}
-    cards = (CARDS % (width, *([table] * 9)) for table, width in widths.items())
-    return STYLE_SHEET + ''.join(cards)
+MANY_COLUMNS = 9
 
 
 def escaped(text: object) -> str:
@@ -106,10 +88,7 @@ class Drawing:
 
 
 def page(title: str, sections: Iterable[tuple[str, str, Sequence[str]]]) -> str:
-    """A whole page.
-
-    Sections have an anchor, a name and parts, HTML; one whose parts are all empty is left out. All other text is plain.
-    """
+    """A whole page of sections (anchor, plain name, HTML parts); a section whose parts are all empty is left out."""
     kept = [(anchor, escaped(name), parts) for anchor, name, parts in sections if any(parts)]
     contents = ''.join(f'<li><a href="#{anchor}">{name}</a></li>' for anchor, name, _ in kept)
     body = [
@@ -120,7 +99,7 @@ def page(title: str, sections: Iterable[tuple[str, str, Sequence[str]]]) -> str:
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         '<link rel="icon" href="data:,">'
-        f'<title>{escaped(title)}</title><style>{style_sheet()}</style></head>\n<body><main>\n<h1>{escaped(title)}</h1>\n'
+        f'<title>{escaped(title)}</title><style>{STYLE_SHEET}</style></head>\n<body><main>\n<h1>{escaped(title)}</h1>\n'
         f'<nav aria-label="Sections"><ul>{contents}</ul></nav>\n' + '\n'.join(body) + '\n</main></body></html>\n'
     )
 
@@ -136,29 +115,28 @@ def bullets(lines: Sequence[str]) -> str:
 
 
 def table_as_html(table: Table) -> str:
-    """A table; on a narrow screen every row becomes a card."""
-    size = 'wide' if len(table.columns) > MANY_COLUMNS else 'few' if len(table.columns) <= FEW_COLUMNS else ''
-    kind = f' class="{size}"' if size else ''
+    """A table that scrolls where it is too wide, without columns and rows of dashes; nothing where no row is left."""
+    shown = table.shown()
+    kept = table.filled_columns()
+    words = {j for j in kept if any(isinstance(row[j], str) for row in table.rows)}
     head = ''.join(
-        f'<th scope="col"{_css("words" if any(_is_words(c, row[j]) for row in table.rows) else None)}>'
-        f'{escaped(c.name)}</th>'
-        for j, c in enumerate(table.columns)
+        f'<th scope="col"{_css("words" if j in words else None)}>{escaped(table.columns[j].name)}</th>' for j in kept
     )
-    rows = []
-    for k, row in enumerate(table.rows):
-        cells = []
-        for j, (column, value) in enumerate(zip(table.columns, row, strict=True)):
-            css = _css(table.marks.get((k, j)), 'words' if _is_words(column, value) else None)
-            cells.append(f'<td{css} data-name="{escaped(column.name)}">{escaped(column.show(value))}</td>')
-        rows.append(f'<tr>{"".join(cells)}</tr>')
+    rows = [
+        ''.join(
+            f'<td{_css(table.marks.get((k, j)), "words" if j in words else None)}>{escaped(row[j])}</td>' for j in kept
+        )
+        for k, row in enumerate(shown)
+        if any(cell not in ('-', '') for cell in row[1:])
+    ]
+    if not rows:
+        return ''
     return (
-        f'<h3>{escaped(table.title)}</h3><p class="note">{escaped(table.note)}</p>'
-        f'<table{kind}><thead><tr>{head}</tr></thead><tbody>\n' + '\n'.join(rows) + '\n</tbody></table>'
+        f'<h3>{escaped(table.title)}</h3><p class="note">{escaped(table.note)}</p><div class="scroll">'
+        f'<table{_css("wide" if len(kept) > MANY_COLUMNS else None)}><thead><tr>{head}</tr></thead><tbody>\n'
+        + '\n'.join(f'<tr>{row}</tr>' for row in rows)
+        + '\n</tbody></table></div>'
     )
-
-
-def _is_words(column: Column, value: object):
-    return isinstance(value, str) and not column.show(value).replace('.', '').isdigit()
 
 
 def _css(*kinds: str | None):
@@ -175,13 +153,11 @@ def inline(drawing: Drawing) -> str:
     body = re.sub(r' id="([^"]+)"', lambda m: f' id="{name}-{m.group(1)}"' if m.group(1) in referenced else '', body)
     body = re.sub(r'(url\(#|xlink:href="#)', rf'\g<1>{name}-', body)
     body = body.replace(MEASURED, 'currentColor').replace('fill: #ffffff', 'fill: none')
-    body = re.sub(r'<svg ([^>]*?)>', lambda m: _responsive(m.group(1), caption), body, count=1)
+    # the size is that of the page
+    head, end, body = body.partition('>')
+    head = re.sub(r'\s(?:width|height)="[^"]*"', '', head) + f' role="img" aria-label="{caption}"'
+    body = head + end + body
     return f'<figure>{body.strip()}<figcaption>{caption}</figcaption></figure>'
-
-
-def _responsive(attributes: str, caption: str):
-    kept = re.sub(r'\b(?:width|height)="[^"]*"\s*', '', attributes)
-    return f'<svg {kept} role="img" aria-label="{caption}">'
 
 
 def figures(drawings: Sequence[Drawing]) -> str:

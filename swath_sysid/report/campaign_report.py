@@ -32,8 +32,9 @@ from swath_sysid.report.campaign_tables import (
     spread_statement,
     spread_table,
     trials_table,
+    verdict_table,
 )
-from swath_sysid.report.tables import table_as_csv
+from swath_sysid.report.tables import sentence, table_as_csv
 
 if TYPE_CHECKING:
     from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
@@ -46,11 +47,9 @@ REPORTED = (PAGE, MODEL, TABLES, FIGURES)  #: What a report writes into its fold
 
 
 def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) -> Path:
-    """Write everything that a campaign found, into a folder that is made where it does not exist; returns the page.
+    """Write page, tables, figures and models of a campaign into a folder, each whole or not at all; returns the page.
 
-    ``report.html``, ``tables/*.csv``, ``figures/*.svg`` and ``model.yaml``, each whole or not at all.
-    The tables depend on the trials and settings alone, not on when and where they were made; ``wall_s`` is how long
-    this run took.
+    The tables depend on trials and settings alone; ``wall_s`` is how long this run took.
     """
     folder = Path(folder)
     try:
@@ -94,15 +93,16 @@ def campaign_tables(outcome: CampaignOutcome) -> list[Table]:
     tables = [conditions_table(outcome), trials_table(outcome), fits_table(outcome), coefficients_long_table(outcome)]
     for axis in outcome.axes:
         tables += _axis_tables(outcome, axis).values()
-        tables.append(errors_table(outcome, axis, every_equation=True))
+        if axis.is_compared:
+            tables.append(errors_table(outcome, axis, every_equation=True))
     return tables
 
 
 def _axis_tables(outcome: CampaignOutcome, axis: AxisOutcome):
     """The tables that the page shows of one axis, by name."""
+    compared = {objective: objective_table(outcome, axis, objective) for objective in axis.fits}
     tables = {
-        'ranking': ranking_table(axis),
-        **{objective: objective_table(outcome, axis, objective) for objective in axis.fits},
+        **({'ranking': ranking_table(axis), **compared} if axis.is_compared else {'verdicts': verdict_table(axis)}),
         'ratios': coefficient_table(outcome, axis),
         'repeats': spread_table(outcome, axis),
         'errors': errors_table(outcome, axis),
@@ -122,13 +122,14 @@ def _in_short(outcome: CampaignOutcome):
             f'<div class="choice"><p><strong>{axis.axis.capitalize()}.</strong> '
             f'{html.escape(axis.ranking.reason)}</p></div>'
         )
-        lines = [a.message[0].upper() + a.message[1:] + '.' for a in axis.ranking.findings]
+        lines = [f'{sentence(a.message)}.' for a in axis.ranking.findings]
         lines += [spread_statement(axis)] if axis.spreads else []
-        lines += [
-            f'{objective.capitalize()} objective: {noise_statement(axis.records, fits, axis.best)}'
-            for objective, fits in axis.fits.items()
-        ]
-        lines.append(_order_statement(axis))
+        if axis.is_compared:
+            lines += [
+                f'{objective.capitalize()} objective: {noise_statement(axis.records, fits, axis.best)}'
+                for objective, fits in axis.fits.items()
+            ]
+            lines.append(_order_statement(axis))
         parts.append(bullets(lines))
     return parts
 
@@ -153,28 +154,27 @@ def _axis_sections(outcome: CampaignOutcome, axis: AxisOutcome, drawings: dict[s
     found['peaks'] = replace(peaks, note=note, rows=tuple(row for row in peaks.rows if row[0] in best))
     tables = {name: table_as_html(table) for name, table in found.items()}
     shown = {kind: figures(items) for kind, items in drawings.items()}
-    marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
     related = 'Ratios whose correlation is beyond 0.95 cannot be distinguished: use them together only.'
-    repeats = tables['repeats'] if axis.spreads else ''
-    compared = [tables[objective] for objective in axis.fits]
+    extinction = [tables[name] for name in ('damping', 'extinction', 'peaks')]
     return (
-        ('equations', 'Which equation', [tables['ranking'], paragraph(marks, 'note'), *compared]),
+        _equation_section(axis, tables),
         ('decays', 'Decays', [shown['decays']]),
-        ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], repeats]),
+        ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], tables['repeats']]),
         ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
         ('amplitude', 'Period and damping', [shown['amplitude']]),
-        (
-            'extinction',
-            'Extinction and damping',
-            [
-                shown['extinction'],
-                *(tables[name] for name in ('damping', 'extinction', 'peaks')),
-            ],
-        ),
+        ('extinction', 'Extinction and damping', [shown['extinction'], *extinction]),
         ('errors', 'Next step, simulation, forecast', [tables['errors'], tables['next_step']]),
         ('records', 'Every record', [shown['records']]),
         ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),
     )
+
+
+def _equation_section(axis: AxisOutcome, tables: dict[str, str]):
+    if not axis.is_compared:
+        return 'verdicts', 'Verdicts', [tables['verdicts']]
+    marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
+    compared = [tables[objective] for objective in axis.fits]
+    return 'equations', 'Which equation', [tables['ranking'], paragraph(marks, 'note'), *compared]
 
 
 def _warnings(outcome: CampaignOutcome):
@@ -186,7 +186,7 @@ def _warnings(outcome: CampaignOutcome):
     for t in outcome.trials:
         for advice in t.advice:
             gathered.setdefault(f'{advice.message}', []).append(t.name)
-    lines += [f'{m[0].upper()}{m[1:]} ({", ".join(dict.fromkeys(names))})' for m, names in gathered.items()]
+    lines += [f'{sentence(m)} ({", ".join(dict.fromkeys(names))})' for m, names in gathered.items()]
     return [bullets(lines) or paragraph('None.')]
 
 

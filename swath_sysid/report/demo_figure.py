@@ -1,4 +1,4 @@
-"""The picture of the demonstration: forecasts against what was measured then, before and after identification."""
+"""The picture of the demonstration: forecasts against the measured motion, before and after identification."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
     upper, lower = halves
     limit = 1.45 * np.degrees(demonstration.release_angle)
     _draw_run(quiet(upper.subplots()), demonstration, limit)
-    shown = demonstration.forecasts[:MAX_LEADS]
+    shown = [each for each in demonstration.forecasts if each.lead <= demonstration.period_lead][-MAX_LEADS:]
     panels = np.atleast_1d(lower.subplots(1, len(shown), sharey=True))
     for panel, forecasts in zip(panels, shown, strict=True):
         _draw_lead(quiet(panel), demonstration, forecasts, limit)
     panels[0].set_ylabel(f'{demonstration.axis} [deg]')
     panels[0].legend(frameon=False, loc='upper right', fontsize='small', handlelength=1.4)
-    lower.supxlabel('seconds since the craft was let go', fontsize='medium')
+    lower.supxlabel('time since the release [s]', fontsize='medium')
     figure.suptitle(_headline(demonstration, verdict), fontsize='large', fontweight='bold', color=MEASURED)
     return figure
 
@@ -41,23 +41,18 @@ def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
 def _draw_run(axes: Axes, demonstration: Demonstration, limit: float):
     forecasts = next(f for f in demonstration.forecasts if f.lead == demonstration.period_lead)
     begin = demonstration.releases[0] - 4.0
-    with_model = forecasts.time - forecasts.lead >= demonstration.model_time
+    # a forecast that was issued while the craft was lifted or held cannot know that it will be released
+    before, after = (demonstration.during(forecasts, number) for number in (0, 1))
+    ahead = f'forecast {forecasts.lead:g} s ahead'
     for chosen, colour, name in (
-        (~with_model, BEFORE, f'forecast {forecasts.lead:g} s before, no model yet'),
-        (with_model, AFTER, f'forecast {forecasts.lead:g} s before, identified model'),
+        (before, BEFORE, f'{ahead}, no model yet'),
+        (after, AFTER, f'{ahead}, identified model'),
     ):
-        axes.plot(
-            forecasts.time[chosen] - begin,
-            np.degrees(forecasts.angle[chosen]),
-            '.',
-            color=colour,
-            markersize=4.5,
-            label=name,
-        )
+        axes.plot(chosen.time - begin, np.degrees(chosen.angle), '.', color=colour, markersize=4.5, label=name)
     axes.fill_between(
-        forecasts.time[with_model] - begin,
-        np.degrees(forecasts.angle - NORMAL_90 * forecasts.std)[with_model],
-        np.degrees(forecasts.angle + NORMAL_90 * forecasts.std)[with_model],
+        after.time - begin,
+        np.degrees(after.angle - NORMAL_90 * after.std),
+        np.degrees(after.angle + NORMAL_90 * after.std),
         color=BAND,
         alpha=0.45,
         linewidth=0,
@@ -67,9 +62,9 @@ def _draw_run(axes: Axes, demonstration: Demonstration, limit: float):
         demonstration.time - begin, np.degrees(demonstration.angle), color=MEASURED, linewidth=1.5, label='measured'
     )
     for moment, what in (
-        (demonstration.releases[0], 'let go'),
+        (demonstration.releases[0], 'release'),
         (demonstration.model_time, 'decay noticed,\nmodel identified'),
-        (demonstration.releases[1], 'let go again'),
+        (demonstration.releases[1], 'second release'),
     ):
         axes.axvline(moment - begin, color=MEASURED, linewidth=0.8, linestyle=':')
         axes.annotate(
@@ -93,7 +88,10 @@ def _draw_lead(axes: Axes, demonstration: Demonstration, forecasts: LeadForecast
         zorder=3,
         label='measured',
     )
-    for number, release, colour, name in ((0, first, BEFORE, 'before'), (1, second, AFTER, 'after')):
+    for number, release, colour, name in (
+        (0, first, BEFORE, 'forecast, previous release'),
+        (1, second, AFTER, 'forecast, this release'),
+    ):
         scored = demonstration.during(forecasts, number)
         axes.plot(scored.time - release, np.degrees(scored.angle), '.', color=colour, markersize=4.5, label=name)
     blind = forecasts.lead + UNAWARE
@@ -102,7 +100,7 @@ def _draw_lead(axes: Axes, demonstration: Demonstration, forecasts: LeadForecast
         axes.text(
             0.5 * blind - 0.25,
             -0.9 * limit,
-            'forecast before\nit was let go',
+            'forecast before\nthe release',
             ha='center',
             fontsize='x-small',
             color=MEASURED,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.identification.identify import Identification
 
 DEGREE = math.pi / 180.0
-CURVE_TERMS = (('p1', '-', 1.0), ('p2', '1/deg', DEGREE), ('p3', '1/deg^2', DEGREE**2))
+CURVE_TERMS = (('p1', '-', 1.0), ('p2', '1/deg', DEGREE), ('p3', '1/deg^2', DEGREE**2), ("Bertin's N", '1/deg', DEGREE))
 DAMPING_TERMS = (('b1', '1/s', 'N m s'), ('b2', '1/rad', 'N m s^2'), ('b3', 's/rad^2', 'N m s^3'))
 SOURCES = {
     'sensor_scale': 'sensor scale',
@@ -62,10 +63,7 @@ def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
 
 
 def _damping_units(particulars: Particulars, axis: str):
-    """What damping moments of b1, b2 and b3 are divided by to have no dimension; None where mass or size is not known.
-
-    Those of `Particulars.damping_unit` with its unit of time, sqrt(B / 2 g) or sqrt(L / g), once more each.
-    """
+    """What moments of b1, b2, b3 are divided by to be dimensionless; None where mass or size is not known."""
     linear, size = particulars.damping_unit(axis), particulars.breadth if axis == 'roll' else particulars.length
     if linear is None or particulars.mass is None or size is None:
         return None, None, None
@@ -80,25 +78,20 @@ def curve_rows(
     particulars: Particulars,
     axis: str,
 ) -> list[tuple]:
-    """Rows of the extinction curve, then of the damping that it and the fitted motion mean.
-
-    Of each fitted ratio the value and the standard deviation are given; the inertia, with added inertia, is in kg m^2.
-    """
+    """Rows of the extinction curve, then of the damping terms by curve and by fitted motion; inertia in kg m^2."""
+    values, stds = [*extinction.coefficients, extinction.bertin], [*extinction.std, extinction.bertin_std]
     rows: list[tuple] = [
         (name, unit, float(value * scale), float(std * scale), None, None, None, '', None)
-        for (name, unit, scale), value, std in zip(CURVE_TERMS, extinction.coefficients, extinction.std, strict=True)
+        for (name, unit, scale), value, std in zip(CURVE_TERMS, values, stds, strict=True)
     ]
-    rows.append(
-        ("Bertin's N", '1/deg', extinction.bertin * DEGREE, extinction.bertin_std * DEGREE, None, None, None, '', None)
-    )
     for (name, unit, moment), value, std, divisor in zip(
         DAMPING_TERMS, extinction.damping, extinction.damping_std, _damping_units(particulars, axis), strict=True
     ):
         fitted, fitted_std = model_terms.get(name, (None, None))
         dimensional = None if inertia is None or fitted is None else inertia * float(fitted)
         bare = None if dimensional is None or divisor is None else dimensional / divisor
-        its_unit = '' if dimensional is None else moment
-        rows.append((name, unit, float(value), float(std), fitted, fitted_std, dimensional, its_unit, bare))
+        moment = '' if dimensional is None else moment
+        rows.append((name, unit, float(value), float(std), fitted, fitted_std, dimensional, moment, bare))
     return rows
 
 
@@ -139,16 +132,6 @@ def quantity_row(quantity: TankQuantity) -> tuple:
     return quantity.name, quantity.unit, quantity.value, quantity.expanded, quantity.fit, quantity.repeats, *type_b
 
 
-def quantities_table(name: str, amplitude: float, quantities: Iterable[TankQuantity]) -> Table:
-    """Period and equivalent damping at one amplitude, rad, with the uncertainty budget."""
-    title = f'Damping at {math.degrees(amplitude):.3g} deg and its uncertainty'
-    note = (
-        'Standard uncertainties; the expanded one U = 2 times their root sum of squares, the larger of fit and repeats '
-        'counting as type A.'
-    )
-    return Table(name, title, note, QUANTITY_COLUMNS, tuple(quantity_row(q) for q in quantities))
-
-
 def tank_tables(identification: Identification, particulars: Particulars, type_b: TypeB) -> list[Table]:
     """The tables of one `Identification`: peaks, extinction curve where the records hold one, damping."""
     model, axis = identification.model, identification.model.axis
@@ -164,5 +147,9 @@ def tank_tables(identification: Identification, particulars: Particulars, type_b
         rows = curve_rows(extinction_of([p for _, p in labelled]), terms, inertia, particulars, axis)
         found.append(Table('extinction', 'Extinction curve and damping terms', CURVE_NOTE, CURVE_COLUMNS, tuple(rows)))
     except InputError as error:
-        found[0] = Table(found[0].name, found[0].title, f'{error}.', found[0].columns, found[0].rows)
-    return [*found, quantities_table('damping', at, quantities)]
+        found[0] = replace(found[0], note=f'{error}.')
+    title = f'Damping at {math.degrees(at):.3g} deg and its uncertainty'
+    note = (
+        'Standard uncertainties; U = 2 times their root sum of squares, with the larger of fit and repeats as type A.'
+    )
+    return [*found, Table('damping', title, note, QUANTITY_COLUMNS, tuple(map(quantity_row, quantities)))]

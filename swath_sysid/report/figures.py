@@ -3,14 +3,16 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
     from swath_sysid.attitude.motion.trial import AxisMotion
 
 MEASURED, MODEL, RESIDUAL, BAND = '#1f2933', '#d1495b', '#2e86ab', '#9ecae1'
@@ -44,9 +46,32 @@ def new_panel(width: float, height: float, **labels: str) -> tuple['Figure', 'Ax
     return figure, axes
 
 
-def two_std_band(axes: 'Axes', x: 'np.ndarray', value: 'np.ndarray', std: 'np.ndarray', **style: Any) -> None:
+def draw_fit(above: 'Axes', below: 'Axes', motion: 'AxisMotion', angle: Any, rate: Any, thinned: slice) -> None:
+    """A record and the simulated motion, with the residual below; of the samples in a slice."""
+    measured, label = measured_channel(motion)
+    simulated = rate if motion.angle is None else angle
+    time, m, s = motion.time[thinned], np.degrees(measured[thinned]), np.degrees(simulated[thinned])
+    above.plot(time, m, color=MEASURED, linewidth=1.4, label='record')
+    above.plot(time, s, color=MODEL, linewidth=1.0, linestyle='--', label='simulated by the model')
+    above.set_ylabel(label)
+    above.tick_params(labelbottom=False)
+    below.plot(time, m - s, color=RESIDUAL, linewidth=0.7)
+    below.axhline(0.0, color=MEASURED, linewidth=0.5)
+    below.set(xlabel='time [s]', ylabel=f'residual {label[label.index("[") :]}')
+
+
+def two_std_band(axes: 'Axes', x: np.ndarray, value: np.ndarray, std: np.ndarray, **style: Any) -> None:
     """Shade two standard deviations about a curve."""
     axes.fill_between(x, value - TWO_STD * std, value + TWO_STD * std, linewidth=0, **style)
+
+
+def curves_of(bands: 'AmplitudeBands') -> dict[str, tuple[Any, Any]]:
+    """Label to natural period and equivalent damping ratio over amplitude, each with its standard deviation."""
+    period = 2.0 * np.pi / bands.curves.frequency
+    return {
+        'natural period [s]': (period, period * bands.frequency_std / bands.curves.frequency),
+        'equivalent damping ratio': (bands.curves.damping_ratio, bands.damping_ratio_std),
+    }
 
 
 def measured_channel(motion: 'AxisMotion') -> tuple[Any, str]:
@@ -57,11 +82,7 @@ def measured_channel(motion: 'AxisMotion') -> tuple[Any, str]:
 
 
 def save_figure(figure: 'Figure', path: str | Path) -> None:
-    """Write a figure in the format of the name's ending.
-
-    Raises:
-        InputError: The ending is none of png, svg, pdf, or the file cannot be written.
-    """
+    """Write a figure in the format of the name's ending."""
     ending = Path(path).suffix.lower().lstrip('.')
     if ending not in FORMATS:
         raise InputError(f"a picture cannot be written as '{path}': end the name in .{', .'.join(FORMATS)}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from swath_sysid.attitude.hull.catalogue import published_alike
+from swath_sysid.attitude.hull.catalogue import published_alike, told
 from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RATIO_UNITS
 from swath_sysid.attitude.identification.uncertainty import known_together
@@ -16,17 +16,13 @@ from swath_sysid.formats.plain_data import finite_or_none
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from swath_sysid.attitude.hull.decay_model import DecayModel
     from swath_sysid.attitude.identification.identify import Identification
     from swath_sysid.attitude.identification.selection import Comparison
     from swath_sysid.common.advice import Advice
 
 
 def fit_as_data(identification: Identification, wall_s: float | None = None, inertia: float | None = None) -> dict:
-    """What ``identify --json`` prints: plain numbers, strings, lists and dicts; how long it took, s, among them.
-
-    An inertia I' adds the coefficients in the published form.
-    """
+    """What ``identify --json`` prints, as plain data; an inertia I' adds the coefficients in the published form."""
     model = identification.model
     segments = [[record.segment.start, record.segment.end] for record in identification.records]
     data = {
@@ -74,7 +70,7 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
     """Lines for a reader."""
     model = identification.model
     lines = [
-        f'{model.axis}: {model.equation.name}{_alike(model)}, {len(identification.records)} record(s)',
+        f'{model.axis}: {told(model.equation, model.axis)}, {len(identification.records)} record(s)',
         f'  {identification.verdict}',
     ]
     lines += [
@@ -100,11 +96,6 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
     return lines
 
 
-def _alike(model: DecayModel):
-    published = published_alike(model.equation, model.axis)
-    return f' (the terms of {" and ".join(published)})' if published else ''
-
-
 def _together(identification: Identification) -> tuple[tuple[str, ...], ...]:
     return known_together(identification.model.equation.terms, identification.covariance)
 
@@ -125,10 +116,7 @@ def _joint_lines(identification: Identification) -> list[str]:
 
 
 def ratio_lines(identified: Any, intervals: dict[str, tuple[float, float]] | None = None) -> list[str]:
-    """A line for each ratio with its unit, of whatever has a model and its deviations.
-
-    Beside it stands its standard deviation, or the upper end of an interval that begins at zero.
-    """
+    """A line per ratio with unit and standard deviation, or the upper end of an interval that begins at zero."""
     lines = []
     for name, value in identified.model.terms.items():
         std, (low, high) = identified.std[name], (intervals or {}).get(name, (-math.inf, math.inf))

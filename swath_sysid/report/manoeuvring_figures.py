@@ -1,4 +1,4 @@
-"""Pictures of manoeuvring: trajectories, histories, derivatives, residuals, standard tests."""
+"""Figures of manoeuvring: trajectories, time histories, derivatives, residuals, standard tests."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ MAX_PARAMETERS = 30
 
 
 def run_figures(found: ManoeuvringIdentification, window: float = 20.0) -> dict[str, Figure]:
-    """Trajectory and histories of every run, measured and simulated in windows, s; by file name without ending."""
+    """Trajectory and time histories of every run, measured and simulated in windows of some s; by file name without
+    ending.
+    """
     figures = {}
     for label, runs, currents in (
         ('identification', found.identified_on, found.currents),
@@ -51,13 +53,13 @@ def summary_figures(found: ManoeuvringIdentification, window: float = 20.0) -> d
 
 
 def test_figure(report: ManoeuvringTest, model: ManoeuvringModel) -> Figure:
-    """Track, histories, and, where a test makes one, its curve."""
+    """Track, time histories and, where the test has one, its curve."""
     figure = new_figure(10, 6)
     track_axes, *others = _grid(figure)
     m = report.manoeuvre
     if report.name == 'spiral':
         track_axes.plot(report.curve['difference'], report.curve['yaw_rate_deg_s'], 'o-', color=MODEL, markersize=4)
-        track_axes.set(xlabel='starboard less port input, half', ylabel='steady yaw rate (deg/s)', title='spiral')
+        track_axes.set(xlabel='half of starboard less port input', ylabel='steady yaw rate (deg/s)', title='spiral')
     elif report.name == 'speed':
         track_axes.plot(report.curve['input'], report.curve['speed_m_s'], 'o-', color=MODEL)
         track_axes.set(xlabel='input of each thruster', ylabel='steady speed (m/s)', title='speed curve')
@@ -86,7 +88,7 @@ def test_figure(report: ManoeuvringTest, model: ManoeuvringModel) -> Figure:
 
 
 def forecast_figure(scores: ForecastScores, future: str) -> Figure:
-    """Errors against lead, a panel a quantity, a line a method."""
+    """Errors against lead: one panel per quantity, one line per method."""
     figure = new_figure(12, 6.5)
     panels = figure.subplots(2, 3).ravel()
     labels = {
@@ -106,7 +108,7 @@ def forecast_figure(scores: ForecastScores, future: str) -> Figure:
         quiet(axes)
     panels[-1].axis('off')
     panels[-1].legend(*panels[0].get_legend_handles_labels(), frameon=False, loc='center')
-    figure.suptitle(f'root mean square error of {scores.count} forecasts; thrust to come {future}')
+    figure.suptitle(f'root mean square error of {scores.count} forecasts; future thrust {future}')
     return figure
 
 
@@ -194,7 +196,7 @@ def _derivatives_figure(found: ManoeuvringIdentification):
     axes.invert_yaxis()
     reach = max([3.0 * d.std / max(abs(d.value), 1e-12) for _, d in items if not d.flags] + [0.1])
     axes.set_xlim(1.0 - min(1.3 * reach, 1.3), 1.0 + min(1.3 * reach, 1.3))
-    axes.set_xlabel('share of the value; bars: 3 std, may pass the edge; red: see the warnings')
+    axes.set_xlabel('share of the value; bars: 3 std, clipped at the edge; red: see the warnings')
     return figure
 
 

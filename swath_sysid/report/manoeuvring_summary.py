@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
     from swath_sysid.manoeuvring.prediction.skill import ForecastScores
 
-MAX_ALIKE = 2  #: So many warnings of one kind are shown before the others are only counted.
+MAX_ALIKE = 2  #: Number of warnings of one kind shown in full.
 
 
 def condensed(advice: Iterable[Advice]) -> tuple[Advice, ...]:
-    """Warnings without repetitions, as a tuple; of many runs with the same, the first few and how many more."""
+    """Warnings without repetitions; of one kind from many runs, the first few and the number of the others."""
     advice = tuple(dict.fromkeys(advice))
     shown: list[Advice] = []
     counts: dict[str, int] = {}
@@ -40,7 +40,7 @@ def condensed(advice: Iterable[Advice]) -> tuple[Advice, ...]:
 
 
 def identification_as_data(found: ManoeuvringIdentification, wall_s: float | None = None) -> dict:
-    """What ``manoeuvre identify --json`` prints of a `ManoeuvringIdentification`; ``wall_s`` is how long it took."""
+    """Output of ``manoeuvre identify --json``; ``wall_s`` is its duration."""
     model = found.model
     std = dict(zip(found.names, found.covariance.diagonal() ** 0.5, strict=True))
 
@@ -100,7 +100,7 @@ def _currents_by_run(found: ManoeuvringIdentification):
 
 
 def terms_in_words() -> list[str]:
-    """A line for each parameter of the catalogue: name, unit, meaning."""
+    """Name, unit and meaning of each parameter of the catalogue, one per line."""
     sides = {'X': 'surge force', 'Y': 'sway force', 'N': 'yaw moment'}
 
     def meaning(p: Parameter):
@@ -113,7 +113,7 @@ def terms_in_words() -> list[str]:
 _MEANINGS = {
     'm': 'mass',
     'Iz': 'yaw inertia',
-    'gain': 'thrust a unit of input at full input ahead',
+    'gain': 'thrust per unit of input at full input ahead',
     'reverse_ratio': 'thrust at full input astern as a share of that ahead',
     'dead_band': 'share of the full input that gives no thrust',
     'exponent': 'of the thrust curve ahead',
@@ -175,13 +175,13 @@ def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
         lines.append(f'    error after {"; ".join(errors)}')
     verdict = 'stable' if found.stability.stable else 'NOT stable'
     lines.append(f'  {verdict} at the speeds and inputs seen (slowest decay {-found.stability.largest_growth:.3g} 1/s)')
-    lines.append('  R2 is relative to the mean of each channel: 1 is perfect, 0 as good as that mean. Where a craft')
-    lines.append('  hardly moves sideways, a sway of -0.1 is an error of the size of the noise, and no disaster.')
+    lines.append('  R2 compares with the mean of each channel: 1 is perfect, 0 is as good as that mean. If a craft')
+    lines.append('  hardly sways, an R2 of sway of -0.1 means only that the error is as large as the sensor noise.')
     return lines
 
 
 def test_as_data(report: ManoeuvringTest, model: ManoeuvringModel) -> dict:
-    """What ``manoeuvre simulate --json`` prints."""
+    """Output of ``manoeuvre simulate --json``."""
     curve = {name: values.tolist() for name, values in report.curve.items()}
     return finite_or_none({'test': report.name, 'model': model.name, 'numbers': report.numbers, 'curve': curve})
 
@@ -197,7 +197,7 @@ def test_in_words(report: ManoeuvringTest) -> list[str]:
 
 
 def forecast_as_data(scores: ForecastScores, future: str) -> dict:
-    """What ``manoeuvre forecast --json`` prints: root mean square errors by method, quantity and lead."""
+    """Output of ``manoeuvre forecast --json``: root mean square errors by method, quantity and lead."""
 
     def by_lead(values: Iterable[float]):
         return {f'{lead:g}': float(value) for lead, value in zip(scores.leads, values, strict=True)}
@@ -214,8 +214,8 @@ def forecast_as_data(scores: ForecastScores, future: str) -> dict:
 
 
 def forecast_in_words(scores: ForecastScores, future: str) -> list[str]:
-    """A table a quantity: methods by leads."""
-    lines = [f'{scores.count} forecasts, thrust to come {future}; root mean square errors by lead']
+    """One table per quantity: methods by leads."""
+    lines = [f'{scores.count} forecasts, future thrust {future}; root mean square errors by lead']
     heads = ''.join(f'{lead:>9g} s' for lead in scores.leads)
     for quantity in next(iter(scores.rmse.values())):
         if all((table[quantity] != table[quantity]).all() for table in scores.rmse.values()):

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS
+from swath_sysid.campaign.papers.publication import citation
 from swath_sysid.report.campaign_page import bullets, page, paragraph, table_as_html
 from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.paper_decay_figures import drawn
@@ -20,7 +22,6 @@ from swath_sysid.report.paper_decay_tables import (
     next_step_table,
     objective_values,
     particulars,
-    printed_form,
     search_settings,
 )
 
@@ -32,13 +33,13 @@ def decay_page(study: DecayStudy, wall_s: float) -> str:
     """HTML of a `DecayStudy`; ``wall_s`` is how long carrying it out again took."""
     p = study.publication
     sections = [
-        ('short', 'In short', [bullets(_in_short(study, wall_s))]),
+        ('short', 'In short', [paragraph(citation(p.paper, p.authors)), bullets(_in_short(study, wall_s))]),
         ('trials', 'Model and trials', [table_as_html(particulars(study)), paragraph(_how_simulated(study), 'note')]),
         ('method', 'Equations and search', [table_as_html(equations(study)), table_as_html(search_settings(study))]),
         ('decays', 'Decays', [drawn(study, 'decays')]),
         ('objective', 'Objective values', [table_as_html(objective_values(study)), drawn(study, 'objective')]),
-        ('chosen', 'The chosen equation', [table_as_html(t) for t in (printed_form(study), coefficients(study)) if t]),
-        ('motion', 'Measured and identified motion', [drawn(study, 'motion')]),
+        ('chosen', 'The chosen equation', [table_as_html(coefficients(study))]),
+        ('motion', 'Simulated record and identified motion', [drawn(study, 'motion')]),
         ('next-step', 'One step ahead', [table_as_html(next_step_table(study))] if p.next_step else []),
         ('angle', 'Coefficients', [drawn(study, 'against-angle'), drawn(study, 'coefficients')]),
         ('conclusions', 'Conclusions', [table_as_html(claims(study))]),
@@ -65,7 +66,8 @@ def _in_short(study: DecayStudy, wall_s: float):
     obtained = [study.chosen(r).genetic.value for r in records]
     ratio = np.median(np.array(obtained) / printed)
     return [
-        f'{len(records)} records, {_repeats(p.repeats)}, {len(p.equations)} equations: searched with the ranges '
+        f'{len(records)} simulated records, each {"one repeat" if p.repeats == 1 else f"the best of {p.repeats}"}, '
+        f'{len(p.equations)} equations: searched with the ranges '
         f'and the budget of the study by genetic algorithm and by particle swarm, and fitted by the simulated motion; '
         f'{wall_s:.0f} s.',
         f'The objective values come out at {ratio:.2f} of the printed ones (median): they are the noise of the rate, '
@@ -78,22 +80,27 @@ def _in_short(study: DecayStudy, wall_s: float):
     ]
 
 
-def _repeats(count: int):
-    return 'each the best of three' if count == 3 else 'one repeat each'
-
-
 def _bias(study: DecayStudy):
-    shares = [study.chosen(r).exact.ratios['b1'] / r.hull.terms['b1'] for r in study.records]
-    return f'its linear damping is {np.median(shares):.3g} times that of the hull (median of the records)'
+    # not of single terms: some printed ones are almost nothing
+    shares = []
+    for r in study.records:
+        found = r.hull.from_terms(equation_named(study.publication.chosen), study.chosen(r).exact.ratios)
+        released = np.radians([r.angle_deg])
+        here, there = (amplitude_curves(m.ratios, released, r.hull.friction_rate) for m in (found, r.hull))
+        shares.append(float(here.damping_ratio[0] / there.damping_ratio[0]))
+    return (
+        f'its equivalent damping at the release angle is {np.nanmedian(shares):.3g} times that of the hull (median of '
+        'the records)'
+    )
 
 
 def _how_simulated(study: DecayStudy):
     powers = ', '.join(f'{term} as the power {power:g}' for term, power in study.publication.draft_powers.items())
     return (
-        'The measured records were not published. Here they are simulated: the printed hull, with the same ratios at '
-        'every angle; white noise of the rate, the printed objective value of each record over the square root of two; '
-        f'of the angle, 0.001 rad; 100 Hz. How the hull follows the draft is assumed, so as the study concludes: '
-        f'{powers} of the draft.'
+        'The measured records were not published, so every record here is simulated: the printed hull with the same '
+        'ratios at every angle, 100 Hz, white noise of the rate (the printed objective value of each record over the '
+        'square root of two) and of the angle (0.001 rad). How the hull follows the draft is assumed to agree with the '
+        f'conclusions of the study: {powers} of the draft.'
     )
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.simulation import simulate
-from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.campaign.papers.decay_study import DRAFT_FACTORS
 from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, STYLE, WIDTH, legend_below
 from swath_sysid.report.campaign_page import Drawing, figures
@@ -20,8 +19,6 @@ from swath_sysid.report.paper_decay_numbers import BY, GENETIC, HULL, OURS, coef
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from swath_sysid.attitude.hull.decay_model import DecayModel
-    from swath_sysid.attitude.motion.trial import AxisMotion
     from swath_sysid.campaign.papers.decay_study import DecayStudy
 
 
@@ -47,7 +44,7 @@ def _decays(study: DecayStudy, spec: dict[str, Any]):
         motion = study.at(factor, spec['angle_deg']).problem.motions[0]
         axes.plot(motion.time - motion.time[0], motion.rate, linewidth=0.9, label=f'{factor:g} T')
     axes.legend(frameon=False, ncols=3)
-    return [Drawing('decays', f'rates of the three drafts, released from {spec["angle_deg"]:g} deg', figure)]
+    return [Drawing('decays', f'simulated rates at three drafts, released from {spec["angle_deg"]:g} deg', figure)]
 
 
 def _motion(study: DecayStudy, spec: dict[str, Any]):
@@ -61,17 +58,15 @@ def _motion(study: DecayStudy, spec: dict[str, Any]):
         figure, axes = _panel(xlabel='time since release [s]', ylabel=f'{motion.axis} {unit}')
         time = motion.time - motion.time[0]
         measured = np.degrees(getattr(motion, quantity))
-        axes.plot(time, measured, color=MEASURED, linewidth=0.7, alpha=0.7, label='measured')
+        axes.plot(time, measured, color=MEASURED, linewidth=0.7, alpha=0.7, label='simulated record')
         for model, label, colour, style in models:
-            axes.plot(time, np.degrees(_simulated(model, state, motion)[quantity]), style, color=colour, label=label)
+            own = simulate(model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
+            axes.plot(time, np.degrees(own[quantity == 'rate']), style, color=colour, label=label)
         axes.legend(frameon=False)
-        caption = f'{quantity}, measured and identified, {record.angle_deg:g} deg at {record.draft_factor:g} T'
+        caption = (
+            f'{quantity}, simulated record and identified models, {record.angle_deg:g} deg at {record.draft_factor:g} T'
+        )
         yield Drawing(f'motion_{quantity}', caption, figure)
-
-
-def _simulated(model: DecayModel, state: InitialState, motion: AxisMotion):
-    angle, rate = simulate(model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
-    return {'angle': angle, 'rate': rate}
 
 
 def _objective_by_equation(study: DecayStudy, spec: dict[str, Any]):
@@ -80,26 +75,13 @@ def _objective_by_equation(study: DecayStudy, spec: dict[str, Any]):
         figure, axes = _panel(title=f'from {angle:g} deg', xlabel='equation', ylabel='objective [rad/s]')
         places = np.arange(1, len(p.equations) + 1)
         for k, factor in enumerate(DRAFT_FACTORS):
-            record, printed = study.at(factor, angle), p.printed_objective[factor, angle]
+            printed = list(p.printed_objective[factor, angle].values())
+            here = [study.at(factor, angle).searched[e].genetic.value for e in p.equations]
+            style: dict[str, Any] = {'color': SERIES[k], 'markersize': 4}
             axes.plot(
-                places,
-                [printed[e] for e in p.equations],
-                'o--',
-                color=SERIES[k],
-                markersize=4,
-                linewidth=0.9,
-                markerfacecolor='none',
-                label=f'{factor:g} T printed',
+                places, printed, 'o--', linewidth=0.9, markerfacecolor='none', label=f'{factor:g} T printed', **style
             )
-            axes.plot(
-                places,
-                [record.searched[e].genetic.value for e in p.equations],
-                'o-',
-                color=SERIES[k],
-                markersize=4,
-                linewidth=1.2,
-                label=f'{factor:g} T here',
-            )
+            axes.plot(places, here, 'o-', linewidth=1.2, label=f'{factor:g} T simulated', **style)
         axes.set_xticks(places)
         legend_below(axes)
         yield Drawing(f'objective_{angle:g}', f'objective value by equation, {angle:g} deg', figure)
@@ -111,8 +93,9 @@ def _against_angle(study: DecayStudy, spec: dict[str, Any]):
             if name == "I'" and by == OURS:
                 continue
             figure, axes = _panel(title=f'{name} by {words}', xlabel='initial angle [deg]', ylabel=name)
-            shown = [_one_curve(axes, study, name, by, k, factor) for k, factor in enumerate(DRAFT_FACTORS)]
-            _limit(axes, np.concatenate(shown))
+            shown = np.concatenate([_one_curve(axes, study, name, by, k) for k in range(len(DRAFT_FACTORS))])
+            margin = 0.12 * float(np.ptp(shown)) or 0.1
+            axes.set_ylim(shown.min() - margin, shown.max() + margin)
             legend_below(axes)
             caption = f'{name} against initial angle, a curve a draft, by {words}'
             if name != "I'":
@@ -122,56 +105,40 @@ def _against_angle(study: DecayStudy, spec: dict[str, Any]):
             yield Drawing(f'{name}_{by}'.replace("'", ''), caption, figure)
 
 
-def _one_curve(axes: Axes, study: DecayStudy, name: str, by: str, k: int, factor: float):
-    """Draw a draft's curve with that of the hull; the values that the figure has to show."""
-    records = sorted((r for r in study.records if r.draft_factor == factor), key=lambda r: r.angle_deg)
+def _one_curve(axes: Axes, study: DecayStudy, name: str, by: str, k: int):
+    """Draw the curve of the k-th draft with that of the hull; the values that the figure has to show."""
+    records = study.of_draft(DRAFT_FACTORS[k])
     angles = [r.angle_deg for r in records]
     values, stds = np.array([coefficient(study, r, name, by) for r in records]).T
     hull = np.array([coefficient(study, r, name, HULL)[0] for r in records])
-    if by == OURS:
-        axes.errorbar(
-            angles,
-            values,
-            TWO_STD * stds,
-            marker='o',
-            markersize=4,
-            capsize=3,
-            color=SERIES[k],
-            linewidth=1.2,
-            label=f'{factor:g} T',
-        )
-    else:
-        axes.plot(angles, values, 'o-', markersize=4, color=SERIES[k], linewidth=1.2, label=f'{factor:g} T')
+    style: dict[str, Any] = {
+        'color': SERIES[k],
+        'marker': 'o',
+        'markersize': 4,
+        'linewidth': 1.2,
+        'label': f'{DRAFT_FACTORS[k]:g} T',
+    }
+    axes.errorbar(angles, values, TWO_STD * stds if by == OURS else None, capsize=3, **style)
     axes.plot(angles, hull, ':', color=SERIES[k], linewidth=1.2)
     # what is not known at all must not hide the rest
     known = ~(stds > 2.0 * np.nanmax(np.abs([*hull, 0.0])))
     return np.concatenate([hull[np.isfinite(hull)], values[known], [0.0]])
 
 
-def _limit(axes: Axes, shown: np.ndarray):
-    low, high = float(np.min(shown)), float(np.max(shown))
-    margin = 0.12 * (high - low) or 0.1
-    axes.set_ylim(low - margin, high + margin)
-
-
 def _all_coefficients(study: DecayStudy, spec: dict[str, Any]):
     factor = spec['draft_factor']
-    records = sorted((r for r in study.records if r.draft_factor == factor), key=lambda r: r.angle_deg)
+    records = study.of_draft(factor)
     for by, words in BY.items():
         figure, axes = _panel(title=f'{factor:g} T, by {words}', xlabel='initial angle [deg]')
         for k, name in enumerate(["I'", *coefficient_names(study)]):
             values = [coefficient(study, r, name, by)[0] for r in records]
             if np.isfinite(values).any():
-                axes.plot(
-                    [r.angle_deg for r in records],
-                    values,
-                    marker='o',
-                    markersize=4,
-                    linewidth=1.1,
-                    label=name,
-                    color=SERIES[k % len(SERIES)],
-                    linestyle=LINE_STYLES[k // len(SERIES)],
-                )
+                style: dict[str, Any] = {
+                    'color': SERIES[k % len(SERIES)],
+                    'linestyle': LINE_STYLES[k // len(SERIES)],
+                    'linewidth': 1.1,
+                }
+                axes.plot([r.angle_deg for r in records], values, marker='o', markersize=4, label=name, **style)
         axes.set_yscale('symlog', linthresh=1e-3)
         axes.legend(frameon=False, ncols=1, loc='center left', bbox_to_anchor=(1.0, 0.5))
         caption = f"all coefficients at {factor:g} T against initial angle, by {words}; I' {study.inertia:g} given"

@@ -24,11 +24,7 @@ BY = {GENETIC: "the study's method", OURS: 'the simulated motion'}
 
 
 def coefficient(study: DecayStudy, record: StudiedRecord, name: str, by: str) -> tuple[float, float]:
-    """A printed coefficient of one record, with the study's inertia: N, W, x, C1 to C3, or I' of the search alone.
-
-    Value and standard deviation, ``genetic``, ``ours`` or of the ``hull`` that was simulated; NaN where the equation
-    has none.
-    """
+    """Value and standard deviation of N, W, x, C1 to C3 with the study's inertia, or of I' of its search; NaN: none."""
     nothing = float('nan'), float('nan')
     if name == "I'":
         return (study.chosen(record).genetic.inertia, float('nan')) if by == GENETIC else nothing
@@ -51,10 +47,7 @@ def coefficient_names(study: DecayStudy) -> list[str]:
 
 
 def trend_of(values: ArrayLike, steady: float = STEADY) -> str:
-    """``falls``, ``rises``, ``steady``, ``rises then falls``, ``falls then rises`` or ``mixed``, along a curve.
-
-    ``steady`` is the share of the largest value by which a steady curve changes at most.
-    """
+    """How a curve runs: ``falls``, ``rises then falls``, ``mixed``; ``steady`` within a share of its largest value."""
     values = np.asarray(values, dtype=float)
     if np.ptp(values) <= steady * np.abs(values).max():
         return 'steady'
@@ -64,10 +57,7 @@ def trend_of(values: ArrayLike, steady: float = STEADY) -> str:
 
 
 def next_step_errors(study: DecayStudy, record: StudiedRecord, ratios: dict[str, float] | None) -> np.ndarray:
-    """Relative errors of the rate one step ahead where the study looks, or where it turns fastest; shape (N,).
-
-    ``ratios`` None: of the rate that stays as it is.
-    """
+    """Relative errors, shape (N,), one step ahead at the printed times; ``ratios`` None: of an unchanged rate."""
     checked = next_steps(study, record, ratios)
     return np.abs(checked[2] - checked[1]) / np.abs(checked[1])
 
@@ -94,10 +84,7 @@ def next_steps(
 
 
 def checked_models(study: DecayStudy) -> tuple[StudiedRecord, tuple]:
-    """The record on which the study checks one step ahead, and the ratios that are checked there.
-
-    By the study's method and by the simulated motion, dict of str to float; None: the rate stays as it is.
-    """
+    """The record of the next-step check, and the ratios by the study's method and ours; None: an unchanged rate."""
     printed = printed_steps(study)
     record = study.at(printed.draft_factor, printed.angle_deg)
     ours = dict(zip(record.ours.terms, record.ours.ratios, strict=True))

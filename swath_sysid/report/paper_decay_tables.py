@@ -24,13 +24,14 @@ from swath_sysid.report.paper_decay_numbers import (
     printed_steps,
     trend_of,
 )
-from swath_sysid.report.tables import Column, Table, digits
+from swath_sysid.report.tables import Column, Table, digits, sentence
 
 if TYPE_CHECKING:
     from swath_sysid.campaign.papers.decay_study import DecayStudy, StudiedRecord
 
 NEAR_ZERO = 'near zero'
 ZERO_SHARE = 0.01  #: Of the range of a coefficient; what is less is near zero.
+BY_CONSTRUCTION = 'by construction'
 MUCH = 3.0  #: By this factor a coefficient is much larger than another.
 ROUNDING = 1e-9  #: Ratios to inertia below this are zero, to the rounding of a search.
 
@@ -70,17 +71,12 @@ def search_settings(study: DecayStudy) -> Table:
     """The settings of both searches."""
     preset = PRESETS[study.publication.name]
     g = preset.genetic
+    only_genetic = 'crossover', 'mutation', 'final_mutation', 'genetic_factor', 'evolution_weight'
+    ranges = {"I'": preset.inertia, 'N and W': preset.damping, 'x, C1, C2, C3': preset.restoring}
     rows = (
-        ('generations', g.generations, SWARM['generations']),
-        ('population', g.population, SWARM['population']),
-        ('crossover', g.crossover, None),
-        ('mutation', g.mutation, None),
-        ('last mutation', g.final_mutation, None),
-        ('genetic factor', g.genetic_factor, None),
-        ('evolution weight', g.evolution_weight, None),
-        ("range of I'", f'0 to {preset.inertia:g}', f'0 to {preset.inertia:g}'),
-        ('range of N and W', f'0 to {preset.damping:g}', f'0 to {preset.damping:g}'),
-        ('range of x, C1, C2, C3', f'0 to {preset.restoring:g}', f'0 to {preset.restoring:g}'),
+        *((name, getattr(g, name), SWARM[name]) for name in ('generations', 'population')),
+        *((name.replace('_', ' '), getattr(g, name), None) for name in only_genetic),
+        *((f'range of {names}', *[f'0 to {limit:g}'] * 2) for names, limit in ranges.items()),
     )
     shown = Column('genetic algorithm', _plain), Column('particle swarm', _plain)
     note = 'Genetic algorithm: as printed. Particle swarm: the same ranges, stopped when it stagnates.'
@@ -109,88 +105,44 @@ def objective_values(study: DecayStudy) -> Table:
             rows.append((f'{record.angle_deg:g} deg', f'{record.draft_factor:g} T', kind, *values))
     columns = (Column('from'), Column('at'), Column('value'), *(Column(e, digits(7)) for e in p.equations))
     note = (
-        f'{p.objective.table[0].upper()}{p.objective.table[1:]}, rad/s; the least of a row is marked, with all that '
+        f'{sentence(p.objective.table)}, rad/s; the least of a row is marked, with all that '
         'equal it to 1e-7. Printed: with its own records; the others: with those simulated here.'
     )
     return Table('objective', 'Objective values by equation, angle and draft', note, columns, tuple(rows), marks)
 
 
 def coefficients(study: DecayStudy) -> Table:
-    """The coefficients of the chosen equation on one record, by each method."""
-    printed = study.publication.coefficients
+    """The coefficients of the chosen equation on one record, by each method; I' with what each search stopped at."""
+    printed, inertia = study.publication.coefficients, study.inertia
     record = study.at(printed.draft_factor, printed.angle_deg)
-    inertia = study.inertia
-    rows = []
-    chosen = study.chosen(record)
+    chosen, form = study.chosen(record), printed.published_form
+    rows: list[tuple] = [("I'", form.get("I'"), None, chosen.genetic.inertia, chosen.swarm.inertia, *[None] * 4)]
     for term in equation_named(study.publication.chosen).terms:
         name, factor = COEFFICIENTS[term]
-        form = printed.published_form
-        given = form[name] / inertia / factor if form else printed.ratios[term]
         value, std = record.ours.ratio(term)
-        rows.append(
-            (
-                f'{term} ({_in_words(name, factor)})',
-                given,
-                chosen.genetic.ratios[term],
-                chosen.swarm.ratios[term],
-                chosen.exact.ratios[term],
-                value,
-                TWO_STD * std,
-                record.hull.terms[term],
-            )
-        )
-    names = 'printed', 'genetic', 'swarm', 'exact optimum of the objective', 'simulated motion'
+        searched = [found.ratios[term] for found in (chosen.genetic, chosen.swarm, chosen.exact)]
+        ratio = form[name] / inertia / factor if form else printed.ratios[term]
+        label = f"{term} ({1.0 / factor:g} {name}/I')".replace('(1 ', '(')
+        rows.append((label, form.get(name), ratio, *searched, value, TWO_STD * std, record.hull.terms[term]))
+    names = 'as printed', 'printed', 'genetic', 'swarm', 'exact optimum of the objective', 'simulated motion'
     columns = (
         Column('ratio to inertia'),
         *(Column(name, _ratio_shown) for name in names),
         Column('+- 2 std', digits(2)),
         Column('the simulated hull', _ratio_shown),
     )
-    assumed = '' if "I'" in printed.published_form else ' (assumed)'
     stopped = ', '.join(f'{i:.4f}' for i in (chosen.genetic.inertia, *study.inertias))
+    assumed = '' if "I'" in form else ' (assumed)'
     note = (
         f"{study.publication.chosen}, {printed.angle_deg:g} deg, {printed.draft_factor:g} T ({printed.table}), over I' "
-        f"= {inertia:g}{assumed}. Searches with four seeds stop at I' = "
-        f'{stopped}, with the same objective value: the motion determines only the ratios.'
+        f"= {inertia:g}{assumed}. Searches with four seeds stop at I' = {stopped}, with "
+        'the same objective value: the motion determines only the ratios.'
     )
     return Table('coefficients', 'Coefficients of the chosen equation', note, columns, tuple(rows))
 
 
-def printed_form(study: DecayStudy) -> Table | None:
-    """The same coefficients as the study prints them, with an inertia; None where it prints ratios alone."""
-    printed = study.publication.coefficients
-    if not printed.published_form:
-        return None
-    record, inertia = study.at(printed.draft_factor, printed.angle_deg), study.inertia
-    form, searches = printed.published_form, (study.chosen(record).genetic, study.chosen(record).swarm)
-    rows: list[tuple] = [("I'", form.get("I'"), *(s.inertia for s in searches), None, None)]
-    for term in equation_named(study.publication.chosen).terms:
-        name, factor = COEFFICIENTS[term]
-        value, std = record.ours.ratio(term)
-        rows.append(
-            (
-                name,
-                form[name],
-                *(s.ratios[term] * s.inertia * factor for s in searches),
-                value * inertia * factor,
-                TWO_STD * std * inertia * factor,
-            )
-        )
-    names = 'printed', 'genetic', 'swarm', 'simulated motion'
-    columns = Column('coefficient'), *(Column(name, _ratio_shown) for name in names), Column('+- 2 std', digits(2))
-    note = (
-        f"{printed.table[0].upper()}{printed.table[1:]}. The searches with the I' at which each happened to stop, the "
-        f"simulated motion with I' = {inertia:g} given."
-    )
-    return Table('printed_form', 'Coefficients as printed', note, columns, tuple(rows))
-
-
 def _ratio_shown(value: Any):
     return '0' if value is not None and abs(value) < ROUNDING else digits(6)(value)
-
-
-def _in_words(name: str, factor: float):
-    return f"{1.0 / factor:g} {name}/I'" if factor != 1.0 else f"{name}/I'"
 
 
 def next_step_table(study: DecayStudy) -> Table:
@@ -198,33 +150,17 @@ def next_step_table(study: DecayStudy) -> Table:
     printed, (record, models) = printed_steps(study), checked_models(study)
     _, measured, by_search = next_steps(study, record, models[0])
     by_ours, unchanged = (next_steps(study, record, ratios)[2] for ratios in models[1:])
-    rows = []
-    for k, (t, was, identified, error) in enumerate(printed.rows):
-        rows.append(
-            (
-                t,
-                was,
-                identified,
-                error,
-                float(measured[k]),
-                float(by_search[k]),
-                *(100.0 * abs(float(v[k] - measured[k]) / float(measured[k])) for v in (by_search, by_ours, unchanged)),
-            )
-        )
-    percent = digits(3)
+    errors = [100.0 * np.abs(v / measured - 1.0) for v in (by_search, by_ours, unchanged)]
+    rows = [(*row, *map(float, here)) for row, *here in zip(printed.rows, measured, by_search, *errors, strict=True)]
     columns = (
         Column('time [s]', digits(3)),
-        Column('printed measured [rad/s]', digits(6)),
-        Column('printed identified [rad/s]', digits(6)),
-        Column('printed error [%]', percent),
-        Column('measured here [rad/s]', digits(6)),
-        Column('identified here [rad/s]', digits(6)),
-        Column('error here [%]', percent),
-        Column('simulated-motion model [%]', percent),
-        Column('no change at all [%]', percent),
+        *(Column(f'printed {what} [rad/s]', digits(6)) for what in ('measured', 'identified')),
+        Column('printed error [%]', digits(3)),
+        *(Column(f'{what} here [rad/s]', digits(6)) for what in ('simulated', 'identified')),
+        *(Column(f'{what} [%]', digits(3)) for what in ('error here', 'simulated-motion model', 'no change at all')),
     )
     note = (
-        f'{printed.table[0].upper()}{printed.table[1:]}: {printed.angle_deg:g} deg, {printed.draft_factor:g} T, '
+        f'{sentence(printed.table)}: {printed.angle_deg:g} deg, {printed.draft_factor:g} T, '
         f'{study.publication.chosen}. No change at all: the rate measured before stands for the next.'
     )
     return Table('next_step', 'Rate one step ahead', note, columns, tuple(rows))
@@ -236,32 +172,31 @@ def claims(study: DecayStudy) -> Table:
     marks: dict[tuple[int, int], str] = {}
     for claim in study.publication.claims:
         answers = CLAIMS[claim['kind']](study, claim)
-        marks[len(rows), len(answers)] = 'best' if answers[-1].startswith('yes') else 'beyond'
+        marks[len(rows), len(answers)] = verdict_mark(answers[-1])
         rows.append((claim['text'], *answers))
-    columns = (
-        Column('the study concludes'),
-        Column("by the study's method here"),
-        Column('by the simulated motion'),
-        Column('the simulated hull'),
-        Column('holds here'),
-    )
+    names = 'the study concludes', "by the study's method here", 'by the simulated motion', 'the simulated hull'
+    columns = tuple(map(Column, (*names, 'holds here')))
     note = (
-        'Curves: an angle or a draft each. The simulated hull has the same coefficients at every angle: a trend with '
-        "the angle that the study's method shows here comes from the method. A conclusion holds here where the method "
-        'shows it and the hull has it. How the hull follows the draft is assumed, so as the study concludes; whether '
-        'the methods show it is the question.'
+        'One curve per angle or draft. A conclusion holds here where the method shows it and the hull has it. The '
+        'simulated hull is the chosen equation, has the same coefficients at every angle, and follows the draft as the '
+        "study concludes: a trend with the angle that the study's method shows here comes from the method, and a "
+        'conclusion on the equation or the draft holds by construction, which confirms nothing.'
     )
     return Table('claims', 'Conclusions of the study, and whether they hold here', note, columns, tuple(rows), marks)
 
 
-def _claim_least(study: DecayStudy, claim: dict[str, Any]):
-    def share(tables: Iterable[dict[str, float]]):
-        least = [t[claim['equation']] <= min(t.values()) * (1.0 + 1e-7) for t in tables]
-        return sum(least), len(least)
+def verdict_mark(verdict: str) -> str:
+    """How a verdict on a conclusion is marked."""
+    return '' if verdict == BY_CONSTRUCTION else 'best' if verdict.startswith('yes') else 'beyond'
 
-    printed, count = share(study.publication.printed_objective.values())
-    here, _ = share([{e: s.genetic.value for e, s in r.searched.items()} for r in study.records])
-    return f'in {here} of {count} records; in the printed table in {printed}', '-', '-', _verdict(here, count)
+
+def _claim_least(study: DecayStudy, claim: dict[str, Any]):
+    def least(tables: Iterable[dict[str, float]]):
+        return sum(t[claim['equation']] <= min(t.values()) * (1.0 + 1e-7) for t in tables)
+
+    printed, count = least(study.publication.printed_objective.values()), len(study.records)
+    here = least({e: s.genetic.value for e, s in r.searched.items()} for r in study.records)
+    return f'in {here} of {count} records; in the printed table in {printed}', '-', '-', _verdict(here, count, True)
 
 
 def _claim_next_step(study: DecayStudy, claim: dict[str, Any]):
@@ -295,7 +230,8 @@ def _claim_trend(study: DecayStudy, claim: dict[str, Any]):
         found[by] = (sum(t == claim['direction'] for t in trends), trends)
     if claim['coefficient'] == "I'":
         return _curves(found[GENETIC]), '-', '-', 'no: any value fits alike'
-    verdict = _verdict(min(found[GENETIC][0], found[HULL][0]), len(curves))
+    assumed = claim['against'] == 'draft'
+    verdict = _verdict(min(found[GENETIC][0], found[HULL][0]), len(curves), assumed)
     return *(_curves(found[by]) for by in (GENETIC, OURS, HULL)), verdict
 
 
@@ -306,8 +242,10 @@ def _curves(found: tuple[int, list[str]]):
     return f'{holds} of {len(trends)} curves ({", ".join(trends)})'
 
 
-def _verdict(holds: int, count: int):
-    return 'yes' if holds == count else 'no' if holds == 0 else f'in {holds} of {count}'
+def _verdict(holds: int, count: int, by_construction: bool = False):
+    if holds == count:
+        return BY_CONSTRUCTION if by_construction else 'yes'
+    return 'no' if holds == 0 else f'in {holds} of {count}'
 
 
 def _claim_decays(study: DecayStudy, claim: dict[str, Any]):
@@ -317,13 +255,9 @@ def _claim_decays(study: DecayStudy, claim: dict[str, Any]):
         for r in records
     ]
     periods = [r.hull.natural_period for r in records]
-    alike = [trend_of(peaks, 0.0) == claim['peak'], trend_of(periods, 0.0) == claim['period']]
-    shown = f'peak {_listed(peaks)} rad/s, period {_listed(periods)} s'
-    return '-', '-', shown, ('yes' if all(alike) else 'in part' if any(alike) else 'no') + ', as assumed'
-
-
-def _listed(values: Iterable[float]):
-    return ', '.join(digits(3)(v) for v in values)
+    alike = trend_of(peaks, 0.0) == claim['peak'], trend_of(periods, 0.0) == claim['period']
+    peak, period = (', '.join(map(digits(3), values)) for values in (peaks, periods))
+    return '-', '-', f'peak {peak} rad/s, period {period} s', _verdict(sum(alike), 2, True)
 
 
 def _claim_larger(study: DecayStudy, claim: dict[str, Any]):
@@ -331,13 +265,8 @@ def _claim_larger(study: DecayStudy, claim: dict[str, Any]):
         larger, smaller = (coefficient(study, record, claim[key], by)[0] for key in ('coefficient', 'than'))
         return larger / max(smaller, ROUNDING)
 
-    records = [r for r in study.records if r.draft_factor == claim['draft_factor']]
-    least = [min(times(r, by) for r in records) for by in (GENETIC, OURS, HULL)]
+    least = [min(times(r, by) for r in study.of_draft(claim['draft_factor'])) for by in (GENETIC, OURS, HULL)]
     return *(f'at least {v:.2g} times' for v in least), 'yes' if min(least[0], least[2]) > MUCH else 'no'
-
-
-def _claim_remark(study: DecayStudy, claim: dict[str, Any]):
-    return '-', '-', '-', claim['why']
 
 
 CLAIMS = {
@@ -346,5 +275,5 @@ CLAIMS = {
     'trend': _claim_trend,
     'decays': _claim_decays,
     'larger': _claim_larger,
-    'remark': _claim_remark,
+    'remark': lambda study, claim: ('-', '-', '-', claim['why']),
 }

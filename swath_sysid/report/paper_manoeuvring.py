@@ -8,10 +8,12 @@ import matplotlib
 import numpy as np
 
 from swath_sysid.campaign.papers.manoeuvring_study import track_error
+from swath_sysid.campaign.papers.publication import citation
 from swath_sysid.report.campaign_extinction import PARTICULARS
 from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, STYLE, WIDTH, legend_below
 from swath_sysid.report.campaign_page import Drawing, bullets, figures, page, paragraph, table_as_html
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
+from swath_sysid.report.paper_decay_tables import BY_CONSTRUCTION, verdict_mark
 from swath_sysid.report.tables import Column, Table, digits
 
 if TYPE_CHECKING:
@@ -22,12 +24,16 @@ FIGURE_OF_RUN = {'identification': '4', 'validation': '5'}
 
 
 def manoeuvring_page(study: ManoeuvringStudy, wall_s: float) -> str:
-    """HTML of the study carried out again; see `ManoeuvringStudy`."""
+    """HTML of the repeated study."""
     with matplotlib.rc_context(STYLE):
         tracks = figures([*_trajectories(study), *_turns(study)])
         iterations = figures(list(_iterations(study)))
     sections = [
-        ('short', 'In short', [bullets(_in_short(study, wall_s))]),
+        (
+            'short',
+            'In short',
+            [paragraph(citation(study.content['paper'], study.content['authors'])), bullets(_in_short(study, wall_s))],
+        ),
         ('trials', 'Craft and trials', [table_as_html(_craft(study)), paragraph(_how_simulated(study), 'note')]),
         ('derivatives', 'Derivatives', [table_as_html(_derivatives(study))]),
         ('motion', 'Trajectories and turns', [tracks]),
@@ -138,7 +144,7 @@ def _derivatives(study: ManoeuvringStudy):
 
 def _models(study: ManoeuvringStudy, run: str):
     return [
-        (study.runs[run][1], 'measured', dict(color=MEASURED, linewidth=0.7, alpha=0.8)),
+        (study.runs[run][1], 'simulated run, with noise', dict(color=MEASURED, linewidth=0.7, alpha=0.8)),
         (study.simulated(study.estimated, run), "study's method", dict(color=MODEL, linestyle='--')),
         (study.simulated(study.ours.model, run), 'ours', dict(color=RESIDUAL)),
     ]
@@ -152,7 +158,7 @@ def _trajectories(study: ManoeuvringStudy):
             axes.plot(motion.x, motion.y, label=label, **style)
         axes.set_aspect('equal', 'datalim')
         legend_below(axes)
-        yield Drawing(f'track_{run}', f'As figure {number}: measured and simulated trajectory, {run}', figure)
+        yield Drawing(f'track_{run}', f'As figure {number}: simulated and identified trajectory, {run}', figure)
 
 
 def _turns(study: ManoeuvringStudy):
@@ -166,7 +172,7 @@ def _turns(study: ManoeuvringStudy):
         below.set_ylabel('yaw rate [deg/s]')
         below.set_xlabel('time [s]')
         above.legend(frameon=False)
-        yield Drawing(f'turn_{run}', f'Measured and simulated turn, {run}', figure)
+        yield Drawing(f'turn_{run}', f'Simulated and identified turn, {run}', figure)
 
 
 def _iterations(study: ManoeuvringStudy):
@@ -193,7 +199,7 @@ def _iterations(study: ManoeuvringStudy):
 def _claims(study: ManoeuvringStudy):
     here, other = (_errors(study, run)[0] for run in FIGURE_OF_RUN)
     rows = (
-        ('the simulated trajectory agrees with the measured one', f'to {here:.2g} m', 'yes'),
+        ('the simulated trajectory agrees with the measured one', f'to {here:.2g} m', BY_CONSTRUCTION),
         (
             'the model predicts another thrust',
             f'to {other:.2g} m, {other / here:.2g} times the error of its own run',
@@ -207,7 +213,7 @@ def _claims(study: ManoeuvringStudy):
         ),
         ('twelve derivatives are identified', f'{len(_unknown(study))} are not determined by the turn', 'no'),
     )
-    marks = {(k, 2): 'best' if row[2] == 'yes' else 'beyond' for k, row in enumerate(rows)}
+    marks = {(k, 2): verdict_mark(row[2]) for k, row in enumerate(rows)}
     columns = Column('the study concludes'), Column('here'), Column('holds here')
     return Table('claims', 'Conclusions of the study, and whether they hold here', '', columns, rows, marks)
 

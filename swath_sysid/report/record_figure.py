@@ -20,12 +20,9 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.motion.segmentation import DecaySegment
     from swath_sysid.attitude.motion.trial import AxisMotion
 
-MAX_POINTS = 20000  #: More samples are drawn as the smallest and largest of each stretch: more cannot be seen.
-
-#: Each stretch of the averaged spectrum is this many mean periods long: narrow enough to place a peak.
-SPECTRUM_PERIODS = 16.0
-
-SPECTRUM_REACH = 4.0  #: The spectrum is drawn to this many times the frequency of the mean period.
+MAX_POINTS = 20000  #: A longer record is drawn as minimum and maximum of each interval.
+SPECTRUM_PERIODS = 16.0  #: Length of the averaged windows, in mean periods.
+SPECTRUM_REACH = 4.0  #: Highest frequency drawn, over that of the mean period.
 
 
 def record_figure(motions: Sequence[AxisMotion]) -> Figure:

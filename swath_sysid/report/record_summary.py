@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 
 
+DECAY_FIELDS = 'cycles', 'initial_amplitude', 'final_amplitude', 'beginning', 'ending'
+
+
 def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
     """What ``inspect --json`` prints of a whole record and the motions of it that are to be described."""
     interval = float(np.median(np.diff(trial.time)))
@@ -49,16 +52,8 @@ def _axis_as_data(motion: AxisMotion):
         'smallest': float(values.min()),
         'std': float(values.std()),
         'decays': [
-            {
-                'start_s': decay.start,
-                'end_s': decay.end,
-                'period_s': decay.period,
-                'cycles': decay.cycles,
-                'initial_amplitude': decay.initial_amplitude,
-                'final_amplitude': decay.final_amplitude,
-                'beginning': decay.beginning,
-                'ending': decay.ending,
-            }
+            {f'{name}_s': getattr(decay, name) for name in ('start', 'end', 'period')}
+            | {name: getattr(decay, name) for name in DECAY_FIELDS}
             for decay in decays
         ],
         **warnings_as_data(advice),

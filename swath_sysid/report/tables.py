@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Self
@@ -27,6 +28,18 @@ class Table:
     rows: tuple[tuple, ...]  #: Raw values, as the CSV file holds them.
     marks: dict = field(default_factory=dict)  #: Row and column to ``best`` or ``beyond``.
 
+    def shown(self) -> list[list[str]]:
+        """The values as they are shown."""
+        return [
+            ['-' if value is None else column.show(value) for column, value in zip(self.columns, row, strict=True)]
+            for row in self.rows
+        ]
+
+    def filled_columns(self) -> list[int]:
+        """Places of the columns that hold a value."""
+        shown = self.shown()
+        return [k for k, _ in enumerate(self.columns) if any(row[k] not in ('-', '') for row in shown)]
+
     @classmethod
     def of(cls, name: str, title: str, note: str, items: Iterable[Any], *columns: tuple) -> Self:
         """A table of like items: each column is a heading, the value of an item, and how it is shown."""
@@ -47,7 +60,12 @@ def digits(count: int) -> Callable[[Any], str]:
 
 def percent(value: float | None) -> str:
     """A share, shown in percent."""
-    return '-' if value is None or math.isnan(value) else f'{100.0 * value:.3g} %'
+    return '-' if value is None or math.isnan(value) else f'{digits(3)(100.0 * value)} %'
+
+
+def sentence(text: str) -> str:
+    """Text with a capital at its start, unless it starts with the name of a term such as b1."""
+    return text if re.match(r'[a-z]+\d', text) else text[:1].upper() + text[1:]
 
 
 def table_as_csv(table: Table) -> str:
@@ -61,12 +79,8 @@ def table_as_csv(table: Table) -> str:
 
 def table_in_words(table: Table) -> list[str]:
     """Aligned lines of text; columns without any value are left out."""
-    shown = [
-        ['-' if value is None else column.show(value) for column, value in zip(table.columns, row, strict=True)]
-        for row in table.rows
-    ]
-    kept = [k for k, _ in enumerate(table.columns) if any(row[k] not in ('-', '') for row in shown)]
-    lines = [[table.columns[k].name for k in kept], *([row[k] for k in kept] for row in shown)]
+    kept = table.filled_columns()
+    lines = [[table.columns[k].name for k in kept], *([row[k] for k in kept] for row in table.shown())]
     widths = [max(len(line[k]) for line in lines) for k in range(len(kept))]
     return [table.title, *('  ' + '  '.join(c.rjust(w) for c, w in zip(line, widths, strict=True)) for line in lines)]
 

@@ -1,14 +1,11 @@
 """Natural frequency and equivalent damping of a nonlinear hull as functions of amplitude.
 
-The undamped orbit of amplitude a runs between c - a and c + a, where the potential energies
-are equal (a restoring moment with even terms is not symmetric: c is then not the trim). Its
-period and the energy that damping takes in one cycle are integrals over that orbit, taken by
-Gauss-Chebyshev quadrature, so that no expansion in powers of a is needed:
+The undamped orbit of amplitude a lies between c - a and c + a, where the potential energies are equal (with even
+restoring terms c is not the trim). By Gauss-Chebyshev quadrature over that orbit
 
-    T = 2 int dx / w(x),   b_eq = oint D(w) dx / oint w dx,   zeta_eq = b_eq / (2 w0(a)).
+    T = 2 int dx / w(x),   b_eq = oint D(w) dx / oint w dx,   zeta_eq = b_eq / (2 w0(a)),
 
-For one cycle of harmonic motion this gives the known b1 + 8/(3 pi) b2 w0 a + 3/4 b3 w0^2 a^2
-+ 4 b0 / (pi w0 a).
+for harmonic motion b1 + 8/(3 pi) b2 w0 a + 3/4 b3 w0^2 a^2 + 4 b0 / (pi w0 a).
 """
 
 from dataclasses import dataclass
@@ -28,19 +25,12 @@ class AmplitudeCurves:
     """What a hull's oscillation looks like at each amplitude."""
 
     amplitude: np.ndarray  #: (A,); Half the peak-to-peak motion, rad.
-    #: (A,); Undamped natural frequency, rad/s; NaN where no closed orbit of that amplitude exists.
-    frequency: np.ndarray
+    frequency: np.ndarray  #: (A,); undamped natural frequency, rad/s; NaN where there is no closed orbit.
     damping_ratio: np.ndarray  #: (A,); Equivalent linear damping over critical damping.
 
 
 def amplitude_curves(ratios: np.ndarray, amplitude: np.ndarray, friction_rate: float) -> AmplitudeCurves:
-    """Natural frequency and equivalent damping at given amplitudes.
-
-    Args:
-        ratios: (9,); ratios to inertia.
-        amplitude: (A,); rad, greater than zero.
-        friction_rate: rad/s.
-    """
+    """Natural frequency and equivalent damping of ratios (9,) at amplitudes (A,) > 0, rad; friction rate in rad/s."""
     ratios = np.asarray(ratios, dtype=float)
     amplitude = np.asarray(amplitude, dtype=float)
     with np.errstate(all='ignore'):
@@ -52,23 +42,16 @@ def amplitude_curves(ratios: np.ndarray, amplitude: np.ndarray, friction_rate: f
         arc = amplitude[:, None] * np.sin(theta)
         period = 2.0 * np.pi * np.mean(arc / rate, axis=1)
         taken = np.mean(damping_moment(rate, ratios, _ALL_TERMS, friction_rate) * arc, axis=1)
-        closed = (np.abs(centre) < amplitude) & (height > 0.0).all(axis=1) & _meets(ratios, centre, amplitude)
+        upper, lower = (restoring_energy(centre + side * amplitude, ratios) for side in (1.0, -1.0))
+        meets = np.abs(upper - lower) <= 1e-6 * np.abs(upper + lower)
+        closed = (np.abs(centre) < amplitude) & (height > 0.0).all(axis=1) & meets
         frequency = np.where(closed, 2.0 * np.pi / period, np.nan)
         damping = taken / np.mean(rate * arc, axis=1)
         return AmplitudeCurves(amplitude, frequency, damping / (2.0 * frequency))
 
 
-def _meets(ratios: np.ndarray, centre: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
-    """Whether the potential energies at both ends of the orbit are equal."""
-    upper, lower = restoring_energy(centre + amplitude, ratios), restoring_energy(centre - amplitude, ratios)
-    return np.abs(upper - lower) <= 1e-6 * np.abs(upper + lower)
-
-
 def orbit_centre(ratios: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
-    """Middle of the undamped orbit of each amplitude, rad from trim, by Newton's method.
-
-    ``amplitude`` has shape (A,); so has the result. Zero for odd restoring moments.
-    """
+    """Middle of the undamped orbit of each amplitude (A,), rad from trim, by Newton's method."""
     centre = np.zeros_like(amplitude)
     if not (ratios[5] or ratios[8]):
         return centre

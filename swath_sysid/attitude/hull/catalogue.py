@@ -1,10 +1,8 @@
 """The 18 published decay equations, the published hulls, and equations of our own.
 
-Sources, by the names used here: ``swath-pitch`` is the nine-equation study of the pitch of a
-SWATH, ``swath-roll`` that of the roll of a SWATH, ``hydrofoil-pitch`` that of a planing
-hydrofoil craft, ``swath-usv-pitch`` that of a SWATH-USV. The formulas of the last did not
-survive in print beyond "one power, quadratic, cube and sinusoid": its equations 2 and 3 are
-our reading.
+``swath-pitch`` is the nine-equation study of the pitch of a SWATH, ``swath-roll`` that of its roll, ``hydrofoil-pitch``
+that of a planing hydrofoil craft, ``swath-usv-pitch`` that of a SWATH-USV, whose equations 2 and 3 are our reading of
+"one power, quadratic, cube and sinusoid".
 """
 
 import math
@@ -61,23 +59,16 @@ OWN_EQUATIONS = {
 EQUATIONS = PUBLISHED_EQUATIONS | OWN_EQUATIONS
 
 AUTO = 'auto'  #: In place of a name: the general hull, pruned to the terms that a record shows.
-#: Every smooth term; a sine is told from these at angles only that no craft is released from.
+#: Every smooth term; at angles of release a sine cannot be distinguished from these.
 GENERAL_HULL = Equation('b1,b2,b3|r1,r2,r3', ('b1', 'b2', 'b3', 'r1', 'r2', 'r3'))
 
-_AXIS_EQUATIONS = {
-    'pitch': tuple(n for n in PUBLISHED_EQUATIONS if 'pitch' in n),
-    'roll': tuple(n for n in PUBLISHED_EQUATIONS if 'roll' in n),
-}
+_AXIS_EQUATIONS = {axis: tuple(n for n in PUBLISHED_EQUATIONS if axis in n) for axis in ('pitch', 'roll')}
 
 
 def equation_named(name: str) -> Equation:
-    """The equation of a catalogue name, or composed from term names.
+    """The equation of a catalogue name, with ``+friction`` for dry friction, or composed from term names.
 
-    ``+friction`` after a name adds dry friction; a composition is written as
-    ``b1,b2|r1,r3`` or, in words, ``linear,quadratic|linear,cubic`` (damping | restoring).
-
-    Raises:
-        InputError: The name is neither in the catalogue nor a composition of known terms.
+    A composition (damping | restoring) is ``b1,b2|r1,r3`` or, in words, ``linear,quadratic|linear,cubic``.
     """
     if name in EQUATIONS:
         return EQUATIONS[name]
@@ -107,11 +98,14 @@ def published_alike(equation: Equation, axis: str) -> tuple[str, ...]:
     return () if equation.name in EQUATIONS else tuple(alike)
 
 
-def equations_of_axis(axis: str) -> tuple[Equation, ...]:
-    """The equations that are compared for an axis (``roll`` or ``pitch``) by default.
+def told(equation: Equation, axis: str) -> str:
+    """Its name, and beside a composition the published equations that have its terms."""
+    alike = published_alike(equation, axis)
+    return f'{equation.name} (the terms of {" and ".join(alike)})' if alike else equation.name
 
-    The published ones of that axis, and our own; one of each set of terms.
-    """
+
+def equations_of_axis(axis: str) -> tuple[Equation, ...]:
+    """The equations compared by default for ``roll`` or ``pitch``, one for each set of terms."""
     distinct: dict[tuple[str, ...], Equation] = {}
     for name in (*OWN_EQUATIONS, *_AXIS_EQUATIONS[axis]):
         distinct.setdefault(EQUATIONS[name].terms, EQUATIONS[name])
@@ -127,17 +121,11 @@ class PublishedHull:
     description: str
     model: DecayModel  #: The ratios, trim zero.
     form: PublishedForm | None  #: The coefficients as printed, where they were printed in that form.
-    #: As printed for the record and the equation that these coefficients are of: the error of the rate one step ahead,
-    #: root mean square, rad/s.
-    objective_value: float
+    objective_value: float  #: As printed: root mean square error of the rate one step ahead, rad/s.
 
     @property
     def rate_noise(self) -> float:
-        """White noise of the rate in that record, standard deviation, rad/s.
-
-        One step ahead the hull itself hardly errs: the printed error is the difference of two measured rates,
-        whose noise is sqrt(2) times that of one.
-        """
+        """White noise of the rate in that record, rad/s: the printed error is of a difference of two rates."""
         return self.objective_value / math.sqrt(2.0)
 
 
@@ -222,19 +210,27 @@ PUBLISHED_HULLS = {
 
 
 def hull_named(name: str) -> PublishedHull:
-    """The published hull of that name.
+    """A hull whose coefficients were published, by name.
+
+    Args:
+        name: ``swath-pitch`` (nine-equation study of the pitch of a SWATH), ``swath-roll`` (roll of a SWATH),
+            ``hydrofoil-pitch`` (planing hydrofoil craft) or ``swath-usv-pitch`` (SWATH-USV).
+
+    Returns:
+        Its model, the coefficients as printed, and the sensor noise of the study's records.
 
     Raises:
-        InputError: No such hull.
+        InputError: There is no such hull; the sentence lists them.
+
+    Example:
+        >>> hull = hull_named('swath-roll')
+        >>> hull.axis, round(hull.model.natural_period, 2)
+        ('roll', 2.52)
     """
     check_choice(name, PUBLISHED_HULLS, 'hull')
     return PUBLISHED_HULLS[name]
 
 
 def hull_of_family(equation_name: str) -> PublishedHull | None:
-    """The published hull of the study that an equation's name belongs to, or None.
-
-    Args:
-        equation_name: ``swath-roll-3`` and ``swath-roll-3+friction`` belong to the study of ``swath-roll``.
-    """
+    """The published hull of the study of an equation such as ``swath-roll-3+friction``, or None."""
     return PUBLISHED_HULLS.get(equation_name.removesuffix('+friction').rpartition('-')[0])

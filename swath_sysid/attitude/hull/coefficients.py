@@ -15,14 +15,9 @@ VERDICT_NUMBERS = {'': -1.0, 'doubtful': 1.0, 'adequate': 2.0}  #: The empty one
 
 
 def coefficients(models: Mapping[str, IdentifiedModel]) -> tuple[tuple[str, ...], np.ndarray]:
-    """The numbers of models, for each axis a row of values and one of their standard deviations.
+    """Row names (``pitch``, ``pitch_std``) and values (2 axes, 13) of models by axis, columns as `COEFFICIENT_NAMES`.
 
-    Args:
-        models: By axis.
-
-    Returns:
-        rows: Their names: ``pitch``, ``pitch_std``.
-        values: (2 axes, 13); columns as `COEFFICIENT_NAMES`; a term that is not in use is 0 with a deviation of 0.
+    An unused term is 0 with a deviation of 0.
     """
     axes = tuple(axis for axis in AXES if axis in models)
     names = tuple(f'{axis}{kind}' for axis in axes for kind in ('', '_std'))

@@ -12,27 +12,11 @@ term_moments = accelerated(terms.term_moments)
 
 
 def step_of_arrays(
-    x: Value,
-    rate: Value,
-    moment: float,
-    step: float,
-    ratios: Value,
-    active: tuple[bool, ...],
-    friction_rate: float,
+    x: Value, rate: Value, moment: float, step: float, ratios: Value, active: tuple[bool, ...], friction_rate: float
 ) -> tuple[Value, Value, Value]:
-    """One classical Runge-Kutta step of a hull under a held moment.
+    """One classical Runge-Kutta step, s, of a hull under a held moment over inertia, rad/s^2.
 
-    Args:
-        x, rate: Angle from trim, rad, and its rate, rad/s.
-        moment: Over inertia, rad/s^2.
-        step: s.
-        ratios: Coefficients over inertia, in the order of `terms.TERM_NAMES`.
-        active: The terms in use.
-        friction_rate: rad/s.
-
-    Returns:
-        acceleration: Before the step, rad/s^2.
-        x, rate: After it.
+    Takes angle from trim, rad, and rate, rad/s; returns the acceleration before the step, and both after it.
     """
     half, sixth = 0.5 * step, step / 6.0
     a1 = moment - damping_moment(rate, ratios, active, friction_rate) - restoring_moment(x, ratios, active)

@@ -24,11 +24,7 @@ DEFAULT_FRICTION_RATE = 0.01  #: rad/s; about 0.6 deg/s, small against the rates
 
 @dataclass(frozen=True)
 class Equation:
-    """A choice of terms, by the names of ``TERM_NAMES``.
-
-    Raises:
-        InputError: An unknown term, no restoring term, or no damping term.
-    """
+    """A choice of terms, by the names of ``TERM_NAMES``."""
 
     name: str
     terms: tuple[str, ...]
@@ -48,7 +44,7 @@ class Equation:
 
     @property
     def active(self) -> tuple[bool, ...]:
-        """Tuple of nine bools, in the order of ``TERM_NAMES``."""
+        """Nine flags, in the order of ``TERM_NAMES``."""
         return tuple(name in self.terms for name in TERM_NAMES)
 
     def contains(self, other: 'Equation') -> bool:
@@ -64,8 +60,8 @@ class Equation:
 class DecayModel:
     """An equation with its ratios: the motion of a hull about one axis."""
 
-    equation: Equation  #: The terms in use.
-    ratios: np.ndarray  #: (9,); Ratios to inertia in the order of ``TERM_NAMES``; zero where a term is not in use.
+    equation: Equation
+    ratios: np.ndarray  #: (9,); to inertia, in the order of ``TERM_NAMES``; zero where a term is not in use.
     trim: float = 0.0  #: The angle of rest, rad.
     friction_rate: float = DEFAULT_FRICTION_RATE  #: Rate over which the sign of dry friction is smoothed, rad/s.
     axis: str = 'pitch'  #: ``roll`` or ``pitch``.
@@ -98,11 +94,7 @@ class DecayModel:
 
     @classmethod
     def from_terms(cls, equation: Equation, values: Mapping[str, float], **fields: Any) -> 'DecayModel':
-        """Build from the ratios of the equation's own terms, by name; other fields as they are.
-
-        Raises:
-            InputError: A name is not a term, or the model refuses a value.
-        """
+        """A model from the ratios of the equation's own terms, by name; other fields as they are."""
         ratios = np.zeros(len(TERM_NAMES))
         for name, value in values.items():
             check_choice(name, TERM_NAMES, 'ratio')
@@ -119,12 +111,7 @@ class DecayModel:
         return replace(self, trim=float(trim))
 
     def acceleration(self, angle: Value, rate: Value, excitation: Value = 0.0) -> Value:
-        """Angular acceleration, rad/s^2.
-
-        Args:
-            angle, rate: rad and rad/s.
-            excitation: Exciting moment over inertia, rad/s^2; zero in still water.
-        """
+        """Angular acceleration, rad/s^2, under an exciting moment over inertia, rad/s^2."""
         damping = damping_moment(rate, self._row, self._active, self.friction_rate)
         return excitation - damping - restoring_moment(angle - self.trim, self._row, self._active)
 

@@ -1,9 +1,7 @@
-"""Froude scaling: from a model in a basin to the craft at full scale, and back.
+"""Froude scaling between a model in a basin and the craft at full scale.
 
-With the length ratio L (full scale over model scale) and gravity the same, times scale as sqrt L.
-Angles stay. A ratio to inertia therefore scales by its power of time: rad/s^2 and 1/s^2 as 1/L,
-1/s as 1/sqrt L, 1/rad not at all, s/rad^2 as sqrt L. Scale effects on damping: ITTC recommended
-procedure 7.5-02-07-04.5.
+With the length ratio L (full scale over model scale) times scale as sqrt L and angles stay: a ratio to inertia scales
+by its power of time. Scale effects on damping: ITTC recommended procedure 7.5-02-07-04.5.
 """
 
 import math
@@ -23,31 +21,26 @@ from swath_sysid.common.errors import InputError
 #: Power of the time unit in each ratio.
 TIME_POWERS = {'b0': -2, 'b1': -1, 'b2': 0, 'b3': 1, 'r1': -2, 'r2': -2, 'r3': -2, 's1': -2, 's2': -2}
 
-#: Power of the length ratio in each loading; displacement in water of the same density.
+#: Power of the length ratio in each loading, in water of the same density.
 LOADING_POWERS = {'draft_factor': 0, 'draft_m': 1, 'displacement_kg': 3}
 
 RATE_METRICS = ('rate_rmse_rad_s',)
 
-#: Length ratios reach to this and to its inverse: from a bath tub to the largest ship it is 1,000.
-LARGEST_RATIO = 10_000
+LARGEST_RATIO = 10_000  #: And its inverse: from a bath tub to the largest ship it is 1,000.
 
 LONGEST_SHOWN = 40
 LONGEST_RATIO = 200  #: Characters; the product of several scalings is kept as an exact fraction.
 
 
 def length_ratio(text: str) -> Fraction:
-    """An exact length ratio from text such as ``25``, ``0.04`` or ``1/25``.
-
-    Raises:
-        InputError: Not a positive number, or larger than `LARGEST_RATIO`, or smaller than its inverse.
-    """
+    """An exact length ratio from text such as ``25``, ``0.04`` or ``1/25``."""
     shown = text if len(text) <= LONGEST_SHOWN else f'{text[:LONGEST_SHOWN]}...'
     try:
         if len(text) > LONGEST_RATIO:
             raise ValueError(text)
         above, _, below = text.partition('/')
         size = float(above) / float(below or 1)
-        # exactly only where it is small: 1e300000000 would take for ever
+        # exactly only if in range: 1e300000000 would take forever
         ratio = Fraction(text) if 1.0 / LARGEST_RATIO <= size <= LARGEST_RATIO else None
     except (ValueError, ZeroDivisionError) as error:
         raise InputError(
@@ -63,12 +56,7 @@ def length_ratio(text: str) -> Fraction:
 
 
 def scaled_model(model: DecayModel, ratio: float | Fraction) -> DecayModel:
-    """A decay model at another scale.
-
-    Args:
-        model: Of the craft as it was tested.
-        ratio: Length of the result over length of the model given.
-    """
+    """A decay model at another scale; the ratio is the length of the result over that of the model given."""
     factors = _factors(ratio)
     return replace(model, ratios=model.ratios * factors, friction_rate=model.friction_rate / math.sqrt(ratio))
 
@@ -76,12 +64,7 @@ def scaled_model(model: DecayModel, ratio: float | Fraction) -> DecayModel:
 def scaled(identified: IdentifiedModel, ratio: Fraction) -> IdentifiedModel:
     """An identified model at another scale, with its uncertainty.
 
-    What it was at the scale of the trials is kept in the provenance, and scaling always starts
-    from there: the way back gives the very numbers of the start.
-
-    Args:
-        identified: Of the craft as it was tested.
-        ratio: Of `length_ratio`.
+    Scaling starts from the scale of the trials, kept in the provenance, so that scaling back restores the same numbers.
     """
     origin, before = _at_scale_of_trials(identified)
     total = _ratio_in_all(before, ratio)
@@ -118,19 +101,14 @@ def scaled_schedule(schedule: ScheduledModel, ratio: Fraction) -> ScheduledModel
     """A scheduled model at another scale: its models and, where they have a length, its loadings."""
     models = [scaled(m, ratio) for m in schedule.models]
     factor = Fraction(ratio) ** LOADING_POWERS[schedule.quantity]
-    # exact on the decimals that people write, so that the way back gives them again
+    # exact on decimals, so that scaling back restores them
     return replace(
         schedule, loadings=tuple(float(Fraction(repr(v)) * factor) for v in schedule.loadings), models=tuple(models)
     )
 
 
 def scaling_advice(model: DecayModel, ratio: Fraction) -> tuple[Advice, ...]:
-    """What Froude scaling leaves out.
-
-    Args:
-        model: Of the craft as it was tested.
-        ratio: Length of the result over that of the model given.
-    """
+    """What Froude scaling of a model by this ratio of lengths leaves out."""
     damping = [name for name in DAMPING_NAMES if name in model.equation.terms and name != 'b0']
     side = 'smaller' if ratio > 1 else 'larger'
     viscous = Advice.of('viscous-scale-effect', factor=float(ratio) ** 1.5, damping=', '.join(damping), side=side)
@@ -176,7 +154,7 @@ def _at_scale_of_trials(identified: IdentifiedModel) -> tuple[IdentifiedModel, F
 
 
 def _ratio_in_all(before: Fraction, ratio: Fraction) -> Fraction:
-    """The length ratio since the trials; one that could not be read back from the model file is refused here."""
+    """The length ratio since the trials, rejected if it could not be read back from the model file."""
     total = before * Fraction(ratio)
     try:
         return length_ratio(str(total))
@@ -189,20 +167,17 @@ def _ratio_in_all(before: Fraction, ratio: Fraction) -> Fraction:
 
 
 def _plain(identified: IdentifiedModel) -> dict:
-    return {
+    plain = {
         'ratios': identified.model.terms,
         'covariance': identified.covariance.tolist(),
         'friction_rate_rad_s': identified.model.friction_rate,
         'metrics': identified.metrics,
-        **_plain_posterior(identified.posterior),
     }
-
-
-def _plain_posterior(posterior: HullPosterior | None) -> dict:
-    if posterior is None:
-        return {}
-    ratios = dict(zip(posterior.equation.terms, posterior.ratios.tolist(), strict=True))
-    return {'posterior': {'ratios': ratios, 'covariance': posterior.covariance.tolist()}}
+    posterior = identified.posterior
+    if posterior is not None:
+        ratios = dict(zip(posterior.equation.terms, posterior.ratios.tolist(), strict=True))
+        plain['posterior'] = {'ratios': ratios, 'covariance': posterior.covariance.tolist()}
+    return plain
 
 
 def _posterior_of(plain: dict | None) -> HullPosterior | None:

@@ -37,15 +37,25 @@ class HullPosterior:
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """An identified model, its uncertainty, where it is valid and where it came from."""
+    """An identified model, its uncertainty, where it is valid and where it came from.
+
+    Raises:
+        InputError: The covariance has another shape than the model's terms ask for.
+
+    Example:
+        A published hull is taken as exact:
+
+        >>> identified = IdentifiedModel.exactly(hull_named('swath-roll').model)
+        >>> identified.model.axis, identified.std['b1']
+        ('roll', 0.0)
+    """
 
     model: DecayModel
     covariance: np.ndarray  #: (n, n); Of the ratios of ``model.equation.terms``, in their order.
     trim_std: float = float('nan')  #: rad; NaN where the trim is not known from the record.
     amplitude_range: tuple[float, float] = (0.0, float('inf'))  #: Smallest and largest amplitude seen, rad.
     metrics: dict = field(default_factory=dict)  #: How well it fits, by name with unit.
-    #: Sources and their hashes, segments, software version, seed, settings.
-    provenance: dict = field(default_factory=dict)
+    provenance: dict = field(default_factory=dict)  #: Sources with hashes, segments, version, seed, settings.
     posterior: HullPosterior | None = None  #: What the filter of a forecast starts from; None: the model's own terms.
 
     def __post_init__(self) -> None:

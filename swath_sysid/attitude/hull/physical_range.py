@@ -1,4 +1,4 @@
-"""What no floating craft exceeds: the ranges outside of which a decay model is a mistake."""
+"""Ranges outside of which a decay model is a mistake."""
 
 import math
 
@@ -6,8 +6,7 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.common.errors import InputError
 
 SHORTEST_PERIOD = 0.05
-#: s; models of a few centimetres roll in tenths of a second, the largest ships in less than a minute.
-LONGEST_PERIOD = 1000.0
+LONGEST_PERIOD = 1000.0  #: s; small models roll in tenths of a second, the largest ships within a minute.
 
 _SMALLEST_AMPLITUDE = math.radians(0.05)
 _FASTEST = 2.0 * math.pi / SHORTEST_PERIOD
@@ -21,8 +20,7 @@ def _either_way(size: float) -> tuple[float, float]:
     return -size, size
 
 
-# the moment of each term at some amplitude and rate of the range, against the linear restoring moment there: a
-# nonlinear term of 12 times it is more than any hull has (those of the search are the same)
+# a nonlinear term of 12 times the linear restoring moment is more than any hull has, as in the search
 #: Least and largest ratio of each term; b0 and b1 are not negative: damping takes energy.
 RATIO_RANGES = {
     'b0': (0.0, 0.5 * math.pi * _FASTEST**2),
@@ -38,15 +36,7 @@ RATIO_RANGES = {
 
 
 def check_physical(model: DecayModel) -> None:
-    """Refuse a decay model that no floating craft can have.
-
-    Args:
-        model: As it was fitted.
-
-    Raises:
-        InputError: A ratio, the trim, the smoothing of friction, the damping at rest or the natural period (where there
-            is one) lies outside its range.
-    """
+    """Reject a decay model that no floating craft can have."""
     for name, ratio in model.terms.items():
         _check(f'the ratio {name}', ratio, *RATIO_RANGES[name])
     _check('the trim in rad', model.trim, -math.pi, math.pi)

@@ -1,9 +1,7 @@
 """Conversion between ratios to inertia and the coefficients as the papers print them.
 
-    b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
-    s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
-
-A decay does not show I'; it has to be given, or derived from mass and metacentric height.
+b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
+s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
 """
 
 from dataclasses import dataclass
@@ -20,17 +18,11 @@ class PublishedForm:
 
     inertia: float  #: I', with added inertia, kg m^2 (the papers non-dimensionalise; any unit shared by all).
     linear_damping: float = 0.0  #: N; the linear damping moment is 2 N w.
-    quadratic_damping: float = 0.0  #: W and x.
-    cubic_damping: float = 0.0  #: W and x.
-    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
-    #: C2 sine (also printed D H).
-    c1: float = 0.0
-    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
-    #: C2 sine (also printed D H).
-    c2: float = 0.0
-    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
-    #: C2 sine (also printed D H).
-    c3: float = 0.0
+    quadratic_damping: float = 0.0  #: W.
+    cubic_damping: float = 0.0  #: x.
+    c1: float = 0.0  #: Restoring: cubic, or sine-squared in sine forms.
+    c2: float = 0.0  #: Quadratic, or sine (also printed D H).
+    c3: float = 0.0  #: Linear (also printed D h); not in sine forms.
     friction: float = 0.0  #: Dry friction moment, ours; not in any paper.
 
     def __post_init__(self) -> None:
@@ -50,14 +42,7 @@ def _is_sine_form(equation: Equation) -> bool:
 
 
 def from_published(equation: Equation, form: PublishedForm, axis: str, trim: float = 0.0) -> DecayModel:
-    """Decay model of coefficients in the published form.
-
-    Args:
-        equation: Its terms say which coefficients are read.
-        form: Coefficients by the names that the publication gives them.
-        axis: ``roll`` or ``pitch``.
-        trim: rad.
-    """
+    """Decay model of coefficients named as in the publication; the equation says which are read, ``trim`` is in rad."""
     moments = {
         'b0': form.friction,
         'b1': 2.0 * form.linear_damping,
@@ -73,11 +58,7 @@ def from_published(equation: Equation, form: PublishedForm, axis: str, trim: flo
 
 
 def to_published(model: DecayModel, inertia: float) -> PublishedForm:
-    """Coefficients in the published form of a decay model, for a given inertia.
-
-    Raises:
-        InputError: The restoring mixes polynomial and sine terms, or the inertia is not positive.
-    """
+    """Coefficients in the published form for a given inertia, kg m^2."""
     sine_form = _is_sine_form(model.equation)
     if not inertia > 0.0:
         raise InputError(f"the inertia I' must be greater than zero, not {inertia}")
@@ -95,13 +76,7 @@ def to_published(model: DecayModel, inertia: float) -> PublishedForm:
 
 
 def inertia_from_metacentric_height(model: DecayModel, mass: float, metacentric_height: float) -> float:
-    """Inertia with added inertia from hydrostatics, kg m^2: I' = m g GM / (r1 + s1).
-
-    Args:
-        model: Its linear restoring ratio r1 (and s1, the slope of the sine at upright) is used.
-        mass: kg.
-        metacentric_height: GM, transverse for roll, longitudinal for pitch, m.
-    """
+    """Inertia with added inertia, kg m^2, from mass, kg, and GM of the axis, m: I' = m g GM / (r1 + s1)."""
     stiffness = model.ratios[R1] + model.ratios[S1]
     if not (mass > 0.0 and metacentric_height > 0.0 and stiffness > 0.0):
         raise InputError('inertia from hydrostatics needs a positive mass, metacentric height and linear restoring')

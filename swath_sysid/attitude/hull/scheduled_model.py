@@ -58,23 +58,11 @@ class ScheduledModel:
         return self.models[len(self.models) // 2]
 
     def at(self, loading: float) -> tuple[IdentifiedModel, tuple[Advice, ...]]:
-        """The model at a loading.
+        """The model at a loading, in the unit of `quantity`, and what to know of it.
 
-        Between two identified loadings ratios, trim and amplitude range are interpolated
-        linearly, and covariances combined by the squared weights. What a straight line may
-        miss is added: with the divided differences of the ratios over the three nearest loadings,
-        f[a, b, c] (t - a)(t - b), taken as one standard deviation. Beyond the identified loadings
-        the nearest is used as it is.
-
-        Args:
-            loading: In the unit of `quantity`.
-
-        Returns:
-            advice: ``loading-outside`` beyond the identified loadings; ``loading-curvature-unknown`` between two that
-                are the only ones.
-
-        Raises:
-            InputError: Not a positive number.
+        Between two identified loadings ratios, trim and amplitude range are interpolated linearly and covariances
+        combined by the squared weights. The curvature f[a, b, c] (t - a)(t - b) over the three nearest loadings is
+        added as one standard deviation. Beyond the identified loadings the nearest model is used.
         """
         loading = float(loading)
         if not (np.isfinite(loading) and loading > 0.0):
@@ -82,10 +70,13 @@ class ScheduledModel:
         first, last = self.loadings[0], self.loadings[-1]
         if not first * (1.0 - SAME) <= loading <= last * (1.0 + SAME):
             nearest = min(max(loading, first), last)
-            return self._mixed(nearest), (self._outside(loading, nearest),)
+            advice = Advice.of(
+                'loading-outside', quantity=self.quantity, lowest=first, highest=last, loading=loading, nearest=nearest
+            )
+            return self._mixed(nearest), (advice,)
         mixed = self._mixed(min(max(loading, first), last))
         if len(self.loadings) == 2 and min(abs(loading - v) / v for v in self.loadings) > SAME:
-            return mixed, (self._curvature_unknown(),)
+            return mixed, (Advice.of('loading-curvature-unknown', quantity=self.quantity),)
         return mixed, ()
 
     def _mixed(self, loading: float) -> IdentifiedModel:
@@ -117,7 +108,7 @@ class ScheduledModel:
             'loading': loading,
             'between': list(self.loadings[left : right + 1]),
         }
-        return IdentifiedModel(model, covariance, trim_std, amplitudes, {}, provenance)
+        return IdentifiedModel(model, covariance, trim_std, amplitudes, provenance=provenance)
 
     def _missed(self, left: int, loading: float) -> np.ndarray:
         """What linear interpolation may miss of each ratio, shape (n,)."""
@@ -135,14 +126,7 @@ class ScheduledModel:
         return ((at_c - at_b) / (c - b) - (at_b - at_a) / (b - a)) / (c - a)
 
     def curve(self, loadings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Ratios and their standard deviations at several loadings.
-
-        Args:
-            loadings: (K,); where the curve is wanted.
-
-        Returns:
-            ratios, std: (K, n); of the equation's terms.
-        """
+        """Ratios and standard deviations, (K, n), of the equation's terms at loadings (K,)."""
         found = [self._mixed(min(max(v, self.loadings[0]), self.loadings[-1])) for v in loadings]
         ratios = np.array([m.model.ratios[self.equation.indices] for m in found])
         return ratios, np.array([np.sqrt(np.diag(m.covariance)) for m in found])
@@ -151,40 +135,13 @@ class ScheduledModel:
         """The identified values of one ratio, shape (loadings,)."""
         return np.array([m.model.ratios[TERM_INDEX[name]] for m in self.models])
 
-    def _outside(self, loading: float, nearest: float) -> Advice:
-        return Advice.of(
-            'loading-outside',
-            quantity=self.quantity,
-            lowest=self.loadings[0],
-            highest=self.loadings[-1],
-            loading=loading,
-            nearest=nearest,
-        )
-
-    def _curvature_unknown(self) -> Advice:
-        return Advice.of('loading-curvature-unknown', quantity=self.quantity)
-
 
 def models_at(
     models: Mapping[str, IdentifiedModel], schedules: Mapping[str, ScheduledModel], loading: float | None
 ) -> tuple[dict[str, IdentifiedModel], tuple[Advice, ...]]:
-    """The models to use at a loading: scheduled where there is a schedule, else as they are.
-
-    Args:
-        models: By axis.
-        schedules: By axis; may be empty.
-        loading: In the unit of the schedules; None: not known, the models are used as they are.
-
-    Returns:
-        models
-        advice
-
-    Raises:
-        InputError: The loading is not a positive number.
-    """
+    """The models by axis at a loading (None: unknown), scheduled where there is a schedule, and advice."""
     if loading is None:
         return dict(models), ()
-    # checked also where no schedule needs it: one may come later
     if not (np.isfinite(loading) and loading > 0.0):
         raise InputError(f'the draft or displacement must be a number greater than zero, not {loading}')
     found = {axis: schedule.at(loading) for axis, schedule in schedules.items()}

@@ -19,7 +19,7 @@ class CraftSettings:
 
     model: DecayModel
     angle: float  #: To which the craft is lifted, from trim, rad.
-    rate_hz: float = 100.0  #: Samples a second.
+    rate_hz: float = 100.0
     lift: float = 1.5  #: s.
     hold: float = 1.0  #: s.
     noise: SensorNoise = field(default_factory=SensorNoise)
@@ -39,18 +39,15 @@ class CraftSettings:
 class CraftReading:
     """What the sensor measures at one sample, in the craft's axes."""
 
-    roll: float  #: Euler angles and rates, rad and rad/s.
-    pitch: float  #: Euler angles and rates, rad and rad/s.
-    roll_rate: float  #: Euler angles and rates, rad and rad/s.
-    pitch_rate: float  #: Euler angles and rates, rad and rad/s.
+    roll: float  #: rad.
+    pitch: float
+    roll_rate: float  #: Euler rate, rad/s.
+    pitch_rate: float
     force: tuple[float, float, float]  #: Specific force, m/s^2.
 
 
 class SimulatedCraft:
-    """The readings of a craft's sensor, one after the other at even times.
-
-    Deterministic: the same settings and releases give the same readings.
-    """
+    """The readings of a craft's sensor at even times; the same settings and releases give the same readings."""
 
     def __init__(self, settings: CraftSettings) -> None:
         self.settings = settings
@@ -60,11 +57,7 @@ class SimulatedCraft:
         self._state = settings.model.trim, 0.0
 
     def release(self) -> float:
-        """Lift the craft from where it is, hold it, and let it go.
-
-        Returns:
-            s from the next reading to the moment of letting go.
-        """
+        """Lift the craft from where it is, hold it and let it go: s from the next reading to the release."""
         s = self.settings
         begin, target = self._state[0], s.model.trim + s.angle
         lift, hold = (round(span * s.rate_hz) for span in (s.lift, s.hold))
@@ -108,12 +101,7 @@ class SimulatedCraft:
 
 
 def returns(model: DecayModel, angle: float) -> bool:
-    """Whether a craft let go at rest comes back to trim.
-
-    Args:
-        model: Of the hull.
-        angle: From trim, rad.
-    """
+    """Whether a craft let go at rest at this angle from trim, rad, returns to trim."""
     angles, _ = simulate(model, model.trim + angle, 0.0, np.linspace(0.0, RETURN_SPAN, 301))
     moved = angles - model.trim
     return bool(np.isfinite(moved).all() and np.abs(moved).max() < np.pi / 2 and abs(moved[-1]) < abs(angle))

@@ -1,15 +1,8 @@
-"""The terms a decay model is composed of, all as ratios to the inertia.
+"""The terms of a decay model as ratios to inertia. With x = angle - trim and w = d(angle)/dt
 
-With x = angle - trim and w = d(angle)/dt the model reads
+    dw/dt = -(b0 sign w + b1 w + b2 |w| w + b3 w^3) - (r1 x + r2 x^2 + r3 x^3 + s1 sin x + s2 sin^2 x) + d
 
-    dw/dt = -(b0 sign w + b1 w + b2 |w| w + b3 w^3)
-            -(r1 x + r2 x^2 + r3 x^3 + s1 sin x + s2 sin^2 x) + d
-
-A free decay determines the ratios only: inertia and coefficients multiplied by one number
-give the same motion.
-
-Every formula below takes floats or arrays, so that the filter (one state), the search (a
-population) and the compiled kernel run the same source.
+A free decay determines ratios only. Each formula takes floats or arrays: filter, search and compiled kernel share it.
 """
 
 from collections.abc import Sequence
@@ -41,13 +34,9 @@ B0, B1, B2, B3, R1, R2, R3, S1, S2 = range(9)
 
 
 def damping_moment(rate: Value, ratios: Value, active: Sequence[bool], friction_rate: float) -> Value:
-    """Damping moment over inertia, rad/s^2, of the sign of the rate.
+    """Damping moment over inertia, rad/s^2, of the sign of the rate, a float or (P,), rad/s; ratios (9,) or (9, P).
 
-    Args:
-        rate: float or (P,); rad/s.
-        ratios: sequence of 9 floats, or (9, P); in the order of ``TERM_NAMES``.
-        active: The terms in use; the others are not read, except b1.
-        friction_rate: Rate over which the sign of the dry friction is smoothed, rad/s.
+    Inactive terms are not read, except b1; ``friction_rate``, rad/s, smooths the sign of the dry friction.
     """
     slope = ratios[B1]
     if active[B2]:
@@ -61,10 +50,7 @@ def damping_moment(rate: Value, ratios: Value, active: Sequence[bool], friction_
 
 
 def restoring_moment(x: Value, ratios: Value, active: Sequence[bool]) -> Value:
-    """Restoring moment over inertia, rad/s^2, at the angle ``x`` from trim, rad.
-
-    ``ratios`` and ``active`` as in `damping_moment`; r1 is always read.
-    """
+    """Restoring moment over inertia, rad/s^2, at ``x`` rad from trim; see `damping_moment`; r1 is always read."""
     slope = ratios[R1]
     if active[R3]:
         slope = slope + ratios[R3] * (x * x)
@@ -118,26 +104,6 @@ def restoring_energy(x: Value, ratios: Value) -> Value:
 
 
 def term_moments(x: np.ndarray | float, rate: np.ndarray | float, friction_rate: float) -> np.ndarray:
-    """Moment over inertia of each term with its ratio set to one.
-
-    Args:
-        x, rate: (N,); angle from trim, rad, and rate, rad/s.
-        friction_rate: rad/s.
-
-    Returns:
-        The model is linear in its ratios: ``acceleration = -ratios @ term_moments``.
-    """
-    sine = np.sin(x)
-    return np.array(
-        [
-            np.tanh(rate / friction_rate),
-            rate,
-            np.abs(rate) * rate,
-            rate**3,
-            x,
-            x**2,
-            x**3,
-            sine,
-            sine**2,
-        ]
-    )
+    """Moment over inertia of each term at ratio one, (9, N), so that ``acceleration = -ratios @ term_moments``."""
+    friction, sine = np.tanh(rate / friction_rate), np.sin(x)
+    return np.array([friction, rate, np.abs(rate) * rate, rate**3, x, x**2, x**3, sine, sine**2])

@@ -388,7 +388,7 @@ class BasinLikelihood:
                 for neighbour in _neighbours(cell)
                 if neighbour not in nodes
             }
-        return [node for node in nodes.values() if node.is_finite]
+        return [node for node in nodes.values() if node.is_finite] or list(optima[:1])
 
     def _nearest(self, point: Evaluation):
         """The cell of the grid of `DISTURBANCES` that is nearest to a point."""

@@ -70,14 +70,23 @@ ONE_STEP_BIASED = Advice(
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """What to fit and how."""
+    """What to fit and how.
+
+    Raises:
+        InputError: There is no such equation or objective, or the bounds are in the wrong order.
+
+    Example:
+        >>> settings = IdentificationSettings(equation='odd-cubic', start=5.0, end=60.0)
+        >>> settings.chosen_equation.terms
+        ('b1', 'b2', 'r1', 'r3')
+    """
 
     #: A name that `equation_named` takes; ``auto``: the general hull, pruned to the terms that the records show.
     equation: str = AUTO
     objective: str = 'simulation'  #: ``simulation`` or ``one-step``.
     search: SearchSettings = field(default_factory=SearchSettings)
-    start: float | None = None  #: Bounds of the decay in the record's time, s.
-    end: float | None = None  #: Bounds of the decay in the record's time, s.
+    start: float | None = None  #: Of the decay in the record's time, s; None: it is found.
+    end: float | None = None  #: Of the decay in the record's time, s; None: it is found.
 
     def __post_init__(self):
         if self.objective not in OBJECTIVES:
@@ -102,8 +111,8 @@ class RecordFit:
     motion: AxisMotion  #: The free decay.
     segment: DecaySegment
     state: InitialState
-    angle: np.ndarray  #: (N,); Simulated, rad and rad/s.
-    rate: np.ndarray  #: (N,); Simulated, rad and rad/s.
+    angle: np.ndarray  #: (N,); Simulated, rad.
+    rate: np.ndarray  #: (N,); Simulated, rad/s.
 
     @property
     def residual(self) -> np.ndarray:
@@ -113,7 +122,16 @@ class RecordFit:
 
 @dataclass(frozen=True)
 class Identification:
-    """An identified model and what must be known to use it."""
+    """An identified model and what must be known to use it.
+
+    Example:
+        >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')])
+        >>> f'{found.damping_ratio:.4f} of critical, R2 {found.r2:.3f}'
+        '0.0050 of critical, R2 1.000'
+        >>> fit = found.records[0]  # measured and simulated motion of the first record
+        >>> fit.angle.shape == fit.motion.time.shape
+        True
+    """
 
     model: DecayModel
     covariance: np.ndarray  #: (n, n); Of the ratios of the model's terms, in their order.
@@ -124,8 +142,8 @@ class Identification:
     #: Root mean square of the weighted residuals (simulation), or F in rad/s (one-step), at its own optimum.
     objective_value: float
     r2: float  #: Share of the variance of the measured motion that the simulated one explains.
-    rmse: float | None  #: rad and rad/s; None where not measured.
-    rate_rmse: float | None  #: rad and rad/s; None where not measured.
+    rmse: float | None  #: Of the angle, rad; None where not measured.
+    rate_rmse: float | None  #: Of the rate, rad/s; None where not measured.
     samples: int  #: Measured values, angles and rates.
     effective_samples: float  #: Independent samples that would leave the same uncertainty.
     bands: AmplitudeBands  #: Over the amplitudes seen.
@@ -133,9 +151,9 @@ class Identification:
     search: SearchResult
     problem: Problem
     settings: IdentificationSettings
-    basin: BasinFit | None  #: None where the ratios are those of least squares: see `refined_in_basin`.
+    basin: BasinFit | None  #: Fit of the likelihood; None where the ratios are those of least squares.
     advice: tuple[Advice, ...]
-    log_likelihood: float | None = None  #: At its optimum; None where it does not suit, see `suits_likelihood`.
+    log_likelihood: float | None = None  #: At its optimum; None where the likelihood does not suit the record.
     absent_term: AbsentTerm | None = None  #: That the equation lacks and the motion shows most.
     posterior: HullPosterior | None = None  #: Of every term, those pruned included; None where the equation was named.
 
@@ -220,15 +238,26 @@ def identify(
 ) -> Identification:
     """Identify the decay model of one axis from one or several records.
 
+    A genetic search finds the start, and least squares on the simulated motion refines it; where the equation has the
+    terms that the motion shows, a likelihood that knows of the basin's own motion refines it further.
+
     Args:
-        motions: Whole records: the free decay in each is found, unless the settings give its bounds.
+        motions: Whole records, all of one axis: the free decay in each is found, unless the settings give its bounds.
         settings: What to fit and how.
         progress: Called with 0 to 1.
         should_cancel: Asked often; True raises `Cancelled`.
 
+    Returns:
+        The model with its uncertainty; its ``verdict`` tells whether it can be used.
+
     Raises:
         InputError: The records cannot be used; the sentence says why.
-        Cancelled:
+        Cancelled: ``should_cancel`` said so.
+
+    Example:
+        >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')])
+        >>> f'{found.model.natural_period:.2f} s, {found.verdict.level}'
+        '2.55 s, adequate'
     """
     problem = prepare(motions, settings.start, settings.end)
     return identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)

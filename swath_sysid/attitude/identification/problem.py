@@ -75,7 +75,7 @@ def prepare(motions: Sequence[AxisMotion], start: float | None = None, end: floa
     Raises:
         InputError: No record, different axes, or no free decay in a record.
     """
-    return _problem(motions, tuple(find_decay(m, start, end) for m in motions))
+    return problem_of(motions, tuple(find_decay(m, start, end) for m in motions))
 
 
 def decays_or_waves(
@@ -88,10 +88,11 @@ def decays_or_waves(
         return None
     for absence in absences:
         raise InputError(absence.message, absence.code)
-    return _problem(motions, tuple(each for each in found if not isinstance(each, Advice)))
+    return problem_of(motions, tuple(each for each in found if not isinstance(each, Advice)))
 
 
-def _problem(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]):
+def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]) -> Problem:
+    """As `prepare`, on decays found before: one segment for each record."""
     if not motions:
         raise InputError('give at least one trial')
     axes = {m.axis for m in motions}
@@ -118,6 +119,12 @@ def _problem(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]):
         friction_rate=FRICTION_RATE_SHARE * scales.rate,
         advice=tuple(dict.fromkeys(advice)),
     )
+
+
+def needed_part(motion: AxisMotion, segment: DecaySegment) -> AxisMotion:
+    """What `problem_of` uses of a record: the decay and what follows it, no denser than a fit can use."""
+    end = segment.end + LONGEST_AFTERMATH * segment.period
+    return _averaged(motion.between(segment.start, end), segment.period)
 
 
 def _left_alone_until(motion: AxisMotion, segment: DecaySegment):

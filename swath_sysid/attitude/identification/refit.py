@@ -1,18 +1,19 @@
-"""Refitting a craft's model on a new window: what is fitted, what is accepted, and the way back.
+"""Refitting a craft's model on what a motion window shows: what is fitted, what replaces what, and the way back.
 
-A window that holds motion in waves instead of a free decay is identified at sea. The linear equivalent that
-this gives never replaces the model of a free decay, which covers other amplitudes too; a decay replaces either.
+All the decays that the windows have shown are fitted together. A window that holds motion in waves instead of a free
+decay is identified at sea. The linear equivalent that this gives never replaces the model of a free decay, which covers
+other amplitudes too; a decay replaces either.
 """
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.amplitude import amplitude_curves
-from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.at_sea import (
     PERIOD_USABLE,
@@ -21,52 +22,65 @@ from swath_sysid.attitude.identification.at_sea import (
     identify_at_sea,
     is_at_sea,
 )
-from swath_sysid.attitude.identification.fit_quality import REJECTED
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE, REJECTED
 from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings, identify_problem
-from swath_sysid.attitude.identification.motion_fit import MotionFit
-from swath_sysid.attitude.identification.problem import Problem, decays_or_waves
-from swath_sysid.attitude.identification.sea_motion import Heave, heave_of
+from swath_sysid.attitude.identification.live_decays import (
+    HeldDecays,
+    LiveDecay,
+    checked_trial,
+    decays_in,
+    joint_problem,
+    newest,
+    window_source,
+)
+from swath_sysid.attitude.identification.replacement import (
+    BY_CHANCE,
+    explains_better,
+    has_changed,
+    reason_to_keep,
+    told_gain,
+    told_verdict,
+)
+from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
-from swath_sysid.attitude.motion.sensor_checks import OFFSET_CODES, RATE_CODES, contradictions_in, refuse_contradictions
-from swath_sysid.attitude.motion.sensor_mount import Installation
-from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
+from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, explain_absence
+from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Progress, ShouldCancel
 
 LONGEST_HISTORY = 20
 
-BY_CHANCE = 0.01  #: Probability of taking the luck of a new fit on its own window for an improvement.
+#: Codes of verdicts that leave the decays themselves in good order: the next release may do with them.
+HARMLESS = ('adequate', 'motion-uncertain')
 
 
 @dataclass(frozen=True)
 class RefitSettings:
-    """What a refit fits, and when it is accepted."""
+    """What a refit fits."""
 
     axes: tuple[str, ...] = AXES  #: Those to identify.
     identification: IdentificationSettings = field(default_factory=IdentificationSettings)
-    #: Part by which the new model's residuals must be smaller than the current model's, or more where chance alone does
-    #: as much.
-    least_improvement: float = 0.001
     stability: StabilitySettings = field(default_factory=StabilitySettings)
 
     def __post_init__(self):
         unknown = [axis for axis in self.axes if axis not in AXES]
         if unknown or not self.axes or len(set(self.axes)) < len(self.axes):
             raise InputError(f'axes must be one or both of {", ".join(AXES)}, each once, not {list(self.axes)}')
-        if not 0.0 <= self.least_improvement < 1.0:
-            raise InputError(f'least_improvement must lie between 0 and 1, not {self.least_improvement}')
 
 
 @dataclass(frozen=True)
 class RefitRequest:
     """All that a refit needs, wherever it runs."""
 
-    table: MotionTable
+    windows: tuple[MotionTable, ...]  #: Oldest first.
     current: dict[str, IdentifiedModel]
+    held: dict[str, HeldDecays]
     settings: RefitSettings
-    provenance: dict = field(default_factory=dict)  #: The caller's record of the source.
+    is_asked: bool = True  #: Else only decays that a window was published for are fitted, and waves.
+    source: dict = field(default_factory=dict)  #: What names the source of windows in provenance, as their topic.
+    software: str = ''  #: Name and version.
 
 
 @dataclass(frozen=True)
@@ -76,14 +90,10 @@ class AxisVerdict:
     axis: str
     model: IdentifiedModel | None  #: To be published; None: the current one stays.
     message: str  #: One clause that says what was found.
-    #: Root mean square of the weighted residuals of the new and of the current model on this window, each from its own
-    #: best initial state; NaN where there is none. At sea the deviance a degree of freedom of the new one.
-    misfit: float = float('nan')
-    #: Root mean square of the weighted residuals of the new and of the current model on this window, each from its own
-    #: best initial state; NaN where there is none. At sea the deviance a degree of freedom of the new one.
-    current_misfit: float = float('nan')
+    decays: HeldDecays | None = None  #: That are held from now on; None: those of before.
     #: Of the natural period, whether or not the model is to be published; None where it is not known.
     estimate: PeriodEstimate | None = None
+    is_absent: bool = False  #: Whether the window showed nothing of this axis that could be fitted.
 
 
 @dataclass(frozen=True)
@@ -105,17 +115,28 @@ class RefitOutcome:
     @property
     def message(self) -> str:
         """One line for people, what is published first."""
-        ordered = sorted(self.verdicts, key=lambda verdict: verdict.model is None)
-        return '; '.join(f'{verdict.axis}: {verdict.message}' for verdict in ordered)
+        shown = [verdict for verdict in self.verdicts if not verdict.is_absent]
+        clauses = [f'{each.axis}: {each.message}' for each in sorted(shown, key=lambda each: each.model is None)]
+        absent = [each for each in self.verdicts if each.is_absent]
+        clauses += [f'{each.axis}: {"no free decay" if shown else each.message}' for each in absent]
+        return '; '.join(clauses) or 'no axis that is identified has moved: see the parameter axes'
+
+
+class Seen(NamedTuple):
+    """What the windows of a request showed of one axis."""
+
+    decays: tuple[LiveDecay, ...]
+    newest: MotionTable
+    trial: Trial  #: Of the newest window.
 
 
 def refit(
     request: RefitRequest, *, progress: Progress | None = None, should_cancel: ShouldCancel | None = None
 ) -> RefitOutcome:
-    """Identify each axis on a window and compare with the current model on that window.
+    """Fit the decays held and those of the windows, and compare with the current models.
 
     Args:
-        request: The window, the settings and the models held.
+        request: The windows, the settings, the decays and the models held.
         progress: Called with 0 to 1.
         should_cancel: Asked often.
 
@@ -123,20 +144,11 @@ def refit(
         What cannot be fitted is reported in its verdict.
 
     Raises:
-        InputError: The window is empty.
+        InputError: A window is empty.
         Cancelled: ``should_cancel`` said so.
     """
-    trial = request.table.trial()
-    # a hull is fitted to angles and rates, wherever gravity is
-    trial = replace(
-        trial,
-        advice=tuple(
-            each
-            for each in contradictions_in(trial.time, trial.channels, Installation())
-            if each.code in RATE_CODES | OFFSET_CODES
-        ),
-    )
-    axes = request.settings.axes
+    trials = [checked_trial(table) for table in request.windows]
+    axes = _axes_to_fit(request)
     verdicts = []
     for index, axis in enumerate(axes):
 
@@ -145,85 +157,116 @@ def refit(
                 progress((index + share) / len(axes))
 
         try:
-            refuse_contradictions(trial, axis)
-            verdict, estimate = _refit_axis(axis, trial, request, report, should_cancel)
-            if estimate is not None:
-                begin, end = request.table.rows[[0, -1], 0].tolist()
-                verdict = replace(verdict, estimate=PeriodEstimate(begin, end, *estimate))
-            verdicts.append(verdict)
+            seen = Seen(_decays_seen(axis, request, trials), request.windows[-1], trials[-1])
+            verdicts.append(_refit_axis(axis, seen, request, report, should_cancel))
         except InputError as error:
             verdicts.append(AxisVerdict(axis, None, f'not fitted, {error}'))
         report(1.0)
     return RefitOutcome(tuple(verdicts))
 
 
-def misfit(problem: Problem, model: DecayModel) -> float:
-    """How badly a model explains decays, from the initial state that suits it best.
+def _axes_to_fit(request: RefitRequest) -> tuple[str, ...]:
+    noticed = {table.noticed.axis for table in request.windows if table.noticed is not None}
+    only_noticed = not request.is_asked and noticed
+    return tuple(axis for axis in request.settings.axes if axis in noticed or not only_noticed)
 
-    Args:
-        problem: The decays.
-        model: Its ratios are kept; its trim is not read.
 
-    Returns:
-        Root mean square of the residuals of angle and rate, weighted by their noise; infinite where the simulated
-        motion runs away.
-    """
-    fit = MotionFit(problem.motions, model.equation, problem.scales, problem.noise, model.friction_rate)
-    try:
-        best = fit.refine_states(fit.pack(model.ratios, problem.states))
-        residuals, _ = fit.residuals_and_jacobian(best)
-    except (ValueError, np.linalg.LinAlgError):
-        # scipy's answer to a motion that runs away
-        return float('inf')
-    value = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
-    return value if np.isfinite(value) else float('inf')
+def _decays_seen(axis: str, request: RefitRequest, trials: list[Trial]) -> tuple[LiveDecay, ...]:
+    found: list[LiveDecay] = []
+    for table, trial in zip(request.windows, trials, strict=True):
+        noticed = table.noticed is not None and table.noticed.axis == axis
+        if noticed or (request.is_asked and table.noticed is None):
+            found += decays_in(table, trial, axis, window_source(table, request.source))
+    return tuple(found)
 
 
 def _refit_axis(
-    axis: str, trial: Trial, request: RefitRequest, progress: Progress | None, should_cancel: ShouldCancel | None
-):
-    settings, motion = request.settings.identification, trial.axis(axis)
-    problem = decays_or_waves([motion], settings.start, settings.end)
-    if problem is None:
-        return _refit_at_sea(axis, motion, heave_of(trial), request, progress, should_cancel)
-    found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
-    estimate = _period_at_reference(found) if found.verdict.level != REJECTED else None
-    return _judged_decay(axis, problem, found, request), estimate
+    axis: str, seen: Seen, request: RefitRequest, progress: Progress, should_cancel: ShouldCancel | None
+) -> AxisVerdict:
+    held = request.held.get(axis, HeldDecays())
+    # where the window begins amid a swing, that is the tail of a release that was held before
+    old, new = held.with_new([each for each in seen.decays if each.has_begun or not held.decays])
+    if not seen.decays:
+        absence = explain_absence(seen.trial.axis(axis))
+        if absence.code == FORCED_MOTION:
+            return _refit_at_sea(axis, seen, request, progress, should_cancel)
+        if not held.decays or not request.is_asked:
+            return AxisVerdict(axis, None, f'not fitted, {absence.message}', is_absent=True)
+    if not new and not request.is_asked:
+        return AxisVerdict(axis, None, 'not fitted, this release is among those fitted before')
+    decays = newest((*old, *new))
+    new = tuple(each for each in decays if each in new)
+    changed, alone = False, None
+    fit = partial(_identified, settings=request.settings.identification, should_cancel=should_cancel)
+    if 0 < len(new) < len(decays) and held.model is not None:
+        alone = fit(new, progress=lambda share: progress(0.5 * share))
+        places = [decays.index(each) for each in new]
+        changed = alone.verdict.level != REJECTED and has_changed(joint_problem(decays), held.model, alone, places)
+    if alone is not None and changed and alone.verdict.level == ADEQUATE:
+        found, fitted = alone, new
+    else:
+        found, fitted = fit(decays, progress=lambda share: progress(0.5 + 0.5 * share)), decays
+    verdict = _judged(axis, found, fitted, changed, held, request)
+    return replace(verdict, estimate=_period_at_reference(alone or found, seen.newest) if new else None)
 
 
-def _period_at_reference(found: Identification):
-    """Period, its standard deviation and the amplitude of an `Identification`."""
+def _identified(
+    decays: tuple[LiveDecay, ...],
+    *,
+    settings: IdentificationSettings,
+    progress: Progress,
+    should_cancel: ShouldCancel | None,
+) -> Identification:
+    return identify_problem(joint_problem(decays), settings, progress=progress, should_cancel=should_cancel)
+
+
+def _judged(
+    axis: str,
+    found: Identification,
+    decays: tuple[LiveDecay, ...],
+    changed: bool,
+    held: HeldDecays,
+    request: RefitRequest,
+) -> AxisVerdict:
+    """Whether a fit of decays replaces the current model."""
+    current = request.current.get(axis)
+    if current is not None and not held.decays and not is_at_sea(current):
+        changed = explains_better(found, current.model)
+    model = found.identified_model({'software': request.software, 'sources': [each.source for each in decays]})
+    kept = HeldDecays(decays, found.model)
+    reason = reason_to_keep(current, model, changed)
+    if reason:
+        certain = found.verdict.code in HARMLESS
+        return AxisVerdict(axis, None, f'not published, {reason}', kept if certain else None)
+    anew = ''
+    if changed:
+        before = (
+            'decays before contradict this one and are'
+            if held.decays
+            else 'current model contradicts this decay and is'
+        )
+        anew, current = f'the {before} forgotten; ', None
+    terms = f'{model.model.equation.name}, period {model.model.natural_period:.3f} s'
+    message = f'{anew}{told_verdict(model)}; {told_gain(current, model, len(decays))} ({terms})'
+    return AxisVerdict(axis, model, message, kept)
+
+
+def _period_at_reference(found: Identification, table: MotionTable) -> PeriodEstimate | None:
+    """The period where the decays are, unless the fit is rejected or leaves it open."""
     amplitude, curves = found.reference_amplitude, found.bands.curves
     frequency = float(np.interp(amplitude, curves.amplitude, curves.frequency))
     std = float(np.interp(amplitude, curves.amplitude, found.bands.frequency_std))
+    if found.verdict.level == REJECTED or not 0.0 < std < PERIOD_USABLE * frequency:
+        return None
     period = 2.0 * np.pi / frequency
-    return (period, period * std / frequency, amplitude) if 0.0 < std < PERIOD_USABLE * frequency else None
-
-
-def _judged_decay(axis: str, problem: Problem, found: Identification, request: RefitRequest):
-    settings = request.settings
-    new = misfit(problem, found.model)
-    held = request.current.get(axis)
-    current = float('nan') if held is None else misfit(problem, held.model)
-    summary = f'{found.model.equation.name}, r2 {found.r2:.5f}, period {found.model.natural_period:.3f} s'
-    if not np.isfinite(new):
-        return AxisVerdict(axis, None, f'not published, the fit runs away ({summary})', new, current)
-    worth = min(1.0 - settings.least_improvement, _chance_ratio(found))
-    if held is not None and not new < worth * current:
-        message = f'not published, the current model explains the window as well (misfit {current:.4g}, new {new:.4g})'
-        return AxisVerdict(axis, None, message, new, current)
-    better = '' if held is None else f', misfit {new:.4g} instead of {current:.4g}'
-    return AxisVerdict(axis, found.identified_model(request.provenance), f'{summary}{better}', new, current)
+    begin, end = table.rows[[0, -1], 0].tolist()
+    return PeriodEstimate(begin, end, period, period * std / frequency, amplitude)
 
 
 def _refit_at_sea(
-    axis: str,
-    motion: AxisMotion,
-    heave: Heave | None,
-    request: RefitRequest,
-    progress: Progress | None,
-    should_cancel: ShouldCancel | None,
-):
+    axis: str, seen: Seen, request: RefitRequest, progress: Progress, should_cancel: ShouldCancel | None
+) -> AxisVerdict:
+    motion, heave = seen.trial.axis(axis), heave_of(seen.trial)
     try:
         found = identify_at_sea(motion, heave, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
@@ -231,37 +274,33 @@ def _refit_at_sea(
             f'{error}; the window is as long as window_s of imu_buffer: raise it where more is needed, as in '
             '`ros2 param set /imu_buffer window_s 300.0`, and identify when it is full'
         ) from error
-    estimate = (found.natural_period, found.natural_period_std, found.amplitude) if found.has_period else None
-    return _judged_at_sea(axis, motion, heave, found, request, should_cancel), estimate
+    estimate = None
+    if found.has_period:
+        begin, end = seen.newest.rows[[0, -1], 0].tolist()
+        estimate = PeriodEstimate(begin, end, found.natural_period, found.natural_period_std, found.amplitude)
+    summary = _told_at_sea(found)
+    held, better, refusal = request.current.get(axis), '', ''
+    if not found.is_usable:
+        refusal = 'this sea does not determine the hull'
+    elif held is not None and not is_at_sea(held):
+        refusal = f'the model of the free decay stays, {_told_there(held, found.amplitude)}'
+    elif held is not None:
+        # twice, as in `explains_better`: both are uncertain
+        gain = gain_over(held.model, motion, heave, should_cancel=should_cancel)
+        better = f', log-likelihood {gain:.0f} higher'
+        if gain < chdtri(2, BY_CHANCE):
+            refusal = 'the current model explains the window as well'
+    if refusal:
+        return AxisVerdict(axis, None, f'not published, {refusal} ({summary})', estimate=estimate)
+    provenance = {'software': request.software, 'sources': [window_source(seen.newest, request.source)]}
+    return AxisVerdict(axis, found.identified_model(provenance), f'{summary}{better}', estimate=estimate)
 
 
-def _judged_at_sea(
-    axis: str,
-    motion: AxisMotion,
-    heave: Heave | None,
-    found: AtSeaIdentification,
-    request: RefitRequest,
-    should_cancel: ShouldCancel | None,
-):
-    summary = (
+def _told_at_sea(found: AtSeaIdentification) -> str:
+    return (
         f'at sea, equivalent linear at {np.degrees(found.amplitude):.2g} deg: period {found.natural_period:.3f} +- '
         f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
     )
-    if not found.is_usable:
-        message = f'not published, this sea does not determine the hull ({summary})'
-        return AxisVerdict(axis, None, message, found.misfit)
-    held, better = request.current.get(axis), ''
-    if held is not None and not is_at_sea(held):
-        message = f'not published, the model of the free decay stays, {_told_there(held, found.amplitude)} ({summary})'
-        return AxisVerdict(axis, None, message, found.misfit)
-    if held is not None:
-        # twice, as in `_chance_ratio`: both are uncertain
-        gain, by_chance = gain_over(held.model, motion, heave, should_cancel=should_cancel), chdtri(2, BY_CHANCE)
-        if gain < by_chance:
-            message = f'not published, the current model explains the window as well ({summary})'
-            return AxisVerdict(axis, None, message, found.misfit)
-        better = f', log-likelihood {gain:.0f} higher'
-    return AxisVerdict(axis, found.identified_model(request.provenance), f'{summary}{better}', found.misfit)
 
 
 def _told_there(held: IdentifiedModel, amplitude: float):
@@ -269,26 +308,6 @@ def _told_there(held: IdentifiedModel, amplitude: float):
     curves = amplitude_curves(held.model.ratios, np.array([amplitude]), held.model.friction_rate)
     period, damping = 2.0 * np.pi / float(curves.frequency[0]), float(curves.damping_ratio[0])
     return f'which there has period {period:.3f} s and damping ratio {damping:.3f}'
-
-
-def window_provenance(table: MotionTable, source: dict, software: str) -> dict:
-    """Where a window came from.
-
-    Args:
-        table: The window.
-        source: What names its source: on a bus ``{'topic': ...}``.
-        software: Name and version.
-    """
-    return {
-        'software': software,
-        'sources': [
-            {
-                **source,
-                'first_stamp_s': float(table.rows[0, 0]) if len(table.rows) else None,
-                'sha256': hashlib.sha256(table.rows.tobytes()).hexdigest(),
-            }
-        ],
-    }
 
 
 def warm_up() -> None:
@@ -301,22 +320,11 @@ def warm_up() -> None:
         rows[:, 1 + index] = decay * np.cos(3.0 * time)
         rows[:, 3 + index] = -decay * (0.2 * np.cos(3.0 * time) + 3.0 * np.sin(3.0 * time))
     settings = RefitSettings(identification=IdentificationSettings(search=SearchSettings(generations=2)))
-    refit(RefitRequest(MotionTable(rows, 0), {}, settings))
-
-
-def _chance_ratio(found: Identification):
-    """Ratio of the misfits, new over current, that chance alone undercuts with probability `BY_CHANCE`.
-
-    Two models of the same craft, each fitted with k ratios to its own window: on the new one's window their
-    sums of squared residuals, over the noise variance, differ by twice a chi-squared variable of k
-    degrees of freedom (Wilks 1938; twice, because both are uncertain).
-    """
-    excess = 2.0 * chdtri(len(found.model.equation.terms), BY_CHANCE) / found.effective_samples
-    return float(1.0 / np.sqrt(1.0 + excess))
+    refit(RefitRequest((MotionTable(rows, 0),), {}, {}, settings))
 
 
 class Refitter:
-    """The models of a craft as refits change them, with the way back.
+    """The models of a craft as refits change them, with the decays behind them and the way back.
 
     Args:
         models: Known at the start, by axis.
@@ -331,21 +339,19 @@ class Refitter:
     ):
         self.settings = settings or RefitSettings()
         self.models = dict(models or {})
+        self.decays: dict[str, HeldDecays] = {}
         self.version = 0
         self.stability = StabilityWatch()
-        self._history = [*history]
+        self._history = [(each, dict[str, HeldDecays]()) for each in history]
+        self._forgot = False
 
-    def request(self, table: MotionTable, provenance: dict | None = None) -> RefitRequest:
-        """What is to be fitted on a window, by `refit`.
-
-        Args:
-            table: The window.
-            provenance: The caller's record of the source.
-        """
-        return RefitRequest(table, dict(self.models), self.settings, provenance or {})
+    def request(self, *windows: MotionTable, is_asked: bool = True, **origin: Any) -> RefitRequest:
+        """What is to be fitted on windows, oldest first, by `refit`; ``origin`` as in `RefitRequest`."""
+        self._forgot = False
+        return RefitRequest(windows, dict(self.models), dict(self.decays), self.settings, is_asked, **origin)
 
     def take(self, outcome: RefitOutcome) -> bool:
-        """Believe what a refit found to be better, and watch the stability by what it found of the period.
+        """Accept what a refit found, and watch the stability by what it found of the period.
 
         Args:
             outcome: Of `refit`.
@@ -354,25 +360,32 @@ class Refitter:
             Whether the models have changed and are to be published.
         """
         self.stability.settings = self.settings.stability
+        before = self.models, self.decays
         for verdict in outcome.verdicts:
             if verdict.axis == 'roll' and verdict.estimate is not None:
                 self.stability.add(verdict.estimate)
+            if verdict.decays is not None and not self._forgot:
+                self.decays = {**self.decays, verdict.axis: verdict.decays}
         if not outcome.succeeded:
             return False
-        self._history = [*self._history, self.models][-LONGEST_HISTORY:]
+        self._history = [*self._history, before][-LONGEST_HISTORY:]
         self.models = {**self.models, **outcome.models}
         self.version += 1
         return True
 
+    def forget_decays(self) -> None:
+        """The next release starts a fit of its own, also while a refit runs; the models stay."""
+        self.decays, self._forgot = {}, True
+
     def rollback(self) -> bool:
-        """Return to the models before the last refit that was accepted.
+        """Return to the models, and the decays, before the last refit that was accepted.
 
         Returns:
             Whether there was one; if so the models are to be published.
         """
         if not self._history:
             return False
-        self.models = self._history.pop()
+        self.models, self.decays = self._history.pop()
         self.version += 1
         return True
 

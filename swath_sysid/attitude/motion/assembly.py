@@ -17,9 +17,7 @@ GYRO = ('gyro_x', 'gyro_y', 'gyro_z')
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
 EULER_RATES = ('roll_rate', 'pitch_rate', 'yaw_rate')
 
-#: Median intervals: two samples further apart are across a loss, two nearer are stamped by chance.
-EVEN_INTERVALS = 0.5, 1.5
-
+EVEN_INTERVALS = 0.5, 1.5  #: Median intervals: further apart a sample was lost, nearer stamped by chance.
 STILL_YAW_RATE = 1e-9  #: rad/s: a heading that never turns faster was not measured but filled in.
 
 Readings = dict[str, np.ndarray]
@@ -35,21 +33,11 @@ def assemble_trial(
     initial_angle: float | None = None,
     advice: Sequence[Advice] = (),
 ) -> Trial:
-    """A trial from the readings of a sensor: cleaned, in the craft's axes, with Euler rates.
+    """A trial from the readings of a sensor, (N,) each, in SI units: cleaned, in the craft's axes, with Euler rates.
 
-    Args:
-        time: (N,); seconds.
-        readings: dict of str to (N,); any of ``roll``, ``pitch``, ``yaw`` (rad), or the quaternion ``quaternion_x`` ...
-            ``_w``; ``heading``, clockwise from north in either frame; ``roll_rate``, ``pitch_rate``, ``yaw_rate``
-            (Euler rates), ``gyro_x`` ... ``_z`` (body rates), rad/s; ``accel_x`` ... ``_z`` (specific force), m/s^2;
-            ``heave`` along the vertical axis of the frame, m.
-        installation: By default the sensor's axes are those of the craft, FLU.
-        source: Where the readings came from.
-        draft, initial_angle: m, rad.
-        advice: Of the reader.
-
-    Raises:
-        InputError: Nothing usable is left after cleaning, or a mounting is given for readings that cannot be turned.
+    Readings are any of ``roll``, ``pitch``, ``yaw`` or ``quaternion_x`` ... ``_w``; ``heading``, clockwise from north;
+    Euler rates ``roll_rate`` ... or body rates ``gyro_x`` ...; specific force ``accel_x`` ...; ``heave`` along the
+    frame's vertical.
     """
     installation = installation or Installation()
     name = source or 'the record'
@@ -73,15 +61,9 @@ def assemble_trial(
 
 
 def turn_rate(time: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """The rate at which a yaw angle or a heading turned from each sample to the next, by the past alone.
+    """Rate, rad/s, at which a wrapped yaw or heading, rad, has turned since the sample before, shape (N,).
 
-    Args:
-        time: (N,); s, increasing.
-        yaw: (N,); rad, however wrapped.
-
-    Returns:
-        rad/s; entry k is the difference of samples k and k - 1, the shorter way round, over their interval. NaN at
-        first, and where the interval is not about the usual one.
+    NaN at the first sample, and where the interval is far from the median.
     """
     rate = np.full(time.size, np.nan)
     interval = np.diff(time)
@@ -101,26 +83,15 @@ def _craft_channels(
     if _has(readings, QUATERNION):
         invalid = int(np.count_nonzero(~attitude.is_orientation(*_parts(readings, QUATERNION))))
         if invalid:
-            advice.append(
-                Advice(
-                    'invalid-orientation',
-                    (
-                        f'{invalid} of {len(readings[QUATERNION[0]])} quaternions are invalid and were left out: '
-                        f'check the sensor driver'
-                    ),
-                )
-            )
+            advice.append(Advice.of('invalid-orientation', invalid=invalid, number=len(time)))
         if not np.isfinite(angles['roll']).any():
             angles = {}
     rates = {}
     if any(part in readings for part in GYRO[:2]):
         body = _turned_vector(readings, GYRO, installation, name)
         if _has(body, GYRO) and 'roll' in angles and 'pitch' in angles:
-            rates = dict(
-                zip(
-                    EULER_RATES, attitude.euler_rates(angles['roll'], angles['pitch'], *_parts(body, GYRO)), strict=True
-                )
-            )
+            turned = attitude.euler_rates(angles['roll'], angles['pitch'], *_parts(body, GYRO))
+            rates = dict(zip(EULER_RATES, turned, strict=True))
         else:
             rates = {euler: body[part] for euler, part in zip(EULER_RATES, GYRO, strict=True) if part in body}
     from_gyro = set(rates) - {'yaw_rate'}
@@ -131,22 +102,16 @@ def _craft_channels(
             rates['yaw_rate'] = turning
     force = _turned_vector(readings, ACCEL, installation, name)
     if from_gyro - set(readings) and not ('roll' in angles and 'pitch' in angles and _has(readings, GYRO)):
-        advice.append(
-            Advice(
-                'body-rates',
-                (
-                    'the angles (or a gyro axis) are not known, so body rates stand for the Euler rates, which is '
-                    'good for small angles only: record roll, pitch and all three gyro axes'
-                ),
-            )
-        )
+        advice.append(Advice.of('body-rates'))
     heave = {'heave': _upward(installation) * readings['heave']} if 'heave' in readings else {}
     return {**angles, **rates, **force, **heave}, advice
 
 
 def _angles(readings: Readings, installation: Installation, name: str) -> Readings:
     """Roll, pitch and yaw of the craft, those that are known."""
-    yaw = _sensor_yaw(readings, installation)
+    # a heading turns as yaw does in NED, from any zero
+    heading = -_upward(installation) * readings['heading'] if 'heading' in readings else None
+    yaw = readings.get('yaw', heading)
     if _has(readings, QUATERNION):
         orientation = _parts(readings, QUATERNION)
     elif not installation.is_turned:
@@ -165,13 +130,6 @@ def _angles(readings: Readings, installation: Installation, name: str) -> Readin
     roll, pitch, turned_yaw = attitude.euler_angles(*installation.orientation(*orientation))
     yaw_is_known = _has(readings, QUATERNION) or yaw is not None
     return {'roll': roll, 'pitch': pitch, 'yaw': turned_yaw} if yaw_is_known else {'roll': roll, 'pitch': pitch}
-
-
-def _sensor_yaw(readings: Readings, installation: Installation) -> np.ndarray | None:
-    """The sensor's yaw about its world's vertical from any zero, or None; a heading turns as yaw does in NED."""
-    if 'yaw' in readings:
-        return readings['yaw']
-    return -_upward(installation) * readings['heading'] if 'heading' in readings else None
 
 
 def _upward(installation: Installation) -> int:

@@ -1,17 +1,7 @@
-"""Attitude: quaternions, Euler angles and their rates, frames and mountings.
+"""Attitude: quaternions (x, y, z, w), Euler angles (REP-103, rad) and their rates (rad/s), frames and mountings.
 
-Every function takes the components as floats or as arrays that broadcast, and returns the
-like: a node calls them once a sample, a reader once a record, and each formula stands once. For
-floats it is evaluated with the functions of `math`, as numpy takes ten times as long over a number.
-Angles are in rad, rates in rad/s; quaternions are x, y, z, w.
-
-Orientations turn body vectors into world vectors. Euler angles are those of REP-103:
-yaw about z, then pitch about the new y, then roll about the new x. Body rates are what
-gyroscopes measure; Euler rates are the time derivatives of the Euler angles.
-
-References
-----------
-.. [1] T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley, 2011.
+Every function takes floats or arrays that broadcast, and returns the like. Floats are evaluated with `math`, ten times
+as fast as numpy. Formulas: [1] T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley, 2011.
 """
 
 import math
@@ -57,11 +47,7 @@ def _for_angles(first: Value, second: Value, third: Value = 0.0) -> type[_Arrays
 
 
 def is_orientation(x: Value, y: Value, z: Value, w: Value) -> Value:
-    """Whether a measured quaternion is valid.
-
-    Drivers that know no orientation send zeros, and broken packets send anything: a quaternion whose
-    squared norm is not within `UNIT_TOLERANCE` of one, or not finite, is invalid.
-    """
+    """Whether a measured quaternion is valid: finite, its squared norm within `UNIT_TOLERANCE` of one."""
     if type(x) is float and type(w) is float:
         return _is_unit(x, y, z, w)
     with np.errstate(over='ignore', invalid='ignore'):
@@ -75,11 +61,7 @@ def _is_unit(x: Value, y: Value, z: Value, w: Value) -> Value:
 def euler_angles(x: Value, y: Value, z: Value, w: Value) -> tuple[Value, Value, Value]:
     """Roll, pitch and yaw of a quaternion, NaN where it is invalid; roll is zero where the x axis is vertical.
 
-    Roll and yaw lie in [-pi, pi], pitch in [-pi/2, pi/2].
-
-    [1]_, section 2.2.2 (Euler angles from a unit quaternion), but with pitch by arctangent,
-    which stays accurate near the vertical, and with a rotation matrix that grows with the
-    squared norm of the quaternion, which the arctangents do not see.
+    [1], section 2.2.2, but with pitch by arctangent, which stays accurate near the vertical and needs no unit norm.
     """
     if type(x) is type(y) is type(z) is type(w) is float:
         return _euler_angles(_Floats, x, y, z, w) if _is_unit(x, y, z, w) else (math.nan, math.nan, math.nan)
@@ -100,10 +82,7 @@ def _euler_angles(
 
 
 def tilt_angles(up_x: Value, up_y: Value, up_z: Value) -> tuple[Value, Value]:
-    """Roll and pitch of the world's upward direction, of any length, seen in body axes (FLU).
-
-    That is the last row of the rotation matrix from body to world: [1]_, section 2.2.1.
-    """
+    """Roll and pitch of the world's upward direction, of any length, seen in body axes (FLU): [1], section 2.2.1."""
     return _tilt_angles(_Arrays, up_x, up_y, up_z)
 
 
@@ -112,15 +91,12 @@ def _tilt_angles(f: type[_Arrays] | type[_Floats], up_x: Value, up_y: Value, up_
 
 
 def up_in_body(roll: Value, pitch: Value) -> tuple[Value, Value, Value]:
-    """The world's upward direction seen in body axes (FLU), a unit vector: the inverse of `tilt_angles`.
-
-    Times gravity, what an accelerometer at rest reads.
-    """
+    """The world's upward unit vector in body axes (FLU), the inverse of `tilt_angles`."""
     return -np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)
 
 
 def quaternion(roll: Value, pitch: Value, yaw: Value) -> Quaternion:
-    """The quaternion of roll, pitch and yaw: [1]_, section 2.2.2 (unit quaternions from Euler angles)."""
+    """The quaternion of roll, pitch and yaw: [1], section 2.2.2 (unit quaternions from Euler angles)."""
     f = _for_angles(roll, pitch, yaw)
     sin_roll, cos_roll = f.sin(roll / 2), f.cos(roll / 2)
     sin_pitch, cos_pitch = f.sin(pitch / 2), f.cos(pitch / 2)
@@ -134,10 +110,7 @@ def quaternion(roll: Value, pitch: Value, yaw: Value) -> Quaternion:
 
 
 def euler_rates(roll: Value, pitch: Value, rate_x: Value, rate_y: Value, rate_z: Value) -> tuple[Value, Value, Value]:
-    """Rates of roll, pitch and yaw of body rates, NaN where the x axis is vertical (they do not exist there).
-
-    [1]_, section 2.2.1 (attitude transformation).
-    """
+    """Rates of roll, pitch and yaw of body rates, NaN where the x axis is vertical: [1], section 2.2.1."""
     f = _for_angles(roll, pitch)
     sin_roll, cos_roll, cos_pitch = f.sin(roll), f.cos(roll), f.cos(pitch)
     cos_pitch = f.where(abs(cos_pitch) < VERTICAL_COSINE, math.nan, cos_pitch)
@@ -148,10 +121,7 @@ def euler_rates(roll: Value, pitch: Value, rate_x: Value, rate_y: Value, rate_z:
 def body_rates(
     roll: Value, pitch: Value, roll_rate: Value, pitch_rate: Value, yaw_rate: Value
 ) -> tuple[Value, Value, Value]:
-    """Body rates of Euler rates, the inverse of `euler_rates`.
-
-    [1]_, section 2.2.1 (inverse of the attitude transformation).
-    """
+    """Body rates of Euler rates, the inverse of `euler_rates`: [1], section 2.2.1."""
     f = _for_angles(roll, pitch)
     sin_roll, cos_roll, cos_pitch = f.sin(roll), f.cos(roll), f.cos(pitch)
     return (
@@ -162,27 +132,22 @@ def body_rates(
 
 
 def swap_body_axes(x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
-    """A body vector from FRD (forward, right, down) to FLU (forward, left, up), or back.
-
-    Holds for rates and for specific force alike: half a turn about x.
-    """
+    """A body vector from FRD (forward, right, down) to FLU (forward, left, up), or back: half a turn about x."""
     return x, -y, -z
 
 
 def swap_frames(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
-    """An orientation from FRD in NED to FLU in ENU, or back.
+    """An orientation from FRD in NED to FLU in ENU (REP-103), or back.
 
-    The product ``n q f`` with ``n = (1, 1, 0, 0) / sqrt(2)``, which exchanges the world axes
-    NED and ENU (REP-103), and ``f = (1, 0, 0, 0)``, half a turn about the body's x axis; both
-    are their own inverses up to sign. In Euler angles: roll stays, pitch changes its sign, yaw
-    becomes pi/2 - yaw.
+    The product ``n q f`` with ``n = (1, 1, 0, 0) / sqrt(2)`` and ``f = (1, 0, 0, 0)``. Roll stays, pitch changes its
+    sign, yaw becomes pi/2 - yaw.
     """
     half = math.sqrt(0.5)
     return half * (x + y), half * (x - y), half * (w - z), half * (w + z)
 
 
 def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
-    """The quaternion product ``first second``, the rotation `second`, then `first`: [1]_, section 2.2.2."""
+    """The quaternion product ``first second``, the rotation `second`, then `first`: [1], section 2.2.2."""
     (ax, ay, az, aw), (bx, by, bz, bw) = first, second
     return (
         aw * bx + ax * bw + ay * bz - az * by,
@@ -198,15 +163,7 @@ def conjugate(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
 
 
 def rotate(rotation: Quaternion, x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
-    """A vector turned by a unit quaternion.
-
-    ``v + 2 w (u x v) + 2 u x (u x v)`` with u the vector part: [1]_, section 2.2.2, as
-    ``R = I + 2 w S(u) + 2 S(u)^2``.
-    """
+    """A vector turned by a unit quaternion (u, w): ``v + 2 w (u x v) + 2 u x (u x v)``; [1], section 2.2.2."""
     ux, uy, uz, w = rotation
     cx, cy, cz = 2 * (uy * z - uz * y), 2 * (uz * x - ux * z), 2 * (ux * y - uy * x)
-    return (
-        x + w * cx + uy * cz - uz * cy,
-        y + w * cy + uz * cx - ux * cz,
-        z + w * cz + ux * cy - uy * cx,
-    )
+    return (x + w * cx + uy * cz - uz * cy, y + w * cy + uz * cx - ux * cz, z + w * cz + ux * cy - uy * cx)

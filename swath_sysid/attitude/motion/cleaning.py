@@ -1,4 +1,4 @@
-"""Cleaning: a record as it came from a sensor, made fit to be a trial."""
+"""Cleaning the record of a sensor for use as a trial."""
 
 from bisect import bisect_left
 
@@ -10,14 +10,11 @@ from swath_sysid.common.errors import InputError
 
 MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 
-#: Beyond these (rad, rad, rad/s, m/s^2, m) a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g, and no
-#: wave lifts a craft by 50 m.
+#: rad, rad, rad/s, m/s^2, m; beyond these a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
 
-SHARED_STAMPS = 0.1  #: Share of the rows with the stamp of the row before from which the stamps may be rounded.
-
-#: The 90 % band of the intervals, relative to their median, from which a time base counts as uneven.
-UNEVEN_SPREAD = 0.1
+SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
+UNEVEN_SPREAD = 0.1  #: 90 % band of the intervals over their median from which a time base is uneven.
 
 
 Channels = dict[str, np.ndarray]
@@ -26,27 +23,11 @@ Channels = dict[str, np.ndarray]
 def clean(
     time: np.ndarray, channels: Channels, source: str = 'the record'
 ) -> tuple[np.ndarray, Channels, tuple[Advice, ...]]:
-    """Leave out what cannot be used, mark what cannot be true, and say so.
+    """Clean a record, time (N,) in s and channels (N,) in SI units: increasing stamps, NaN for missing values.
 
-    Rows without a finite stamp, with the stamp of the row before, or out of order are left out
-    (the longest increasing sequence of stamps stays, so one stray stamp costs one row). Rows that share rounded
-    stamps are spread evenly. Absurd values become NaN. Channels without a finite value are left out. Gaps and an
-    uneven time base are only reported.
-
-    Args:
-        time: (N,); seconds.
-        channels: dict of str to (N,); SI units. What a value may be follows from the name (`limit_of`).
-        source: What to call the record in messages.
-
-    Returns:
-        time: (M,); strictly increasing and finite.
-        channels: dict of str to (M,); NaN marks a missing value.
-        advice: Codes ``missing-stamps``, ``rounded-stamps``, ``repeated-stamps``, ``out-of-order-stamps``,
-            ``absurd-values``, ``missing-values``, ``empty-channel``, ``gaps``, ``uneven-time-base``.
-
-    Raises:
-        InputError: Fewer than `MIN_ROWS` rows have a stamp of their own, or hold a usable value; the time runs
-            backwards; most rows share rounded stamps that no even time base explains.
+    The longest increasing sequence of stamps is kept. Rows that share rounded stamps are spread evenly, impossible
+    values (`limit_of`) become NaN, channels without a finite value are left out; gaps and an uneven time base are only
+    reported.
     """
     time = np.asarray(time, dtype=float)
     channels = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
@@ -78,10 +59,7 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
     advice: list[Advice] = []
     rows = np.flatnonzero(np.isfinite(time))
     if rows.size < time.size:
-        missing = counted(time.size - rows.size, 'row')
-        advice.append(
-            Advice('missing-stamps', f'{missing} without a finite time left out: check what wrote the stamps')
-        )
+        advice.append(Advice.of('missing-stamps', rows=counted(time.size - rows.size, 'row')))
     _refuse_reversed(time[rows], source)
     fresh = np.ones(rows.size, dtype=bool)
     fresh[1:] = np.diff(time[rows]) != 0.0
@@ -93,47 +71,29 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
         if spread is not None:
             interval = float(np.median(np.diff(spread)))
             each = round(resolution / interval)
-            advice.append(
-                Advice(
-                    'rounded-stamps',
-                    f'the stamps are rounded to {resolution:.4g} s, about {each} rows each: these were spread evenly, '
-                    f'one every {interval:.4g} s; write the time with more digits',
-                )
-            )
+            advice.append(Advice.of('rounded-stamps', resolution=resolution, each=each, interval=interval))
             time = time.copy()
             time[single] = spread
             rows, fresh = single, np.ones(single.size, dtype=bool)
         elif shared > 0.5 * single.size:
             raise InputError(
-                f'{source}: {shared} of {single.size} rows have the stamp of the row before, and no even sampling '
+                f'{source}: {shared} of {single.size} rows have the stamp of the previous row, and no even sampling '
                 f'explains it: write the time with more digits'
             )
     repeated = int(np.count_nonzero(~fresh))
     rows = rows[fresh]
     if repeated:
-        advice.append(
-            Advice(
-                'repeated-stamps',
-                f'{counted(repeated, "row")} with the stamp of the row before left out: if most are, write the time '
-                f'with more digits',
-            )
-        )
+        advice.append(Advice.of('repeated-stamps', rows=counted(repeated, 'row')))
     ordered = _longest_increasing(time[rows])
     disordered = int(rows.size - np.count_nonzero(ordered))
     if disordered:
-        advice.append(
-            Advice(
-                'out-of-order-stamps',
-                f'{counted(disordered, "row")} out of order left out: if these are two recordings in one file or a '
-                f'replay that looped, split it',
-            )
-        )
+        advice.append(Advice.of('out-of-order-stamps', rows=counted(disordered, 'row')))
     rows = rows[ordered]
     return time[rows], {name: values[rows] for name, values in channels.items()}, advice
 
 
 def _refuse_reversed(time: np.ndarray, source: str) -> None:
-    """Refuse a record of which hardly a stamp is after the one before."""
+    """Reject a record in which hardly a stamp is later than the previous one."""
     if MIN_ROWS * np.count_nonzero(np.diff(time) > 0.0) < time.size and time[-1] < time[0]:
         raise InputError(
             f'{source}: the time runs backwards, from {time[0]:.6g} to {time[-1]:.6g} s: reverse the order of its '
@@ -142,7 +102,7 @@ def _refuse_reversed(time: np.ndarray, source: str) -> None:
 
 
 def _copies(rows: np.ndarray, repeats: np.ndarray, channels: Channels) -> np.ndarray:
-    """Of the rows with the stamp of the row before, those that also hold its values, where most of them do."""
+    """Which repeated stamps also repeat the values, where most of them do."""
     copies = repeats.copy()
     for values in channels.values():
         own = values[rows]
@@ -151,10 +111,9 @@ def _copies(rows: np.ndarray, repeats: np.ndarray, channels: Channels) -> np.nda
 
 
 def _spread_evenly(time: np.ndarray) -> tuple[np.ndarray | None, float]:
-    """Even stamps of which those given are roundings, and the step of the rounding; None where there are no such.
+    """Even stamps of which those given are roundings, or None, and the step of the rounding, s.
 
-    Between gaps the rows are placed on a straight line by least squares, and every row must then be within one step of
-    its stamp.
+    Between gaps the rows are placed on a least-squares line, which must be within one step of every stamp.
     """
     steps = np.diff(time)
     if np.any(steps < 0.0) or not np.any(steps > 0.0):
@@ -174,11 +133,7 @@ def _spread_evenly(time: np.ndarray) -> tuple[np.ndarray | None, float]:
 
 
 def _longest_increasing(values: np.ndarray) -> np.ndarray:
-    """A mask of the longest strictly increasing subsequence.
-
-    Patience sorting (Fredman, 1975), run only over the rows in dispute: one that exceeds all
-    before it and is exceeded by all after it belongs to every longest sequence.
-    """
+    """A mask of the longest strictly increasing subsequence, by patience sorting (Fredman, 1975)."""
     keep = np.ones(values.size, dtype=bool)
     if values.size < 2:
         return keep
@@ -216,20 +171,11 @@ def _plausible_channels(channels: Channels) -> tuple[Channels, list[Advice]]:
         if possible.any():
             plausible[name] = values if possible.all() else np.where(possible, values, np.nan)
     seen = {
-        'absurd-values': (
-            _listed(absurd),
-            'values no craft can have left out ({}): check the units in the column names, or look for broken packets',
-        ),
-        'missing-values': (
-            _listed({name: missing[name] for name in plausible}),
-            'values missing ({}): they are left out of the fit',
-        ),
-        'empty-channel': (
-            ', '.join(name for name in channels if name not in plausible),
-            'no usable value in {}: left out; check that the sensor was set to send it',
-        ),
+        'absurd-values': _listed(absurd),
+        'missing-values': _listed({name: missing[name] for name in plausible}),
+        'empty-channel': ', '.join(name for name in channels if name not in plausible),
     }
-    return plausible, [Advice(code, sentence.format(what)) for code, (what, sentence) in seen.items() if what]
+    return plausible, [Advice.of(code, channels=names) for code, names in seen.items() if names]
 
 
 def _time_base_advice(time: np.ndarray) -> list[Advice]:
@@ -239,38 +185,17 @@ def _time_base_advice(time: np.ndarray) -> list[Advice]:
     low, median, high = np.percentile(intervals, [5, 50, 95])
     gaps = np.flatnonzero(intervals > GAP_INTERVALS * median)
     if gaps.size:
-        longest = gaps[np.argmax(intervals[gaps])]
-        advice.append(
-            Advice(
-                'gaps',
-                (
-                    f'{counted(gaps.size, "gap")} in the time base, the longest of {intervals[longest]:.4g} s after '
-                    f't = {time[longest]:.6g} s (samples come every {median:.4g} s): nothing is filled in; choose a '
-                    f'part without gaps if the fit is poor'
-                ),
-            )
-        )
+        at, number = gaps[np.argmax(intervals[gaps])], counted(gaps.size, 'gap')
+        advice.append(Advice.of('gaps', gaps=number, longest=intervals[at], time=time[at], median=median))
     if high - low > UNEVEN_SPREAD * median:
-        advice.append(
-            Advice(
-                'uneven-time-base',
-                (
-                    f'sample intervals run from {low:.4g} to {high:.4g} s about a median of {median:.4g} s: if these '
-                    f'are times of arrival, use the stamps of the sensor'
-                ),
-            )
-        )
+        advice.append(Advice.of('uneven-time-base', low=low, high=high, median=median))
     return advice
 
 
 def limit_of(name: str) -> float:
     """The largest value that a channel of that name may hold, of a record or of a message; infinite: any."""
-    kind = name
-    if name in ('roll', 'pitch'):
-        kind = 'angle'
-    elif name in ('yaw', 'heading'):
-        kind = 'heading'
-    elif name.endswith('_rate') or name.startswith('gyro_'):
+    kind = {'roll': 'angle', 'pitch': 'angle', 'yaw': 'heading'}.get(name, name)
+    if name.endswith('_rate') or name.startswith('gyro_'):
         kind = 'rate'
     elif name.startswith('accel_'):
         kind = 'acceleration'

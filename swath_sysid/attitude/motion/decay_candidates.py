@@ -1,9 +1,7 @@
-"""Falls: sequences of swings that shrink steadily in a steady rhythm.
+"""Decay candidates ("falls"): sequences of half-cycles whose double amplitudes ("swings") shrink steadily.
 
-No swing grows, the loss from one swing to the next does not jump, and the period stays. With
-damping made of friction, linear, quadratic and cubic terms, none of them negative, the loss
-per half cycle never grows while the amplitude falls, so a free decay is a fall. Waves make
-falls too; `segmentation` distinguishes them.
+No swing grows, the loss from one to the next does not jump, and the period stays: with friction, linear, quadratic and
+cubic damping, none negative, the loss per half-cycle never grows. Waves make falls too; `segmentation` rejects them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,27 +27,18 @@ from swath_sysid.attitude.motion.turning_points import (
 FAINTEST_SWING = 0.015  #: Part of the first swing below which a fall has ended: 1.5 % carries no information.
 GROWTH = 0.02  #: Part by which a swing may exceed the one before: light damping loses 1 % a half cycle.
 
-#: How many times the recent loss a swing may lose. Friction keeps the loss, linear damping lowers it with the swings,
-#: braking multiplies it.
+#: How many times the recent loss a swing may lose: friction keeps it, linear damping lowers it, braking multiplies it.
 LOSS_GROWTH = 1.5
 
-#: Least part of the loss to be expected from quadratic damping, which lowers it with the square of the swings. Waves
-#: that feed the motion leave less.
-LOSS_DROP = 0.5
-
+LOSS_DROP = 0.5  #: Least part of the loss expected with quadratic damping; waves leave less.
 RECENT = 5  #: This many losses or periods are recent.
 PERIOD_CHANGE = 1.25  #: Ratio by which a period may differ from the recent ones: restoring bends it slowly.
 ASYMMETRY = 2.2  #: Largest ratio of two successive half cycles: an asymmetric restoring makes them differ.
 BACKGROUND = 0.06  #: What breaks a fall below this part of its first swing is the background it fades into.
 BRIDGED_GAP = 0.15  #: Part of a half cycle that a gap must cover to hide a turning point.
 RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the swing away from it.
-
-#: Part of a half cycle that a cosine takes to do so.
-RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)
-
-#: Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping, 0.55 with 0.77 of it.
-CREEP_PERIODS = 0.6
-
+RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)  #: Of a half-cycle.
+CREEP_PERIODS = 0.6  #: Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping.
 MAX_CREEP = 1.3  #: A swing that turns this much later than a cosine that arrives with it has crept to rest.
 ODD_PERIOD = 0.25  #: A period that differs by this part from the median spans a gap.
 DWELL_BAND = 0.15  #: A craft held at a level stays within this part of the following swing.
@@ -62,13 +51,13 @@ ACTIVE_PART = 0.25  #: Motion that reaches, within a period, this part of the fi
 
 @dataclass(frozen=True)
 class Fall:
-    """A fall on one grid."""
+    """A decay candidate on one grid."""
 
     signal: EvenSignal  #: The grid it was found on, which suits its period.
-    time: np.ndarray  #: (M,); All turning points of that grid, with the record's first and last sample added.
-    value: np.ndarray  #: (M,); All turning points of that grid, with the record's first and last sample added.
-    first: int  #: Indices of its first and last turning point.
-    last: int  #: Indices of its first and last turning point.
+    time: np.ndarray  #: (M,); of all turning points of that grid, and the record's first and last sample.
+    value: np.ndarray  #: (M,); theirs.
+    first: int  #: Index of its first turning point.
+    last: int
     broken: bool  #: Whether something other than the noise or the record's end ended it.
     bridged: np.ndarray  #: ndarray of bool, shape (M - 1,); The swings that touch a gap, which say little.
 
@@ -117,8 +106,7 @@ class Fall:
     def _periods(self) -> tuple[np.ndarray, np.ndarray]:
         """Times between turning points of one side, s, and the swings they span.
 
-        The first turning point may have been held and the record's end is none, so neither
-        counts; nor do those that span a gap, unless all do.
+        Without the first turning point, which may have been held, the record's end, and gaps unless all have one.
         """
         inner = slice(self.first + 1, self.last if self.at_record_end else self.last + 1)
         time, bridged = self.time[inner], self.bridged[inner][:-1]
@@ -138,10 +126,9 @@ class Fall:
 
     @cached_property
     def first_half(self) -> float:
-        """Duration of the first half cycle without the time for which it was held, s.
+        """Duration of the first half-cycle from the release to the turning point, or to 95 % of the way, s.
 
-        From the release to the turning point, or to where 5 % of the way are left: a hull
-        with heavy damping creeps to rest, and then the noise decides where it turns.
+        A heavily damped hull creeps to rest, and noise decides where it turns.
         """
         return min(self._turned, self._arrived)
 
@@ -174,11 +161,10 @@ class Fall:
 
     @cached_property
     def scatter(self) -> float:
-        """Relative scatter of the periods about their trend beyond what the noise explains.
+        """Relative scatter of the periods about their trend beyond noise, weighted by the squared swings.
 
-        Weighted by the squared swings. Noise of standard deviation sigma moves a turning point of
-        amplitude a by about sigma P T / (4 pi^2 a), with P samples a period and half of
-        the noise's slope left by the smoothing.
+        Noise sigma moves a turning point of amplitude a by about sigma P T / (4 pi^2 a), with P samples per period and
+        half of the noise's slope left by the smoothing.
         """
         periods, swings = self._periods
         if periods.size < 3:
@@ -192,11 +178,7 @@ class Fall:
 
     @cached_property
     def roughness(self) -> float:
-        """Scatter of the swings about the smoothest law of decay, as part of the first swing.
-
-        The law gives each swing by a parabola in the one before: friction, linear and
-        quadratic damping.
-        """
+        """Scatter of each swing about a parabola in the previous one, as part of the first swing."""
         bridged = self.bridged[self.first : self.last]
         sure = ~(bridged[:-1] | bridged[1:])
         before, after = self.swings[:-1][sure] / self.swings[0], self.swings[1:][sure] / self.swings[0]
@@ -325,16 +307,9 @@ def find_falls(motion: AxisMotion) -> list[Fall]:
 def split_into_falls(
     time: np.ndarray, value: np.ndarray, least: float, bridged: np.ndarray
 ) -> Iterator[tuple[int, int, bool]]:
-    """Split turning points into maximal falls.
+    """Maximal falls in turning points (M,): first and last index, and whether anything but noise or the end broke it.
 
-    Args:
-        time, value: (M,); turning points.
-        least: Smallest swing that is not noise.
-        bridged: ndarray of bool, shape (M - 1,); swings that are not judged.
-
-    Yields:
-        first, last: Indices of the first and the last turning point.
-        broken: Whether something other than the noise or the record's end ended it.
+    ``least`` is the smallest swing that is not noise, ``bridged`` (M - 1,) masks swings that are not judged.
     """
     swings, halves = np.abs(np.diff(value)).tolist(), np.diff(time).tolist()
     skipped = bridged.tolist()
@@ -349,12 +324,7 @@ def split_into_falls(
 
 
 def bridged_swings(time: np.ndarray, signal: EvenSignal) -> np.ndarray:
-    """Mask of the swings that touch a gap long enough to hide a turning point, shape (M - 1,).
-
-    Args:
-        time: (M,); turning points, s.
-        signal: Its smoothing carries the straight line across a gap a few samples beyond it.
-    """
+    """Mask (M - 1,) of the swings that touch a gap long enough to hide a turning point, at times (M,), s."""
     bridged = np.zeros(time.size - 1, dtype=bool)
     reach = SMOOTHED_SAMPLES * signal.interval
     for begin, end in signal.gaps:
@@ -378,7 +348,8 @@ def _end_of_fall(
         loss = swings[known] - swings[at]
         whole = at < len(swings) - 1
         judged = known == at - 1 and whole
-        if judged and _loses_more(loss, recent, least):
+        # far more than the recent ones
+        if judged and len(recent) >= 2 and loss > LOSS_GROWTH * median(lost for lost, _ in recent) + least:
             return at, swings[known] > background
         if swings[at] < floor:
             return at, False
@@ -396,11 +367,6 @@ def _end_of_fall(
                 recent = [*recent, (loss, swings[known])][-RECENT:]
         known = at
     return len(swings), False
-
-
-def _loses_more(loss: float, recent: Sequence[tuple[float, float]], least: float) -> bool:
-    """Whether a swing loses far more than the recent ones."""
-    return len(recent) >= 2 and loss > LOSS_GROWTH * median(lost for lost, _ in recent) + least
 
 
 def _loses_less(loss: float, swing: float, recent: Sequence[tuple[float, float]], least: float) -> bool:

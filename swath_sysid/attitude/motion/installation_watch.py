@@ -1,4 +1,4 @@
-"""A running sensor, watched: what its own data say of its installation, from sample to sample."""
+"""Continuous check of a running sensor's installation by its own data."""
 
 from operator import itemgetter
 
@@ -21,16 +21,16 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.common.row_buffer import RowBuffer
 
 INTERVAL = 5.0  #: s between judgements of a running sensor.
-MIN_DURATION = 9.0  #: s below which a mean acceleration is not taken for gravity while a sensor runs.
-CONFIRMATIONS = 2  #: Judgements in a row that must agree on a contradiction, or on its end.
+MIN_DURATION = 9.0  #: s below which a running sensor's mean acceleration is not accepted as gravity.
+CONFIRMATIONS = 2  #: Successive judgements that must agree on a contradiction, or on its end.
 MAX_SAMPLES = 30_000  #: Of a window: half a minute at 1 kHz.
-GAP_NS = 3_000_000_000  #: ns; a longer silence begins a window anew.
+GAP_NS = 3_000_000_000  #: ns; a longer silence restarts the window.
 
 _values_of = itemgetter(*[CraftSample._fields.index(name) for names in PARTS for name in names])
 
 
 class InstallationCheck:
-    """The judgement of a running sensor: what it has been found to contradict, until it no longer does."""
+    """The contradictions of a running sensor, each until it no longer shows."""
 
     def __init__(self, installation: Installation) -> None:
         self._installation = installation
@@ -42,10 +42,10 @@ class InstallationCheck:
         self.judgements = 0
 
     def add(self, sample: CraftSample) -> None:
-        """Take in one sample."""
+        """Add one sample."""
         stamp_ns = sample[0]
         if not len(self._rows) or not 0 <= stamp_ns - self._newest_ns <= GAP_NS:
-            # a clock that was set back also is a reason to begin anew
+            # also after a clock that was set back
             self._rows.clear()
             self._origin_ns = self._judged_ns = stamp_ns
         self._newest_ns = stamp_ns
@@ -55,17 +55,14 @@ class InstallationCheck:
     def described(self) -> str:
         """What could be judged lately, in words."""
         if RATE_CODES <= self._decided:
-            return (
-                'gravity and rates agree with the attitude'
-                if GRAVITY_CODES <= self._decided
-                else ('the rates agree with the attitude')
-            )
+            also = 'gravity and' if GRAVITY_CODES <= self._decided else 'the'
+            return f'{also} rates agree with the attitude'
         if GRAVITY_CODES <= self._decided:
             return 'gravity agrees with the attitude; the rates show when the craft moves'
         return 'not judged yet: it takes 10 s of samples, with orientation or accelerations'
 
     def judge(self) -> tuple[Contradiction, ...]:
-        """Judge anew where enough has come in since the last time; what stands."""
+        """The contradictions now, judged anew after `INTERVAL`."""
         if self._newest_ns - self._judged_ns >= INTERVAL * 1e9:
             self._judged_ns = self._newest_ns
             judgement = self._judgement()
@@ -86,7 +83,7 @@ class InstallationCheck:
         return judge(*parts, installation=self._installation, interval=interval)
 
     def _weigh(self, judgement: Judgement) -> None:
-        """Contradictions stand, and fall, when this many judgements in a row agree."""
+        """Report or drop contradictions when `CONFIRMATIONS` judgements agree."""
         found = {(each.code, each.axis): each for each in judgement.contradictions}
         for key, each in found.items():
             votes = self._votes.get(key, (0, None))[0]

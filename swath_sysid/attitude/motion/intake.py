@@ -1,4 +1,4 @@
-"""The intake: IMU messages, as plain numbers, to samples of the craft's motion."""
+"""Conversion of IMU messages, as plain numbers, to samples of the craft's motion."""
 
 from collections.abc import Sequence
 from math import inf, isfinite, nan, radians
@@ -42,40 +42,48 @@ _LARGEST_RATE, _LARGEST_ACCELERATION = limit_of('roll_rate'), limit_of('accel_x'
 #: A sensor with a larger variance measures nothing, or its covariance is not in rad^2 and rad^2/s^2.
 LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE = limit_of('roll') ** 2, _LARGEST_RATE**2
 
-#: Beyond it roll and yaw can hardly be separated, and every rate error is more than five times as large in theirs.
-LARGEST_PITCH = radians(80.0)
+LARGEST_PITCH = radians(80.0)  #: Beyond it roll and yaw can hardly be separated.
 
 
 class ImuReading(NamedTuple):
-    """An IMU message as plain numbers, in the axes of the sensor."""
+    """An IMU message as plain numbers, in the axes of the sensor; see sensor_msgs/Imu.
+
+    Example:
+        A sensor that reports no covariances, at rest and level:
+
+        >>> unknown = [0.0] * 9
+        >>> reading = ImuReading(0, (0, 0, 0, 1), unknown, (0, 0, 0), unknown, (0, 0, 9.81), unknown)
+        >>> ForecastPipeline().add(reading).used
+        True
+    """
 
     stamp_ns: int  #: header.stamp.
     orientation: Sequence[float]  #: Quaternion x, y, z, w.
     #: rad^2, by rows; -1 in the first place: no orientation; all zero: unknown.
     orientation_covariance: Sequence[float]
-    rates: Sequence[float]  #: rad/s.
-    rates_covariance: Sequence[float]
-    force: Sequence[float]  #: Specific force, m/s^2.
-    force_covariance: Sequence[float]
+    rates: Sequence[float]  #: Angular velocity x, y, z, rad/s.
+    rates_covariance: Sequence[float]  #: rad^2/s^2, likewise.
+    force: Sequence[float]  #: Specific force x, y, z, m/s^2.
+    force_covariance: Sequence[float]  #: m^2/s^4, likewise.
 
 
 class CraftSample(NamedTuple):
     """The motion of the craft at one stamp. NaN marks what is not measured or not known."""
 
     stamp_ns: int
-    roll: float  #: Euler angles and rates, rad and rad/s.
-    pitch: float  #: Euler angles and rates, rad and rad/s.
-    roll_rate: float  #: Euler angles and rates, rad and rad/s.
-    pitch_rate: float  #: Euler angles and rates, rad and rad/s.
+    roll: float  #: rad.
+    pitch: float
+    roll_rate: float  #: Euler rate, rad/s.
+    pitch_rate: float
     accel_x: float  #: Specific force in the craft's axes, m/s^2.
-    accel_y: float  #: Specific force in the craft's axes, m/s^2.
-    accel_z: float  #: Specific force in the craft's axes, m/s^2.
-    roll_variance: float  #: rad^2 and rad^2/s^2.
-    pitch_variance: float  #: rad^2 and rad^2/s^2.
-    roll_rate_variance: float  #: rad^2 and rad^2/s^2.
-    pitch_rate_variance: float  #: rad^2 and rad^2/s^2.
-    yaw: float = nan  #: rad and rad/s.
-    yaw_rate: float = nan  #: rad and rad/s.
+    accel_y: float
+    accel_z: float
+    roll_variance: float  #: rad^2.
+    pitch_variance: float
+    roll_rate_variance: float  #: rad^2/s^2.
+    pitch_rate_variance: float
+    yaw: float = nan  #: rad.
+    yaw_rate: float = nan  #: rad/s.
     heave: float = nan  #: m, upwards; known from records only.
 
     @property
@@ -97,14 +105,9 @@ class Taken(NamedTuple):
 
 
 def take_in(reading: ImuReading, installation: Installation) -> Taken:
-    """Turn one IMU message into the motion of the craft; what cannot be used becomes NaN.
+    """Convert one IMU message to the motion of the craft; what cannot be used becomes NaN.
 
-    Without an orientation the body rates stand for the Euler rates, which is good for small
-    angles.
-
-    Args:
-        reading: The message.
-        installation: Of the sensor.
+    Without an orientation, body rates are taken as Euler rates, which holds for small angles.
     """
     stamp_ns, orientation, angle_covariance, body_rates, rate_covariance, specific_force, force_covariance = reading
     reasons: list[str] = []
@@ -200,13 +203,7 @@ def _variances(
 
 
 class Intake:
-    """The messages of one sensor: each placed behind those before it and turned into the motion of the craft.
-
-    Buffer and predictor each have one, or share one where they run over the same messages.
-
-    Args:
-        installation: Of the sensor.
-    """
+    """Orders the messages of one sensor and converts them to the motion of the craft."""
 
     def __init__(self, installation: Installation, stamps: StampSettings) -> None:
         self._installation = installation

@@ -1,7 +1,6 @@
 """Releases: the last moment at which a craft was held away from its trim.
 
-A hand that holds a craft wobbles, but smoothly; letting go makes the acceleration jump towards the trim. So a hold is
-sought as a stay on one side that is longer than a swing's, and the release in it as the kink before the craft falls.
+A hold is a stay on one side longer than a free half-cycle. At the release the acceleration jumps towards the trim.
 """
 
 from dataclasses import dataclass
@@ -32,16 +31,13 @@ class Release:
 
     time: float
     hold_start: float
-    angle: float  #: Where it was held and about what it then moved, rad.
-    trim: float  #: Where it was held and about what it then moved, rad.
+    angle: float  #: Where it was held, rad.
+    trim: float  #: About which it then moved, rad.
     period: float  #: Natural period guessed from the first fall, s.
 
 
 def find_releases(motion: AxisMotion, smallest: float) -> tuple[Release, ...]:
-    """Every release of a motion, in order of time; without an angle none is found.
-
-    The smallest angle from trim that counts as a hold is in rad.
-    """
+    """Every release of a motion with an angle, in order of time; a smaller angle from trim, rad, is no hold."""
     if motion.angle is None or motion.size < 50:
         return ()
     signal = even_signal(motion)
@@ -89,10 +85,7 @@ def _release_of(
 
 
 def _fall(part: np.ndarray, held: int, start: float, end: float) -> tuple[int, float] | None:
-    """Last index at a part of the hold's angle before the fall to another, and the samples in a natural period.
-
-    A swing falls like a cosine; None where it never does.
-    """
+    """Index where a hold falls below ``start`` of its angle on the way to ``end``, and samples per period."""
     below = np.flatnonzero(part[held:] < end)
     if not below.size:
         return None
@@ -103,15 +96,10 @@ def _fall(part: np.ndarray, held: int, start: float, end: float) -> tuple[int, f
 def kink_time(
     motion: AxisMotion, earliest: float, latest: float, period: float, towards: float, level: float
 ) -> float | None:
-    """When the acceleration jumps, or None where it does not.
+    """When, s, the acceleration jumps ``towards`` a sign, or None; sought between two times, for a natural period, s.
 
-    A parabola before and a quartic after, of one angle and rate where they meet, are fitted to angle and rate: first
-    where the jump stands out most, then, ever closer, where the residual is least.
-
-    Args:
-        motion: With an angle, a rate or both.
-        earliest, latest, period: Record time between which it is sought, and natural period, s.
-        towards, level: Sign of the jump, and angle from trim before it, rad.
+    A parabola before and a quartic after, continuous in angle and rate, are fitted to both: where the jump is most
+    significant, then, ever closer, where the residual is least. ``level`` is the angle held, rad from trim.
     """
     channels = [
         (values, max(noise_level(values), 1e-9), order)

@@ -1,7 +1,7 @@
 """The free decay in a record that also holds rest, pushes, disturbances and stops.
 
-A free decay is a fall (see `decay_candidates`). Waves make falls too, but short and rough ones amid
-motion; around a decay the craft was, or came to, rest.
+Waves make falls (see `decay_candidates`) too, but short and rough ones amid motion; around a decay the craft was, or
+came to, rest.
 """
 
 from collections.abc import Sequence
@@ -24,75 +24,56 @@ from swath_sysid.attitude.motion.turning_points import (
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
-# The figures on waves come from 100 simulated seas of 10 minutes (JONSWAP spectra, hulls of every damping) and two
-# measured ones; those on decays from the records of two tank models. Of 300 further seas one still passes for a decay:
-# a high group before a lull of 8 periods.
-#: rad and rad/s, peak to peak: below, an axis only shivers with the other's motion.
+# Figures on waves are from 100 simulated seas of 10 minutes (JONSWAP, hulls of every damping) and two measured ones,
+# those on decays from two tank models. Of 300 further seas one passes for a decay: a high group before a long lull.
+#: rad and rad/s, peak to peak: smaller motion is coupled from the other axis.
 SMALLEST_SWING = {'angle': float(np.radians(0.4)), 'rate': float(np.radians(1.0))}
 
-#: A record without a decay that reaches no further than so many times that (1 deg) is too small, whatever moved it.
-SMALLEST_REACH = 2.5
-
+SMALLEST_REACH = 2.5  #: A record without a decay within this many times that (1 deg) is too small.
 MIN_SWINGS = 3  #: Three swings show two losses and one rhythm; fewer are taken only where nothing else moves.
 
-#: A fall of so many swings, so smooth and so regular needs no rest around it. Tank decays reach 0.002 and 0.003; no
-#: fall in the seas came below 0.009 and 0.01 together.
+#: A fall this long, smooth and regular needs no rest around it: tank decays reach 0.002 and 0.003, seas 0.009 and 0.01.
 SMOOTH_SWINGS, SMOOTH_ROUGHNESS, SMOOTH_SCATTER = 8, 0.005, 0.02
 
-#: Nor does one of so many swings that is smooth and regular as far as noise lets it. In the seas 20 swings reached
-#: 0.023 and 0.006.
+#: Nor does one this long that is smooth and regular within noise: in the seas 20 swings reached 0.023 and 0.006.
 MANY_SWINGS, MANY_ROUGHNESS, MANY_SCATTER = 16, 0.015, 0.03
 
-#: In both cases other motion may last so many times longer: in hours of waves anything comes by once.
-MAX_SEARCHED = 30.0
-
+MAX_SEARCHED = 30.0  #: Other motion may then last this many times longer: in hours of waves anything occurs once.
 WHOLE_SWINGS, WHOLE_PART = 6, 0.8  #: Nor one of so many swings that fills this part of the record: seas reached 0.75.
 
-#: Periods of rest, before and after together, that settle the matter (those seas reached 4.8), and how many times
-#: longer other motion may last in that case.
+#: Periods of rest that prove a decay (seas reached 4.8), and how many times longer other motion may then last.
 REST_WANTED, MAX_SEARCHED_WITH_REST = 5.0, 100.0
 
-#: Periods of rest that settle it where little else in the record moves: for each period of rest, no more than the
-#: duration of the decay. Windows of ten and more periods cut from the seas had 1.6 times the duration with 0.8 periods
-#: of rest.
-REST_NEEDED = 1.0
-
+REST_NEEDED = 1.0  #: Periods of rest that prove it where other motion, per period of rest, lasts no longer.
 MAX_UNEXPLAINED = 2.0  #: In no case may other motion last longer than so many times the decay.
 SHORT_SCATTER = 0.045  #: Scatter of the periods, where it shows three, that such a decay may have.
 REST_IN_JUMP = 1.0  #: Periods of rest that a jump to the first turning point stands for.
 
-#: Mean logarithmic decrement a half cycle (pi times the damping ratio) below which the motion is kept up by something.
-#: The lightest decay known here has 0.012.
+#: Mean logarithmic decrement per half-cycle below which something sustains the motion; the lightest decay has 0.012.
 MIN_DECREMENT = 0.004
 
 MAX_ACTIVITY_AFTER = 0.5  #: Moving part of the ten periods after a decay that has no rest after it.
 HELD_PERIODS = 0.4  #: Dwelling at the first turning point that no swinging craft does: it was held there.
 JUMP_PERIODS = 0.05  #: A rise to it faster than the craft swings: it was dropped, or the record was cut.
 
-#: A rest that ended so many periods before the first turning point ended with a push; one that began so many after the
-#: last began with a stop.
+#: Rest that ends this many periods before the first turning point ended with a push; after the last, with a stop.
 PUSH_PERIODS, STOP_PERIODS = 1.25, 1.0
 
-#: Half cycles left out after a push (the hand, and the water it set in motion), as long as they cost no more than this
-#: part of the first swing.
+#: Half-cycles left out after a push, as long as they cost no more than this part of the first swing.
 PUSH_MEMORY_SWINGS, PUSH_MEMORY_COST = 2, 0.25
 
-#: With so many swings the tail below this part of the first is left out: it is as much the basin's motion. An eighth
-#: holds 1/64 of the energy.
+#: With this many swings the tail below this part of the first is left out, as it is as much the basin's motion.
 PLENTY_OF_SWINGS, PLENTIFUL_TAIL = 20, 0.125
 
 SMALLEST_OF_SEVERAL = 0.3  #: Part of the largest first swing below which a further fall is not a decay of its own.
 FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched counts as over.
 
-#: A motion swings from beginning to end where so many swings reach this part of its largest, and no longer part of the
-#: record holds none of them.
+#: Forced motion: this many swings reach this part of the largest, and no longer part of the record holds none of them.
 SWINGING_PART, MIN_SWINGING, LONGEST_LULL = 0.2, 10, 0.25
 
 FORCED_MOTION = 'forced-motion'
 
-#: Natural periods after a release within which the decay that it began is recognised: the first half swing.
-RELEASED_PART = 0.6
-
+RELEASED_PART = 0.6  #: Natural periods after a release within which its decay is recognised: the first half-cycle.
 QUIET_PERIODS = 2.5  #: A release alone shows a decay where so much of the record follows it.
 
 #: Largest and root mean square motion from a period after such a release on, over the angle released from.
@@ -104,21 +85,16 @@ class DecaySegment:
     """A stretch of free decay."""
 
     start: float  #: Record time, s.
-    end: float  #: Record time, s.
-    period: float  #: Mean period of its swings, s.
+    end: float
+    period: float  #: Mean, s.
     cycles: float  #: Length in periods, as far as the swings stand out of the noise.
-    #: First (within given bounds the largest) and last amplitude about the trim; rad, or rad/s where ``quantity`` is
-    #: ``rate``.
-    initial_amplitude: float
-    #: First (within given bounds the largest) and last amplitude about the trim; rad, or rad/s where ``quantity`` is
-    #: ``rate``.
+    initial_amplitude: float  #: About the trim (within given bounds the largest); rad, or rad/s of a ``rate``.
     final_amplitude: float
-    trim: float  #: What it swings about, same unit.
+    trim: float
     quantity: str = 'angle'  #: ``angle`` or ``rate``: what the swings were found in.
     #: ``released`` (held or dropped), ``record-start``, ``pushed``, ``under-way`` or ``given``.
     beginning: str = 'given'
-    #: ``record-end``, ``noise-floor``, ``faded`` (its faint tail left out), ``disturbed`` or ``given``.
-    ending: str = 'given'
+    ending: str = 'given'  #: ``record-end``, ``noise-floor``, ``faded``, ``disturbed`` or ``given``.
     advice: tuple[Advice, ...] = ()  #: What was left out or had to be chosen.
 
     @property
@@ -128,10 +104,7 @@ class DecaySegment:
 
 
 def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
-    """The free decays in the angle of a record, or in its rate where no angle was measured.
-
-    The one with the most motion first, none overlapping; empty where there is none.
-    """
+    """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
     decays: list[Fall] = []
     releases: list[Release] = []
     for piece in split_at_pauses(motion):
@@ -142,16 +115,9 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
 
 
 def find_decay(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment:
-    """Find the best free decay of a record, or measure the one that was given.
+    """Find the best free decay of a record, or measure the one between given bounds, s of record time.
 
-    Args:
-        motion: The record.
-        start, end: Record time, s. What is given is taken as it is; what is not is found: the end of the first decay
-            after ``start``, the start of the last before ``end``.
-
-    Raises:
-        InputError: The bounds hold no motion, or nothing decays freely; the sentence says what was seen instead and
-            what to do.
+    A missing bound is found: the end of the first decay after ``start``, the start of the last before ``end``.
     """
     found = decay_or_absence(motion, start, end)
     if isinstance(found, Advice):
@@ -166,7 +132,7 @@ def decay_or_absence(motion: AxisMotion, start: float | None = None, end: float 
         return _measured(inside, float(start), float(end))
     decays = find_decays(inside)
     if not decays and (start is not None or end is not None):
-        decays = _vouched_for(inside)
+        decays = _within_a_bound(inside)
     if not decays:
         return explain_absence(inside)
     if start is not None:
@@ -177,10 +143,7 @@ def decay_or_absence(motion: AxisMotion, start: float | None = None, end: float 
 
 
 def is_finished(segment: DecaySegment, motion: AxisMotion) -> bool:
-    """Whether a decay that was found in a record is over, for one who watches the record grow.
-
-    It has met the noise, a disturbance or its faint tail, has fallen to `FINISHED`, or lies more than a period back.
-    """
+    """Whether a decay found in a growing record is over: disturbed, faded, small, or more than a period ago."""
     over = segment.ending in ('noise-floor', 'faded', 'disturbed')
     fallen = segment.final_amplitude <= FINISHED * segment.initial_amplitude
     return bool(over or fallen or motion.time[-1] > segment.end + segment.period)
@@ -191,29 +154,15 @@ def explain_absence(motion: AxisMotion) -> Advice:
     signal = even_signal(motion)
     name, reach = _name(motion), float(np.ptp(signal.value))
     if reach < SMALLEST_REACH * SMALLEST_SWING[signal.quantity]:
-        return Advice(
-            'too-small',
-            f'{name} hardly moves ({_in_degrees(reach, signal.quantity)} peak to peak): '
-            'release the craft from 3 deg or more, and check that this is the axis that moved',
-        )
+        return Advice.of('too-small: record', name=name, reach=_in_degrees(reach, signal.quantity))
     if keeps_swinging(motion):
         spread = _in_degrees(float(np.std(signal.value)), signal.quantity)
-        return Advice(
-            FORCED_MOTION,
-            f'{name} swings from beginning to end (standard deviation {spread}) and nowhere dies out: this is motion '
-            'in waves, not a free decay. Identified at sea it gives the natural period, and the damping at its '
-            'amplitude; for more than that, record a release in still water, or give start and end of a decay in it',
-        )
-    return Advice(
-        'no-decay',
-        f'no free decay was found in {name}: it moves by {_in_degrees(reach, signal.quantity)}, but not in swings that '
-        'fall steadily in a steady rhythm with rest before or after; record a release in still water until it '
-        'has died out, or give start and end of a decay in it',
-    )
+        return Advice.of(FORCED_MOTION, name=name, spread=spread)
+    return Advice.of('no-decay', name=name, reach=_in_degrees(reach, signal.quantity))
 
 
 def keeps_swinging(motion: AxisMotion) -> bool:
-    """Whether a motion swings from beginning to end, as it does in waves."""
+    """Whether a motion oscillates from start to end, as it does in waves."""
     points = find_turning_points(motion)
     if points.time.size <= MIN_SWINGING:
         return False
@@ -300,11 +249,8 @@ def _free_falls(falls: Sequence[Fall]) -> list[Fall]:
 
 def _is_rhythmic(fall: Fall) -> bool:
     """Long enough to show a rhythm, which its first half cycle keeps, and truly falling."""
-    return fall.swings.size >= MIN_SWINGS and fall.is_suited and _keeps_time(fall) and fall.decrement >= MIN_DECREMENT
-
-
-def _keeps_time(fall: Fall) -> bool:
-    return 1.0 / ASYMMETRY < fall.first_half / (0.5 * fall.period) < ASYMMETRY
+    keeps_time = 1.0 / ASYMMETRY < fall.first_half / (0.5 * fall.period) < ASYMMETRY
+    return fall.swings.size >= MIN_SWINGS and fall.is_suited and keeps_time and fall.decrement >= MIN_DECREMENT
 
 
 def _rest(fall: Fall) -> float:
@@ -373,6 +319,7 @@ def _segment_of(fall: Fall) -> DecaySegment:
     first, beginning = _free_start(fall)
     last, end, ending = _free_end(fall, first)
     start = fall.leaving_time(first)
+    left = 100.0 * abs(fall.value[last] - fall.value[last - 1]) / fall.swings[0]
     reliable_end = end if ending == 'record-end' else fall.end if last == fall.last else float(fall.time[last])
     return DecaySegment(
         start=start,
@@ -385,7 +332,7 @@ def _segment_of(fall: Fall) -> DecaySegment:
         quantity=fall.signal.quantity,
         beginning=beginning,
         ending=ending,
-        advice=(_cut_advice(fall, last, end),) if ending == 'disturbed' else (),
+        advice=(Advice.of('disturbed-tail', end=end, left=left),) if ending == 'disturbed' else (),
     )
 
 
@@ -434,26 +381,14 @@ def _end_of_quiet(fall: Fall) -> float:
     return signal.start + signal.interval * (begin + int(outside[0]) if outside.size else end)
 
 
-def _cut_advice(fall: Fall, last: int, end: float) -> Advice:
-    left = 100.0 * abs(fall.value[last] - fall.value[last - 1]) / fall.swings[0]
-    return Advice(
-        'disturbed-tail',
-        f'the motion after {end:.1f} s was left out, because there its swings or its period jump, with {left:.0f} % of '
-        'the first swing left: look at it, and give a later end if it belongs to the decay',
-    )
-
-
 def _between(motion: AxisMotion, start: float | None, end: float | None) -> AxisMotion:
     """The samples between the given bounds, which must make sense."""
     if start is not None and end is not None and not start < end:
         raise InputError(f'the start ({start:g} s) must lie before the end ({end:g} s)')
     inside = motion.between(start, end)
     if inside.size < 8:
-        bounds = (
-            ''
-            if start is None and end is None
-            else (f' between {_bound(start, "its begin")} and {_bound(end, "its end")}')
-        )
+        given = start is not None or end is not None
+        bounds = f' between {_bound(start, "its start")} and {_bound(end, "its end")}' if given else ''
         raise InputError(
             f'{_name(motion)} has too few samples{bounds} for a decay ({inside.size}); '
             f'the record runs from {motion.time[0]:.1f} to {motion.time[-1]:.1f} s'
@@ -466,7 +401,7 @@ def _bound(value: float | None, otherwise: str) -> str:
 
 
 def _measured(motion: AxisMotion, start: float, end: float) -> DecaySegment:
-    """The decay that the user says there is."""
+    """The decay between bounds that the user gave."""
     signal = even_signal(motion)
     if np.ptp(signal.value) == 0.0:
         raise InputError(f'{_name(motion)} is constant from {start:g} to {end:g} s: give a stretch in which it moves')
@@ -491,16 +426,15 @@ def _measured(motion: AxisMotion, start: float, end: float) -> DecaySegment:
 def _period_of_relaxation(signal: EvenSignal, centre: float) -> float:
     """Natural period guessed from a motion that turns at most once, s.
 
-    A critically damped hull, let go, has fallen to 10 % of its angle after 0.62 natural periods:
-    (1 + w0 t) exp(-w0 t) = 0.1 at w0 t = 3.89.
+    A critically damped hull falls to 10 % of its angle in 0.62 periods: (1 + w0 t) exp(-w0 t) = 0.1 at w0 t = 3.89.
     """
     away = np.abs(signal.value - centre)
     far = np.flatnonzero(away > 0.1 * away.max())
     return signal.interval * max((far[-1] - far[0] + 1) / 0.62, 2.0)
 
 
-def _vouched_for(motion: AxisMotion) -> tuple[DecaySegment, ...]:
-    """The large falls, taken for free decays because the user gave a bound."""
+def _within_a_bound(motion: AxisMotion) -> tuple[DecaySegment, ...]:
+    """The large falls, accepted as free decays because the user gave a bound."""
     falls = [
         fall
         for piece in split_at_pauses(motion)
@@ -524,16 +458,12 @@ def _with_bounds(
 
 
 def _best_of(decays: Sequence[DecaySegment]) -> DecaySegment:
-    """The best decay, with a word about the others."""
+    """The best decay, with advice about the others."""
     best = decays[0]
     if len(decays) == 1:
         return best
     others = ', '.join(f'{decay.start:.1f} to {decay.end:.1f} s' for decay in decays[1:4])
-    several = Advice(
-        'several-decays',
-        f'{len(decays)} free decays were found; the one with the most motion is used, from {best.start:.1f} to '
-        f'{best.end:.1f} s: give start and end to use another ({others})',
-    )
+    several = Advice.of('several-decays', number=len(decays), start=best.start, end=best.end, others=others)
     return replace(best, advice=(*best.advice, several))
 
 

@@ -17,13 +17,7 @@ FRAMES = ('flu', 'frd')  #: Sensor axes forward-left-up in an ENU world, or forw
 
 @dataclass(frozen=True)
 class Installation:
-    """The frame and mounting of a sensor.
-
-    Its readings are first brought from its frame to FLU in ENU, then turned by the mounting.
-
-    Raises:
-        InputError: There is no such frame, or the mounting is not three finite angles.
-    """
+    """Frame and mounting of a sensor: readings go from its frame to FLU in ENU, then through the mounting."""
 
     frame: str = 'flu'  #: One of `FRAMES`: what the sensor's axes and angles mean.
     #: rad: roll, pitch, yaw of the sensor's (FLU) axes as seen from the craft's.
@@ -46,13 +40,13 @@ class Installation:
         return float(x), float(y), float(z), float(w)
 
     def vector(self, x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
-        """A rate or specific force in the sensor's axes, in those of the craft (FLU); floats or arrays alike."""
+        """A rate or specific force from the sensor's axes to the craft's (FLU); floats or arrays."""
         if self.frame == 'frd':
             x, y, z = attitude.swap_body_axes(x, y, z)
         return attitude.rotate(self.rotation, x, y, z) if self.is_turned else (x, y, z)
 
     def orientation(self, x: Value, y: Value, z: Value, w: Value) -> tuple[Value, Value, Value, Value]:
-        """The quaternion of the sensor in its world, as that of the craft in ENU; floats or arrays alike."""
+        """The quaternion of the sensor in its world as that of the craft in ENU; floats or arrays."""
         if self.frame == 'frd':
             x, y, z, w = attitude.swap_frames(x, y, z, w)
         if self.is_turned:
@@ -61,7 +55,7 @@ class Installation:
 
 
 def _turns() -> list[np.ndarray]:
-    """The 24 rotations that bring axes onto axes, the plainest first."""
+    """The 24 right-angled rotations, the smallest first."""
     signed = (
         np.array(signs)[:, None] * np.eye(3)[list(order)]
         for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
@@ -95,6 +89,6 @@ def in_degrees(mounting: Sequence[float]) -> list[int]:
 
 
 def mounting_after(further: Sequence[float], installation: Installation) -> list[int]:
-    """The mounting, deg, of a sensor that is turned by a further rotation (rad) beside its stated mounting."""
+    """The mounting, deg, of a sensor with a further rotation, rad, after its stated mounting."""
     turned = attitude.multiply(attitude.quaternion(*further), installation.rotation)
     return in_degrees(attitude.euler_angles(*turned))

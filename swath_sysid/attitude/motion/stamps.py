@@ -1,6 +1,7 @@
 """The order of a sensor's stamps: what to leave out, and when the clock itself has moved."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 from swath_sysid.common.errors import InputError
@@ -12,28 +13,24 @@ JUMPED_BACK = 'clock-jumped-back'
 GAP = 'gap'
 LONG_GAP = 'gap-too-long'
 RATE_CHANGED = 'rate-changed'
-#: Everything that is counted; the first three leave the sample out.
+#: All counted reasons; the first three leave the sample out.
 STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, GAP, LONG_GAP, RATE_CHANGED)
 
 NANOSECOND = 1e-9
 GAP_INTERVALS = 2.5
 LONG_GAP_INTERVALS = 5.0
-#: Largest relative step of the tracked interval a sample, settled or not; it stays near the median of jitter.
-FOLLOWING = {True: 0.02, False: 0.1}
-
+FOLLOWING = {True: 0.02, False: 0.1}  #: Largest relative step per sample of the tracked interval, settled or not.
 SETTLING_SAMPLES = 50
-SETTLED = 1.15  #: The interval is settled when it has moved by less than this factor over this many samples.
-
+SETTLED = 1.15  #: The interval is settled when it has moved by less than this factor over `SETTLING_SAMPLES`.
 RATE_CHANGE = 1.4
 
 
 @dataclass(frozen=True)
 class StampSettings:
-    """What counts as late, and what as a gap."""
+    """Limits of late stamps and of gaps."""
 
-    #: s; a stamp less far back is late, those further back are a clock that was set back (a bag that looped).
-    backward_jump: float = 1.0
-    gap_limit: float = 1.0  #: s; a longer silence is a new beginning.
+    backward_jump: float = 1.0  #: s; a stamp less far back is late, further back the clock was set back.
+    gap_limit: float = 1.0  #: s; a longer silence is a restart.
 
     def __post_init__(self) -> None:
         for name in ('backward_jump', 'gap_limit'):
@@ -42,7 +39,7 @@ class StampSettings:
 
 
 class Placed(NamedTuple):
-    """Whether a sample follows those before it, and what is to be counted, which may be about the one before."""
+    """Whether a sample is in order, and the reasons to count, which may be about the previous one."""
 
     kept: bool
     reasons: tuple[str, ...] = ()
@@ -52,11 +49,10 @@ FOLLOWS = Placed(True)
 
 
 class StampOrder:
-    """Places each stamp of one sensor behind those before it.
+    """Orders the stamps of one sensor.
 
-    A stamp that does not follow (a second or more back, or far ahead) is suspect: it is left out
-    until the next one shows whether it was a stray packet, or of another publisher, or whether
-    the clock has moved.
+    A stamp that is far back or far ahead is held as suspect until the next one shows whether it was a stray packet or
+    the clock has jumped.
     """
 
     def __init__(self, settings: StampSettings | None = None) -> None:
@@ -83,18 +79,14 @@ class StampOrder:
             return Placed(False, (DUPLICATE,))
         if -self._settings.backward_jump <= elapsed < 0.0:
             return Placed(False, (OUT_OF_ORDER,))
-        if elapsed < 0.0 or self._is_long(elapsed):
+        longest = inf if self._interval is None else max(self._settings.gap_limit, LONG_GAP_INTERVALS * self._interval)
+        if elapsed < 0.0 or elapsed > longest:
             return self._doubt(stamp_ns, elapsed)
         reasons = self._judge_interval(elapsed)
         if self._suspect is not None:
             reasons = self._refuted() + reasons
         self._last = stamp_ns
         return Placed(True, reasons) if reasons else FOLLOWS
-
-    def _is_long(self, elapsed: float) -> bool:
-        if self._interval is None:
-            return False
-        return elapsed > max(self._settings.gap_limit, LONG_GAP_INTERVALS * self._interval)
 
     def _doubt(self, stamp_ns: int, elapsed: float) -> Placed:
         if self._suspect is not None and stamp_ns > self._suspect:
@@ -105,7 +97,7 @@ class StampOrder:
         return Placed(False, reasons)
 
     def _refuted(self) -> tuple[str, ...]:
-        """What the suspect turns out to have been, now that the next stamp does not follow it."""
+        """The reason to count for a suspect that the next stamp does not follow."""
         if self._suspect is None:
             return ()
         reason = OUT_OF_ORDER if self._last is not None and self._suspect < self._last else STRAY

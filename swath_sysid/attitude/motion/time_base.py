@@ -17,27 +17,13 @@ LONGEST_PERIOD, DOUBTFUL_PERIOD = 60.0, 30.0  #: s: roll and pitch of small craf
 
 CONSECUTIVE_SHARE = 0.99
 MIN_CYCLES = 2
-#: A crossing counts when the motion has gone beyond this part of its standard deviation on both sides.
-HYSTERESIS = 0.3
+HYSTERESIS = 0.3  #: Of the standard deviation, to be exceeded on both sides of a crossing.
 
 
 def check_time_base(
     time: np.ndarray, motions: Sequence[np.ndarray], source: str, column: str = 'time_s', unit: str = 's'
 ) -> tuple[Advice, ...]:
-    """Refuse a time that cannot be in its unit, and say so where it is in doubt.
-
-    Args:
-        time: (N,); seconds, as read by the unit of the column; strictly increasing.
-        motions: sequence of (N,); angles or rates that swing with the craft, NaN where missing.
-        source, column, unit: For messages.
-
-    Returns:
-        Code ``time-unit``.
-
-    Raises:
-        InputError: The column counts from 1970 in a shorter unit, gives an impossible sample rate, or numbers the
-            samples.
-    """
+    """Reject a time (N,) that cannot be in its unit, and warn where motions (N,) show an implausible period."""
     if time.size < 2:
         return ()
     interval = float(np.median(np.diff(time)))
@@ -46,11 +32,8 @@ def check_time_base(
         short = next((u for u, scale in SHORTER_UNITS.items() if abs(time[0]) * scale < LATEST_EPOCH), 'ns')
         raise InputError(f'{name} counts {short} since 1970 and not seconds: call it time_{short}')
     if interval > 1.0 / MIN_RATE:
-        fitting = (
-            [u for u, scale in SHORTER_UNITS.items() if USUAL_RATES[0] <= 1.0 / (interval * scale) <= USUAL_RATES[1]]
-            if unit == 's'
-            else []
-        )
+        shorter = SHORTER_UNITS if unit == 's' else {}
+        fitting = [u for u, scale in shorter.items() if USUAL_RATES[0] <= 1.0 / (interval * scale) <= USUAL_RATES[1]]
         cure = f'call it time_{" or time_".join(fitting)}, as its unit is' if fitting else 'give it its true unit'
         raise InputError(
             f'{name} has a sample every {interval:.4g} s, too seldom for the motion of a craft: '
@@ -74,23 +57,14 @@ def _check_numbering(time: np.ndarray, motions: Sequence[np.ndarray], name: str)
     )
     if not periods or min(periods) <= DOUBTFUL_PERIOD:
         return ()
-    doubt = (
-        f'{name} counts 0, 1, 2, ..., by which the craft would take {min(periods):.3g} s a cycle: if it numbers the '
-        f'samples, call it time_samples and put a line "# sample_rate_hz: 100" above; if it counts milliseconds, call '
-        f'it time_ms'
-    )
+    doubt = Advice.of('time-unit', name=name, period=min(periods))
     if plain and min(plain) > LONGEST_PERIOD:
-        raise InputError(doubt)
-    return (Advice('time-unit', doubt),)
+        raise InputError(doubt.message)
+    return (doubt,)
 
 
 def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CYCLES) -> float | None:
-    """The mean period, s, of a motion by its upward crossings of the median, None where it hardly swings.
-
-    Args:
-        time, motion: (N,); s, and the unit of the motion, NaN where missing.
-        min_cycles: Fewer whole cycles show no period.
-    """
+    """Mean period, s, of a motion (N,) by its upward crossings of the median; None with fewer cycles than these."""
     known = np.isfinite(motion)
     if np.count_nonzero(known) < 4:
         return None

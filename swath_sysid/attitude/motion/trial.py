@@ -10,10 +10,9 @@ from swath_sysid.common.errors import InputError, check_choice
 
 AXES = ('roll', 'pitch')
 
-#: What an IMU gives of roll and pitch: the columns of a window on the wire, in this order.
+#: What an IMU measures of roll and pitch: the columns of a published window, in this order.
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
-
-FURTHER_CHANNELS = ('yaw_rate', 'heave')  #: What some records hold beside `CHANNELS`: more of the wave, for a forecast.
+FURTHER_CHANNELS = ('yaw_rate', 'heave')  #: In some records: more of the wave, for a forecast.
 
 
 @dataclass(frozen=True)
@@ -22,8 +21,8 @@ class AxisMotion:
 
     axis: str
     time: np.ndarray  #: (N,); Seconds, strictly increasing, not necessarily even.
-    angle: np.ndarray | None  #: (N,), or None; rad, and Euler rate, rad/s; None where the sensor gave none.
-    rate: np.ndarray | None  #: (N,), or None; rad, and Euler rate, rad/s; None where the sensor gave none.
+    angle: np.ndarray | None  #: (N,); rad; None where the sensor gave none.
+    rate: np.ndarray | None  #: (N,); Euler rate, rad/s; None where the sensor gave none.
     source: str = ''
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
 
@@ -76,6 +75,18 @@ class Trial:
     (body axes x forward, y port, z up; the yaw rate is positive to port); accelerations are
     specific force in body axes, so that a craft at rest reads about +9.81 m/s^2 on z; heave is
     positive up.
+
+    Example:
+        A trial is read from a file, or made from arrays:
+
+        >>> time = np.arange(0.0, 10.0, 0.02)
+        >>> trial = Trial(time, roll=0.1 * np.exp(-0.1 * time) * np.cos(2.0 * time))
+        >>> trial.axes
+        ('roll',)
+        >>> trial.between(2.0, 4.0).time.size
+        101
+        >>> trial.axis('roll').duration
+        9.98
     """
 
     time: np.ndarray  #: (N,); Seconds, strictly increasing.
@@ -89,8 +100,8 @@ class Trial:
     yaw_rate: np.ndarray | None = None
     heave: np.ndarray | None = None
     source: str = ''  #: The file (or topic) the trial was read from.
-    draft: float | None = None  #: m and rad, where known.
-    initial_angle: float | None = None  #: m and rad, where known.
+    draft: float | None = None  #: m.
+    initial_angle: float | None = None  #: rad.
     advice: tuple[Advice, ...] = ()  #: What the reader had to repair or leave out.
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
 

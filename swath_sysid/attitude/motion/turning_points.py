@@ -1,8 +1,7 @@
-"""Turning points of a motion: its swings, half cycles and natural period.
+"""Turning points of a motion: its half-cycles and natural period.
 
-A motion is looked at on a pyramid of ever coarser even time grids, each the pairwise mean of
-the one before. On the grid that holds a few tens of samples a period the noise is small, the
-turning points are still sharp, and a turning point is one that stands out of the noise.
+A motion is examined on a pyramid of even time grids, each the pairwise mean of the one before: on the grid with a few
+tens of samples per period the noise is small and the turning points are still sharp.
 """
 
 from collections.abc import Iterator
@@ -14,18 +13,16 @@ from scipy.ndimage import gaussian_filter1d
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, without_spikes
 
-MAX_SAMPLES = 65536  #: Longer records are averaged down to this many samples: 20 a period for an hour of a 1 s period.
-MIN_PER_PERIOD = 32  #: Samples a period on the coarsest grid used: its smoothing takes 2 % of the amplitude at most.
+MAX_SAMPLES = 65536  #: Longer records are averaged down to this many samples: 20 per period in an hour of 1 s periods.
+MIN_PER_PERIOD = 32  #: Samples per period on the coarsest grid used: its smoothing takes 2 % of the amplitude at most.
 MIN_PER_PERIOD_UNSMOOTHED = 5  #: On the finest grid nothing is smoothed, and slow sampling is all there is.
 PROMINENCE = 5.0  #: A turning point stands out by this many standard deviations of the noise left on its grid.
 RESOLVED_STEPS = 1.5  #: ... by this many steps of rounded values: where the motion is slow, averaging does not help,
-SMALLEST_PROMINENCE = 0.002  #: ... and by this part of the record's range, so that no trifle is taken for motion.
+SMALLEST_PROMINENCE = 0.002  #: ... and by this part of the record's range, to ignore trifles.
 SMOOTHING = 1.0  #: Width (standard deviation, samples) of the Gaussian that smooths all but the finest grid.
 
-#: What that Gaussian leaves of the standard deviation of white noise.
-SMOOTHED_NOISE = 1.0 / np.sqrt(2.0 * np.sqrt(np.pi) * SMOOTHING)
-
-LONGEST_BRIDGED_GAP = 0.2  #: A pause longer than this part of what was sampled splits the record in two.
+SMOOTHED_NOISE = 1.0 / np.sqrt(2.0 * np.sqrt(np.pi) * SMOOTHING)  #: Part of white noise that it leaves.
+LONGEST_BRIDGED_GAP = 0.2  #: A pause longer than this part of the record splits it in two.
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class EvenSignal:
     value: np.ndarray  #: (N,); rad or rad/s.
     noise: float  #: Standard deviation of the white noise in ``value``.
     resolution: float  #: Smallest step between the values as they were recorded.
-    gaps: np.ndarray  #: (K, 2); Begin and end of the stretches without samples, s; interpolated in ``value``.
+    gaps: np.ndarray  #: (K, 2); start and end of the gaps, s; interpolated in ``value``.
     smoothed: bool = False  #: False on the finest grid as it was measured.
     record_end: float = np.inf  #: Time of the record's last sample, s; coarse grids end a little earlier.
 
@@ -61,8 +58,8 @@ class EvenSignal:
 class TurningPoints:
     """Alternate maxima and minima of a motion."""
 
-    time: np.ndarray  #: (M,); s; rad, or rad/s where ``quantity`` is ``rate``, because no angle was measured.
-    value: np.ndarray  #: (M,); s; rad, or rad/s where ``quantity`` is ``rate``, because no angle was measured.
+    time: np.ndarray  #: (M,); s.
+    value: np.ndarray  #: (M,); rad, or rad/s where ``quantity`` is ``rate``.
     quantity: str
     noise: float  #: Standard deviation of the noise of one value.
 
@@ -78,10 +75,9 @@ class TurningPoints:
 
 
 def find_turning_points(motion: AxisMotion, period: float | None = None) -> TurningPoints:
-    """The maxima and minima of a motion's angle (its rate, without one) that stand out of its noise.
+    """Maxima and minima of a motion's angle (or rate) that stand out of its noise, smoothed for a period, s.
 
-    Smoothed for a period, s; without it, for the slowest period on which most of the motion swings. Empty where nothing
-    turns.
+    Without a period: for the slowest on which most of the motion oscillates.
     """
     levels = pyramid(even_signal(motion))
     best = turning_points_of(next(levels))
@@ -94,11 +90,7 @@ def find_turning_points(motion: AxisMotion, period: float | None = None) -> Turn
 
 
 def mean_period(points: TurningPoints) -> float:
-    """Period over the turning points, weighted by their swings, s.
-
-    Raises:
-        ValueError: Fewer than two turning points.
-    """
+    """Period over the turning points, two at least, weighted by their swings, s."""
     if points.time.size < 2:
         raise ValueError('a period needs at least two turning points')
     if points.time.size < 3:
@@ -108,11 +100,9 @@ def mean_period(points: TurningPoints) -> float:
 
 
 def centre_of_decay(value: np.ndarray) -> float:
-    """Value about which a decay swings, from its successive turning points, shape (M,), M >= 1.
+    """Value about which a decay oscillates, from its successive turning points, shape (M,), M >= 1.
 
-    The limit of a geometric sequence from three successive terms (Aitken's delta-squared
-    process) is exact for linear damping; the median over the decay, weighted by the
-    swings, resists noise and damping that changes with the amplitude.
+    Aitken's delta-squared limit of three successive terms, exact for linear damping; its median weighted by the swings.
     """
     value = np.asarray(value, dtype=float)
     if value.size < 3:
@@ -134,10 +124,7 @@ def weighted_median(value: np.ndarray, weight: np.ndarray) -> float:
 
 
 def find_gaps(motion: AxisMotion, longer_than: float | None = None) -> np.ndarray:
-    """Begin and end, s, of the stretches without samples, shape (K, 2).
-
-    Those longer than a limit, s, by default one and a half times the median sample interval.
-    """
+    """Start and end, s, of the gaps longer than a limit, s (default 1.5 median intervals), shape (K, 2)."""
     if motion.size < 3:
         return np.empty((0, 2))
     steps = np.diff(motion.time)
@@ -157,10 +144,7 @@ def split_at_pauses(motion: AxisMotion) -> list[AxisMotion]:
 
 
 def even_signal(motion: AxisMotion) -> EvenSignal:
-    """The angle of a motion (or its rate, without an angle) on an even grid, without lone spikes.
-
-    Gaps in it are bridged by straight lines.
-    """
+    """The angle of a motion (or its rate) on an even grid, without lone spikes, with gaps bridged by straight lines."""
     quantity, value = ('rate', motion.rate) if motion.angle is None else ('angle', motion.angle)
     value = np.asarray(value, dtype=float)
     time = np.asarray(motion.time, dtype=float)
@@ -200,10 +184,7 @@ def pyramid(signal: EvenSignal) -> Iterator[EvenSignal]:
 
 
 def suits(signal: EvenSignal, period: float) -> bool:
-    """Whether a grid is the one on which to look at a period.
-
-    Neighbouring grids overlap by a little, so that a period is never missed between them.
-    """
+    """Whether to examine a period, s, on this grid; neighbouring grids overlap a little."""
     samples = period / signal.interval
     if signal.smoothed:
         return MIN_PER_PERIOD <= samples <= 2.2 * MIN_PER_PERIOD
@@ -215,9 +196,7 @@ def prominence_of(signal: EvenSignal) -> float:
     if signal.value.size < 2:
         return 0.0
     return max(
-        PROMINENCE * signal.noise,
-        RESOLVED_STEPS * signal.resolution,
-        SMALLEST_PROMINENCE * float(np.ptp(signal.value)),
+        PROMINENCE * signal.noise, RESOLVED_STEPS * signal.resolution, SMALLEST_PROMINENCE * float(np.ptp(signal.value))
     )
 
 

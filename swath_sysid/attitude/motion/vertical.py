@@ -1,8 +1,4 @@
-"""Vertical motion from what an IMU measures: acceleration in the world, heave and vertical velocity from it.
-
-Gravity is removed by the orientation.  What is integrated is known above a lowest frequency only, so heave and velocity
-are about their mean: the level about which the craft heaves.
-"""
+"""Vertical motion from an IMU: acceleration in the world, and heave and vertical velocity about their means."""
 
 from itertools import accumulate
 
@@ -12,38 +8,21 @@ from scipy import fft
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value, up_in_body
 
 BAND_HZ = (0.04, 1.5)  #: Of heave and vertical velocity: slower motion drowns in the drift of twice integrated noise.
-
-#: s at either end of a stretch where its zero-phase integrals are not yet what a longer stretch would give.
-EDGE = 30.0
-
+EDGE = 30.0  #: s at either end of a stretch where its zero-phase integrals are not valid.
 HEAVE, VELOCITY, ACCELERATION = 2, 1, 0  #: How often the vertical acceleration is integrated.
-
-#: s; time constants of the leaky integrals, one after another.
-_LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))
+_LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))  #: s; chained time constants.
 
 
 def vertical_acceleration(roll: Value, pitch: Value, specific_force: np.ndarray) -> Value:
-    """Acceleration along the world's vertical, upwards, without gravity, m/s^2.
-
-    Args:
-        roll, pitch: rad.
-        specific_force: (3,) or (N, 3); in the craft's axes, m/s^2.
-    """
+    """Acceleration upwards without gravity, m/s^2, from attitude, rad, and specific force (3,) or (N, 3), m/s^2."""
     upwards = sum(up * force for up, force in zip(up_in_body(roll, pitch), specific_force.T, strict=True))
     return upwards - STANDARD_GRAVITY
 
 
 def zero_phase_integral(signal: np.ndarray, step: float, times: int, delay: float = 0.0) -> np.ndarray:
-    """Integrated this many times over `BAND_HZ`, with no phase error: it looks both ways, so it is for the past only.
+    """A signal (N,) at even steps, s, integrated ``times`` times over `BAND_HZ` without phase error.
 
-    Args:
-        signal: (N,); at even steps; finite.
-        step: s.
-        times: Negative: differentiated.
-        delay: s by which the signal lags behind the motion.
-
-    Returns:
-        Right from `EDGE` on and up to `EDGE` before the end.
+    Negative times differentiate; a ``delay`` of the signal, s, is undone. Valid from `EDGE` to `EDGE` before the end.
     """
     size = fft.next_fast_len(signal.size, real=True)
     frequency = fft.rfftfreq(size, step)
@@ -55,10 +34,7 @@ def zero_phase_integral(signal: np.ndarray, step: float, times: int, delay: floa
 
 
 class LeakyIntegrals:
-    """Causal integrals of the vertical acceleration that forget: what is known now of velocity and heave.
-
-    Rows come every ``step`` s.
-    """
+    """Causal leaky integrals of the vertical acceleration, given every ``step`` s: velocity and heave as known now."""
 
     COUNT = len(_LEAKS)
 
@@ -72,7 +48,7 @@ class LeakyIntegrals:
         self._states = [[0.0] * len(chain) for chain in _LEAKS]
 
     def take(self, acceleration: float) -> None:
-        """One row more, m/s^2; NaN is held to be zero."""
+        """Add an acceleration, m/s^2; NaN counts as zero."""
         new = acceleration if acceleration == acceleration else 0.0
         for kept, states in zip(self._kept, self._states, strict=True):
             value = new

@@ -1,4 +1,4 @@
-"""The motion window: the last minute of motion in fixed memory, and the decays that end in it."""
+"""The last minute of motion in fixed memory, and the decays that end in it."""
 
 from __future__ import annotations
 
@@ -25,11 +25,8 @@ WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
 WATCH_SPAN = 2.0  #: s over which motion is judged large or small.
 WATCH_BLOCK = 0.25  #: s of which the extremes are kept, not every sample.
 CALM = 0.35  #: Motion below this part of the largest is worth a look for a decay that has ended.
-
-FIRST_LOOK = 1.0
-#: A decay is looked for this many seconds after the last large motion, and then ever more rarely, by this factor.
-NEXT_LOOK = 1.5
-
+FIRST_LOOK = 1.0  #: s after the last large motion.
+NEXT_LOOK = 1.5  #: Factor by which the time to the next look for a decay grows.
 LOOK_RATE = 50.0  #: Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms.
 MIN_CYCLES = 1.5  #: A shorter decay is not reported: it is fitted badly.
 
@@ -51,19 +48,24 @@ class WindowSettings:
                 raise InputError(f'{name} must be positive, not {getattr(self, name)}')
 
 
+class NoticedDecay(NamedTuple):
+    """The free decay for which a window was published by itself."""
+
+    axis: str
+    start: float  #: Stamp, s.
+    end: float  #: Stamp, s.
+
+
 @dataclass(frozen=True)
 class MotionTable:
     """Rows of a motion window, as they are published and received."""
 
     rows: np.ndarray  #: (N, 8); `COLUMNS`; NaN marks what is not measured.
     stamp_ns: int  #: Of the last row; 0 where there is none.
+    noticed: NoticedDecay | None = None
 
     def trial(self, source: str = 'the motion window') -> Trial:
-        """The rows as a trial whose time begins at zero.
-
-        Raises:
-            InputError: The window is empty.
-        """
+        """The rows as a trial whose time starts at zero."""
         if not len(self.rows):
             raise InputError('the motion window is empty: check that the IMU publishes and that imu_buffer receives it')
         time, *channels = np.ascontiguousarray(self.rows.T)
@@ -89,13 +91,7 @@ class WindowStep(NamedTuple):
 
 
 class MotionWindow:
-    """The last samples of an IMU as the motion of the craft, in memory that does not grow.
-
-    Pure: time is the stamps, the same messages give the same windows.
-
-    Args:
-        intake: That of the settings, where another core shares it.
-    """
+    """The last samples of an IMU as the motion of the craft, in fixed memory, clocked by the stamps."""
 
     def __init__(self, settings: WindowSettings | None = None, intake: Intake | None = None) -> None:
         self.settings = settings or WindowSettings()
@@ -182,32 +178,21 @@ class MotionWindow:
         self.samples += 1
         if not self.recording:
             return WindowStep(True, reasons)
-        self._append(sample)
+        self._stamp_ns, stamp = sample[0], sample[0] * NANOSECOND
+        self._rows.append((stamp, *sample[1:8]))
+        self._rows.drop_below(stamp - self.settings.window)
         return WindowStep(True, reasons, self._watch.look(sample, self))
 
     def table(self, since: float | None = None) -> MotionTable:
-        """The rows, oldest first.
-
-        Args:
-            since: Stamp of the first row wanted, s.
-        """
+        """The rows, oldest first, from a stamp on, s."""
         rows = self._rows.last()
         if since is not None:
             rows = rows[np.searchsorted(rows[:, 0], since) :]
         return MotionTable(rows.copy(), self._stamp_ns)
 
-    def _append(self, sample: CraftSample) -> None:
-        stamp = sample[0] * NANOSECOND
-        self._rows.append((stamp, *sample[1:8]))
-        self._rows.drop_below(stamp - self.settings.window)
-        self._stamp_ns = sample[0]
-
 
 class DecayWatch:
-    """Notices, from the samples as they come, that a free decay has ended.
-
-    Looking for one takes 10 ms, so it is done only when large motion has died down.
-    """
+    """Notices that a free decay has ended; looking takes 10 ms, so it waits until large motion has died down."""
 
     def __init__(self, settings: WindowSettings) -> None:
         self._settings = settings
@@ -227,7 +212,7 @@ class DecayWatch:
         self._reported_until = reported
 
     def look(self, sample: CraftSample, window: MotionWindow) -> FinishedDecay | None:
-        """Take in a sample that the window holds already; the decay that has ended, if one has."""
+        """Add a sample that is in the window: the decay that has ended, if any."""
         if not self.on:
             return None
         stamp, roll, pitch, roll_rate, pitch_rate = sample[:5]
@@ -256,8 +241,10 @@ class DecayWatch:
         if not ended:
             return None
         newest = max(ended, key=lambda decay: decay.end)
-        self._reported_until[axis] = table.rows[0, 0] + newest.end
-        return FinishedDecay(axis, newest, table)
+        origin = float(table.rows[0, 0])
+        self._reported_until[axis] = origin + newest.end
+        noticed = NoticedDecay(axis, origin + newest.start, origin + newest.end)
+        return FinishedDecay(axis, newest, replace(table, noticed=noticed))
 
     def _is_worth_reporting(self, decay: DecaySegment, motion: AxisMotion) -> bool:
         amplitude = decay.initial_amplitude
@@ -305,12 +292,7 @@ class _AxisWatch:
 
 
 def averaged(table: MotionTable, rate: float) -> MotionTable:
-    """A table with the means of its rows over even intervals, where it has more than ``rate`` rows a second.
-
-    Args:
-        table: Of any rate.
-        rate: Hz.
-    """
+    """A table with more than ``rate`` rows per second averaged over even intervals of that rate, Hz."""
     rows = table.rows
     if len(rows) < 2:
         return table

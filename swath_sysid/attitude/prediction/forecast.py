@@ -18,8 +18,8 @@ NORMAL_QUANTILES = np.array([0.6744897501960817, 1.6448536269514722, 2.575829303
 class AxisForecast:
     """The forecast of one axis at L leads."""
 
-    angle: np.ndarray  #: (L,); rad, rad/s.
-    rate: np.ndarray  #: (L,); rad, rad/s.
+    angle: np.ndarray  #: (L,); rad.
+    rate: np.ndarray  #: (L,); rad/s.
     covariance: np.ndarray  #: (L, 2, 2); Of angle and rate.
 
     @property

@@ -1,8 +1,7 @@
-"""A study of free decays carried out again: its trials simulated, its search and ours on each.
+"""A published study of free decays, repeated: its trials simulated, then searched by its method and fitted by ours.
 
-The trials are those of the hull that the study prints, released as it says, with white noise of the rate from the
-printed objective value of each record: one step ahead the noise sets it, as the difference of two readings. How the
-ratios follow the draft is not printed and assumed.
+The printed hull is released as printed, with white noise of the rate from the printed objective value of each record:
+one step ahead the noise sets it, as the difference of two readings. How the ratios follow the draft is assumed.
 """
 
 from collections.abc import Callable
@@ -32,12 +31,12 @@ from swath_sysid.campaign.papers.publication import DecayPublication, decay_publ
 DRAFT_FACTORS = (0.9, 1.0, 1.1)
 HOLD_S = 1.0
 RATE_HZ = 100.0
-#: The study that names it gives no budget of the swarm: that of its genetic search.
+#: The budget of the genetic search: none is printed for the swarm.
 SWARM: dict[str, Any] = {'generations': 2000, 'population': 200}
 
 OTHER_SEEDS = (101, 102, 103)
 
-#: Name and factor of the printed coefficient that a ratio times the inertia is.
+#: Name of the printed coefficient, and its factor on ratio times inertia.
 COEFFICIENTS = {
     'b1': ('N', 0.5),
     'b2': ('W', 1.0),
@@ -55,17 +54,17 @@ class Optimum:
     """What a search of the published objective ended with."""
 
     value: float  #: rad/s.
-    inertia: float  #: The I' that it stopped at.
-    ratios: dict  #: To the inertia.
+    inertia: float  #: The I' at which it stopped.
+    ratios: dict
 
 
 @dataclass(frozen=True)
 class SearchedEquation:
     """One equation on one record by the published objective."""
 
-    genetic: Optimum  #: With the budget and ranges of the study.
-    swarm: Optimum  #: With the budget and ranges of the study.
-    exact: Optimum  #: By bounded least squares: no search can go lower. Its inertia is NaN.
+    genetic: Optimum  #: With the study's budget and ranges.
+    swarm: Optimum
+    exact: Optimum  #: By bounded least squares; its inertia is NaN.
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ class StudiedRecord:
     draft_factor: float
     angle_deg: float
     repeat: int
-    hull: DecayModel  #: That the record was simulated of.
+    hull: DecayModel  #: The simulated one.
     problem: Problem
     searched: dict
     ours: FitSummary  #: Of the chosen equation, by the simulated motion.
@@ -88,20 +87,8 @@ def hull_at(name: str, draft_factor: float) -> DecayModel:
     return DecayModel.from_terms(model.equation, ratios, axis=model.axis)
 
 
-def assumed_inertia(name: str) -> float:
-    """I' that the coefficients are shown with: as printed, or as the catalogue assumes; 0.09 where neither is."""
-    form = PUBLISHED_HULLS[name].form
-    return 0.09 if form is None else form.inertia
-
-
 def study_record(name: str, draft_factor: float, angle_deg: float, seed: int) -> StudiedRecord:
-    """One condition: simulate its repeats, keep the best, search every equation, and fit the chosen one our way.
-
-    Args:
-        name: One of ``DECAY_STUDIES``.
-        draft_factor, angle_deg: A row of its printed table of objective values.
-        seed: Of the noise of its repeats and of the searches.
-    """
+    """One condition: simulate its repeats, keep the best, search every equation, and fit the chosen one our way."""
     publication = decay_publication(name)
     printed = publication.printed_objective[draft_factor, angle_deg]
     hull = hull_at(name, draft_factor)
@@ -162,17 +149,23 @@ class DecayStudy:
 
     publication: DecayPublication
     records: tuple[StudiedRecord, ...]  #: In the order of the printed objective values.
-    #: I' at which searches with other seeds stop on the record of the printed coefficients.
-    inertias: tuple[float, ...]
+    inertias: tuple[
+        float, ...
+    ]  #: I' at which searches with other seeds stop, on the record of the printed coefficients.
 
     def at(self, draft_factor: float | None, angle_deg: float | None) -> StudiedRecord:
         """The record of one condition."""
-        return next(r for r in self.records if (r.draft_factor, r.angle_deg) == (draft_factor, angle_deg))
+        return next(r for r in self.of_draft(draft_factor) if r.angle_deg == angle_deg)
+
+    def of_draft(self, draft_factor: float | None) -> list[StudiedRecord]:
+        """The records of one draft, by angle."""
+        return sorted((r for r in self.records if r.draft_factor == draft_factor), key=lambda r: r.angle_deg)
 
     @property
     def inertia(self) -> float:
-        """I' that the coefficients are shown with."""
-        return assumed_inertia(self.publication.name)
+        """I' that the coefficients are shown with: as printed, or as the catalogue assumes; 0.09 where neither is."""
+        form = PUBLISHED_HULLS[self.publication.name].form
+        return 0.09 if form is None else form.inertia
 
     def chosen(self, record: StudiedRecord) -> SearchedEquation:
         """The searches of the chosen equation on a record."""
@@ -182,13 +175,7 @@ class DecayStudy:
 def run_decay_study(
     name: str, executor: Executor, note: Callable[[int, int], None] = lambda done, total: None
 ) -> DecayStudy:
-    """Carry a study out again.
-
-    Args:
-        name: One of ``DECAY_STUDIES``.
-        executor: A record a task.
-        note: Called with the records done and in all.
-    """
+    """Carry a study out again."""
     publication = decay_publication(name)
     places = list(publication.printed_objective)
     futures = [executor.submit(study_record, name, *place, seed) for seed, place in enumerate(places, start=1)]

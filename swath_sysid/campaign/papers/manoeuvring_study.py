@@ -1,8 +1,7 @@
-"""The study of a catamaran's manoeuvring carried out again, on turns simulated of its own derivatives.
+"""The published study of a catamaran's manoeuvring, repeated on turns simulated from its own derivatives.
 
-Its method: nonlinear least squares on the simulated motion, from GPS position and speed of one turn, the resistance
-fixed by towing, every other derivative within a range. Ours: `identify_manoeuvring` on the same turn, with the
-compass and the gyro that a craft has today, and the same resistance.
+Its method: nonlinear least squares on GPS position and speed of one turn, the resistance fixed by towing, every other
+derivative within a range. Ours: `identify_manoeuvring` on the same turn, with compass, gyro and the same resistance.
 """
 
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification, identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 STEP_S = 0.2
@@ -30,14 +29,14 @@ class EstimatedDerivative:
     """One derivative, without dimension times 1e5."""
 
     name: str
-    printed: float  #: The number in the study's table.
-    truth: float  #: As it is read, and simulated.
-    estimate: float  #: By the study's method; NaN standard deviation where fixed.
-    std: float  #: By the study's method; NaN standard deviation where fixed.
+    printed: float
+    truth: float  #: As simulated.
+    estimate: float  #: By the study's method.
+    std: float  #: NaN where fixed.
     ours: float  #: NaN where our identification leaves the term out.
-    ours_std: float  #: NaN where our identification leaves the term out.
-    lower: float  #: Range of the estimate.
-    upper: float  #: Range of the estimate.
+    ours_std: float
+    lower: float  #: Of the range of the estimate.
+    upper: float
     mariner: float
 
 
@@ -45,12 +44,12 @@ class EstimatedDerivative:
 class ManoeuvringStudy:
     """The study carried out again."""
 
-    content: dict  #: Of its file.
+    content: dict  #: Of the study's file.
     truth: ManoeuvringModel
     estimated: ManoeuvringModel
     ours: ManoeuvringIdentification
     derivatives: tuple[EstimatedDerivative, ...]
-    iterations: np.ndarray  #: (K, n); Every free derivative over its true value, by iteration.
+    iterations: np.ndarray  #: (K, n); every free derivative over its true value.
     free: tuple[str, ...]
     runs: dict  #: ``identification`` and ``validation``: as simulated, and as measured.
 
@@ -61,11 +60,7 @@ class ManoeuvringStudy:
 
 
 def run_manoeuvring_study(seed: int = 1) -> ManoeuvringStudy:
-    """Carry the study out again.
-
-    Args:
-        seed: Of the noise of the first run; each further run takes the next.
-    """
+    """Carry the study out again."""
     content = printed_values(MANOEUVRING_STUDY)
     units = PrimeUnits(content['craft']['length_m'], content['assumed']['speed_m_s'])
     prime = {**content['derivatives']['printed'], **content['reading']['corrected']}
@@ -161,7 +156,7 @@ def _ours(content: dict, runs: dict, towed: dict[str, float]):
         fixed={**content['thrust'], **towed},
         current='none',
     )
-    identification, validation = prepare_all(trials)
+    identification, validation = prepare_runs(trials)
     return identify_manoeuvring([identification], settings, [validation])
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from importlib import resources
-from typing import Any
 
 import yaml
 
@@ -18,12 +17,12 @@ STUDIES = (*DECAY_STUDIES, MANOEUVRING_STUDY)
 class PrintedTable:
     """A printed table or equation."""
 
-    table: str  #: Which of the study.
-    draft_factor: float | None = None  #: Of the record that it is of, where it is of one.
-    angle_deg: float | None = None  #: Of the record that it is of, where it is of one.
-    rows: tuple = ()
-    ratios: dict = field(default_factory=dict)  #: Of the chosen equation: over the inertia, or with it.
-    published_form: dict = field(default_factory=dict)  #: Of the chosen equation: over the inertia, or with it.
+    table: str  #: Which table of the study.
+    draft_factor: float | None = None
+    angle_deg: float | None = None
+    rows: list = field(default_factory=list)
+    ratios: dict = field(default_factory=dict)  #: Of the chosen equation, over the inertia.
+    published_form: dict = field(default_factory=dict)  #: Of the chosen equation, with the inertia.
 
 
 @dataclass(frozen=True)
@@ -32,18 +31,19 @@ class DecayPublication:
 
     name: str
     title: str
+    paper: str
+    authors: str | None
     axis: str
     craft: dict  #: Particulars, by the keys of a manifest.
     equations: tuple  #: In the order of the study.
     chosen: str
-    #: Assumed: a ratio at draft factor f is that at design draft times f to this power, 0 where not listed.
-    draft_powers: dict
+    draft_powers: dict  #: Assumed: a ratio is proportional to the draft factor to this power, 0 where not listed.
     duration_s: float
     repeats: int
     objective: PrintedTable  #: Rows of draft_factor, angle_deg and values, rad/s.
     coefficients: PrintedTable
-    figures: tuple  #: Specifications; see the files.
-    claims: tuple  #: Specifications; see the files.
+    figures: tuple
+    claims: tuple
     next_step: PrintedTable | None = None  #: Rows of time, s, measured and identified rate, rad/s, and error, %.
 
     @property
@@ -56,10 +56,7 @@ class DecayPublication:
 
     @property
     def out_of_order(self) -> tuple[tuple, ...]:
-        """(draft factor, angle, larger, contained equation) where the larger is printed with the larger value.
-
-        An equation that contains another cannot fit worse than it: such a search had not converged.
-        """
+        """(draft factor, angle, larger, contained equation) where the larger equation has the larger value."""
         return tuple(
             (*place, big, small)
             for place, values in self.printed_objective.items()
@@ -69,25 +66,21 @@ class DecayPublication:
         )
 
 
-def printed_values(name: str) -> dict:
-    """The content of a study's file.
+def citation(paper: str, authors: str | None) -> str:
+    """Authors and title of a paper, or what is known of them."""
+    return f'{authors}: {paper}.' if authors else f'{paper}; its authors and exact title are not known.'
 
-    Raises:
-        InputError: There is no such study.
-    """
+
+def printed_values(name: str) -> dict:
+    """The content of a study's file."""
     check_choice(name, STUDIES, 'paper')
     text = resources.files(__package__).joinpath(f'{name}.yaml').read_text(encoding='utf-8')
     return yaml.safe_load(text)
 
 
-def _printed_table(content: dict):
-    entries: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
-    return PrintedTable(**entries)
-
-
 def decay_publication(name: str) -> DecayPublication:
     """A study of free decays by its name."""
     content = printed_values(name)
-    tables = {key: _printed_table(content[key]) for key in ('objective', 'coefficients', 'next_step') if key in content}
+    tables = {key: PrintedTable(**content[key]) for key in ('objective', 'coefficients', 'next_step') if key in content}
     lists = {key: tuple(content[key]) for key in ('equations', 'figures', 'claims')}
     return DecayPublication(name, **{**content, **tables, **lists})

@@ -1,1 +1,1 @@
-"""Identified models in the words of simulators and controllers: Gazebo, VRX, Nav2, Fossen's matrices."""
+"""Exports of identified models: Gazebo, VRX, Nav2, Fossen's matrices."""

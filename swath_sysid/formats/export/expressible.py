@@ -1,4 +1,4 @@
-"""What a target can express of a craft, and how far standard tests differ because of the rest."""
+"""Terms that an export format supports, and the effect of the others on standard tests."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -13,19 +13,8 @@ from swath_sysid.manoeuvring.hull.standard_tests import run_test
 from swath_sysid.manoeuvring.hull.terms import NAMES, PARAMETERS, SENSOR, THRUST
 
 INERTIAL = ('m', 'Iz')
-#: Of the thrusters; who commands a force in N applies them before the target does.
-SENDERS = (
-    'gain',
-    'reverse_ratio',
-    'dead_band',
-    'exponent',
-    'balance',
-    'deduction',
-    'lever',
-    'moment_factor',
-    'full_input',
-    'reverse_exponent_ratio',
-)
+#: Of the thrusters, applied by the sender of forces in N.
+SENDERS = tuple(p.name for p in PARAMETERS if p.kind == THRUST and p.name not in ('advance', 'lag', 'delay'))
 
 COMPARED = {
     'turning-circle': ('approach_speed_m_s', 'steady_diameter_m', 'tactical_diameter_m', 'steady_yaw_rate_deg_s'),
@@ -33,13 +22,13 @@ COMPARED = {
 }
 
 
-#: Terms that are others times the speed ahead: the first times it, the second times its square.
+#: Terms that are others times the speed ahead: the first times the speed, the second times its square.
 STAND_INS = {'Xuuu': ('Xuu', 'Xu'), 'Nuur': ('Nur', 'Nr'), 'Nur': ('Nr',), 'Yuv': ('Yv',)}
 
 
 @dataclass(frozen=True)
 class Export:
-    """Text of a file, and the warnings about what is not in it."""
+    """Text of a file, and warnings about missing terms."""
 
     text: str
     advice: tuple[Advice, ...]
@@ -48,15 +37,9 @@ class Export:
 def expressed(
     model: ManoeuvringModel, expressible: Collection[str], **implied: float
 ) -> tuple[ManoeuvringModel, tuple[str, ...]]:
-    """The model as a target has it, and the names of the terms that it lacks.
-
-    A term in a power of the speed ahead is stood in for by one in a lower power that the target has, to the same
-    force at the speed of approach of the turning circle.
-
-    Args:
-        model: As identified.
-        expressible: Hull terms of the target; inertia and what the sender of forces applies are always kept.
-        **implied: Terms that the target does not take as numbers but has from its own equations.
+    """The model with hull terms limited to the ``expressible`` ones and with ``implied`` values, and the names of the
+    changed terms. A term with a power of the speed ahead is replaced by a supported one with a lower power, for the
+    same force at the approach speed of the turning circle.
     """
     kept = {*expressible, *INERTIAL, *SENDERS}
     neutral = {p.name: p.neutral for p in PARAMETERS if p.kind != SENSOR and p.name not in kept}
@@ -75,12 +58,12 @@ def expressed(
 
 
 def approach_speed(model: ManoeuvringModel) -> float:
-    """Speed ahead at which terms are stood in for, m/s."""
+    """Speed ahead at which terms are replaced, m/s."""
     return float(run_test('turning-circle', model).numbers['approach_speed_m_s'])
 
 
 def losses(model: ManoeuvringModel, expressible: Collection[str], target: str, **implied: float) -> tuple[Advice, ...]:
-    """Advice on the terms that a target changes, with the standard tests of the craft with and without them."""
+    """Advice on the terms that an export changes, with standard tests of the craft before and after."""
     reduced, changed = expressed(model, expressible, **implied)
     if not changed:
         return ()
@@ -102,7 +85,7 @@ def losses(model: ManoeuvringModel, expressible: Collection[str], target: str, *
 
 
 def change(name: str, whole: float, part: float) -> str:
-    """Words for a number of the model and as exported."""
+    """A number before and after export, in words."""
     if not (np.isfinite(whole) and np.isfinite(part)):
         return f'{name} {whole:.4g} and {part:.4g}, not reached by both'
     share = f' ({(part - whole) / abs(whole):+.1%})' if whole else ''
@@ -110,7 +93,7 @@ def change(name: str, whole: float, part: float) -> str:
 
 
 def added_mass_diverges(model: ManoeuvringModel) -> bool:
-    """Whether added mass that is applied by the acceleration of the step before outgrows the craft's own."""
+    """Whether added mass applied with the acceleration of the previous step exceeds the mass of the craft."""
     own = np.diag([model['m'], model['m'], model['Iz']])
     added = np.array(
         [
@@ -123,25 +106,23 @@ def added_mass_diverges(model: ManoeuvringModel) -> bool:
 
 
 def added_mass_advice(model: ManoeuvringModel) -> tuple[Advice, ...]:
-    """Advice where the plugins' explicit added mass would diverge, as a tuple."""
-    if not added_mass_diverges(model):
-        return ()
-    return (Advice.of('added-mass-diverges'),)
+    """Advice where the plugins' explicit added mass would diverge."""
+    return (Advice.of('added-mass-diverges'),) if added_mass_diverges(model) else ()
 
 
 def force_lines(model: ManoeuvringModel) -> list[str]:
-    """Sentences on the forces that thrusters are to be sent, and where they act."""
+    """Sentences on the forces to send to the thrusters."""
     lines = [
         f'input: {model.thrust_input}, at most {model.largest_input:.6g}; send each thruster the force in N of',
         '(1 - deduction) (1 -+ balance, port - and starboard +) curve(input), with curve(c) = gain full_input',
         '((|c| / full_input - dead_band) / (1 - dead_band))^exponent; astern the force is multiplied by',
         '-reverse_ratio and the exponent by reverse_exponent_ratio',
     ]
-    return [*lines, *(f'{p.name}: {model[p.name]:.8g}' for p in PARAMETERS if p.kind == THRUST and p.name in SENDERS)]
+    return [*lines, *(f'{name}: {model[name]:.8g}' for name in SENDERS)]
 
 
 def effective_lever(model: ManoeuvringModel) -> float:
-    """Arm of the forces that are sent, m: the deduction acts on the force ahead only, the moment factor on yaw only."""
+    """Arm of the sent forces, m: deduction acts on the force ahead only, the moment factor on yaw only."""
     return model['lever'] * (1.0 + model['moment_factor']) / (1.0 - model['deduction'])
 
 
@@ -154,7 +135,7 @@ def xml_comment(lines: Iterable[str]) -> str:
 
 
 def elements(values: Mapping[str, Any], indent: int) -> str:
-    """``<name>value</name>`` a line; mappings within as elements within."""
+    """``<name>value</name>`` on each line; nested mappings as nested elements."""
     margin = ' ' * indent
     return '\n'.join(
         f'{margin}<{name}>\n{elements(value, indent + 2)}\n{margin}</{name}>'

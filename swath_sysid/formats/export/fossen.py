@@ -18,7 +18,7 @@ PYTHON, MATLAB = 'python', 'matlab'
 LANGUAGES = (PYTHON, MATLAB)
 EXPRESSIBLE = frozenset(NAMES) - {'lag', 'delay'}
 
-#: Of u, v and r; the same text in both languages.
+#: Entries as expressions valid in both languages.
 MATRICES = {
     'M': (('m - Xu_dot', '0', '0'), ('0', 'm - Yv_dot', 'm * x_G - Yr_dot'), ('0', 'm * x_G - Nv_dot', 'Iz - Nr_dot')),
     'C': (('0', '0', '-m * (v + x_G * r)'), ('0', '0', 'm * u'), ('m * (v + x_G * r)', '-m * u', '0')),
@@ -107,7 +107,21 @@ def _matlab_matrix(rows: Iterable[Sequence[str]]) -> str:
 
 
 def fossen(model: ManoeuvringModel, language: str = PYTHON, function: str = 'craft') -> Export:
-    """Text of a manoeuvring model in one of `LANGUAGES`; a MATLAB function bears the name of its file."""
+    """A manoeuvring model as the matrices M, C and D and the thrust, in Fossen's axes (x forward, y starboard, z down).
+
+    Args:
+        model: As identified.
+        language: ``python``, a module, or ``matlab``, a function.
+        function: Name of the MATLAB function, which is that of its file.
+
+    Returns:
+        The text, and advice on what the form cannot express.
+
+    Example:
+        >>> export = fossen(read_manoeuvring_model('wamv.yaml').model)
+        >>> 'import numpy as np' in export.text
+        True
+    """
     advice = losses(model, EXPRESSIBLE, "Fossen's form")
     east, north = model.current
     head = [
@@ -143,7 +157,7 @@ def fossen_attitude(
     language: str = PYTHON,
     function: str = 'craft',
 ) -> Export:
-    """Text of decay models: inertia, damping and restoring of each axis; see `fossen` and `gazebo_attitude`."""
+    """Inertia, damping and restoring of decay models by axis; see `fossen` and `gazebo_attitude`."""
     head = [
         'Roll and pitch of an identified craft: I dw/dt + D(w) + G(x) = exciting moment, N m.',
         'Body x forward, y starboard, z down: pitch is positive bow up. Angles in rad, rates in rad/s.',

@@ -62,12 +62,24 @@ ELEMENTS = {
 EXPRESSIBLE = {*ELEMENTS, 'x_G'}
 AXES = {'roll': ('k', 'P', 'ixx'), 'pitch': ('m', 'Q', 'iyy')}
 EXPRESSED_TERMS = ('b1', 'b2', 'r1')
-TYPICAL_AMPLITUDE = math.radians(5.0)  #: Of a decay whose file does not say how far it went.
-CRESTS = 3  #: After the release, up to which a decay is compared.
+TYPICAL_AMPLITUDE = math.radians(5.0)  #: For model files without an amplitude range.
+CRESTS = 3  #: Compared crests after the release.
 
 
 def gazebo(model: ManoeuvringModel) -> Export:
-    """SDF of a manoeuvring model."""
+    """A manoeuvring model as SDF of the plugins Hydrodynamics and Thruster of gz-sim, Garden or later.
+
+    Args:
+        model: As identified.
+
+    Returns:
+        The text, and advice on what gz-sim cannot express, with how far standard tests differ because of it.
+
+    Example:
+        >>> export = gazebo(read_manoeuvring_model('wamv.yaml').model)
+        >>> 'gz::sim::systems::Hydrodynamics' in export.text
+        True
+    """
     advice = losses(model, EXPRESSIBLE, "gz-sim's Hydrodynamics")
     # what a centre of gravity ahead of the frame adds has the form of added mass with its Coriolis forces
     moment = model['m'] * model['x_G']
@@ -107,7 +119,9 @@ def gazebo(model: ManoeuvringModel) -> Export:
 
 
 def _without_coriolis_of_the_link(derivatives: Mapping[str, float]) -> dict[str, float]:
-    """The plugin's derivatives beside added mass of the link; DART adds ``-C_A(nu) nu`` itself (Fossen 2021, 3.3)."""
+    """Derivatives of the plugin with added mass in the link, for which DART adds ``-C_A(nu) nu`` itself (Fossen 2021,
+    3.3).
+    """
     x, y, cross = derivatives['xDotU'], derivatives['yDotV'], derivatives['yDotR']
     return {name: value for name, value in derivatives.items() if name not in ADDED_MASS.values()} | {
         'xVR': derivatives['xVR'] + y,
@@ -119,7 +133,7 @@ def _without_coriolis_of_the_link(derivatives: Mapping[str, float]) -> dict[str,
 
 
 def _hydrodynamics(derivatives: Mapping[str, float], current: tuple[float, float] = (0.0, 0.0)) -> str:
-    """The plugin; what is zero, its default, is left out."""
+    """The plugin; zeros, its default, are left out."""
     values: dict[str, Any] = {'link_name': 'base_link', 'disable_coriolis': 'true'}
     values |= {name: value for name, value in derivatives.items() if value}
     if any(current):
@@ -128,7 +142,7 @@ def _hydrodynamics(derivatives: Mapping[str, float], current: tuple[float, float
 
 
 def _thruster(model: ManoeuvringModel, joint: str, side: float) -> str:
-    """The plugin with velocity control: its PID control would turn the craft about x by the propeller's torque."""
+    """The plugin with velocity control: its PID control would roll the craft by the torque of the propeller."""
     limits = thrust_curve(np.array([model.largest_input, -model.largest_input]), model.values)
     most, least = (1.0 - model['deduction']) * (1.0 + side * model['balance']) * limits
     return _plugin(
@@ -145,7 +159,7 @@ def _plugin(file: str, name: str, values: Mapping[str, Any]) -> str:
 def _sdf(
     name: str, notes: Iterable[str], inertial: Mapping[str, Any], moments: dict[str, float], plugins: Iterable[str]
 ) -> str:
-    """SDF of one link; moments of inertia that are not known are the largest known one, which SDF accepts."""
+    """SDF of one link; unknown moments of inertia are set to the largest known one, which SDF accepts."""
     all_moments = dict.fromkeys(('ixx', 'iyy', 'izz'), max(moments.values())) | moments
     products = dict.fromkeys(('ixy', 'ixz', 'iyz'), 0.0)
     link = elements({**inertial, 'inertia': all_moments | products}, 8)
@@ -190,7 +204,7 @@ def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str
 
 
 def inertia_of(axis: str, inertias: Mapping[str, float]) -> float:
-    """Inertia of an axis, kg m^2; InputError where there is none."""
+    """Inertia of an axis, kg m^2; InputError without one."""
     if axis not in inertias:
         raise InputError(
             f'a decay shows only ratios to the inertia: give the inertia of {axis} in kg m^2, with added inertia',
@@ -200,7 +214,7 @@ def inertia_of(axis: str, inertias: Mapping[str, float]) -> float:
 
 
 def gazebo_decay(model: DecayModel) -> DecayModel:
-    """A decay model as gz-sim has it: linear and quadratic damping, and the stiffness of small angles by buoyancy."""
+    """A decay model limited to gz-sim's terms: linear and quadratic damping, and linear restoring by buoyancy."""
     kept = {name: value for name, value in model.terms.items() if name in EXPRESSED_TERMS}
     return DecayModel.from_terms(
         Equation('exported', EXPRESSED_TERMS),
@@ -212,7 +226,7 @@ def gazebo_decay(model: DecayModel) -> DecayModel:
 
 
 def _attitude_losses(axis: str, identified: IdentifiedModel, inertia: float) -> list[Advice]:
-    """Advice on restoring, which the craft's shape is to give, and on a decay without the terms that gz-sim lacks."""
+    """Advice on restoring, which the shape of the hull must provide, and on a decay without unsupported terms."""
     model = identified.model
     if not np.isfinite(model.natural_frequency):
         return [Advice.of('restoring-not-exported: unstable', axis=axis)]
@@ -245,7 +259,7 @@ def _attitude_losses(axis: str, identified: IdentifiedModel, inertia: float) -> 
 
 
 def crest(model: DecayModel, angle: float) -> tuple[float, float]:
-    """Time, s, and height above trim, rad, of the last compared crest of a decay from rest; NaN where there is none."""
+    """Time, s, and height above trim, rad, of the last compared crest of a decay from rest; NaN without one."""
     time = np.linspace(0.0, 2.0 * CRESTS * model.natural_period, 4001)
     motion = simulate(model, model.trim + angle, 0.0, time)[0] - model.trim
     places = find_peaks(motion)[0]

@@ -1,7 +1,6 @@
 """Parameters of Nav2's MPPI controller and velocity smoother, from simulated runs of the craft."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import yaml
@@ -13,17 +12,28 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
 
 STEP = 0.1
-DURATION = 180.0  #: s; after which a craft under held inputs is taken as steady.
-SHARES = (0.25, 0.5, 0.75)  #: Mean inputs, of the largest; what is left of the faster thruster steers.
+DURATION = 180.0  #: s, after which a craft under held inputs is steady.
+SHARES = (0.25, 0.5, 0.75)  #: Mean inputs as shares of the largest; the faster thruster has the rest for steering.
 
 RISE = 1.0 - math.exp(-1.0)
 
 
 def nav2(model: ManoeuvringModel) -> Export:
-    """Parameters of Nav2 and a table of what the craft does, as an `Export`.
+    """Parameters of Nav2's MPPI controller and velocity smoother, from what the craft does in simulation.
+
+    Args:
+        model: As identified.
+
+    Returns:
+        The text (YAML), a table of what the craft does at three speeds included, and advice.
 
     Raises:
         InputError: The craft does not move ahead, turn or stop in the simulation.
+
+    Example:
+        >>> export = nav2(read_manoeuvring_model('wamv.yaml').model)
+        >>> 'vx_max' in export.text
+        True
     """
     full = model.largest_input
     rows = [_row(model, share) for share in SHARES]
@@ -45,19 +55,7 @@ def nav2(model: ManoeuvringModel) -> Export:
             'before giving its limits to Nav2'
         )
     limits = {name: _rounded(value) for name, value in limits.items()}
-    table = {
-        key: [_rounded(row[key]) for row in rows]
-        for key in (
-            'input_share',
-            'speed_m_s',
-            'turning_speed_m_s',
-            'yaw_rate_rad_s',
-            'turn_radius_m',
-            'drift_angle_rad',
-            'stopping_distance_m',
-            'stopping_time_s',
-        )
-    }
+    table = {key: [_rounded(row[key]) for row in rows] for key in rows[0] if key != 'turn'}
     v, w = limits['vx_max'], limits['wz_max']
     content = {
         'controller_server': {
@@ -81,7 +79,9 @@ def nav2(model: ManoeuvringModel) -> Export:
         },
         'craft': {'ros__parameters': table},
     }
-    advice = _simplified(rows)
+    drift = math.degrees(max(row['drift_angle_rad'] for row in rows))
+    change = rows[-1]['turning_speed_m_s'] / rows[-1]['speed_m_s'] - 1.0
+    advice = (Advice.of('motion-simplified', drift=drift, change=change),)
     head = [
         '# Limits of an identified craft in still water; merge into the parameters of Nav2.',
         f'# The mean input of both thrusters is at most {SHARES[-1]:.0%} of the largest: the rest steers;',
@@ -93,23 +93,15 @@ def nav2(model: ManoeuvringModel) -> Export:
     return Export('\n'.join(head) + '\n' + yaml.safe_dump(content, sort_keys=False), advice)
 
 
-def _simplified(rows: Sequence[dict]) -> tuple[Advice, ...]:
-    fastest = rows[-1]
-    change = fastest['turning_speed_m_s'] / fastest['speed_m_s'] - 1.0
-    return (
-        Advice.of('motion-simplified', drift=math.degrees(max(row['drift_angle_rad'] for row in rows)), change=change),
-    )
-
-
 def _held(model: ManoeuvringModel, port: float, starboard: float, speed: float = 0.0, before: float = 0.0) -> Manoeuvre:
-    """Run in still water under inputs that follow on one step, `STEP`, of ``before``, which has acted for long."""
+    """Run in still water under inputs that step from ``before``, long held, at `STEP` s."""
     steps = round(DURATION / STEP)
     left, right = (np.append(before, np.full(steps, value)) for value in (port, starboard))
     return simulate(model, left, right, STEP, (speed, 0.0, 0.0), current=(0.0, 0.0))
 
 
 def _row(model: ManoeuvringModel, share: float) -> dict:
-    """Straight speed, the hardest turn to port, and the stop from that speed at a mean input."""
+    """Straight speed, hardest turn to port, and stop from that speed, at a mean input."""
     full = model.largest_input
     base = share * full
     straight = float(_held(model, base, base).u[-1])
@@ -132,7 +124,7 @@ def _row(model: ManoeuvringModel, share: float) -> dict:
 
 
 def _until_stopped(model: ManoeuvringModel, speed: float, before: float) -> tuple[float, float]:
-    """Time, s, and way, m, under full astern; NaN where it does not stop."""
+    """Time, s, and distance, m, under full astern; NaN where it does not stop."""
     full = model.largest_input
     run = _held(model, -full, -full, speed, before)
     stopped = np.flatnonzero(run.u <= 0.0)
@@ -144,7 +136,7 @@ def _until_stopped(model: ManoeuvringModel, speed: float, before: float) -> tupl
 
 
 def _mean_rise(values: np.ndarray, delay: float) -> float:
-    """Mean slope of a response to a step until it has come to 63 % of its end, the delay taken off."""
+    """Mean slope of a step response up to 63 % of its final value, without the delay."""
     reached = np.flatnonzero(values >= RISE * values[-1])
     return float(RISE * values[-1] / max((reached[0] - 1) * STEP - delay, STEP)) if reached.size else float('nan')
 

@@ -1,4 +1,4 @@
-"""A manoeuvring model with what is known of it: uncertainty, validity, provenance."""
+"""A manoeuvring model with its uncertainty, validity and provenance."""
 
 from dataclasses import dataclass, field
 
@@ -10,35 +10,32 @@ from swath_sysid.manoeuvring.hull.stability import Region
 
 @dataclass(frozen=True)
 class ForecastNoise:
-    """What forecasts of a craft are uncertain by, measured on the runs that it was identified on."""
+    """Uncertainties of forecasts, measured on the runs of the identification."""
 
-    #: (3,); Standard deviation of the slowly varying accelerations that the model leaves in surge, sway, m/s^2, and
-    #: yaw, rad/s^2.
-    disturbance: np.ndarray
+    disturbance: np.ndarray  #: (3,); Standard deviations of the slow residual accelerations, m/s^2, m/s^2, rad/s^2.
     disturbance_time: np.ndarray  #: (3,); Their correlation times, s.
     thrust_mean: np.ndarray  #: (2,); Of port and starboard on those runs, N.
     thrust_covariance: np.ndarray  #: (2, 2); About that mean, N^2.
-    thrust_time: float  #: For which thrusts are held on average, s.
+    thrust_time: float  #: Mean time for which thrusts are held, s.
     sensors: np.ndarray  #: (4,); Of speeds, yaw rate, heading, position; m/s, rad/s, rad, m.
     leads: np.ndarray = field(default_factory=lambda: np.array([1.0]))  #: (L,); s.
-    #: (6, L); By which the standard deviations of surge, sway, yaw rate, heading, x and y are multiplied at these
-    #: leads, so that the intervals hold what they say.
+    #: (6, L); Factors on the standard deviations of surge, sway, yaw rate, heading, x and y, for calibrated intervals.
     scale: np.ndarray = field(default_factory=lambda: np.ones((6, 1)))
 
     def scale_at(self, lead: float) -> np.ndarray:
-        """Shape (6,), linear between the leads and held beyond them."""
+        """Scale at a lead, shape (6,), linear between the leads and constant beyond them."""
         return np.array([np.interp(lead, self.leads, row) for row in self.scale])
 
 
 @dataclass(frozen=True)
 class IdentifiedManoeuvringModel:
-    """What a model file of manoeuvring holds."""
+    """Content of a manoeuvring model file."""
 
     model: ManoeuvringModel
-    names: tuple[str, ...]  #: Identified numbers, current included, in the order of the covariance.
+    names: tuple[str, ...]  #: Identified parameters, current included, in the order of the covariance.
     covariance: np.ndarray  #: (n, n)
-    noise: np.ndarray  #: (3,); Standard deviation of what the model left of surge, sway, m/s, and yaw rate, rad/s.
-    region: Region  #: Motion and inputs that it was identified at.
+    noise: np.ndarray  #: (3,); Residual standard deviation of surge, sway, m/s, and yaw rate, rad/s.
+    region: Region  #: Range of motion and inputs in the runs.
     metrics: dict = field(default_factory=dict)
     provenance: dict = field(default_factory=dict)
-    forecast: ForecastNoise | None = None  #: None: not measured; forecasts fall back on `noise`.
+    forecast: ForecastNoise | None = None  #: None: not measured; forecasts use `noise`.

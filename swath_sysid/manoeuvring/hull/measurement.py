@@ -1,7 +1,7 @@
-"""What sensors record of a craft's motion: a current under it, a compass that deviates, a sensor off the centre.
+"""What sensors record: speeds over ground in a current, a compass with deviation, a sensor off the centre.
 
-The recorded heading is psi + B sin(recorded) + C cos(recorded), the classical semicircular deviation; recorded speeds
-are those of the sensor's place over ground, in axes turned by that deviation.
+The recorded heading is psi + B sin(recorded) + C cos(recorded), the semicircular deviation; recorded speeds are those
+of the sensor over ground, in axes turned by that deviation.
 """
 
 from collections.abc import Sequence
@@ -10,16 +10,16 @@ import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y, Numbers
 
-INVERSIONS = 4  #: Fixed-point rounds from true to recorded heading; each gains a factor of the deviation.
+INVERSIONS = 4  #: Fixed-point rounds from true to recorded heading.
 
 
 def deviation(recorded_heading: Numbers, p: np.ndarray) -> Numbers:
-    """How far the compass is off at a recorded heading, rad, positive where it reads to port."""
+    """Compass error at a recorded heading, rad, positive where the compass reads to port."""
     return p[DEVIATION_B] * np.sin(recorded_heading) + p[DEVIATION_C] * np.cos(recorded_heading)
 
 
 def recorded_heading(heading: Numbers, p: np.ndarray) -> Numbers:
-    """What the compass reads at a true heading, rad."""
+    """Compass reading at a true heading, rad."""
     found = heading
     for _ in range(INVERSIONS):
         found = heading + deviation(found, p)
@@ -35,13 +35,8 @@ def turned(ahead: Numbers, aside: Numbers, angle: Numbers) -> tuple[Numbers, Num
 def recorded_speeds(
     u: Numbers, v: Numbers, r: Numbers, heading: Numbers, current: Sequence | np.ndarray, p: np.ndarray
 ) -> tuple[Numbers, Numbers]:
-    """Surge and sway as recorded over ground, m/s.
-
-    Args:
-        u, v, r: Through the water, of the origin.
-        heading: As recorded, rad.
-        current: East and north, m/s.
-        p: (n, ...); of the catalogue's parameters.
+    """Recorded surge and sway over ground, m/s, for u, v, r of the origin through the water and a recorded heading,
+    rad. The current is east and north, m/s; parameters ``p`` are (n, ...).
     """
     surge, sway = turned(u - r * p[SENSOR_Y], v + r * p[SENSOR_X], deviation(heading, p))
     along, across = turned(current[0], current[1], heading)
@@ -51,9 +46,8 @@ def recorded_speeds(
 def through_water(
     surge: Numbers, sway: Numbers, r: Numbers, heading: Numbers, current: Sequence | np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """u and v of the origin through the water, m/s: the inverse of `recorded_speeds`.
-
-    A speed that is NaN, as it was not measured, stays NaN and counts as none towards the other.
+    """u and v of the origin through the water, m/s: the inverse of `recorded_speeds`. An unmeasured speed (NaN) stays
+    NaN and counts as zero in the other.
     """
     along, across = turned(current[0], current[1], heading)
     u, v = turned(np.nan_to_num(surge - along), np.nan_to_num(sway - across), -deviation(heading, p))

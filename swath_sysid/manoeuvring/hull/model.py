@@ -1,4 +1,4 @@
-"""A manoeuvring model: which terms, with which values."""
+"""A manoeuvring model: the values of its parameters, how its thrusters are driven, and the current."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -22,10 +22,10 @@ INPUTS = (FORCE, COMMAND)
 class ManoeuvringModel:
     """A craft in surge, sway and yaw under two thrusters."""
 
-    values: np.ndarray  #: (n,); Of every parameter in `terms.NAMES`; what is not in use has its neutral value.
-    thrust_input: str = FORCE  #: ``force`` (N a thruster) or ``command`` (-1 to 1).
+    values: np.ndarray  #: (n,); In the order of `terms.NAMES`; unused parameters have their neutral value.
+    thrust_input: str = FORCE  #: Each thruster takes a ``force``, N, or a ``command``, -1 to 1.
     name: str = ''
-    length: float = 4.88  #: Of the hulls, m: for the prime system and the standard tests.
+    length: float = 4.88  #: Of the hulls, m, for the prime system and the standard tests.
     largest_input: float = 1.0  #: Largest thrust (N) or command ahead.
     current: tuple[float, float] = (0.0, 0.0)  #: East and north, m/s.
     active: tuple[bool, ...] = field(init=False)
@@ -48,11 +48,7 @@ class ManoeuvringModel:
         return tuple(n for n, used in zip(NAMES, self.active, strict=True) if used)
 
     def with_values(self, **values: float) -> 'ManoeuvringModel':
-        """The model with some parameters changed.
-
-        Raises:
-            InputError: A name is not in the catalogue.
-        """
+        """The model with some parameters changed."""
         return replace(self, values=parameter_values(values, self.values))
 
     def accelerations(
@@ -72,11 +68,7 @@ class ManoeuvringModel:
 
 
 def parameter_values(values: Mapping[str, float], base: np.ndarray = NEUTRAL) -> np.ndarray:
-    """A full parameter vector, shape (n,), from some values by name.
-
-    Raises:
-        InputError: A name is not in the catalogue.
-    """
+    """A full parameter vector, shape (n,), from some values by name."""
     for name in values:
         check_choice(name, NAMES, 'manoeuvring parameter')
     full = np.array(base, dtype=float)

@@ -1,10 +1,10 @@
-"""What no twin-thruster craft exceeds: the ranges outside of which a manoeuvring model is a mistake."""
+"""Ranges that the parameters of every real twin-thruster craft keep within."""
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import IZ, NR_DOT, NV_DOT, PARAMETERS, X_G, YR_DOT, YV_DOT, M
 
-LARGEST = 1e12  #: Of any mass, inertia or derivative, in SI units: the largest ships come near it.
+LARGEST = 1e12  #: Of any mass, inertia or derivative, SI units; the largest ships approach it.
 LIGHTEST = 1e-3  #: kg and kg m^2.
 
 _RANGES = {
@@ -28,7 +28,7 @@ _RANGES = {
     'x_G': (-1e3, 1e3),
 }
 
-#: Least and largest value of each parameter; wider than what an identification may find.
+#: Least and largest value of each parameter; wider than the search ranges of an identification.
 PARAMETER_RANGES = {
     p.name: _RANGES[p.name]
     if p.name in _RANGES
@@ -40,14 +40,7 @@ PARAMETER_RANGES = {
 
 
 def check_physical(model: ManoeuvringModel) -> None:
-    """Refuse a manoeuvring model that no craft can have.
-
-    Args:
-        model: Any, as a file may hold it.
-
-    Raises:
-        InputError: A parameter lies outside its range, or the mass matrix of sway and yaw is not positive definite.
-    """
+    """Reject a parameter outside its range, or a mass matrix of sway and yaw that is not positive definite."""
     for name, (lowest, highest) in PARAMETER_RANGES.items():
         if not lowest <= model[name] <= highest:
             raise InputError(

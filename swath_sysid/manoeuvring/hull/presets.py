@@ -3,8 +3,8 @@
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 
-WAMV_LENGTH = 4.88  #: m: 16 feet.
-WAMV_LEVER = 1.027135  #: m: half the distance between the thrusters of the simulated WAM-V 16.
+WAMV_LENGTH = 4.88  #: m (16 feet).
+WAMV_LEVER = 1.027135  #: m, half the distance between the thrusters of the simulated WAM-V 16.
 
 
 def _wamv(name: str, largest: float, **derivatives: float):
@@ -12,7 +12,7 @@ def _wamv(name: str, largest: float, **derivatives: float):
     return ManoeuvringModel(values, name=name, length=WAMV_LENGTH, largest_input=largest)
 
 
-#: Derivatives by craft: VRX until 2023 and since. The largest input gives 1.7 and 1.5 m/s.
+#: VRX until 2023 and since; the largest input gives 1.7 and 1.5 m/s.
 PRESETS = {
     model.name: model
     for model in (
@@ -23,11 +23,7 @@ PRESETS = {
 
 
 def preset(name: str) -> ManoeuvringModel:
-    """The craft of that name.
-
-    Raises:
-        InputError: There is none.
-    """
+    """The ready-made craft of that name."""
     if name not in PRESETS:
         raise InputError(f"there is no craft '{name}': choose from {', '.join(PRESETS)}, or give a model file")
     return PRESETS[name]

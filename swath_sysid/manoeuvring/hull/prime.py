@@ -13,7 +13,7 @@ SEA_WATER = 1025.0  #: kg/m^3.
 
 @dataclass(frozen=True)
 class PrimeUnits:
-    """What the prime system measures with."""
+    """Length, speed and density that make derivatives non-dimensional."""
 
     length: float  #: Of the hulls, m.
     speed: float  #: m/s.
@@ -24,12 +24,8 @@ class PrimeUnits:
             raise InputError('length, speed and density of the prime system must be positive: give positive numbers')
 
     def unit(self, name: str) -> float:
-        """The dimensional size of a derivative whose prime value is one.
-
-        A derivative is a force (or moment) over the velocities it multiplies, or of the dimension of a mass.
-
-        Raises:
-            InputError: The name is not a derivative.
+        """Dimensional size of a derivative whose prime value is one: force or moment over its velocities, or an
+        inertia.
         """
         parameter = PARAMETERS[INDEX[name]] if name in INDEX else None
         if parameter is None or parameter.kind not in HULL:

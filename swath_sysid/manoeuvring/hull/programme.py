@@ -1,4 +1,4 @@
-"""Simulated trials: a programme of runs, and what sensors would have recorded of them."""
+"""Simulated trials: a programme of runs, and the sensor records of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
 
 STEP = 0.1
 
-#: Runs to drive for an identification: name, what to do, s.
+#: Runs to drive for an identification: name, instructions, duration in s.
 RECIPE = (
     ('speeding up', 'straight, both thrusters alike: 15, 30, 50, 70, 100 % of full, 25 s each', 125),
     ('slowing down', 'straight: 90, 40, 80, 20, 0 %, 25 s each; on another course', 125),
@@ -23,6 +23,8 @@ RECIPE = (
     ('astern', '50 % ahead for 15 s, 40 % astern for 20 s, then one thruster ahead and one astern, both ways', 75),
     ('mixed', 'any thrusts, each held for 5 to 15 s, on courses all around the compass', 105),
 )
+
+MIXED = ((0.8, 0.4), (0.3, 0.7), (0.9, 0.9), (0.2, 0.6), (0.7, 0.1), (0.1, 0.1), (0.5, 0.95))
 
 
 @dataclass(frozen=True)
@@ -41,12 +43,7 @@ class SensorNoise:
 
 
 def trial_programme(model: ManoeuvringModel, step: float = STEP) -> dict[str, Manoeuvre]:
-    """Straight runs with thrust steps, turns to both sides at several speeds, zig-zags; about 15 min.
-
-    Args:
-        model: That is driven.
-        step: s.
-    """
+    """Straight runs with thrust steps, turns to both sides at several speeds, zig-zags, in steps of s; about 15 min."""
     full = model.largest_input
     return {
         'speed_up': _steps(model, step, [(s, s, 25.0) for s in (0.15, 0.3, 0.5, 0.7, 1.0)], full),
@@ -56,34 +53,12 @@ def trial_programme(model: ManoeuvringModel, step: float = STEP) -> dict[str, Ma
         'zigzag_10': _zigzag(model, step, 0.5, 0.15, np.radians(10.0), 90.0),
         'zigzag_20': _zigzag(model, step, 0.65, 0.3, np.radians(20.0), 90.0),
         'reverse': _steps(model, step, [(0.5, 0.5, 15), (-0.4, -0.4, 20), (0.6, -0.3, 20), (-0.3, 0.6, 20)], full),
-        'mixed': _steps(
-            model,
-            step,
-            [
-                (0.8, 0.4, 15),
-                (0.3, 0.7, 15),
-                (0.9, 0.9, 15),
-                (0.2, 0.6, 15),
-                (0.7, 0.1, 15),
-                (0.1, 0.1, 15),
-                (0.5, 0.95, 15),
-            ],
-            full,
-        ),
+        'mixed': _steps(model, step, [(port, starboard, 15) for port, starboard in MIXED], full),
     }
 
 
 def with_noise(manoeuvre: Manoeuvre, noise: SensorNoise, seed: int) -> Manoeuvre:
-    """The manoeuvre as sensors would have recorded it; inputs and time are exact.
-
-    Args:
-        manoeuvre: Exact.
-        noise: Standard deviations of the sensors.
-        seed: Of the noise.
-
-    Returns:
-        ``u`` and ``v`` stay what they were.
-    """
+    """The manoeuvre as noisy sensors record it; time, inputs, ``u`` and ``v`` stay exact."""
     rng = np.random.default_rng(seed)
 
     def disturbed(values: np.ndarray, std: float) -> np.ndarray:

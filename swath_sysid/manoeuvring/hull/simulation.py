@@ -11,7 +11,7 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import Numbers
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 
-STABLE_STEP = 2.0  #: Largest product of step and fastest damping rate; the classical scheme is stable up to 2.78.
+STABLE_STEP = 2.0  #: Largest product of step and fastest damping rate; the scheme is stable up to 2.78.
 
 _accelerations = terms.accelerations
 UNDISTURBED = np.zeros((3, 1))
@@ -43,19 +43,9 @@ def runge_kutta_columns(
     step: float,
     substeps: int,
 ) -> np.ndarray:
-    """Integrate C craft side by side with the classical Runge-Kutta scheme.
-
-    Args:
-        state: (3, C); u, v, r at the start.
-        port, starboard: (S, C); thrust over each step, N.
-        push: (3, C) or (3, 1); disturbing accelerations of u, v, r; `UNDISTURBED` for none.
-        p: (n, C); the catalogue's parameters of each craft.
-        active: Terms that any column uses.
-        step: s.
-        substeps: Runge-Kutta steps a step.
-
-    Returns:
-        Not finite from where a craft has run away.
+    """States (S + 1, 3, C) of C craft with parameters (n, C), by the classical Runge-Kutta scheme from (3, C); not
+    finite after divergence. Thrusts (S, C), N, are held over each step, s; ``push``, (3, C) or (3, 1), adds
+    accelerations of u, v, r.
     """
     steps = port.shape[0]
     states = np.empty((steps + 1, 3, state.shape[1]))
@@ -84,14 +74,14 @@ class Manoeuvre:
     time: np.ndarray  #: s.
     u: np.ndarray  #: Through the water, m/s.
     v: np.ndarray  #: Through the water, m/s.
-    yaw_rate: np.ndarray  #: rad/s, and rad from east to north, not wrapped.
-    heading: np.ndarray  #: rad/s, and rad from east to north, not wrapped.
-    x: np.ndarray  #: East and north, m.
-    y: np.ndarray  #: East and north, m.
+    yaw_rate: np.ndarray  #: rad/s.
+    heading: np.ndarray  #: rad from east to north, not wrapped.
+    x: np.ndarray  #: East, m.
+    y: np.ndarray  #: North, m.
     surge: np.ndarray  #: Over ground, m/s.
     sway: np.ndarray  #: Over ground, m/s.
-    port: np.ndarray  #: Inputs as given, the last one repeated.
-    starboard: np.ndarray  #: Inputs as given, the last one repeated.
+    port: np.ndarray  #: Input as given, the last one repeated.
+    starboard: np.ndarray  #: Input as given, the last one repeated.
 
 
 def simulate(
@@ -104,16 +94,8 @@ def simulate(
     position: Sequence | np.ndarray = (0.0, 0.0),
     current: Sequence[float] | None = None,
 ) -> Manoeuvre:
-    """Simulate a craft under given inputs.
-
-    Args:
-        model: That is simulated.
-        port, starboard: (S,); inputs held over each step, N or commands as the model's `thrust_input` says.
-        step: s.
-        state: u, v, r at the start.
-        heading: rad.
-        position: East, north, m.
-        current: East and north, m/s; the model's own by default.
+    """Simulate a craft under inputs (S,), N or commands, held over each step, s, from u, v, r, heading (rad) and east,
+    north (m). The current, east and north, m/s, is by default the model's.
     """
     port, starboard = np.asarray(port, dtype=float), np.asarray(starboard, dtype=float)
     thrust = acting_thrust(port, starboard, model.values, step)
@@ -129,25 +111,26 @@ def simulate(
             step,
             substeps,
         )[:, :, 0]
-        u, v, r = states.T
         drift = model.current if current is None else current
-        psi, x, y = track(u, v, r, step, heading, position, drift)
-        east, north = drift
-        surge = u + east * np.cos(psi) + north * np.sin(psi)
-        sway = v - east * np.sin(psi) + north * np.cos(psi)
-    return Manoeuvre(
-        time=step * np.arange(u.size),
-        u=u,
-        v=v,
-        yaw_rate=r,
-        heading=psi,
-        x=x,
-        y=y,
-        surge=surge,
-        sway=sway,
-        port=np.append(port, port[-1:]),
-        starboard=np.append(starboard, starboard[-1:]),
-    )
+        u, v, r = states.T
+        pose = track(u, v, r, step, heading, position, drift)
+        return manoeuvre_of(step, (u, v, r), pose, (port, starboard), drift)
+
+
+def manoeuvre_of(
+    step: float,
+    motion: Sequence | np.ndarray,
+    pose: Sequence | np.ndarray,
+    inputs: Sequence | np.ndarray,
+    current: Sequence[float],
+) -> Manoeuvre:
+    """The manoeuvre of u, v, r and heading, x, y, (3, N) each, under inputs (2, N - 1), in steps of s."""
+    (u, v, r), (psi, x, y), (port, starboard) = motion, pose, inputs
+    east, north = current
+    surge = u + east * np.cos(psi) + north * np.sin(psi)
+    sway = v - east * np.sin(psi) + north * np.cos(psi)
+    held = (np.append(side, side[-1:]) for side in (port, starboard))
+    return Manoeuvre(step * np.arange(u.size), u, v, r, psi, x, y, surge, sway, *held)
 
 
 def track(
@@ -159,11 +142,7 @@ def track(
     position: Sequence | np.ndarray,
     current: Sequence | np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heading and position by the trapezoidal rule, along the first axis of u, v, r.
-
-    Returns:
-        heading, x, y: of u
-    """
+    """Heading and position by the trapezoidal rule along the first axis of u, v, r, in their shape."""
     psi = heading + _integral(r, step)
     x = position[0] + _integral(u * np.cos(psi) - v * np.sin(psi) + current[0], step)
     y = position[1] + _integral(u * np.sin(psi) + v * np.cos(psi) + current[1], step)
@@ -177,13 +156,8 @@ def moved(
     step: float,
     current: Sequence | np.ndarray,
 ) -> np.ndarray:
-    """By how much heading and position change over one step, as `track` has it: heading, x, y; shape (3,) or (3, C).
-
-    Args:
-        before, after: u, v, r at both ends of the step, each a number or an array of shape (C,).
-        heading: float or (C,); at the start, rad.
-        step: s.
-        current: East and north, m/s.
+    """Change of heading, x and y over one step by the rule of `track`, shape (3,) or (3, C). Given u, v, r at both
+    ends, numbers or (C,), and the heading at the start, rad.
     """
     half = 0.5 * step
     turn = half * (before[2] + after[2])
@@ -200,9 +174,8 @@ def substeps_for(
     state: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     thrust: Sequence | np.ndarray = ((0.0,), (0.0,)),
 ) -> int:
-    """Runge-Kutta steps that the fastest damping of the craft needs within a step, 1 to 50.
-
-    The damping is taken at the state given and at a speed that the largest thrust could drive.
+    """Runge-Kutta steps within a step, 1 to 50, that the fastest damping needs at this state and at the speed of the
+    largest thrust.
     """
     most = float(max(np.max(np.abs(t)) for t in thrust)) if len(thrust[0]) else 0.0
     fastest = steady_speed(model, 2.0 * most)

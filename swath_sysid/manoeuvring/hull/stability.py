@@ -1,4 +1,4 @@
-"""Whether a craft stays within bounds at the speeds and inputs that it was identified at."""
+"""Whether a craft stays within bounds at the speeds and inputs of its identification."""
 
 from dataclasses import dataclass
 
@@ -14,40 +14,34 @@ INPUTS = 4
 DURATION = 60.0
 STEP = 0.1
 DIFFERENCE = 1e-5
-EXCESS = 2.0  #: A motion that leaves this multiple of what was seen has run away.
+EXCESS = 2.0  #: Motion beyond this multiple of its limit has diverged.
 
 
 @dataclass(frozen=True)
 class Region:
-    """Motion and inputs that were seen."""
+    """Range of motion and inputs in the runs."""
 
     slowest: float  #: m/s.
     fastest: float  #: m/s.
-    largest_sway: float  #: m/s, rad/s.
-    largest_yaw_rate: float  #: m/s, rad/s.
-    least_input: float  #: Of one thruster, and starboard less port; N or commands.
-    most_input: float  #: Of one thruster, and starboard less port; N or commands.
-    largest_difference: float  #: Of one thruster, and starboard less port; N or commands.
+    largest_sway: float  #: m/s.
+    largest_yaw_rate: float  #: rad/s.
+    least_input: float  #: Of one thruster, N or command.
+    most_input: float  #: Of one thruster, N or command.
+    largest_difference: float  #: Starboard less port, N or command.
 
 
 @dataclass(frozen=True)
 class StabilityCheck:
     """Outcome of `check_stability`."""
 
-    stable: bool  #: Straight courses are kept, and held inputs drive nothing beyond bounds.
-    bounded: bool  #: The latter alone: a craft that does not keep its course turns, and its damping ends that.
-    #: Largest real part of the eigenvalues of small motions about straight courses, 1/s; negative decays.
-    largest_growth: float
-    unstable_speed: float  #: Where it is not negative, m/s; NaN if nowhere.
+    stable: bool  #: Straight courses are stable, and motion under held inputs stays bounded.
+    bounded: bool  #: Motion under held inputs stays bounded, even if a course-unstable craft turns.
+    largest_growth: float  #: Largest real part of the eigenvalues about straight courses, 1/s; negative decays.
+    unstable_speed: float  #: Where the growth is not negative, m/s; NaN if nowhere.
 
 
 def check_stability(model: ManoeuvringModel, region: Region) -> StabilityCheck:
-    """Small motions about every straight course, and free motion under every held input.
-
-    Args:
-        model: That is examined.
-        region: Speeds and inputs that it is examined at.
-    """
+    """Check small motions about every straight course, and free motion under every held input, within a region."""
     speeds = straight_speeds(region)
     growth = growth_rates(model.values[:, None], model.active, speeds)[:, 0]
     worst = int(np.argmax(growth))
@@ -62,20 +56,13 @@ def check_stability(model: ManoeuvringModel, region: Region) -> StabilityCheck:
 
 
 def straight_speeds(region: Region) -> np.ndarray:
-    """Speeds ahead at which straight courses are examined, m/s, shape (9,)."""
+    """Speeds ahead at which straight courses are checked, m/s, shape (9,)."""
     return np.linspace(max(0.0, region.slowest), max(region.fastest, 1e-3), SPEEDS)
 
 
 def growth_rates(p: np.ndarray, active: tuple[bool, ...], speeds: np.ndarray) -> np.ndarray:
-    """Largest real part of the eigenvalues of small motions about steady straight courses.
-
-    Args:
-        p: (n, K); parameters of K candidates.
-        active: Terms that any candidate uses.
-        speeds: (S,); m/s.
-
-    Returns:
-        1/s; negative decays.
+    """Largest real part of the eigenvalues of small motions about steady straight courses, 1/s, shape (S, K); negative
+    decays. For K candidates with parameters (n, K), of which ``active`` terms differ from neutral, at speeds (S,), m/s.
     """
     count, candidates = speeds.size, p.shape[1]
     columns = np.tile(p, count)
@@ -117,12 +104,13 @@ def _largest_excess(model: ManoeuvringModel, region: Region):
     state = np.repeat(starts, thrust.shape[1], axis=1)
     columns = np.tile(thrust, starts.shape[1])
     steps = int(DURATION / STEP)
+    port, starboard = (np.ascontiguousarray(np.broadcast_to(side, (steps, side.size))) for side in columns)
     substeps = substeps_for(model, STEP, (region.fastest, 0.0, region.largest_yaw_rate), thrust)
     with np.errstate(over='ignore', invalid='ignore'):
         states = runge_kutta_columns(
             state,
-            np.ascontiguousarray(np.broadcast_to(columns[0], (steps, columns.shape[1]))),
-            np.ascontiguousarray(np.broadcast_to(columns[1], (steps, columns.shape[1]))),
+            port,
+            starboard,
             UNDISTURBED,
             np.repeat(model.values[:, None], columns.shape[1], axis=1),
             model.active,
@@ -135,7 +123,7 @@ def _largest_excess(model: ManoeuvringModel, region: Region):
 
 
 def _limits(model: ManoeuvringModel, region: Region, thrust: np.ndarray):
-    """Speed, sway and yaw rate that these inputs may rightly drive: seen ones, or the steady ones of the hull."""
+    """Speed, sway and yaw rate that these inputs may drive: measured maxima, or the steady values of the hull."""
     ahead = steady_speed(model, float(np.max(thrust.sum(axis=0))))
     speed = max(abs(region.slowest), region.fastest, ahead, 0.1)
     seen = max(region.largest_yaw_rate, 0.05)

@@ -11,13 +11,13 @@ from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
 
 STEP = 0.1  #: s.
-LONGEST = 900.0  #: s; a test that has not ended by then is reported as far as it went.
+LONGEST = 900.0  #: s; a test that lasts longer is cut off there.
 APPROACH = 5.0  #: s of steady approach shown before a test.
 
 
 @dataclass(frozen=True)
 class DriveSettings:
-    """How hard a craft is driven; shares are of its largest input."""
+    """Inputs of the tests, as shares of the largest input."""
 
     base: float = 0.6  #: Mean input of both thrusters, share.
     difference: float = 0.3  #: Half the difference of the inputs, share; positive turns to starboard.
@@ -34,12 +34,12 @@ class DriveSettings:
 
 @dataclass(frozen=True)
 class ManoeuvringTest:
-    """A test and what it reports."""
+    """Result of a standard test."""
 
     name: str
     manoeuvre: Manoeuvre
     numbers: dict[str, float]  #: Units in the names; NaN for what the test did not reach.
-    curve: dict[str, np.ndarray]  #: Steady states, for the tests that make a curve of them.
+    curve: dict[str, np.ndarray]  #: Steady states, of the tests that measure a curve.
 
 
 def _inputs(model: ManoeuvringModel, settings: DriveSettings, turn: float = 1.0):
@@ -113,7 +113,7 @@ def zigzag(model: ManoeuvringModel, settings: DriveSettings, reversals: int = 6)
 
 
 def speed_test(model: ManoeuvringModel, settings: DriveSettings, steps: int = 8) -> ManoeuvringTest:
-    """Steady speed against input, from rest up to the largest input; ``settings`` are not needed."""
+    """Steady speed against input, from rest up to the largest input; ``settings`` are not used."""
     craft = SteeredCraft(_still(model), STEP, 0.0, at_rest=True)
     inputs, speeds, times = [], [], []
     for share in np.arange(1, steps + 1) / steps:
@@ -138,7 +138,7 @@ def speed_test(model: ManoeuvringModel, settings: DriveSettings, steps: int = 8)
 
 
 def crash_stop(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
-    """Way and time from full ahead to a stop under full astern; the base input is not needed."""
+    """Distance and time from full ahead to a stop under full astern; the base input is not used."""
     full = model.largest_input
     craft = SteeredCraft(_still(model), STEP, full)
     craft.hold(full, full, APPROACH)
@@ -191,16 +191,7 @@ TESTS = {
 
 
 def run_test(name: str, model: ManoeuvringModel, settings: DriveSettings | None = None) -> ManoeuvringTest:
-    """Run a standard test in still water.
-
-    Args:
-        name: A key of ``TESTS``.
-        model: That is driven.
-        settings: How the tests are driven.
-
-    Raises:
-        InputError: There is no such test.
-    """
+    """Run a standard test, a key of ``TESTS``, in still water."""
     check_choice(name, TESTS, 'test')
     return TESTS[name](model, settings or DriveSettings())
 

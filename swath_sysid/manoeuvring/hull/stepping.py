@@ -1,4 +1,4 @@
-"""A craft that is steered while it moves: the simulation, one step at a time."""
+"""Step-by-step simulation of a craft whose inputs depend on its motion."""
 
 import numpy as np
 
@@ -6,6 +6,7 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import (
     UNDISTURBED,
     Manoeuvre,
+    manoeuvre_of,
     moved,
     runge_kutta_columns,
     steady_speed,
@@ -15,13 +16,7 @@ from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 
 
 class SteeredCraft:
-    """A craft under inputs that may depend on what it does.
-
-    Args:
-        step: s.
-        first_input: Both inputs before the start; the craft starts at the speed they drive, heading east.
-        at_rest: Start at rest instead.
-    """
+    """A craft heading east, steered step by step (s), from the steady speed of ``first_input`` or from rest."""
 
     def __init__(self, model: ManoeuvringModel, step: float, first_input: float = 0.0, at_rest: bool = False):
         self.model, self.step = model, step
@@ -69,25 +64,11 @@ class SteeredCraft:
         self._inputs.append((port, starboard))
 
     def hold(self, port: float, starboard: float, duration: float) -> None:
-        """Hold both inputs for a while, s."""
+        """Hold both inputs for a duration, s."""
         for _ in range(round(duration / self.step)):
             self.advance(port, starboard)
 
     def manoeuvre(self) -> Manoeuvre:
-        """Everything since the start."""
-        u, v, r, psi, x, y = np.array(self._rows).T
-        inputs = np.array([*self._inputs, self._inputs[-1]])
-        east, north = self.model.current
-        return Manoeuvre(
-            time=self.step * np.arange(u.size),
-            u=u,
-            v=v,
-            yaw_rate=r,
-            heading=psi,
-            x=x,
-            y=y,
-            surge=u + east * np.cos(psi) + north * np.sin(psi),
-            sway=v - east * np.sin(psi) + north * np.cos(psi),
-            port=inputs[:, 0],
-            starboard=inputs[:, 1],
-        )
+        """All motion since the start."""
+        rows = np.array(self._rows).T
+        return manoeuvre_of(self.step, rows[:3], rows[3:], np.array(self._inputs).T, self.model.current)

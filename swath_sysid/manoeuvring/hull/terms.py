@@ -20,26 +20,25 @@ import numpy as np
 
 from swath_sysid.common.accelerator import accelerated
 
-Numbers = float | np.ndarray  #: One number, or an array of them; what a function takes together broadcasts.
+Numbers = float | np.ndarray  #: A number, or an array that broadcasts with the other arguments.
 
 INERTIA, DAMPING, CROSS, OFFSET = 'inertia', 'damping', 'cross', 'offset'
 THRUST, SENSOR = 'thrust', 'sensor'
 
-HULL = (INERTIA, DAMPING, CROSS, OFFSET)  #: Kinds that the prime system has units for.
+HULL = (INERTIA, DAMPING, CROSS, OFFSET)  #: Kinds with prime units.
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One named number of a manoeuvring model."""
+    """One parameter of a manoeuvring model."""
 
     name: str
     kind: str  #: ``inertia``, ``damping``, ``cross``, ``offset``, ``thrust`` or ``sensor``.
-    row: str  #: The equation it stands in: ``X``, ``Y``, ``N``, or empty for thrust and sensor.
-    #: What it multiplies, as powers of u, v, r and of their time derivatives U, V, R: ``uu``, ``vr``, ``R``.
-    factors: str
+    row: str  #: The equation that it is part of: ``X``, ``Y``, ``N``, or empty for thrust and sensor.
+    factors: str  #: Factors u, v, r, or time derivatives U, V, R: ``uu``, ``vr``, ``R``.
     unit: str
-    neutral: float  #: Its value where it is not in use.
-    separated_by: str  #: The manoeuvre that separates it from its neighbours.
+    neutral: float  #: Value when unused.
+    separated_by: str  #: The manoeuvre that separates it from correlated parameters.
 
 
 _STEPS = 'thrust steps up and down on a straight course'
@@ -106,65 +105,20 @@ NAMES = tuple(p.name for p in PARAMETERS)
 INDEX = {name: i for i, name in enumerate(NAMES)}
 NEUTRAL = np.array([p.neutral for p in PARAMETERS])
 
-(
-    M,
-    IZ,
-    XU_DOT,
-    YV_DOT,
-    YR_DOT,
-    NV_DOT,
-    NR_DOT,
-    X_G,
-    XU,
-    XUU,
-    XUUU,
-    XVR,
-    XVV,
-    XRR,
-    YV,
-    YVV,
-    YVVV,
-    YVR,
-    YR,
-    YUR,
-    YUV,
-    NR,
-    NRR,
-    NRRR,
-    NVR,
-    NUR,
-    NUUR,
-    NV,
-    NVVV,
-    NUV,
-    X0,
-    N0,
-    GAIN,
-    REVERSE_RATIO,
-    DEAD_BAND,
-    EXPONENT,
-    BALANCE,
-    ADVANCE,
-    LAG,
-    DELAY,
-    DEDUCTION,
-    LEVER,
-    MOMENT_FACTOR,
-    FULL_INPUT,
-    REVERSE_EXPONENT_RATIO,
-    DEVIATION_B,
-    DEVIATION_C,
-    SENSOR_X,
-    SENSOR_Y,
-) = range(len(NAMES))
+M, IZ, XU_DOT, YV_DOT, YR_DOT, NV_DOT, NR_DOT, X_G = range(8)
+XU, XUU, XUUU, XVR, XVV, XRR = range(8, 14)
+YV, YVV, YVVV, YVR, YR, YUR, YUV = range(14, 21)
+NR, NRR, NRRR, NVR, NUR, NUUR, NV, NVVV, NUV = range(21, 30)
+X0, N0 = range(30, 32)
+GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, BALANCE, ADVANCE, LAG, DELAY = range(32, 40)
+DEDUCTION, LEVER, MOMENT_FACTOR, FULL_INPUT, REVERSE_EXPONENT_RATIO = range(40, 45)
+DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y = range(45, len(NAMES))
 
 
 @accelerated
 def surge_force(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray, active: tuple[bool, ...]) -> Numbers:
-    """X of the hull, N; products of the same velocity keep its sign.
-
-    ``p`` is (n, P) or (n,) for the n parameters of the catalogue, ``active`` a tuple of n bools, u, v and r broadcast
-    with a row of p.
+    """X of the hull, N; Xuu multiplies abs(u) u. Parameters ``p`` are (n, P) or (n,), ``active`` a tuple of n bools; u,
+    v and r broadcast with a row of p.
     """
     force = p[XU] * u + p[XUU] * np.abs(u) * u
     if active[XUUU]:
@@ -228,16 +182,7 @@ def yaw_moment(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray, active: tuple[
 def accelerations(
     u: Numbers, v: Numbers, r: Numbers, port: Numbers, starboard: Numbers, p: np.ndarray, active: tuple[bool, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """du/dt, dv/dt, dr/dt under thrusts that act, N.
-
-    Args:
-        u, v, r, port, starboard: (P,); speeds through the water, m/s, yaw rate, rad/s, and thrusts, N.
-        p: (n, P); the catalogue's parameters.
-        active: Terms that any column uses.
-
-    Returns:
-        m/s^2, m/s^2, rad/s^2.
-    """
+    """du/dt, dv/dt, dr/dt, m/s^2 and rad/s^2, shape (P,), of P craft with parameters (n, P) under acting thrusts, N."""
     left = 1.0 - p[ADVANCE] * u
     x = surge_force(u, v, r, p, active) + p[M] * v * r + (1.0 - p[DEDUCTION]) * left * (starboard + port)
     y = sway_force(u, v, r, p, active) - p[M] * u * r

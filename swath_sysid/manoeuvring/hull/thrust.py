@@ -21,20 +21,16 @@ from swath_sysid.manoeuvring.hull.terms import (
 )
 
 CURVE = (GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, FULL_INPUT, REVERSE_EXPONENT_RATIO)
-SHORTEST_LAG = 1e-6  #: s; a thruster below this answers at once.
-REMEMBERED = 0.2  #: s beyond the delay for which a thruster keeps what it was commanded.
+SHORTEST_LAG = 1e-6  #: s; thrusters with a shorter lag respond at once.
+REMEMBERED = 0.2  #: s of commands kept beyond the delay.
 
 
 def thrust_curve(inputs: Numbers | Sequence[float], p: np.ndarray) -> np.ndarray:
-    """Thrust of one thruster under held inputs, N.
+    """Thrust of one thruster, N, under held commands (-1 to 1) or forces (N); parameters ``p`` are (n,).
 
-    ``gain full ((|c| / full - dead_band) / (1 - dead_band))^exponent`` beyond the dead band, with the full input
-    ``full``: 1 for commands, the largest force in N for forces, at which the curve keeps ``gain`` whatever its
-    exponent. Astern it is multiplied by ``reverse_ratio``, the exponent by ``reverse_exponent_ratio``.
-
-    Args:
-        inputs: Commands from -1 to 1, or forces, N.
-        p: (n,); of the catalogue's parameters.
+    ``gain full ((|c| / full - dead_band) / (1 - dead_band))^exponent`` beyond the dead band; ``full`` is 1 for
+    commands, the largest force for forces. Astern ``reverse_ratio`` multiplies it, ``reverse_exponent_ratio`` its
+    exponent.
     """
     inputs = np.asarray(inputs)
     astern = inputs < 0.0
@@ -45,10 +41,7 @@ def thrust_curve(inputs: Numbers | Sequence[float], p: np.ndarray) -> np.ndarray
 
 
 def delayed(values: np.ndarray, delay: float, step: float) -> np.ndarray:
-    """Mean over each step of a held signal that arrives ``delay`` seconds late.
-
-    Exact for a signal that is constant over each step; before the first sample the first holds.
-    """
+    """Mean over each step of a held signal delayed by ``delay`` s, exact; the first sample holds before the start."""
     whole = int(delay / step)
     fraction = delay / step - whole
     padded = np.concatenate([np.repeat(values[:1], whole + 1), values])
@@ -56,7 +49,7 @@ def delayed(values: np.ndarray, delay: float, step: float) -> np.ndarray:
 
 
 def lag_factors(lag: float, step: float) -> tuple[float, float]:
-    """What is left after a step of the distance from the input, and its mean over the step (first-order lag, exact)."""
+    """Exact first-order lag: remaining share of the distance to the input after a step, and its mean over the step."""
     if lag < SHORTEST_LAG:
         return 0.0, 0.0
     decay = math.exp(-step / lag)
@@ -71,15 +64,8 @@ def lagged(values: np.ndarray, lag: float, step: float) -> np.ndarray:
 
 
 def acting_thrust(port: np.ndarray, starboard: np.ndarray, p: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Thrust of both thrusters, N, mean over each step.
-
-    Args:
-        port, starboard: (N,); commands, or forces in N, held over each step.
-        p: (n,); of the catalogue's parameters.
-        step: s.
-
-    Returns:
-        port, starboard: (N,)
+    """Thrust of both thrusters, N, (N,), mean over each step, s, of commands, or forces in N, (N,), held over each
+    step.
     """
     left, right = (
         lagged(delayed(side * thrust_curve(inputs, p), p[DELAY], step), p[LAG], step)
@@ -89,12 +75,7 @@ def acting_thrust(port: np.ndarray, starboard: np.ndarray, p: np.ndarray, step: 
 
 
 class ThrustMemory:
-    """Acting thrust of both thrusters from inputs at any times: the same as `acting_thrust`, as they come.
-
-    Args:
-        p: (n,)
-        first: Input of both that has acted so far.
-    """
+    """`acting_thrust` for inputs that arrive at any time; ``first`` is the input of both thrusters before the first."""
 
     def __init__(self, p: np.ndarray, first: float = 0.0):
         self._p = p
@@ -103,7 +84,7 @@ class ThrustMemory:
         self._state: np.ndarray | None = None
 
     def command(self, stamp: float, port: float, starboard: float) -> bool:
-        """Take inputs that hold from a stamp on; NaN and older than the last are refused."""
+        """Accept inputs that hold from a stamp on; rejects NaN and stamps older than the last."""
         if not (math.isfinite(port) and math.isfinite(starboard)) or stamp < self._history[-1][0]:
             return False
         self._history.append((stamp, port, starboard))
@@ -120,7 +101,7 @@ class ThrustMemory:
         return self._sides * thrust_curve(self.last[1:], self._p)
 
     def forget(self) -> None:
-        """Begin anew (time went backward)."""
+        """Restart, keeping the last inputs, after time went backward."""
         _, port, starboard = self._history[-1]
         self._history = deque([(-math.inf, port, starboard)])
         self._state = None

@@ -1,4 +1,4 @@
-"""From runs and settings to a problem: what is known, what is free, where the search begins."""
+"""From runs and settings to a problem: known parameters, free ones, and the start of the search."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,33 +9,28 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import white_noise
 from swath_sysid.manoeuvring.hull.model import parameter_values
+from swath_sysid.manoeuvring.hull.presets import WAMV_LENGTH, WAMV_LEVER
 from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.hull.terms import INDEX
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.scaling import Scales
-from swath_sysid.manoeuvring.identification.settings import (
-    AUTO,
-    DEFAULT_LENGTH,
-    DEFAULT_LEVER,
-    SHARED,
-    ManoeuvringSettings,
-)
+from swath_sysid.manoeuvring.identification.settings import AUTO, SHARED, ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, Unknowns
 from swath_sysid.manoeuvring.identification.starts import surge_ratios, sway_ratios, yaw_ratios
 from swath_sysid.manoeuvring.motion.trial import COMMAND, Run
 
 AT_ANCHOR_SPEED = 0.15
 AT_ANCHOR_YAW_RATE = 0.03
-NO_TURN = 0.02  #: rad/s; a yaw rate that stays below identifies nothing of a turn.
+NO_TURN = 0.02  #: rad/s; a lower yaw rate identifies nothing of a turn.
 SWAY_SEEN = 0.03  #: m/s.
 USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0}  #: s; time constants assumed where the runs show none.
 
 DEVIATION, SENSOR_PLACE = ('deviation_B', 'deviation_C'), ('sensor_x', 'sensor_y')
-FIRST_DELAY = 0.15  #: s, where the search for lag and delay of the thrusters begins.
+FIRST_DELAY = 0.15  #: s, first guess of lag and delay of the thrusters.
 LARGEST_DRIFT = 2.0  #: m/s.
 
 DRIFT_SPREAD = 0.5
-FIRST_DRIFT_SPREAD = 0.02  #: m/s by which the currents of the runs are first assumed to differ, until the fit.
+FIRST_DRIFT_SPREAD = 0.02  #: m/s, spread of the currents of the runs before the first fit.
 
 _CANDIDATES = {
     'X': ('Xvr', 'Xvv', 'Xrr', 'Xuuu', 'X0'),
@@ -48,30 +43,27 @@ _BASE = {'X': ('Xu', 'Xuu'), 'Y': ('Yv_dot', 'Yv'), 'N': ('Nr',)}
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be identified."""
+    """An identification problem."""
 
     runs: tuple
     thrust_input: str
     base: np.ndarray  #: (n,); Known parameters, and first guesses of the others.
     free: tuple[str, ...]  #: Unknowns that are always searched.
-    #: Unknowns that are searched from the start, and dropped where they turn out weak: lag and delay, which stand in
-    #: for each other where only one of them is offered, and the reverse ratio, without which much else is taken for a
-    #: hull's.
+    #: Unknowns that are searched from the start and dropped if weak: lag and delay, either of which alone takes up the
+    #: other, and the reverse ratio, without which hull terms take up its effect.
     tentative: tuple[str, ...]
     candidates: tuple[tuple[str, ...], ...]  #: Groups of unknowns that may be added.
     scales: Scales
     length: float  #: m.
     towards: dict
-    assumed: tuple[str, ...]  #: Parameters that these runs do not excite and that have usual values.
-    flags: dict[str, str]  #: Parameters that need a warning, and its code.
+    assumed: tuple[str, ...]  #: Parameters with usual values, which these runs do not excite.
+    flags: dict[str, str]  #: Parameter to the code of its warning.
     region: Region
     noise: np.ndarray  #: (3,)
-    #: m/s, by how much the currents of the runs differ, beside their noise; 0: one current, or none.
-    drift_spread: float
+    drift_spread: float  #: m/s, spread of the currents of the runs; 0: one current, or none.
     advice: tuple[Advice, ...]
-    ties: dict[str, str]  #: Parameters that are equal to another one, and to which.
-    #: 1/s, that small motions about straight courses may have; negative: they must decay.
-    largest_growth: float = -MIN_DECAY
+    ties: dict[str, str]  #: Parameter to the one that it is equal to.
+    largest_growth: float = -MIN_DECAY  #: 1/s, of small motions about straight courses; negative: they must decay.
 
     def unknowns(self, names: Sequence[str]) -> Unknowns:
         """Units, bounds and regularisation of some unknowns."""
@@ -94,11 +86,7 @@ class Problem:
 
 
 def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...]]:
-    """Runs that moved, and advice for those at anchor.
-
-    Raises:
-        InputError: None did.
-    """
+    """Runs that moved, and advice for those at anchor or without thrust; rejects runs of which none moved."""
     kept, advice = [], []
     for run in runs:
         speed, rate = _largest(run.smooth[0]), _largest(run.smooth[2])
@@ -114,15 +102,7 @@ def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...
 
 
 def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
-    """Make a problem of runs.
-
-    Args:
-        runs: See `moving_runs`.
-        settings: What is given, fixed and searched.
-
-    Raises:
-        InputError: Forces and commands are mixed, or nothing can be identified.
-    """
+    """Make a problem of moving runs."""
     inputs = {run.thrust_input for run in runs}
     if len(inputs) > 1:
         raise InputError('some runs hold thrust in N and some commands: identify them separately')
@@ -170,13 +150,8 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
     candidates = [c for c in candidates if not set(c) & set(ties)]
     assumed += ties
     values.update({name: values.get(leader, 0.0) for name, leader in ties.items()})
-    region = seen_region(runs)
-    noise = np.array(
-        [
-            max(0.05 * scale, _white(runs, c))
-            for c, scale in enumerate((scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate))
-        ]
-    )
+    motion = np.array([scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate])
+    noise = np.fmax(0.05 * motion, np.fmax(sensor_noise(runs), 1e-6))
     return Problem(
         tuple(runs),
         thrust_input,
@@ -189,7 +164,7 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
         dict(settings.towards),
         tuple(assumed),
         flags,
-        region,
+        seen_region(runs),
         noise,
         drift_spread,
         tuple(advice),
@@ -198,7 +173,7 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
 
 
 def seen_region(runs: Sequence[Run]) -> Region:
-    """The motion and inputs of some runs, their outermost half percent left out."""
+    """The range of motion and inputs in some runs, without their outermost half percent."""
     surge, sway, rate = (np.concatenate([run.smooth[c] for run in runs]) for c in range(3))
     inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
     difference = np.concatenate([run.starboard - run.port for run in runs])
@@ -266,10 +241,10 @@ def _craft(runs: Sequence[Run], settings: ManoeuvringSettings, advice: list[Advi
             'lever-assumed',
         )
     if lever is None:
-        advice.append(Advice.of('lever-assumed', default_lever=DEFAULT_LEVER))
+        advice.append(Advice.of('lever-assumed', default_lever=WAMV_LEVER))
     if length is None:
-        advice.append(Advice.of('length-assumed', default_length=DEFAULT_LENGTH))
-    return lever or DEFAULT_LEVER, length or DEFAULT_LENGTH
+        advice.append(Advice.of('length-assumed', default_length=WAMV_LENGTH))
+    return lever or WAMV_LEVER, length or WAMV_LENGTH
 
 
 def _anchors(
@@ -280,12 +255,7 @@ def _anchors(
     rows: list[str],
     advice: list[Advice],
 ):
-    """Scale of mass and thrust: what is given, what follows, what cannot be separated.
-
-    Returns:
-        values: Known values and first guesses.
-        free, assumed
-    """
+    """Known values and first guesses, free parameters, and assumed ones, for the given scale of mass and thrust."""
     inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
     full = 1.0 if thrust_input == COMMAND else float(np.max(np.abs(inputs)))
     values = {'lever': lever, 'full_input': full}
@@ -345,11 +315,9 @@ def _anchors(
 
 
 def _ties(settings: ManoeuvringSettings, free: list[str], advice: list[Advice]):
-    """What one parameter is taken equal to another for.
-
-    Nothing drives a craft sideways: its sway stays the same when m - Yur, m - Yv_dot and all else in Y are multiplied
-    by one number, so that one of them must be given for the others. Where none is, Yur is Xu_dot, as the Coriolis
-    forces of added mass have it (Fossen 2021, 6.3).
+    """Parameters that are assumed equal to another one. No force drives the sway: it stays the same when m - Yur, m -
+    Yv_dot and all else in Y are multiplied by one number, so one of them must be given. By default Yur is Xu_dot, by
+    the Coriolis forces of added mass (Fossen 2021, 6.3).
     """
     if settings.terms is not None or 'Yv_dot' not in free or {'Yur', 'Yv_dot'} & {*settings.fixed, *settings.towards}:
         return {}
@@ -390,6 +358,11 @@ def _largest(values: np.ndarray):
     return float(np.nanquantile(values, 0.995)) if np.isfinite(values).any() else 0.0
 
 
-def _white(runs: Sequence[Run], channel: int):
-    found = [white_noise(c[np.isfinite(c)]) for c in (run.channels[channel] for run in runs)]
-    return max(float(np.median(found)), 1e-6)
+def sensor_noise(runs: Sequence[Run]) -> np.ndarray:
+    """White noise of surge, sway and yaw rate, the median of the runs, shape (3,)."""
+    return np.array(
+        [
+            np.median([white_noise(c[np.isfinite(c)]) for c in side])
+            for side in zip(*(r.channels for r in runs), strict=True)
+        ]
+    )

@@ -1,4 +1,4 @@
-"""What a model leaves of the accelerations, and how thrust is held."""
+"""Residual accelerations of a model, and how long thrust is held."""
 
 from collections.abc import Sequence
 
@@ -12,28 +12,20 @@ from swath_sysid.manoeuvring.hull.terms import BALANCE
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust, thrust_curve
 from swath_sysid.manoeuvring.motion.trial import Run
 
-LAGS = (1.0, 4.0)  #: s; sensor noise and its smoothing are forgotten at the first, a gust is not at the second.
+LAGS = (1.0, 4.0)  #: s; sensor noise and smoothing are uncorrelated at the first, gusts still correlated at the second.
 SHORTEST_TIME, LONGEST_TIME = 1.0, 30.0  #: s.
-THRUST_LEAD = 5.0  #: s over which the change of the thrust is measured.
+THRUST_LEAD = 5.0  #: s over which changes of thrust are measured.
 SHORTEST_HOLD = 0.1  #: s, of a thrust that is always changing.
-MIN_SHARE = 0.002  #: Of the accelerations that the thrust gives: no disturbance is smaller.
+MIN_SHARE = 0.002  #: Least disturbance as a share of the accelerations by thrust.
 
 SENSORS = np.array([0.05, 0.01, 0.01, 0.5])
 MIN_SENSORS = np.array([0.005, 0.0005, 0.0005, 0.01])
 
 
 def forecast_noise(model: ManoeuvringModel, runs: Sequence[Run]) -> ForecastNoise:
-    """Disturbances, thrust to come and sensors, as the runs show them.
-
-    A disturbance is taken for first-order Gauss-Markov; its variance and time follow from the autocovariance of the
-    accelerations left at two lags.
-
-    Args:
-        model: As identified.
-        runs: Those that it was identified on.
-
-    Returns:
-        With intervals not yet calibrated.
+    """Disturbances, thrust changes and sensor noise in the runs of the identification; intervals not yet calibrated. A
+    disturbance is first-order Gauss-Markov, with variance and time from the autocovariance of the residual
+    accelerations at two lags.
     """
     covariances, counts = np.zeros((len(LAGS), 3)), np.zeros((len(LAGS), 3))
     for run in runs:
@@ -53,7 +45,7 @@ def forecast_noise(model: ManoeuvringModel, runs: Sequence[Run]) -> ForecastNois
 
 
 def _thrust(model: ManoeuvringModel, runs: Sequence[Run]):
-    """Mean and covariance of the thrusts under held inputs, and for how long they are held: see `ForecastNoise`."""
+    """Mean and covariance of the thrusts under held inputs, and how long they are held: see `ForecastNoise`."""
     p = model.values
     sides = np.array([1.0 - p[BALANCE], 1.0 + p[BALANCE]])[:, None]
     thrusts = [sides * thrust_curve(np.stack([run.port, run.starboard]), p) for run in runs]
@@ -72,7 +64,7 @@ def _thrust(model: ManoeuvringModel, runs: Sequence[Run]):
 
 
 def _accelerations_left(model: ManoeuvringModel, run: Run):
-    """Accelerations that the model leaves, shape (3, N)."""
+    """Accelerations, measured less modelled, shape (3, N)."""
     port, starboard = acting_thrust(run.port, run.starboard, model.values, run.step)
     surge, sway, rate = run.smooth
     heading = np.zeros_like(rate) if run.heading is None else run.heading
@@ -85,7 +77,7 @@ def _accelerations_left(model: ManoeuvringModel, run: Run):
 
 
 def _sensors(runs: Sequence[Run]):
-    """Standard deviations of the sensors' white noise, usual ones where they are not recorded."""
+    """Standard deviations of the white noise of the sensors, usual ones where not recorded."""
     found = []
     for names, usual in zip((('surge', 'sway'), ('yaw_rate',), ('heading',), ('x', 'y')), SENSORS, strict=True):
         series = [getattr(run, name) for run in runs for name in names]

@@ -1,4 +1,4 @@
-"""How far runs excite each derivative: the share of its motion that no other one explains."""
+"""How well runs excite each derivative: the share of its motion that no other one explains."""
 
 from collections.abc import Sequence
 
@@ -7,21 +7,13 @@ import numpy as np
 from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS
 from swath_sysid.manoeuvring.motion.trial import Run
 
-#: A derivative of whose motion the others explain all but less than this share is hardly distinguished from them.
-ENOUGH = 0.15
+ENOUGH = 0.15  #: Derivatives with a smaller share of their own can hardly be separated.
 
 
 def excitation(runs: Sequence[Run]) -> dict[str, float]:
-    """How well runs separate derivatives.
-
-    In each equation the motion that a derivative multiplies is regressed on that of the others; what is left of it,
-    as a share of its size, is its own (the root of one over the variance inflation factor).
-
-    Args:
-        runs: Of one craft.
-
-    Returns:
-        0 to 1; 0 where its motion does not occur or is in none of the runs.
+    """Excitation of derivatives by runs, 0 to 1; 0 where the motion does not occur. In each equation the motion of a
+    derivative is regressed on that of the others; the residual over its size is the excitation (the root of one over
+    the variance inflation factor).
     """
     found = {}
     for names, columns in _equations(runs):
@@ -44,7 +36,7 @@ def excitation(runs: Sequence[Run]) -> dict[str, float]:
 
 
 def lacking(shares: dict[str, float]) -> dict[str, str]:
-    """Derivatives that lack excitation, with the manoeuvre that would help; dict of str to str."""
+    """Derivatives that lack excitation, with the manoeuvre that would help."""
     return {name: PARAMETERS[INDEX[name]].separated_by for name, share in shares.items() if share < ENOUGH}
 
 

@@ -1,7 +1,7 @@
-"""Runs held out one at a time: what they say of a set of terms, and how firmly the others hold the values.
+"""Cross-validation over runs: how terms help runs held out one at a time, and how values scatter without each.
 
-The values without a run are those of all runs less the step that the run itself was worth (one Gauss-Newton step on
-the others); under them the run is simulated freely from its measured states.
+The values without a run follow by one Gauss-Newton step on the others; with them the run is simulated freely from its
+measured states.
 """
 
 from collections.abc import Sequence
@@ -10,28 +10,20 @@ import numpy as np
 
 from swath_sysid.manoeuvring.identification.shooting import MultipleShooting
 
-LOSS_TURNS_AT = 3.0  #: Standard deviations beyond which a residual counts by its size, not its square.
+LOSS_TURNS_AT = 3.0  #: Standard deviations beyond which a residual counts linearly.
 
-#: Of the misfit of all runs, and of what terms change in it: what one run exceeds it by does not count.
-LARGEST_SHARE = 0.25
+LARGEST_SHARE = 0.25  #: Largest share of one run in the misfit and in its change.
 
-SCATTER = 0.5  #: Standard errors of the runs by which terms must help.
-MIN_GAIN = 0.003  #: Share of the misfit that terms must explain of runs they were not fitted to.
+SCATTER = 0.5  #: Least gain in standard errors over the runs.
+MIN_GAIN = 0.003  #: Least gain on runs held out, as a share of the misfit.
 
 
 def values_without_each_part(
     shooting: MultipleShooting, values: np.ndarray, parts: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> np.ndarray:
-    """The values that the runs but one would give, shape (K, n).
-
-    What holds the fit beside the runs stays in force: the regularisation, the demand of stable straight courses, and
-    bounds that it has come to rest at. Otherwise unstable models would judge a hull that hardly keeps its course.
-
-    Args:
-        shooting: Of the fit.
-        values: (n,); of its unknowns.
-        parts: list of (ndarray of shape (N_k,), ndarray of shape (N_k, n)); residuals and Jacobian of each run: see
-            `MultipleShooting.by_part`.
+    """Values fitted without each run, shape (K, n), from the residuals and Jacobians of `MultipleShooting.by_part`.
+    Regularisation, the demand of stable straight courses, and active bounds stay in force, as otherwise unstable models
+    would judge a marginally course-stable hull.
     """
     units, spread = shooting.unknowns.units, shooting.unknowns.spread
     at_rest = (values - shooting.unknowns.lower < 1e-9 * units) | (shooting.unknowns.upper - values < 1e-9 * units)
@@ -52,7 +44,7 @@ def values_without_each_part(
 
 
 def held_out_costs(shooting: MultipleShooting, values_without_it: np.ndarray) -> np.ndarray:
-    """Misfit of each part in free runs under the values of the others, (K, n); shape (K,)."""
+    """Misfit of each part in free runs with the values fitted without it, (K, n); shape (K,)."""
     residual = shooting.free_run_residuals(values_without_it)
     residual = np.clip(np.nan_to_num(residual, nan=1e3), -1e3, 1e3) / LOSS_TURNS_AT
     by_window = np.sum(np.sqrt(1.0 + residual**2) - 1.0, axis=(0, 1))
@@ -60,11 +52,7 @@ def held_out_costs(shooting: MultipleShooting, values_without_it: np.ndarray) ->
 
 
 def helps(costs: np.ndarray, costs_before: np.ndarray) -> bool:
-    """Whether terms help runs that they were not fitted to, beyond the runs' scatter.
-
-    Args:
-        costs, costs_before: (K,); `held_out_costs` with the terms and without.
-    """
+    """Whether terms help runs held out beyond their scatter, by `held_out_costs` (K,) with and without them."""
     if costs.size < 2:
         # nothing can be held out of a single window
         return True
@@ -77,14 +65,8 @@ def helps(costs: np.ndarray, costs_before: np.ndarray) -> bool:
 
 
 def covariance_over_runs(without: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """A covariance no smaller than what the runs scatter by.
-
-    The jackknife over runs (a sandwich over clusters with its leverage taken out: Bell and McCaffrey 2002, CR3)
-    gives the variances where it is larger; few runs give no correlations, which stay.
-
-    Args:
-        without: (K, n); values without each run.
-        matrix: (n, n); by the residuals' autocorrelation.
+    """A covariance (n, n) with variances of at least the scatter of the values without each run, (K, n). The scatter is
+    the jackknife over runs (a sandwich over clusters corrected for leverage: Bell and McCaffrey 2002, CR3).
     """
     count = len(without)
     scatter = (count - 1.0) / count * np.sum((without - without.mean(axis=0)) ** 2, axis=0)
@@ -92,7 +74,7 @@ def covariance_over_runs(without: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
 
 def with_variances_of_at_least(matrix: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """A covariance with its variances raised to some, shape (n,), where they are smaller; correlations stay."""
+    """A covariance with its variances raised to ``least`` (n,) where smaller; correlations stay."""
     variance = np.diag(matrix)
     with np.errstate(invalid='ignore', divide='ignore'):
         larger = np.sqrt(np.where(least > variance, least / variance, 1.0))

@@ -9,13 +9,12 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.common.signals import white_noise
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
 from swath_sysid.manoeuvring.hull.stability import Region, StabilityCheck, check_stability
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
-from swath_sysid.manoeuvring.identification.assembly import Problem, assemble, moving_runs
+from swath_sysid.manoeuvring.identification.assembly import Problem, assemble, moving_runs, sensor_noise
 from swath_sysid.manoeuvring.identification.selection import (
     Fit,
     at_bound,
@@ -37,29 +36,28 @@ from swath_sysid.manoeuvring.identification.selection import (
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleShooting
 from swath_sysid.manoeuvring.identification.validation import Scores, score
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
+from swath_sysid.manoeuvring.motion.trial import Run
 
-ALIKE = 0.5  #: Share of the longer of two time constants from which the shorter one can be taken for it.
+ALIKE = 0.5  #: Time constants with a larger ratio than this, short to long, can be confused.
 UNCERTAIN = 0.5  #: A standard deviation beyond this share of a value makes it uncertain.
-STRANGE_MASS = 0.6  #: No hull of a small craft has more added mass in surge than this share of its mass.
-MORE_THAN_NOISE = 2.0  #: A simulation within so many times the sensor's own noise is not called poor.
-MIN_DIFFERENCE = 0.02  #: m/s; runs whose currents differ by less have one current.
+STRANGE_MASS = 0.6  #: Largest added mass in surge of a small craft, as a share of its mass.
+MORE_THAN_NOISE = 2.0  #: A simulation error within so many times the sensor noise is not poor.
+MIN_DIFFERENCE = 0.02  #: m/s; currents of runs that differ by less are one current.
 
-#: Of a step, in the last fit: thrust that is held for as long as its lag lowers the lag, and raises the inertia.
-PARTS = 3
+PARTS = 3  #: Parts of a step in the last fit; thrust held for as long as its lag biases lag and inertia.
 
 GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
 
 
 @dataclass(frozen=True)
 class Derivative:
-    """One identified number."""
+    """One identified parameter."""
 
-    value: float  #: In the unit of the parameter; std NaN where it was given or assumed.
-    std: float  #: In the unit of the parameter; std NaN where it was given or assumed.
-    prime: float | None  #: Without dimensions; None for the thrusters' parameters.
+    value: float  #: In ``unit``.
+    std: float  #: In ``unit``; NaN where it was given or assumed.
+    prime: float | None  #: Non-dimensional; None for the parameters of the thrusters.
     unit: str
-    flags: tuple[str, ...] = ()  #: Codes of the warnings that concern it.
+    flags: tuple[str, ...] = ()  #: Codes of its warnings.
 
 
 @dataclass(frozen=True)
@@ -67,20 +65,20 @@ class ManoeuvringIdentification:
     """Outcome of `identify_manoeuvring`."""
 
     model: ManoeuvringModel
-    names: tuple[str, ...]  #: What was identified, thrusters and current included.
+    names: tuple[str, ...]  #: Identified parameters, thrusters and current included.
     values: np.ndarray  #: (n,)
     covariance: np.ndarray  #: (n, n)
     derivatives: dict[str, Derivative]
-    fixed: dict[str, float]  #: What was given or assumed, by name.
+    fixed: dict[str, float]  #: Given or assumed parameters.
     prime_units: PrimeUnits
     noise: np.ndarray  #: (3,); Residual standard deviation of surge, sway, yaw rate.
-    identification: Scores
-    validation: Scores | None
-    identified_on: tuple
-    validated_on: tuple
+    identification: Scores  #: On the runs that it was fitted to.
+    validation: Scores | None  #: On the runs kept out of the fit; None: there were none.
+    identified_on: tuple  #: The runs that it was fitted to.
+    validated_on: tuple  #: The runs kept out of the fit.
     stability: StabilityCheck
-    rejected: dict[str, str]  #: Terms that were tried and refused, and why.
-    currents: np.ndarray  #: (R, 2); East and north, m/s, of each run identified on, by its own motion.
+    rejected: dict[str, str]  #: Rejected terms and why.
+    currents: np.ndarray  #: (R, 2); East and north, m/s, of each run of the identification.
     effective_samples: float
     evaluations: int
     advice: tuple[Advice, ...]
@@ -98,22 +96,32 @@ def identify_manoeuvring(
     progress: Callable[[float], object] | None = None,
     should_cancel: Callable[[], bool] | None = None,
 ) -> ManoeuvringIdentification:
-    """Identify a craft from its runs.
+    """Identify the manoeuvring model of a twin-thruster craft from its runs.
 
     Linear regression and a genetic search give the start; multiple shooting refines it; terms are
     added while they are worth it and the craft stays stable.
 
     Args:
-        runs: Of one craft.
+        runs: Of one craft, as `prepare_runs` gives them.
         settings: What is given, fixed and searched.
         validation: Kept out of the fit and scored; by default a third of the runs, where there are three or more.
             Empty: none.
         progress: Called with the share of the work done, 0 to 1.
         should_cancel: Asked between steps.
 
+    Returns:
+        The model, its derivatives with their uncertainty, and how well it simulates the runs.
+
     Raises:
         InputError: The runs cannot be used together, or excite nothing.
         Cancelled: ``should_cancel`` said so.
+
+    Example:
+        >>> runs = prepare_runs([read_manoeuvring_csv('runs/zigzag_20.csv'), read_manoeuvring_csv('runs/mixed.csv')])
+        >>> settings = ManoeuvringSettings(mass=180.0, terms=('Xu', 'Xuu', 'Yv', 'Nr'), generations=0)
+        >>> found = identify_manoeuvring(runs, settings)
+        >>> found.identification.r2['yaw_rate'] > 0.95
+        True
     """
     settings = settings or ManoeuvringSettings()
     if not runs:
@@ -168,7 +176,7 @@ def identify_manoeuvring(
     advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
     derivatives, more = _derivatives(problem, found, units)
     advice += more + stability_advice + _drifts(model, currents) + _exchangeable(model, found, problem.region)
-    advice += _verdicts(stability, problem.largest_growth < 0.0, scores, validated, _white(runs))
+    advice += _verdicts(stability, problem.largest_growth < 0.0, scores, validated, sensor_noise(runs))
     fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
     fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
     note(1.0)
@@ -195,10 +203,8 @@ def identify_manoeuvring(
 
 
 def split(runs: Sequence[Run], share: float = 1.0 / 3.0) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
-    """Runs to identify from, and runs held out: those without which the others still span the motion.
-
-    Returns:
-        kept, held_out: Nothing is held out of fewer than three.
+    """Runs to identify from, and runs held out, whose motion the others still cover; none is held out of fewer than
+    three.
     """
     if len(runs) < 3:
         return tuple(runs), ()
@@ -232,7 +238,7 @@ def _span(run: Run):
 def _searched(
     problem: Problem, shooting: MultipleShooting, settings: ManoeuvringSettings, note: Callable[[float], object]
 ):
-    """The better of the regression's start and the best of a genetic search around it."""
+    """The better of the start by regression and the best of a genetic search around it."""
     start = problem.start(problem.free)
     unknowns = problem.unknowns(problem.free)
     start = np.clip(start, unknowns.lower, unknowns.upper)
@@ -249,7 +255,7 @@ def _searched(
 
 
 def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
-    """Derivatives with their flags, and advice for what cannot be told apart."""
+    """Derivatives with their flags, and advice for those that cannot be separated."""
     std = np.sqrt(np.diag(found.covariance.matrix))
     unknowns = problem.unknowns(found.names)
     flags: dict[str, list[str]] = {name: [] for name in found.names}
@@ -297,10 +303,9 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
 
 
 def _exchangeable(model: ManoeuvringModel, found: Fit, region: Region):
-    """Advice that the thrusters' lag and the hull's time constant of surge stand in for each other.
-
-    Speed answers to thrust through both alike, so that their sum and product are found, not which is which; near each
-    other, small errors of the product move them far, which is beyond a linear standard deviation.
+    """Advice where thruster lag and surge time constant of the hull are close. Speed responds to thrust through both
+    alike, so that the runs give their sum and product only, and small errors of the product move them far beyond a
+    linear standard deviation.
     """
     damping = -model.jacobian(0.5 * region.fastest, 0.0, 0.0)[0, 0]
     if 'lag' not in found.names or damping <= 0.0 or not ALIKE < model['lag'] * damping < 1.0 / ALIKE:
@@ -309,27 +314,18 @@ def _exchangeable(model: ManoeuvringModel, found: Fit, region: Region):
 
 
 def _distinct_currents(model: ManoeuvringModel, currents: np.ndarray):
-    """The currents of the runs, or the model's for all where they hardly differ."""
+    """The currents of the runs, or of the model for all where they hardly differ."""
     if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > MIN_DIFFERENCE:
         return currents
     return np.tile(model.current, (len(currents), 1))
 
 
 def _drifts(model: ManoeuvringModel, currents: np.ndarray):
-    """Advice that the runs were given a current each."""
+    """Advice that each run has its own current."""
     if np.all(currents == model.current):
         return ()
     strength = np.hypot(*currents.T)
     return (Advice.of('current-by-run', least=strength.min(), most=strength.max()),)
-
-
-def _white(runs: Sequence[Run]):
-    """Noise of the sensors by channel, by differences."""
-    found = {}
-    for c, name in enumerate(CHANNELS):
-        series = [run.channels[c][np.isfinite(run.channels[c])] for run in runs]
-        found[name] = float(np.median([white_noise(s) for s in series]))
-    return found
 
 
 def _separating(*names: str):
@@ -339,9 +335,9 @@ def _separating(*names: str):
 
 
 def _verdicts(
-    stability: StabilityCheck, keeps_course: bool, scores: Scores, validated: Scores | None, white: dict[str, float]
+    stability: StabilityCheck, keeps_course: bool, scores: Scores, validated: Scores | None, noise: np.ndarray
 ):
-    """Advice on stability and on how well the runs are reproduced."""
+    """Advice on stability and on the fit of the simulations."""
     advice = []
     if not (keeps_course or stability.stable) and stability.bounded:
         advice.append(
@@ -362,8 +358,8 @@ def _verdicts(
             advice.append(Advice.of('diverged', diverged=found.diverged, windows=found.windows, label=label))
         low = [
             f'{name} {found.r2[name]:.2f}'
-            for name, good in GOOD_R2.items()
-            if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white[name]
+            for (name, good), white in zip(GOOD_R2.items(), noise, strict=True)
+            if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white
         ]
         if low:
             advice.append(Advice.of('poor-simulation', label=label, channels=', '.join(low)))

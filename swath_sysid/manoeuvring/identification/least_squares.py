@@ -1,7 +1,7 @@
 """Bounded Levenberg-Marquardt for many residuals and few unknowns.
 
-scipy's least_squares decomposes the whole Jacobian at every step; here it is condensed to its
-triangular factor first, and scipy's lsq_linear solves the small bounded problem that is left.
+Condenses the Jacobian to its triangular factor once a step, where scipy's least_squares decomposes it whole, and
+solves the remaining small bounded problem by scipy's lsq_linear.
 """
 
 from collections.abc import Callable
@@ -33,14 +33,8 @@ def minimise(
     max_evaluations: int = 30,
     tolerance: float = 1e-5,
 ) -> Minimum:
-    """Minimise half the sum of squares of the residuals within bounds.
-
-    Args:
-        residuals: (n,) to (m,).
-        jacobian: (n,) to (m, n); called only at points where the residuals were just computed.
-        start, lower, upper: (n,); where it begins, and the bounds.
-        max_evaluations: Of the residuals.
-        tolerance: Relative decrease of the cost below which it has converged.
+    """Minimise half the sum of squares of residuals (m,) with Jacobian (m, n) within bounds (n,), until the cost falls
+    by less than a share ``tolerance``. The Jacobian is called only at points where the residuals were just computed.
     """
     x = np.clip(start, lower, upper)
     residual = residuals(x)
@@ -75,7 +69,7 @@ def minimise(
 
 
 def _condensed(jacobian: np.ndarray, residual: np.ndarray):
-    """Triangular factor of the Jacobian, the residual seen through it, and the columns' sizes."""
+    """Triangular factor of the Jacobian, the residual projected on it, and the sizes of the columns."""
     size = np.sqrt(np.einsum('mn,mn->n', jacobian, jacobian))
     size = np.where(size > 0.0, size, 1.0)
     scaled = jacobian / size

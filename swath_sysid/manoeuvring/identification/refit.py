@@ -1,4 +1,4 @@
-"""Refitting a manoeuvring model on a window of the craft's own motion: what is fitted, accepted, and the way back."""
+"""Refits a manoeuvring model on a window of live motion, accepts it if it is better, and returns to earlier models."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,35 +16,30 @@ from swath_sysid.manoeuvring.motion.intake import prepare
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, Run
 
 LONGEST_HISTORY = 20
-MIN_DURATION = 60.0  #: s of motion, below which nothing is identified.
-PIECE = 60.0  #: s; the window is cut into such runs, a third of which validates.
-GAP = 2.0  #: s; over a longer gap in the odometry the craft is not simulated.
+MIN_DURATION = 60.0  #: s of motion that an identification needs.
+PIECE = 60.0  #: s, length of the runs that the window is cut into; a third of them validates.
+GAP = 2.0  #: s; the run is cut at longer gaps in the odometry.
 
 
 @dataclass(frozen=True)
 class ManoeuvreRefitRequest:
-    """All that a refit needs, wherever it runs."""
+    """Input of a refit."""
 
     trial: ManoeuvringTrial
-    current: IdentifiedManoeuvringModel | None  #: The model held.
+    current: IdentifiedManoeuvringModel | None  #: The model in use.
     settings: ManoeuvringSettings = ManoeuvringSettings()
-    #: Part by which the new model must miss the held-out motion less than the current one.
-    least_improvement: float = 0.001
+    least_improvement: float = 0.001  #: Least relative reduction of the misfit on held-out motion.
     provenance: dict = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class ManoeuvreRefitOutcome:
-    """What a refit found."""
+    """Result of a refit."""
 
     model: IdentifiedManoeuvringModel | None  #: To be published; None: the current one stays.
-    message: str  #: One line for people.
-    #: Root mean square of the errors of free simulation on the held-out motion, in units of the new model's noise; NaN
-    #: where there is no model.
-    misfit: float = float('nan')
-    #: Root mean square of the errors of free simulation on the held-out motion, in units of the new model's noise; NaN
-    #: where there is no model.
-    current_misfit: float = float('nan')
+    message: str
+    misfit: float = float('nan')  #: Of free simulation on held-out motion, over the noise of the new model.
+    current_misfit: float = float('nan')  #: The same of the current model; NaN without one.
 
 
 def refit_manoeuvring(
@@ -53,17 +48,7 @@ def refit_manoeuvring(
     progress: Callable[[float], object] | None = None,
     should_cancel: Callable[[], bool] | None = None,
 ) -> ManoeuvreRefitOutcome:
-    """Identify on a window, and compare with the current model on the part of it that was held out.
-
-    Args:
-        request: The window, the settings and the model held.
-        progress: Called with 0 to 1.
-        should_cancel: Asked between steps.
-
-    Raises:
-        InputError: The window is too short, or without excitation.
-        Cancelled: ``should_cancel`` said so.
-    """
+    """Identify on a window, and compare with the current model on the part of it that was held out."""
     runs = pieces(prepare(request.trial))
     found = identify_manoeuvring(runs, request.settings, progress=progress, should_cancel=should_cancel)
     held_out = found.validated_on or found.identified_on
@@ -103,11 +88,7 @@ def refit_manoeuvring(
 
 
 def pieces(run: Run) -> list[Run]:
-    """One long run as several, cut at gaps in the odometry and about every `PIECE` seconds.
-
-    Raises:
-        InputError: It is shorter than `MIN_DURATION`.
-    """
+    """One run of at least `MIN_DURATION` as several, cut at gaps in the odometry and about every `PIECE` seconds."""
     if run.duration < MIN_DURATION:
         raise InputError(
             f'{run.duration:.0f} s of motion are too short: drive for {MIN_DURATION:.0f} s or more, '
@@ -137,7 +118,7 @@ def _part(run: Run, span: slice, number: int):
 
 
 def _misfit(scores: Scores, noise: np.ndarray):
-    """Errors of free simulation over the noise, root mean square of the channels; infinite where a window diverged."""
+    """Root mean square over the channels of simulation error over noise; infinite where a window diverged."""
     if scores.diverged:
         return float('inf')
     shares = [scores.rmse[name] / size for name, size in zip(CHANNELS, noise, strict=True)]
@@ -145,16 +126,11 @@ def _misfit(scores: Scores, noise: np.ndarray):
 
 
 def warm_up() -> None:
-    """Whoever calls this has loaded all that a refit needs."""
+    """Does nothing: calling it has loaded this module."""
 
 
 class ManoeuvreRefitter:
-    """The manoeuvring model of a craft as refits change it, with the way back.
-
-    Args:
-        model: Known at the start.
-        history: Models before it, oldest first.
-    """
+    """The current manoeuvring model of a craft and its ``history``, oldest first."""
 
     def __init__(
         self, model: IdentifiedManoeuvringModel | None = None, history: Sequence[IdentifiedManoeuvringModel] = ()
@@ -163,7 +139,7 @@ class ManoeuvreRefitter:
         self._history: list[IdentifiedManoeuvringModel | None] = [*history]
 
     def take(self, outcome: ManoeuvreRefitOutcome) -> bool:
-        """Believe a refit that found a better model; whether it did."""
+        """Accept a refit that found a better model; whether it did."""
         if outcome.model is None:
             return False
         self._history = [*self._history, self.model][-LONGEST_HISTORY:]
@@ -171,7 +147,7 @@ class ManoeuvreRefitter:
         return True
 
     def rollback(self) -> bool:
-        """Return to the model before; whether there was one."""
+        """Return to the previous model; whether there was one."""
         if not self._history or self._history[-1] is None:
             return False
         self.model = self._history.pop()
@@ -184,5 +160,5 @@ class ManoeuvreRefitter:
 
     @property
     def described(self) -> str:
-        """The model held, for people."""
+        """The current model in words."""
         return 'no model' if self.model is None else ', '.join(self.model.names) or 'a model'

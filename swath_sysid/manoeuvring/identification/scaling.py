@@ -1,4 +1,4 @@
-"""Natural units of the parameters, their ranges, and what they are regularised towards."""
+"""Natural units, ranges and regularisation of the parameters."""
 
 from dataclasses import dataclass
 
@@ -6,10 +6,10 @@ import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, INDEX, INERTIA, OFFSET, PARAMETERS, SENSOR, THRUST
 
-RESPONSE = 3.0  #: s; within such a time a craft answers to its thrusters.
-SWAY_SHARE = 0.3  #: Sway at which sway terms count, as a share of the speed.
+RESPONSE = 3.0  #: s, time within which a craft responds to its thrusters.
+SWAY_SHARE = 0.3  #: Sway in natural units, as a share of the speed.
 WIDE = 50.0  #: Largest value of a term in its natural unit.
-MIN_DAMPING = 0.01  #: Least linear damping in its natural unit, so that every motion dies away however small.
+MIN_DAMPING = 0.01  #: Least linear damping in its natural unit, so that small motions decay.
 
 _RANGES = {
     'reverse_ratio': (0.05, 2.0),
@@ -30,23 +30,23 @@ _RANGES = {
 }
 
 
-#: Range of the added masses as shares of mass and inertia. That of surge also takes up a wrong scale of the thrust,
-#: which is reported; beyond the range of the others no hull lies, and positive they only stand in for a wrong mass.
+#: Range of the added masses as shares of mass and inertia. That of surge also takes up a wrong thrust scale, which is
+#: reported.
 _ADDED = {'Xu_dot': (-5.0, 0.6), 'Yv_dot': (-2.0, 0.3), 'Nr_dot': (-3.0, 0.6)}
 
 
-#: Powers of mass and yaw inertia that have the dimension of a parameter of inertia.
+#: Powers of mass and yaw inertia with the dimension of an inertia parameter.
 _POWERS = {'kg': (1.0, 0.0), 'kg m': (0.5, 0.5), 'kg m2': (0.0, 1.0), 'm': (-0.5, 0.5)}
 
 
 @dataclass(frozen=True)
 class Scales:
-    """What a craft does at most, and how heavy it is."""
+    """Largest motion and mass of a craft."""
 
-    speed: float  #: m/s, rad/s.
-    yaw_rate: float  #: m/s, rad/s.
-    mass: float  #: kg, kg m^2.
-    inertia: float  #: kg, kg m^2.
+    speed: float  #: m/s.
+    yaw_rate: float  #: rad/s.
+    mass: float  #: kg.
+    inertia: float  #: kg m^2.
 
     def unit(self, name: str) -> float:
         """The size of a parameter that is one in natural units."""
@@ -70,7 +70,7 @@ class Scales:
         return load
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Range of a parameter: no craft feeds on its own motion, none is lighter than half its mass."""
+        """Range of a parameter: no craft gains energy from its motion or is lighter than half its mass."""
         parameter, unit = PARAMETERS[INDEX[name]], self.unit(name)
         if name in ('m', 'Iz', 'gain'):
             return 0.01 * unit, 100.0 * unit
@@ -91,7 +91,7 @@ class Scales:
         return low, high
 
     def prior(self, name: str) -> float:
-        """Standard deviation around what a parameter is regularised towards; infinite for none."""
+        """Standard deviation of the regularisation of a parameter; infinite for none."""
         kind = PARAMETERS[INDEX[name]].kind
         if name in ('m', 'Iz', 'gain'):
             return np.inf

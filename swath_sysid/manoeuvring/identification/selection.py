@@ -1,4 +1,4 @@
-"""The simplest adequate set of terms: forward selection by score tests, every step checked for stability."""
+"""The simplest adequate set of terms: forward selection by score tests, with every step checked for stability."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -25,13 +25,13 @@ from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, 
 from swath_sysid.manoeuvring.identification.windows import cut
 from swath_sysid.manoeuvring.motion.trial import Run
 
-MEMORY = 10  #: Lags that must be small before a residual counts as forgotten (see noise.autocovariance).
+MEMORY = 10  #: Lags that must be small before a residual counts as uncorrelated (see noise.autocovariance).
 
 MAX_TERMS = 14
-MARGIN = 4.0  #: On top of the information criterion's ln(N), so that chance seldom adds a term among twenty.
-NOISE_FLOOR = 0.003  #: No model is trusted closer than this share of the motion.
-MIN_DRIFT_SPREAD = 0.005  #: m/s; no two runs have the same current more closely.
-LAST = {'X0', 'N0'}  #: Tried only where nothing else helps: they imitate many other terms.
+MARGIN = 4.0  #: Added to the criterion's ln(N), so that chance seldom adds one of twenty terms.
+NOISE_FLOOR = 0.003  #: Least noise as a share of the motion.
+MIN_DRIFT_SPREAD = 0.005  #: m/s, least spread of the currents of the runs.
+LAST = {'X0', 'N0'}  #: Tried only when nothing else helps, as they imitate many other terms.
 
 USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
 USUAL = (
@@ -46,20 +46,18 @@ USUAL = (
     'sensor_x',
     'sensor_y',
 )
-SLOW_SWAY = 0.2  #: Of the first guess of sway damping: the start in the other basin.
-PRESSED = 1.5  #: A slowest decay within so many times the least that is demanded presses against the demand.
-LARGEST_GROWTH = 1.5  #: 1/s; a craft whose turns grow faster by themselves cannot be steered.
+SLOW_SWAY = 0.2  #: Share of the first guess of sway damping that starts in the other basin.
+PRESSED = 1.5  #: A slowest decay within so many times `MIN_DECAY` is close to its limit.
+LARGEST_GROWTH = 1.5  #: 1/s; a craft whose turns grow faster cannot be steered.
 
-#: Share of the misfit of runs held out to which a craft that does not keep its course must bring it: a stable model is
-#: worth something by itself.
-OFF_COURSE = 0.5
+OFF_COURSE = 0.5  #: Largest misfit on runs held out of a course-unstable model, as a share of that of the stable one.
 
-DOUBTED = 6.0  #: Standard deviations below which a term must show on runs held out what it is worth.
+DOUBTED = 6.0  #: A term below so many standard deviations must help runs held out.
 
-#: Terms that stand in for each other: where one is taken the others are not tried.
+#: Terms that replace each other: once one is accepted the other is not tried.
 EXCLUSIVE = {'Nur': 'Nuur', 'Nuur': 'Nur'}
 
-WEAK = 2.0  #: A term smaller than this many standard deviations is dropped again.
+WEAK = 2.0  #: A term below so many standard deviations is dropped.
 
 
 @dataclass(frozen=True)
@@ -72,20 +70,19 @@ class Fit:
     shooting: MultipleShooting
     covariance: ParameterCovariance
     stable: bool
-    without_each_part: np.ndarray  #: (K, n); The values that the runs but one would give.
-    #: By how much the residuals' autocorrelation and excess over the noise lower the worth of their squares.
-    inflation: float
-    rejected: dict = field(default_factory=dict)  #: Terms tried and refused, and why.
+    without_each_part: np.ndarray  #: (K, n); Values fitted without each run.
+    inflation: float  #: Factor by which autocorrelation and excess over the noise inflate the squares of the residuals.
+    rejected: dict = field(default_factory=dict)  #: Rejected terms and why.
     evaluations: int = 0
 
     @cached_property
     def held_out(self) -> np.ndarray:
-        """Misfit of each run that the values were not fitted to, shape (K,)."""
+        """Misfit of each run under the values fitted without it, shape (K,)."""
         return held_out_costs(self.shooting, self.without_each_part)
 
 
 def model_of(problem: Problem, names: Sequence[str], values: np.ndarray, name: str = '') -> ManoeuvringModel:
-    """The model that some values of the unknowns make."""
+    """The model for some values of the unknowns."""
     found = dict(zip(names, values, strict=True))
     east, north = (float(found.get(c, 0.0)) for c in CURRENT)
     return ManoeuvringModel(
@@ -113,7 +110,7 @@ def shooting_of(problem: Problem, window: float) -> MultipleShooting:
 
 
 def fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str], values: np.ndarray, rounds: int = 2) -> Fit:
-    """Refine some unknowns from a start, with robust weights taken anew in every round."""
+    """Refine some unknowns from a start, with robust weights renewed in every round."""
     shooting = shooting.with_unknowns(problem.unknowns(names), problem.base)
     evaluations = 0
     for _ in range(rounds):
@@ -126,9 +123,8 @@ def fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str], valu
 
 
 def fit_at(problem: Problem, shooting: MultipleShooting, values: np.ndarray, cost: float) -> Fit:
-    """The fit that some values of a shooting's unknowns are.
-
-    Its covariance is by the residuals' autocorrelation and the runs' scatter; regularisation is not counted in.
+    """The fit at some values of the unknowns of a shooting, with the covariance by the autocorrelation of the residuals
+    and the scatter of the runs, regularisation left out.
     """
     names = shooting.unknowns.names
     linear = shooting.linearised(values)
@@ -148,9 +144,8 @@ def fit_at(problem: Problem, shooting: MultipleShooting, values: np.ndarray, cos
 
 
 def currents_of(problem: Problem, model: ManoeuvringModel, runs: Sequence[Run], window: float) -> np.ndarray:
-    """Current of each of some runs, by its own motion under a model; m/s, shape (R, 2).
-
-    That of the model where the problem has one current for all, or a run holds no heading.
+    """Current of each run by its own motion under a model, m/s, shape (R, 2); the model's where the problem has one
+    current for all, or a run has no heading.
     """
     currents = np.tile(model.current, (len(runs), 1))
     with_heading = [k for k, run in enumerate(runs) if run.heading is not None]
@@ -177,10 +172,9 @@ def currents_of(problem: Problem, model: ManoeuvringModel, runs: Sequence[Run], 
 
 
 def first_fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str], values: np.ndarray) -> Fit:
-    """The best of several starts: few terms, the usual ones of the hull, or all usual ones with fast or slow sway.
-
-    A hull that hardly keeps its course looks like a much heavier one without the usual terms, and one by one they do
-    not lead away from it. What they are worth on runs held out decides.
+    """The best on runs held out of several starts: few terms, the usual hull terms, or all usual ones with fast or slow
+    sway. Without the usual terms a marginally course-stable hull looks like a much heavier one, and adding them one by
+    one does not lead away from it.
     """
     found = [fit(problem, shooting, names, values)]
     exchanged = _exchanged(found[0], values)
@@ -197,9 +191,8 @@ def first_fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str]
 
 
 def _exchanged(found: Fit, start: np.ndarray):
-    """The start with what a fit took for the thrusters' lag as the hull's time constant of yaw, if that is shorter.
-
-    Yaw answers to the thrusters through both alike; None where the fit has them the usual way round.
+    """The start with thruster lag and yaw time constant of the hull swapped, where a fit has the lag longer, else None.
+    Yaw responds to the thrusters through both alike.
     """
     value = dict(zip(found.names, found.values, strict=True))
     if not {'lag', 'Iz', 'Nr'} <= set(value) or value['lag'] <= value['Iz'] / -value['Nr']:
@@ -209,7 +202,7 @@ def _exchanged(found: Fit, start: np.ndarray):
 
 
 def _best(found: Sequence[Fit]):
-    """Of some fits the stable one that explains runs held out best; of all, where none is stable."""
+    """The stable fit, or where there is none any fit, with the least misfit on runs held out."""
     stable = [f for f in found if f.stable] or found
     return min(stable, key=lambda f: np.sum(f.held_out))
 
@@ -217,19 +210,8 @@ def _best(found: Sequence[Fit]):
 def off_course(
     problem: Problem, window: float, names: Sequence[str], values: np.ndarray, kept: Fit
 ) -> tuple[Problem, Fit]:
-    """The problem and fit of a craft that does not keep its course, where its runs say so; else those given.
-
-    A fit that presses against the demand of stable courses is compared with the best one that is all but free of it.
-
-    Args:
-        problem: Under the demand of stable courses.
-        window: s.
-        names, values: tuple of str, ndarray of shape (n,); start of the free fits.
-        kept: Under the demand.
-
-    Returns:
-        problem
-        fit
+    """The problem and fit of a course-unstable craft where its runs show one, else those given. A fit close to the
+    limit of stable courses competes with the best fit, from ``names`` and ``values`` (n,), that is nearly free of it.
     """
     growth = check_stability(model_of(problem, kept.names, kept.values), problem.region).largest_growth
     if growth < -PRESSED * MIN_DECAY:
@@ -243,9 +225,8 @@ def off_course(
 
 
 def with_noise(problem: Problem, found: Fit) -> Problem:
-    """The problem with the noise that a fit has left, no smaller than `NOISE_FLOOR` of the motion.
-
-    Channels in which nothing was measured keep theirs.
+    """The problem with the residual noise of a fit, at least `NOISE_FLOOR` of the motion; unmeasured channels keep
+    theirs.
     """
     residual = found.shooting.channel_residuals(found.values)
     motion = [problem.scales.speed, 0.3 * problem.scales.speed, problem.scales.yaw_rate]
@@ -262,9 +243,8 @@ def with_noise(problem: Problem, found: Fit) -> Problem:
 
 
 def with_drift_spread(problem: Problem, found: Fit) -> Problem:
-    """The problem with the differences of the runs' currents as large as a fit found them (one step of EM).
-
-    Where autocorrelated residuals are worth less than their number, so is their word against equal currents.
+    """The problem with the spread of the currents of the runs as a fit found it (one step of EM). Autocorrelated
+    residuals, which count for fewer samples, weigh less against equal currents.
     """
     if not problem.drift_spread:
         return problem
@@ -294,24 +274,17 @@ def renewed(problem: Problem, found: Fit, parts: int = 1) -> MultipleShooting:
 
 
 def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = None) -> Fit:
-    """Add terms one by one while they are worth it, then drop what has become weak.
-
-    Args:
-        problem: With the candidates.
-        first: Of the terms that are always free.
-        note: Called after each term with the number of terms so far.
-    """
+    """Add terms one by one while they gain enough, then drop weak ones; calls ``note`` with the number of terms."""
     now = first
     remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
     rejected = {}
     for _ in range(MAX_TERMS):
-        ranked = _ranked(problem, now, remaining)
-        best = next(((group, gain) for group, gain in ranked if gain > 0.0), None)
-        if best is None:
+        offers = [(group, gain) for group, gain, _ in _offers(problem, now, remaining) if gain > 0.0]
+        if not offers:
             break
-        group, promised = best
+        group, _ = min(offers, key=lambda offer: (offer[0][0] in LAST, -offer[1]))
         names = (*now.names, *group)
-        start = np.concatenate([now.values, [_first_value(problem, n) for n in group]])
+        start = np.concatenate([now.values, problem.start(group)])
         tried = fit(problem, now.shooting, names, start, rounds=1)
         remaining.remove(group)
         if now.stable and not tried.stable:
@@ -333,7 +306,7 @@ def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = 
 
 
 def regularised_to_stable(problem: Problem, found: Fit) -> tuple[Fit, tuple[Advice, ...]]:
-    """A stable fit: cross terms are taken out, the least certain first, until it is; with advice."""
+    """A stable fit: removes cross terms, the least certain first, until it is; with advice."""
     removed = []
     while not found.stable:
         std = np.sqrt(np.diag(found.covariance.matrix))
@@ -348,26 +321,23 @@ def regularised_to_stable(problem: Problem, found: Fit) -> tuple[Fit, tuple[Advi
             break
         weakest = min(cross, key=lambda k: certainty[k])
         removed.append(found.names[weakest])
-        keep = [k for k in range(len(found.names)) if k != weakest]
-        problem = without(problem, removed[-1:])
-        found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
-    advice: tuple[Advice, ...] = ()
-    if removed:
-        advice = (Advice.of('made-stable', removed=', '.join(removed)),)
-    return found, advice
+        problem, found = _fit_without(problem, found, weakest)
+    return found, (Advice.of('made-stable', removed=', '.join(removed)),) if removed else ()
 
 
-def _ranked(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
-    """Groups of terms by what they promise beyond their threshold, largest first."""
-    offers = [(group, gain) for group, gain, _ in _offers(problem, now, candidates)]
-    return sorted(offers, key=lambda pair: (pair[0][0] in LAST, -pair[1]))
+def _fit_without(problem: Problem, found: Fit, k: int, *, held: bool = False):
+    """Problem and fit without the k-th unknown, which stays at its value where ``held``."""
+    problem = without(problem, found.names[k : k + 1])
+    if held:
+        problem.base[INDEX[found.names[k]]] = found.values[k]
+    names = (*found.names[:k], *found.names[k + 1 :])
+    return problem, fit(problem, found.shooting, names, np.delete(found.values, k), rounds=1)
 
 
 def with_refused(problem: Problem, found: Fit) -> Fit:
-    """The fit with standard deviations that hold whether or not a single refused term is in truth there.
-
-    The shift of each value that the term would bring counts as a variance, by the weight of the evidence for the term
-    (Buckland, Burnham and Augustin 1997); of all refused terms that which shifts a value most.
+    """The fit with standard deviations that hold whether or not one rejected term is really there. The shift of each
+    value by the term, weighted by the evidence for it, counts as a variance (Buckland, Burnham and Augustin 1997); the
+    largest shift over all rejected terms counts.
     """
     groups = (*problem.candidates, *((name,) for name in problem.tentative))
     refused = [group for group in groups if not set(group) & set(found.names)]
@@ -385,11 +355,11 @@ def with_refused(problem: Problem, found: Fit) -> Fit:
 
 
 def _offers(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
-    """Of groups of terms: names, what they promise beyond their threshold, and by how much they shift the values."""
+    """Groups of terms with their expected gain beyond the threshold and their shifts of the values."""
     if not candidates:
         return []
     names = [n for group in candidates for n in group]
-    start = np.concatenate([now.values, [_first_value(problem, n) for n in names]])
+    start = np.concatenate([now.values, problem.start(names)])
     wide = now.shooting.with_unknowns(problem.unknowns((*now.names, *names)), problem.base)
     residuals, jacobians = wide.by_channel(*wide.linearised(start))
     residual, jacobian = np.concatenate(residuals), np.concatenate(jacobians)
@@ -411,7 +381,7 @@ def _offers(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
             continue
         step = -np.linalg.lstsq(part, left, rcond=None)[0]
         unknowns = problem.unknowns(group)
-        at = np.array([_first_value(problem, name) for name in group])
+        at = problem.start(group)
         step = np.clip(at + step, unknowns.lower, unknowns.upper) - at
         drop = np.sum(left**2) - np.sum((left + part @ step) ** 2)
         shift = np.zeros(n)
@@ -430,17 +400,14 @@ def _inflation(residuals: np.ndarray, covariance: ParameterCovariance):
     return max(residuals.size / max(covariance.effective_samples, 1.0) * excess, 1e-9)
 
 
-def _cost_with(tried: Fit, now: Fit):
-    """Cost of a fit under the robust weights of another."""
-    shooting = tried.shooting.with_unknowns(tried.shooting.unknowns, tried.shooting.parameters(tried.values)[0])
-    shooting.take_weights(now.shooting)
-    return 0.5 * float(np.sum(np.clip(np.nan_to_num(shooting.residuals(tried.values), nan=1e6), -1e6, 1e6) ** 2))
-
-
 def _gain(more: Fit, fewer: Fit):
-    """What terms explain of the runs together, and what there is to explain without them."""
+    """Misfit that more terms explain in all runs, and the misfit without them."""
     misfit = fewer.shooting.refine(fewer.values, max_evaluations=6).cost
-    return misfit - _cost_with(more, fewer), misfit
+    # both under the robust weights of the fit with fewer terms
+    shooting = more.shooting.with_unknowns(more.shooting.unknowns, more.shooting.parameters(more.values)[0])
+    shooting.take_weights(fewer.shooting)
+    residual = np.clip(np.nan_to_num(shooting.residuals(more.values), nan=1e6), -1e6, 1e6)
+    return misfit - 0.5 * float(np.sum(residual**2)), misfit
 
 
 def _is_no_chance(gain: float, more: Fit, count: int):
@@ -452,34 +419,27 @@ def _is_of_thrust(names: Sequence[str]):
 
 
 def _shows_in_thrust(names: Sequence[str], gain: float, misfit: float):
-    """Whether terms are of the thrusters' curve and explain as much as the hull's terms must of runs held out.
-
-    They may show in one run only, and held out, that run cannot vouch for them. Less than this they also gain by taking
-    up small errors of the hull's terms.
+    """Whether terms of the thrust curve gain as much in all runs as hull terms must on runs held out. They may show in
+    one run only, which cannot confirm them when held out; a smaller gain may be errors of hull terms.
     """
     return _is_of_thrust(names) and gain > MIN_GAIN * misfit
 
 
-def _first_value(problem: Problem, name: str):
-    return float(problem.start((name,))[0])
-
-
 def _without_weak(problem: Problem, now: Fit, rejected: dict[str, str]):
-    """Drop added and tentative terms that are insignificant beside the others, or of no use to runs held out."""
+    """Drop added and tentative terms that are insignificant, or do not help runs held out."""
     kept = {*problem.free, *CURRENT}
     while True:
         std = np.sqrt(np.diag(now.covariance.matrix))
         with np.errstate(invalid='ignore', divide='ignore'):
-            shift = np.abs(now.values - _neutral(now.names))
+            neutral = np.array([NEUTRAL[INDEX[n]] if n in INDEX else 0.0 for n in now.names])
+            shift = np.abs(now.values - neutral)
             certainty = np.where(std > 0.0, shift / std, 0.0)
         doubted = sorted((certainty[k], k) for k, n in enumerate(now.names) if n not in kept and certainty[k] < DOUBTED)
         if not doubted:
             return now
         certain, worst = doubted[0]
         name = now.names[worst]
-        keep = [k for k in range(len(now.names)) if k != worst]
-        fewer = without(problem, (name,))
-        tried = fit(fewer, now.shooting, tuple(now.names[k] for k in keep), now.values[keep], rounds=1)
+        fewer, tried = _fit_without(problem, now, worst)
         if _is_of_thrust((name,)):
             gain, misfit = _gain(now, tried)
             of_use = _is_no_chance(gain, now, 1) and (
@@ -495,9 +455,8 @@ def _without_weak(problem: Problem, now: Fit, rejected: dict[str, str]):
 
 
 def without_bounds(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
-    """The fit without terms that end at the limits of their ranges, which the runs do not determine; with the problem.
-
-    Terms of choice go; linear damping stays at its limit, and is no longer searched.
+    """The problem and fit without terms at the bounds of their ranges, which the runs do not determine; linear damping
+    stays fixed at its bound.
     """
     anchors = {'m', 'Iz', 'gain', 'Xu_dot', *CURRENT}
     while True:
@@ -508,18 +467,14 @@ def without_bounds(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
         ]
         if not ended:
             return problem, found
-        name, value = found.names[ended[0]], found.values[ended[0]]
-        problem = without(problem, (name,))
-        if name in ('Xu', 'Yv', 'Nr'):
-            problem.base[INDEX[name]] = value
-        keep = [k for k in range(len(found.names)) if k != ended[0]]
+        name = found.names[ended[0]]
         rejected = {**found.rejected, name: 'at the limit of its range'}
-        found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
+        problem, found = _fit_without(problem, found, ended[0], held=name in ('Xu', 'Yv', 'Nr'))
         found = replace(found, rejected=rejected)
 
 
 def at_bound(problem: Problem, name: str, value: float) -> bool:
-    """Whether a value lies at the limit of its range."""
+    """Whether a value lies at a bound of its range."""
     unknowns = problem.unknowns((name,))
     lower, upper, unit = unknowns.lower[0], unknowns.upper[0], unknowns.units[0]
     return value - lower < 1e-3 * min(upper - lower, unit) or upper - value < 1e-3 * unit
@@ -532,10 +487,6 @@ def without(problem: Problem, names: Sequence[str]) -> Problem:
         if name in INDEX:
             base[INDEX[name]] = NEUTRAL[INDEX[name]]
     return replace(problem, base=base)
-
-
-def _neutral(names: Sequence[str]):
-    return np.array([NEUTRAL[INDEX[n]] if n in INDEX else 0.0 for n in names])
 
 
 def _is_stable(problem: Problem, names: Sequence[str], values: np.ndarray):

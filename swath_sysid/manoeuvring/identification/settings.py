@@ -1,9 +1,8 @@
-"""What the user may set of an identification."""
+"""Settings of an identification."""
 
 from dataclasses import dataclass, field
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.presets import WAMV_LENGTH, WAMV_LEVER
 from swath_sysid.manoeuvring.hull.terms import INDEX
 
 AUTO, SHARED, NONE = 'auto', 'shared', 'none'
@@ -13,20 +12,30 @@ HIGHEST_GENERATIONS = 1000
 
 @dataclass(frozen=True)
 class ManoeuvringSettings:
-    """Settings of `identify_manoeuvring`."""
+    """Settings of `identify_manoeuvring`.
+
+    Raises:
+        InputError: A value is not positive, or there is no such parameter or choice; the sentence names it.
+
+    Example:
+        >>> settings = ManoeuvringSettings(mass=180.0, lever=1.03, fixed={'Xu_dot': -18.0})
+        >>> settings.window
+        20.0
+    """
 
     mass: float | None = None  #: kg, cargo included.
-    inertia: float | None = None  #: Yaw inertia of the craft alone, kg m^2.
+    inertia: float | None = None  #: Yaw inertia without added inertia, kg m^2.
     thrust_per_command: float | None = None  #: Thrust of one thruster at full command ahead, N.
     lever: float | None = None  #: Half the distance between the thrusters, m.
     length: float | None = None  #: Of the hulls, m.
     terms: tuple[str, ...] | None = None  #: Exactly these derivatives; None: the simplest adequate set.
-    fixed: dict[str, float] = field(default_factory=dict)  #: Parameters that are known.
-    towards: dict[str, tuple[float, float]] = field(default_factory=dict)  #: What parameters are regularised towards.
+    fixed: dict[str, float] = field(default_factory=dict)  #: Known parameters.
+    #: Parameter to value and standard deviation of its regularisation.
+    towards: dict[str, tuple[float, float]] = field(default_factory=dict)
     current: str = AUTO  #: ``auto`` (one for each of several runs with heading), ``shared`` (one for all), ``none``.
     window: float = 20.0  #: Length of the windows, s.
-    generations: int = 15  #: Of the genetic search for a start; 0 generations: regression alone.
-    population: int = 24  #: Of the genetic search for a start; 0 generations: regression alone.
+    generations: int = 15  #: Of the genetic search for a start; 0: regression alone.
+    population: int = 24  #: Of the genetic search.
     seed: int = 1
 
     def __post_init__(self):
@@ -43,7 +52,3 @@ class ManoeuvringSettings:
             raise InputError(f'generations must be within 0 and {HIGHEST_GENERATIONS}')
         if self.population < 8:
             raise InputError('population must be at least 8')
-
-
-DEFAULT_LEVER = WAMV_LEVER
-DEFAULT_LENGTH = WAMV_LENGTH

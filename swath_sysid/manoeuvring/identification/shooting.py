@@ -1,8 +1,7 @@
-"""Multiple shooting: every window is simulated from its own initial state, all at once.
+"""Multiple shooting: all windows are simulated at once, each from its own initial state.
 
-The initial states are eliminated window by window, and the drift of each run run by run (variable projection,
-Golub and Pereyra 1973, with Kaufman's Jacobian), so that the least-squares problem is one in the shared parameters
-only.
+Variable projection (Golub and Pereyra 1973, with Kaufman's Jacobian) eliminates the initial state of each window and
+the drift of each run, so that only the shared parameters are searched.
 """
 
 from collections.abc import Sequence
@@ -44,36 +43,31 @@ THRUSTER = {*CURVE, BALANCE, LAG, DELAY}
 CURRENT = ('current_east', 'current_north')
 PERTURBATION = 1e-4
 STATE_STEPS = 3
-ROBUST_AT = 3.0  #: Standard deviations at which a residual begins to count less (soft_l1).
+ROBUST_AT = 3.0  #: Standard deviations beyond which a residual counts less (soft_l1).
 
 STABLE_STEP = 1.5
-MIN_DECAY = 0.02  #: 1/s; slower decays of small motions on straight courses are held against a candidate.
-STABILITY_WEIGHT = 20.0  #: Of such a residual, 1/s beside the root of the number of samples.
-LARGEST_INFORMATION = 1e14  #: Beyond this a window has diverged and says nothing about its initial state.
-MIN_PARTS = 3  #: Into which runs are divided at least, to hold one out at a time.
+MIN_DECAY = 0.02  #: 1/s; slower decays of small motions on straight courses are penalised.
+STABILITY_WEIGHT = 20.0  #: Of an excess of 1/s, times the root of the number of samples.
+LARGEST_INFORMATION = 1e14  #: Windows with more have diverged and do not determine their initial state.
+MIN_PARTS = 3  #: Least number of parts of the runs, of which one is held out at a time.
 UNKNOWN_SWAY = 0.3  #: Spread of an unmeasured initial sway, as a share of the speed.
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """What is searched."""
+    """Unknowns of a search."""
 
     names: tuple[str, ...]  #: Parameters, and ``current_east`` and ``current_north``.
-    #: (n,); Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
-    units: np.ndarray
-    #: (n,); Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
-    lower: np.ndarray
-    #: (n,); Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
-    upper: np.ndarray
-    #: (n,); Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
-    target: np.ndarray
-    #: (n,); Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
-    spread: np.ndarray
-    ties: dict[str, str] = field(default_factory=dict)  #: Parameters that are equal to an unknown, and to which.
+    units: np.ndarray  #: (n,); Natural units.
+    lower: np.ndarray  #: (n,)
+    upper: np.ndarray  #: (n,)
+    target: np.ndarray  #: (n,); Of the regularisation.
+    spread: np.ndarray  #: (n,); Standard deviation of the regularisation; infinite: none.
+    ties: dict[str, str] = field(default_factory=dict)  #: Parameter to the unknown that it is equal to.
 
     @cached_property
     def shares(self) -> np.ndarray:
-        """What each parameter has of each unknown, shape (P, n): one where it is the unknown, or tied to it."""
+        """Share of each unknown in each parameter, shape (P, n): one where it is the unknown or tied to it."""
         standing_for = np.array([self.ties.get(name, name) for name in NAMES])
         return (standing_for[:, None] == np.array(self.names, dtype=str)).astype(float)
 
@@ -86,24 +80,18 @@ class Unknowns:
 class ShootingFit:
     """Outcome of `MultipleShooting.refine`."""
 
-    values: np.ndarray  #: (n,); Of the unknowns.
+    values: np.ndarray  #: (n,)
     cost: float  #: Half the weighted sum of squares, regularisation included.
     evaluations: int
 
 
 class MultipleShooting:
-    """Residuals of windows against a model.
+    """Residuals of windows against a model with parameters ``base`` (n,) except for the unknowns.
 
-    Args:
-        base: (n,); parameter values; those of the unknowns are replaced.
-        noise: (3,); standard deviation of the residuals of surge, sway, yaw rate.
-        speed: m/s, the scale of the initial states.
-        states: (3, W); first guess of the initial states.
-        drift: (2, R); first guess of what the current of each run differs by, east and north, m/s.
-        drift_spread: m/s, by how much the runs' currents are expected to differ; 0: they are the same.
-        speeds: Speeds at which straight courses are examined, m/s; empty: none.
-        largest_growth: 1/s, that small motions about them may have.
-        parts: Of a step, over each of which the thrust that acts is held at its mean.
+    Further: noise (3,) of surge, sway, yaw rate; scale of the initial states, m/s; first guesses of states (3, W) and
+    of the drifts (2, R), by which the current of each run differs, with their spread, m/s (0: one current); speeds,
+    m/s, at which straight courses may grow by ``largest_growth``, 1/s; parts of a step over which the thrust is held at
+    its mean.
     """
 
     def __init__(
@@ -153,16 +141,7 @@ class MultipleShooting:
         return self.unknowns.placed_in(self._base, values), np.array([found.get(name, 0.0) for name in CURRENT])
 
     def simulate(self, p_columns: np.ndarray, states: np.ndarray, active: tuple[bool, ...] | None = None) -> np.ndarray:
-        """Simulate copies of all windows.
-
-        Args:
-            p_columns: (n, K); parameters of each copy.
-            states: (3, K, W); initial states through the water.
-            active: Terms that any copy uses.
-
-        Returns:
-            ndarray, shape (S + 1, 3, K, W)
-        """
+        """States (S + 1, 3, K, W) of K copies of all windows with parameters (n, K), from (3, K, W)."""
         copies, count = p_columns.shape[1], self.windows.count
         thrust = [
             np.stack(side, axis=1).reshape(-1, copies * count)
@@ -247,7 +226,7 @@ class MultipleShooting:
         self.residuals(values)
 
     def weigh(self, values: np.ndarray) -> None:
-        """Take the weights of the robust loss from the residuals at these values."""
+        """Set the weights of the robust loss from the residuals at these values."""
         self._robust = np.ones_like(self._robust)
         p, current = self.parameters(values)
         residual, _ = self._with_state_slopes(p, current)
@@ -266,17 +245,12 @@ class MultipleShooting:
         self._robust = other._robust
 
     def linearised(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted residuals, (3, S + 1, W), and eliminated Jacobian, (n, 3, S + 1, W), at the present states."""
+        """Weighted residuals (3, S + 1, W) and eliminated Jacobian (n, 3, S + 1, W) at the present states."""
         residual, *slopes = self._slopes(values)
         return residual, self._eliminated(*slopes)[0]
 
     def by_channel(self, residual: np.ndarray, jacobian: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """What `linearised` found by window and channel, for the covariance.
-
-        Returns:
-            residuals: list of (N_k,)
-            jacobians: list of (N_k, n)
-        """
+        """Outcome of `linearised` by window and channel, for the covariance: lists of (N_k,) and (N_k, n)."""
         residuals, jacobians = [], []
         for w in range(self.windows.count):
             for c in range(3):
@@ -288,25 +262,20 @@ class MultipleShooting:
 
     @property
     def part_of_window(self) -> np.ndarray:
-        """Number of the part of each window, (W,): its run, or its third where there are fewer than three runs."""
+        """Part of each window, (W,): its run, or its third where there are fewer than three runs."""
         index = self.windows.run_index
         if np.unique(index).size < MIN_PARTS:
             index = np.arange(index.size) * MIN_PARTS // index.size
         return np.unique(index, return_inverse=True)[1]
 
     def by_part(self, residual: np.ndarray, jacobian: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """What `linearised` found by part: a list of (ndarray of shape (N_k,), ndarray of shape (N_k, n))."""
+        """Outcome of `linearised` by part: a list of residuals (N_k,) and Jacobian (N_k, n)."""
         places = (self._known & (self.part_of_window == k) for k in range(self.part_of_window.max() + 1))
         return [(residual[known], jacobian[:, known].T) for known in places]
 
     def free_run_residuals(self, values_by_part: np.ndarray) -> np.ndarray:
-        """Residuals over the noise of free runs from the measured states, without drifts: each part under its values.
-
-        Args:
-            values_by_part: (K, n); of the unknowns, of each part.
-
-        Returns:
-            Zero where nothing was measured.
+        """Residuals over the noise of free runs from the measured states without drifts, each part with its own values
+        of (K, n); zero where not measured.
         """
         columns, currents = zip(*(self.parameters(values) for values in values_by_part), strict=True)
         part, windows = self.part_of_window, self.windows
@@ -327,7 +296,7 @@ class MultipleShooting:
             return np.where(self._known, (recorded - self._measured) / self._noise[:, None, None], 0.0)
 
     def objective_of_population(self, candidates: np.ndarray) -> np.ndarray:
-        """Root mean square of the weighted residuals of candidates (P, n), from the present initial states."""
+        """Root mean square of the weighted residuals of candidates (P, n) from the present initial states."""
         columns = np.stack([self.parameters(row)[0] for row in candidates], axis=1)
         currents = np.stack([self.parameters(row)[1] for row in candidates], axis=1)
         states = np.repeat(self.states[:, None, :], len(candidates), axis=1)
@@ -419,8 +388,7 @@ class MultipleShooting:
                 right = np.nan_to_num(right - np.einsum('njw,jw->nw', taken, pull)) * usable
             right = right @ self._member.T + self.drift / self._drift_spread**2
             drift_move = -np.einsum('rjk,kr->jr', self._drift_information(projected, drifts), right)
-            limit = 1.0
-            drift_move = np.clip(drift_move, -limit, limit)
+            drift_move = np.clip(drift_move, -1.0, 1.0)
             residual = residual + np.einsum('jcsw,jw->csw', drifts, drift_move @ self._member)
         with np.errstate(over='ignore', invalid='ignore'):
             right = np.einsum('jcsw,csw->jw', slopes, residual) + pull
@@ -439,7 +407,7 @@ class MultipleShooting:
         return np.linalg.inv(matrix), usable
 
     def _without_states(self, slopes: np.ndarray, state_slopes: np.ndarray, inverse: np.ndarray, usable: np.ndarray):
-        """Slopes (n, 3, S + 1, W) less what the best initial states take up, and what these take, (n, 3, W)."""
+        """Slopes (n, 3, S + 1, W) less their part along the initial states, and this part, (n, 3, W)."""
         with np.errstate(over='ignore', invalid='ignore'):
             cross = np.einsum('jcsw,ncsw->wjn', state_slopes, slopes)
             cross = np.where(usable[:, None, None] & np.isfinite(cross), cross, 0.0)
@@ -457,23 +425,15 @@ class MultipleShooting:
         return np.linalg.inv(matrix)
 
     def drift_variance(self, values: np.ndarray) -> np.ndarray:
-        """Variance of the drift of each run by the weights alone, shape (2, R); regularisation counted in."""
+        """Variance of the drift of each run by the weights alone, shape (2, R); regularisation included."""
         p, current = self.parameters(values)
         _, state_slopes = self._with_state_slopes(p, current)
         drifts = self._drift_slopes()
         projected, _ = self._without_states(drifts, state_slopes, *self._state_information(state_slopes))
         return np.diagonal(self._drift_information(projected, drifts), axis1=1, axis2=2).T
 
-    def with_drift_spread(self, spread: float) -> 'MultipleShooting':
-        """The same with the runs' currents expected to differ by so much, m/s."""
-        other = copy(self)
-        other._drift_spread = spread
-        if not spread:
-            other.drift = np.zeros_like(self.drift)
-        return other
-
     def _instability(self, columns: np.ndarray):
-        """Weighted excess of growth over what is allowed, of candidates (n, K), shape (speeds, K)."""
+        """Weighted excess of growth of candidates (n, K), shape (speeds, K)."""
         if not self._speeds.size:
             return np.zeros((0, columns.shape[1]))
         growth = growth_rates(columns, active_terms(_union(columns)), self._speeds)
@@ -524,10 +484,8 @@ class MultipleShooting:
         return residual, slopes, state_slopes
 
     def _eliminated(self, slopes: np.ndarray, state_slopes: np.ndarray):
-        """Slopes less the part that the best initial states and drifts take up, and these two parts.
-
-        Returns:
-            ndarray, shapes (n, 3, S + 1, W), (n, 3, W), (n, 2, R)
+        """Slopes (n, 3, S + 1, W) less the part along the initial states and drifts, and these parts, (n, 3, W) and (n,
+        2, R).
         """
         inverse, usable = self._state_information(state_slopes)
         projected, taken = self._without_states(slopes, state_slopes, inverse, usable)

@@ -1,7 +1,7 @@
 """First guesses: linear regression of speed changes on smoothed motion and thrust.
 
-Over spans of a second or so the change of each speed is the integral of its acceleration, which is linear
-in the ratios to inertia; bounded least squares (scipy's lsq_linear) keeps damping a damping.
+The change of each speed over a second or so is the integral of its acceleration, which is linear in the ratios to
+inertia; bounded least squares (scipy's lsq_linear) keeps damping negative.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +24,7 @@ def _integrals(series: np.ndarray, span: int, step: float):
 
 
 def _regress(columns: Sequence[np.ndarray], target: np.ndarray, lower: Sequence[float], upper: Sequence[float]):
-    """Bounded regression on columns scaled to unit size; zeros where there is no usable row."""
+    """Bounded regression on columns scaled to unit size; zeros where there are too few usable rows."""
     matrix, target = np.stack(columns, axis=1), np.asarray(target)
     known = np.all(np.isfinite(matrix), axis=1) & np.isfinite(target)
     size = np.sqrt(np.mean(matrix[known] ** 2, axis=0)) if known.sum() > 10 * len(columns) else np.zeros(len(columns))
@@ -47,14 +47,8 @@ def _rows(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]], 
 
 
 def surge_ratios(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Thrust gain over inertia (at least 0), linear and quadratic damping over inertia (at most 0).
-
-    Args:
-        runs: Of one craft.
-        thrust: Acting thrust, N, or command.
-
-    Returns:
-        Zeros where the runs do not determine them.
+    """Thrust gain over inertia (at least 0), linear and quadratic damping over inertia (at most 0); zeros where not
+    determined.
     """
 
     def features(run: Run, acting: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
@@ -66,10 +60,9 @@ def surge_ratios(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndar
 
 
 def yaw_ratios(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Gain of the thrust difference over inertia, and linear yaw damping over inertia, shape (2,).
-
-    Where speed and sway are measured the gain is that beside further damping and the Munk moment, which else make a
-    craft that hardly keeps its course look heavy.
+    """Gain of the thrust difference over inertia, and linear yaw damping over inertia, shape (2,). Where speed and sway
+    are measured the regression includes further damping and the Munk moment, without which a marginally course-stable
+    craft looks heavy.
     """
 
     def features(run: Run, acting: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:

@@ -1,4 +1,4 @@
-"""Free simulation over windows, against what was measured."""
+"""Free simulation over windows, compared with the measurements."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from swath_sysid.manoeuvring.hull.measurement import (
     recorded_position,
     recorded_speeds,
     through_water,
+    turned,
 )
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, substeps_for, track
@@ -19,9 +20,9 @@ from swath_sysid.manoeuvring.identification.windows import Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
-LEADS = (5.0, 10.0, 20.0)  #: s, at which the errors of position and heading are reported.
-LEAD_IN = 5.0  #: s of simulation before a window, from which an unmeasured sway is taken.
-RUN_AWAY = 3.0  #: A simulated motion beyond this multiple of the largest measured one has diverged.
+LEADS = (5.0, 10.0, 20.0)  #: s, at which errors of position and heading are reported.
+LEAD_IN = 5.0  #: s of simulation before a window, for an unmeasured sway.
+RUN_AWAY = 3.0  #: A motion beyond this multiple of the largest measured one has diverged.
 
 
 @dataclass(frozen=True)
@@ -29,24 +30,22 @@ class Simulated:
     """Free simulation of the windows of some runs."""
 
     windows: Windows
-    #: (S + 1, 3, W); Surge and sway over ground, yaw rate, as the sensors would record them; NaN behind the end of a
-    #: window.
-    states: np.ndarray
-    heading: np.ndarray  #: (S + 1, W); rad, m; from zero where not measured.
-    x: np.ndarray  #: (S + 1, W); rad, m; from zero where not measured.
-    y: np.ndarray  #: (S + 1, W); rad, m; from zero where not measured.
+    states: np.ndarray  #: (S + 1, 3, W); Surge, sway over ground, yaw rate as recorded; NaN beyond the end of a window.
+    heading: np.ndarray  #: (S + 1, W); rad; from zero where not measured.
+    x: np.ndarray  #: (S + 1, W); m; from zero where not measured.
+    y: np.ndarray  #: (S + 1, W); m; from zero where not measured.
 
 
 @dataclass(frozen=True)
 class Scores:
-    """How well a model simulates runs freely, window by window."""
+    """Fit of the free simulation of runs, window by window."""
 
     r2: dict[str, float]  #: Of surge, sway, yaw_rate over all windows together; NaN where not measured.
     rmse: dict[str, float]  #: m/s and rad/s; NaN where not measured.
-    position_error: dict[float, float]  #: Root mean square by lead, m; NaN where no window is as long.
+    position_error: dict[float, float]  #: Root mean square by lead, m; NaN where all windows are shorter.
     heading_error: dict[float, float]  #: rad.
-    windows: int  #: How many there are, and how many ran away.
-    diverged: int  #: How many there are, and how many ran away.
+    windows: int  #: How many there are.
+    diverged: int  #: How many of them ran away.
 
 
 def simulate_windows(
@@ -56,16 +55,8 @@ def simulate_windows(
     shortest: float = 5.0,
     currents: np.ndarray | None = None,
 ) -> Simulated:
-    """Simulate every window of some runs from its measured initial state.
-
-    The initial state is the smoothed measurement at the start of the window; a sway that was not
-    measured is that of a simulation which began `LEAD_IN` seconds earlier.
-
-    Args:
-        model: That is simulated.
-        runs: Whose windows are simulated.
-        length, shortest: Of the windows, s.
-        currents: (R, 2); east and north, m/s, of each run; that of the model by default.
+    """Simulate every window of some runs, under currents (R, 2), m/s, or the model's, from its smoothed initial state.
+    An unmeasured sway comes from a simulation started `LEAD_IN` seconds earlier.
     """
     windows = cut(runs, length, shortest)
     currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)
@@ -124,27 +115,23 @@ def score(
 def _errors_at(found: Simulated, references: list[tuple], lead: float):
     windows = found.windows
     step = round(lead / windows.step)
-    turned, missed = [], []
+    turns, missed = [], []
     for w in np.flatnonzero(windows.steps >= step):
         psi, x, y = references[windows.run_index[w]]
         begin, end = windows.start[w], windows.start[w] + step
         if psi is None:
             continue
-        turned.append(found.heading[step, w] - found.heading[0, w] - (psi[end] - psi[begin]))
+        turns.append(found.heading[step, w] - found.heading[0, w] - (psi[end] - psi[begin]))
         if x is None:
             continue
         # directions relative to the course at the start, so that tracks without a compass compare as well
-        away = _rotated(found.x[step, w] - found.x[0, w], found.y[step, w] - found.y[0, w], found.heading[0, w])
-        went = _rotated(x[end] - x[begin], y[end] - y[begin], psi[begin])
+        away = turned(found.x[step, w] - found.x[0, w], found.y[step, w] - found.y[0, w], found.heading[0, w])
+        went = turned(x[end] - x[begin], y[end] - y[begin], psi[begin])
         missed.append(np.hypot(away[0] - went[0], away[1] - went[1]))
     return tuple(
         float(np.sqrt(np.mean(np.square(np.clip(errors, -1e6, 1e6))))) if errors else float('nan')
-        for errors in (missed, turned)
+        for errors in (missed, turns)
     )
-
-
-def _rotated(x: np.ndarray, y: np.ndarray, angle: float):
-    return x * np.cos(angle) + y * np.sin(angle), -x * np.sin(angle) + y * np.cos(angle)
 
 
 def _reference_track(run: Run):
@@ -166,7 +153,7 @@ def _reference_track(run: Run):
 
 
 def _diverged(found: Simulated):
-    """Windows that left the bounds, or are not finite."""
+    """Number of windows beyond the bounds, or not finite."""
     measured = np.nanmax(np.abs(found.windows.measured), axis=(1, 2), initial=0.0)
     limits = RUN_AWAY * np.maximum(measured, [0.5, 0.5, 0.1])
     inside = np.arange(len(found.states))[:, None] <= found.windows.steps

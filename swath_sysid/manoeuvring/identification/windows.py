@@ -11,19 +11,18 @@ from swath_sysid.manoeuvring.motion.trial import Run
 LENGTH = 20.0
 SHORTEST = 5.0  #: s.
 
-#: s after which the thrust that acts, behind lag and delay, no longer depends on inputs before the record.
-SETTLED = 2.0
+SETTLED = 2.0  #: s after which acting thrust no longer depends on inputs before the record.
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows of equal step, side by side; shorter ones are filled up with NaN."""
+    """Windows of equal step, side by side; shorter ones are padded with NaN."""
 
     step: float  #: s.
     runs: tuple
-    run_index: np.ndarray  #: ndarray of int, shape (W,); Run, first sample, and number of steps of each window.
-    start: np.ndarray  #: ndarray of int, shape (W,); Run, first sample, and number of steps of each window.
-    steps: np.ndarray  #: ndarray of int, shape (W,); Run, first sample, and number of steps of each window.
+    run_index: np.ndarray  #: int, (W,)
+    start: np.ndarray  #: int, (W,); First sample.
+    steps: np.ndarray  #: int, (W,)
     measured: np.ndarray  #: (3, S + 1, W); Surge, sway, yaw rate over ground.
     heading: np.ndarray  #: (S + 1, W); rad; zero where not measured.
     initial: np.ndarray  #: (3, W); Smoothed state at the start, NaN where not measured.
@@ -34,7 +33,9 @@ class Windows:
         return self.start.size
 
     def gather(self, series: Sequence[np.ndarray], parts: int = 1) -> np.ndarray:
-        """Values over the parts of the steps of each window, shape (S parts, W), of one series a run; ends are held."""
+        """Values over the parts of the steps of each window, shape (S parts, W), of one series per run; the last value
+        is held.
+        """
         longest = parts * int(self.steps.max())
         found = np.zeros((longest, self.count))
         places = zip(self.run_index, parts * self.start, parts * self.steps, strict=True)
@@ -45,14 +46,8 @@ class Windows:
 
 
 def cut(runs: Sequence[Run], length: float = LENGTH, shortest: float = SHORTEST) -> Windows:
-    """Cut runs into windows, none across a gap in the thrust or within `SETTLED` seconds behind one.
-
-    Args:
-        runs: Of equal step.
-        length, shortest: s; what remains at the end of a run is kept if it is not shorter than ``shortest``.
-
-    Raises:
-        InputError: The runs differ in step, or none is long enough.
+    """Cut runs of equal step into windows of at most ``length`` and at least ``shortest`` s, none across a gap in the
+    thrust or within `SETTLED` s after one.
     """
     step = runs[0].step
     if any(abs(run.step - step) > 1e-9 for run in runs):

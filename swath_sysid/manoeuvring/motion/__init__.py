@@ -1,4 +1,1 @@
-"""What was measured under way: runs with their commands, cleaned and checked for signs and frames.
-
-Live, the window of such samples.
-"""
+"""Measured runs with their commands, cleaned and corrected for signs and frames, and the live window of samples."""

@@ -1,4 +1,4 @@
-"""A trial without what no craft did: disorder in time, absurd values, spikes, channels that never change."""
+"""Removes disorder in time, absurd values, spikes, and channels that never change from trials."""
 
 from dataclasses import replace
 from typing import Any
@@ -11,22 +11,22 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, MEASURED, ManoeuvringTrial
 
 ABSURD = {'surge': 50.0, 'sway': 50.0, 'yaw_rate': 10.0, 'x': 1e8, 'y': 1e8, 'heading': 1e6}
-#: m/s, rad/s, m by which a single sample jumps away from its neighbours at least to be left out.
+#: Least jump of a spike from its neighbours: m/s, rad/s, m.
 MIN_SPIKE = {'surge': 0.5, 'sway': 0.5, 'yaw_rate': 0.3, 'x': 3.0, 'y': 3.0}
 
-SPIKE = 10.0  #: Usual distances from the neighbours, beyond which a sample is left out.
+SPIKE = 10.0  #: A spike is so many times the usual distance from its neighbours.
 
 NEIGHBOURS = 7
 MAX_SPIKES = 0.03
 
 
 def cleaned(trial: ManoeuvringTrial, advice: list[Advice]) -> ManoeuvringTrial:
-    """The trial in order of time, absurd values and spikes missing; ``advice``, a list, grows."""
+    """The trial in order of time, absurd values and spikes set to NaN; appends to ``advice``."""
     return _without_spikes(_without_absurd(_in_order(trial, advice), advice), advice)
 
 
 def without_constant(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[ManoeuvringTrial]:
-    """Trials without the speeds and yaw rates that are constant in all of them: their senders did not measure them."""
+    """Trials without speeds and yaw rates that are constant in all of them, which nothing measured."""
     for name in CHANNELS:
         holding = [k for k, trial in enumerate(trials) if getattr(trial, name) is not None]
         values = [getattr(trials[k], name) for k in holding]
@@ -84,7 +84,7 @@ def _without_absurd(trial: ManoeuvringTrial, advice: list[Advice]):
 
 
 def _without_spikes(trial: ManoeuvringTrial, advice: list[Advice]):
-    """Without single samples far from their neighbours on both sides, as receivers and buses make them."""
+    """Sets single samples far from their neighbours on both sides to NaN."""
     for name, least in MIN_SPIKE.items():
         values = getattr(trial, name)
         known = np.flatnonzero(np.isfinite(values)) if values is not None else np.zeros(0, dtype=int)

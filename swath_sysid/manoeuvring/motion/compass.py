@@ -1,4 +1,4 @@
-"""The compass held against the craft's own motion: mounted or calibrated askew, it is turned along the keel."""
+"""Corrects a misaligned compass by the motion of the craft."""
 
 import math
 from dataclasses import replace
@@ -11,24 +11,23 @@ from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpas
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 MIN_MISALIGNMENT, LARGEST_MISALIGNMENT = math.radians(4.0), math.radians(40.0)
-SURE = 4.0  #: Standard deviations by which a compass must be askew to be turned.
+SURE = 4.0  #: A significant misalignment is so many standard deviations.
 USUAL_CURRENT = 0.3  #: m/s.
 
-#: rad; a deviation by the course is not taken for a compass askew, and is left to the identification.
+#: rad, prior standard deviation of the compass deviation by course, which the identification finds.
 USUAL_DEVIATION = 0.15
 
-#: rad/s, and the share of the time that runs turn faster than that to one side.
+#: rad/s, and the largest share of time that runs may turn faster than that to one side.
 TURNING, ONE_SIDED = math.radians(1.0), 0.75
 
-REMEMBERED = 10.0  #: Half seconds over which wind and manoeuvres leave the same sway: this many samples count as one.
+REMEMBERED = 10.0  #: Half seconds of correlated sway, which count as one sample.
 
 
 def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[ManoeuvringTrial]:
-    """The trials with the compass along the keel, where it was mounted or calibrated askew.
+    """The trials with heading and speeds turned by the misalignment of the compass, where it is significant.
 
-    A compass that is off by a small angle shows in the sway as that angle times the speed, whatever the course; a
-    deviation as the speed times sine and cosine of the course, a current by the course, and a turn by the yaw rate.
-    So the sway is regressed on all of these.
+    The sway is regressed on its causes: misalignment times speed, deviation times speed and sine and cosine of the
+    course, the current by course, and turns by the yaw rate.
     """
     rows = [_sway_by_cause(t) for t in trials]
     usable = [r for r in rows if r is not None]
@@ -67,17 +66,14 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
 
 
 def _turns_to_one_side(yaw_rate: np.ndarray) -> bool:
-    """Whether the drift of turns to one side alone leaves the same sway as a compass askew."""
+    """Whether the runs turn so much to one side that drift cannot be told from misalignment."""
     return bool(max(np.mean(yaw_rate > TURNING), np.mean(yaw_rate < -TURNING)) > ONE_SIDED)
 
 
 def _sway_by_cause(trial: ManoeuvringTrial):
-    """Sway every half second under way ahead, and what may cause it; None where a trial does not show it.
-
-    Returns:
-        sway: (N,)
-        causes: (N, 5); surge, yaw rate, their product, and surge times sine and cosine of the heading.
-        course: (N, 2); what a current to the east and to the north adds.
+    """Sway (N,) every half second under way ahead, its causes (N, 5), and the effect of an east and a north current (N,
+    2). The causes are surge, yaw rate, their product, and surge times sine and cosine of the heading. None where not
+    measured.
     """
     _, (heading, surge, sway) = even(trial, 'heading', 'surge', 'sway')
     if heading is None:

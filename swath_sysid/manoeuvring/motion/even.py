@@ -1,4 +1,4 @@
-"""Channels of a trial at even times, for diagnoses: gaps bridged, nothing more."""
+"""Channels of a trial at even times, gaps bridged, for diagnoses."""
 
 import math
 
@@ -8,12 +8,12 @@ from scipy.signal import lfilter
 from swath_sysid.manoeuvring.motion.resampling import slope
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
-USUAL_STEP = 0.1  #: s; also used for runs whose own interval is far from it.
-MOVING = 0.3  #: m/s; above this the course gives the heading.
+USUAL_STEP = 0.1  #: s; also the step of runs whose own interval is far from it.
+MOVING = 0.3  #: m/s; above this the course indicates the heading.
 
 
 def even(trial: ManoeuvringTrial, *names: str) -> tuple[np.ndarray, list[np.ndarray | None]]:
-    """Channels at even times, s and values, gaps bridged; None where a channel was not measured."""
+    """Channels at even times, s and values, gaps bridged; None where not measured."""
     time = np.arange(trial.time[0], trial.time[-1], USUAL_STEP)
     found: list[np.ndarray | None] = []
     for name in names:
@@ -28,7 +28,7 @@ def even(trial: ManoeuvringTrial, *names: str) -> tuple[np.ndarray, list[np.ndar
 
 
 def speeds_of_track(trial: ManoeuvringTrial) -> tuple[np.ndarray, np.ndarray] | None:
-    """Surge and sway by position and heading, m/s, at even times; None where not measured."""
+    """Surge and sway from position and heading, m/s, at even times; None where not measured."""
     _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
     if heading is None or x is None or y is None:
         return None
@@ -37,6 +37,6 @@ def speeds_of_track(trial: ManoeuvringTrial) -> tuple[np.ndarray, np.ndarray] | 
 
 
 def lowpass(values: np.ndarray, tau: float) -> np.ndarray:
-    """First-order low pass of even samples, time constant in s."""
+    """First-order low pass with time constant ``tau``, s."""
     decay = math.exp(-USUAL_STEP / tau)
     return lfilter([1.0 - decay], [1.0, -decay], values, zi=[decay * values[0]])[0]

@@ -1,8 +1,7 @@
-"""Signs, sides and frames of the channels, by what the runs of a craft say together.
+"""Corrects signs, sides and frames of the channels by evidence pooled over all runs of a craft.
 
-A single run may deceive: one that spins in place moves astern or ahead whatever its thrust. So every verdict is
-pooled over all runs, thrust is judged where the craft is driven ahead or astern, and what the runs do not agree on
-stays.
+A single run may mislead: a craft that spins in place moves ahead or astern whatever its thrust. So thrust is judged
+only where it drives the craft ahead or astern, and without agreement of the runs nothing is changed.
 """
 
 import math
@@ -16,9 +15,9 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpass, speeds_of_track
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
-SEEN = 0.5  #: A pooled correlation beyond this, against expectation, counts as a reversed channel.
-SEEN_IN_SPEED = 0.7  #: The same for speed under thrust, which lags behind it.
-DRIVEN = 0.3  #: Share of the thrust difference that the total thrust must exceed: below it a craft turns on the spot.
+SEEN = 0.5  #: A pooled correlation beyond this, of the wrong sign, shows a reversed channel.
+SEEN_IN_SPEED = 0.7  #: The same for speed, which lags behind thrust.
+DRIVEN = 0.3  #: Least total thrust as a share of the thrust difference; below it a craft turns in place.
 
 
 def mirrored(trial: ManoeuvringTrial) -> ManoeuvringTrial:
@@ -32,15 +31,7 @@ def mirrored(trial: ManoeuvringTrial) -> ManoeuvringTrial:
 
 
 def set_right(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[ManoeuvringTrial]:
-    """The trials in ENU, reversed and swapped channels set right.
-
-    Args:
-        trials: Of one craft.
-        advice: One a trial; they grow.
-
-    Raises:
-        InputError: A trial states a frame that there is not.
-    """
+    """The trials of one craft in ENU, reversed and swapped channels corrected; appends to each ``advice``."""
     for trial in trials:
         if trial.frame not in (None, 'enu', 'ned'):
             raise InputError(f"{trial.source}: there is no frame '{trial.frame}': state enu or ned")
@@ -54,7 +45,7 @@ def set_right(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> lis
 
 
 def _likeness(pairs: Sequence[tuple | None]):
-    """Correlation about zero of pairs of series, pooled; 0 where none is usable."""
+    """Correlation about zero of pooled pairs of series; 0 where none is usable."""
     usable = [pair for pair in pairs if pair is not None and len(pair[0])]
     if not usable:
         return 0.0
@@ -64,7 +55,7 @@ def _likeness(pairs: Sequence[tuple | None]):
 
 
 def _reversed(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]], names: Sequence[str], key: str):
-    """The trials with channels multiplied by -1, where they hold any of them."""
+    """The trials with some channels multiplied by -1."""
     found = []
     for trial, item in zip(trials, advice, strict=True):
         held = {name: -getattr(trial, name) for name in names if getattr(trial, name) is not None}
@@ -75,7 +66,7 @@ def _reversed(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]], na
 
 
 def _courses(trial: ManoeuvringTrial):
-    """Course over ground and heading under way, rad; None where the trial does not hold them."""
+    """Course over ground and heading under way, rad; None where not measured."""
     _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
     span = round(2.0 / USUAL_STEP)
     if heading is None or x is None or y is None or heading.size < 4 * span:
@@ -88,7 +79,7 @@ def _courses(trial: ManoeuvringTrial):
 
 
 def _with_heading_along_course(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
-    """The trials with headings mirrored or turned by quarters to agree with the course over ground."""
+    """The trials with headings mirrored or turned by quarters to match the course over ground."""
     pairs = [pair for pair in map(_courses, trials) if pair is not None]
     if not pairs:
         return trials
@@ -137,7 +128,7 @@ def _speed_and_track(name: str, place: int):
     return pair
 
 
-#: Channel to what it is compared with, and the advice where they are opposite.
+#: Channel to the pair to compare it in, and the advice where it is reversed.
 _CHANNELS: dict[str, tuple[Callable[[ManoeuvringTrial], tuple | None], str]] = {
     'yaw_rate': (_heading_and_rate, 'yaw-rate-reversed'),
     'surge': (_speed_and_track('surge', 0), 'surge-reversed: by position'),
@@ -146,29 +137,19 @@ _CHANNELS: dict[str, tuple[Callable[[ManoeuvringTrial], tuple | None], str]] = {
 
 
 def _with_thrust_ahead(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
-    """The trials with thrust, or the speed, reversed where the craft moves astern under positive thrust."""
+    """The trials with thrust, or surge, reversed where the craft moves astern under positive thrust."""
     best = max((_likeness([_total_and_surge(t, tau) for t in trials]) for tau in (0.5, 2.0, 5.0)), key=abs)
     if best > -SEEN_IN_SPEED:
         return trials
     # a surge that agrees with the track is not suspected, nor a thrust that turns the craft as it should
     confirmed = any(t.x is not None and t.heading is not None for t in trials)
     if confirmed or _turning_likeness(trials) < -SEEN:
-        return _reversed(
-            trials,
-            advice,
-            ('port', 'starboard'),
-            'thrust-reversed',
-        )
-    return _reversed(
-        trials,
-        advice,
-        ('surge',),
-        'surge-reversed',
-    )
+        return _reversed(trials, advice, ('port', 'starboard'), 'thrust-reversed')
+    return _reversed(trials, advice, ('surge',), 'surge-reversed')
 
 
 def _driven(port: np.ndarray, starboard: np.ndarray):
-    """Samples where the thrust drives ahead or astern and does not only turn the craft."""
+    """Samples where the thrust drives the craft ahead or astern instead of turning it in place."""
     return np.abs(starboard + port) > DRIVEN * np.abs(starboard - port)
 
 
@@ -183,7 +164,7 @@ def _total_and_surge(trial: ManoeuvringTrial, tau: float):
 
 
 def _turning_likeness(trials: Sequence[ManoeuvringTrial]):
-    """Of the thrust difference with the yaw rate."""
+    """Correlation of the thrust difference with the yaw rate."""
     return max((_likeness([_difference_and_rate(t, tau) for t in trials]) for tau in (0.3, 1.0, 3.0)), key=abs)
 
 
@@ -198,7 +179,7 @@ def _difference_and_rate(trial: ManoeuvringTrial, tau: float):
 
 
 def _with_sides(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
-    """The trials with thrusters exchanged, or motion mirrored where no frame is stated, if they turn the wrong way."""
+    """The trials with thrusters swapped, or mirrored where no frame is stated, if they turn to the wrong side."""
     found = list(trials)
     for stated in (True, False):
         places = [k for k, trial in enumerate(trials) if (trial.frame is not None) == stated]

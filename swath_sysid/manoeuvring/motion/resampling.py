@@ -1,4 +1,4 @@
-"""Records put on even steps: inputs held, fast channels averaged, slow ones placed; and smoothed."""
+"""Records resampled to even steps: inputs held, fast channels averaged, slow ones at the nearest step; smoothing."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -9,17 +9,14 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import bin_means, white_noise
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
-HOLD = 0.5  #: s for which a command is held after it was last published.
-LONGEST_GAP = 1.0  #: s; over a longer gap in the thrust nothing is known of the motion.
-SMOOTHING = 0.4  #: s; width of the Gaussian that gives smooth states.
-NOISY = 0.1  #: A noise of this share of the motion gets the full smoothing.
+HOLD = 0.5  #: s for which a command holds.
+LONGEST_GAP = 1.0  #: s; over longer gaps the thrust is unknown.
+SMOOTHING = 0.4  #: s, width of the Gaussian window.
+NOISY = 0.1  #: Noise of this share of the motion gets the full smoothing.
 
 
 def smoothed(values: np.ndarray, step: float, width: float = SMOOTHING) -> np.ndarray:
-    """Local linear fit with a Gaussian window of ``width`` seconds; NaN where nothing is near.
-
-    Shape (N,) to (N,).
-    """
+    """Local linear fit with a Gaussian window of ``width`` s, shape (N,); NaN far from all samples."""
     known = np.isfinite(values)
     if not known.any():
         return np.full(values.size, np.nan)
@@ -42,7 +39,7 @@ def smoothed(values: np.ndarray, step: float, width: float = SMOOTHING) -> np.nd
 
 
 def _noisiness(values: np.ndarray):
-    """Share of the full smoothing that a channel needs, 0.3 to 1, by its white noise."""
+    """Share of the full smoothing for the white noise of a channel, 0.3 to 1."""
     if values.size < 8 or np.std(values) == 0.0:
         return 1.0
     return float(np.clip(white_noise(values) / (NOISY * np.std(values)), 0.3, 1.0))
@@ -51,7 +48,7 @@ def _noisiness(values: np.ndarray):
 def thrust_on(
     grid: np.ndarray, trial: ManoeuvringTrial, gap_means_zero: bool, advice: list[Advice]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Inputs held on the grid, and where they are known."""
+    """Port and starboard inputs held on the grid, and where they are known."""
     known = np.isfinite(trial.port) & np.isfinite(trial.starboard)
     if not known.any():
         if not gap_means_zero:
@@ -76,7 +73,7 @@ def thrust_on(
 
 
 def without_held(name: str, values: np.ndarray, advice: list[Advice], source: str) -> np.ndarray:
-    """NaN for repetitions of a slower sensor's last value."""
+    """NaN for repetitions of the last value of a slower sensor."""
     known = np.flatnonzero(np.isfinite(values))
     changed = np.diff(values[known]) != 0.0
     if known.size < 20 or not changed.any() or np.std(values[known]) == 0.0:
@@ -92,7 +89,7 @@ def without_held(name: str, values: np.ndarray, advice: list[Advice], source: st
 
 
 def on_grid(grid: np.ndarray, step: float, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Fast channels averaged around each grid time, slow ones put at the nearest, NaN elsewhere."""
+    """Fast channels averaged around each grid time, slow ones at the nearest, NaN elsewhere."""
     known = np.isfinite(values)
     time, values = time[known], values[known]
     interval = float(np.median(np.diff(time))) if time.size > 1 else step
@@ -109,8 +106,7 @@ def on_grid(grid: np.ndarray, step: float, time: np.ndarray, values: np.ndarray)
     near = np.abs(time[nearest] - grid) <= 0.5 * step + 1e-9
     if interval <= 1.5 * step:
         between = (time[after] - time[before] < 1.8 * interval) & (time[before] <= grid) & (grid <= time[after])
-        found = np.where(between, np.interp(grid, time, values), np.where(near, values[nearest], np.nan))
-        return found
+        return np.where(between, np.interp(grid, time, values), np.where(near, values[nearest], np.nan))
     return np.where(near, values[nearest], np.nan)
 
 
@@ -121,7 +117,7 @@ def slope(values: np.ndarray, step: float, span: float) -> np.ndarray:
 
 
 def bridged(values: np.ndarray) -> np.ndarray:
-    """Linear over gaps, shape (N,)."""
+    """Values interpolated over gaps, shape (N,)."""
     known = np.isfinite(values)
     if not known.any():
         return np.zeros(values.size)
@@ -132,7 +128,7 @@ def bridged(values: np.ndarray) -> np.ndarray:
 
 
 def unwrapped(heading: np.ndarray) -> np.ndarray:
-    """Without jumps of whole turns, across gaps too; shape (N,)."""
+    """Heading without jumps of whole turns, also across gaps, shape (N,)."""
     known = np.isfinite(heading)
     found = np.full(heading.size, np.nan)
     found[known] = np.unwrap(heading[known])

@@ -1,4 +1,4 @@
-"""Manoeuvring trials: what the sensors and thrusters of a twin-thruster craft recorded, as read and made ready."""
+"""Manoeuvring trials of a twin-thruster craft, as recorded and as prepared runs."""
 
 from dataclasses import dataclass
 
@@ -22,19 +22,18 @@ class ManoeuvringTrial:
     thrust_input: str = FORCE  #: ``force`` or ``command``.
     surge: np.ndarray | None = None  #: Over ground in body axes, m/s.
     sway: np.ndarray | None = None  #: Over ground in body axes, m/s.
-    yaw_rate: np.ndarray | None = None  #: rad/s, rad.
-    heading: np.ndarray | None = None  #: rad/s, rad.
-    x: np.ndarray | None = None  #: m; in NED x is north and y east, in ENU x is east and y north.
-    y: np.ndarray | None = None  #: m; in NED x is north and y east, in ENU x is east and y north.
-    #: ``enu`` (y and sway to port, yaw to port positive), ``ned`` (to starboard), None: not stated.
-    frame: str | None = None
+    yaw_rate: np.ndarray | None = None  #: rad/s.
+    heading: np.ndarray | None = None  #: rad.
+    x: np.ndarray | None = None  #: m; east in ENU, north in NED.
+    y: np.ndarray | None = None  #: m; north in ENU, east in NED.
+    frame: str | None = None  #: ``enu`` (y, sway and yaw positive to port), ``ned`` (to starboard), None: not stated.
     lever: float | None = None  #: Half the distance between the thrusters, m, where stated.
     length: float | None = None  #: Of the hulls, m, where stated.
     source: str = ''
     advice: tuple[Advice, ...] = ()
 
     def measured(self) -> dict[str, np.ndarray]:
-        """The channels that it holds, by name."""
+        """The measured channels by name."""
         return {name: getattr(self, name) for name in MEASURED if getattr(self, name) is not None}
 
 
@@ -47,13 +46,13 @@ class Run:
     port: np.ndarray  #: Held over the step that follows; zero where unknown.
     starboard: np.ndarray  #: Held over the step that follows; zero where unknown.
     driven: np.ndarray  #: Where the thrust is known.
-    surge: np.ndarray  #: Over ground, m/s and rad/s, NaN where not measured.
-    sway: np.ndarray  #: Over ground, m/s and rad/s, NaN where not measured.
-    yaw_rate: np.ndarray  #: Over ground, m/s and rad/s, NaN where not measured.
-    heading: np.ndarray | None  #: rad (not wrapped) and m, without gaps; None where not measured.
-    x: np.ndarray | None  #: rad (not wrapped) and m, without gaps; None where not measured.
-    y: np.ndarray | None  #: rad (not wrapped) and m, without gaps; None where not measured.
-    smooth: np.ndarray  #: (3, N); Smoothed surge, sway, yaw rate, NaN where none was measured.
+    surge: np.ndarray  #: Over ground, m/s, NaN where not measured.
+    sway: np.ndarray  #: Over ground, m/s, NaN where not measured.
+    yaw_rate: np.ndarray  #: rad/s, NaN where not measured.
+    heading: np.ndarray | None  #: rad, not wrapped, without gaps; None where not measured.
+    x: np.ndarray | None  #: m, without gaps; None where not measured.
+    y: np.ndarray | None  #: m, without gaps; None where not measured.
+    smooth: np.ndarray  #: (3, N); Smoothed surge, sway, yaw rate, NaN where not measured.
     thrust_input: str = FORCE
     source: str = ''
     lever: float | None = None

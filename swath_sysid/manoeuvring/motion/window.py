@@ -1,4 +1,4 @@
-"""The last manoeuvres of a craft in fixed memory, as its messages come in."""
+"""Odometry and thrust of the last manoeuvres of a live craft, in fixed memory."""
 
 import math
 
@@ -8,7 +8,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
 
 COLUMNS = ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
-FASTEST = 20.0  #: Hz; of faster odometry only this many messages a second are kept.
+FASTEST = 20.0  #: Hz; faster odometry is thinned to this rate.
 
 LARGEST_COMMAND = 1.0 + 1e-6
 AUTO = 'auto'
@@ -18,15 +18,10 @@ NOT_FINITE, LATE, JUMPED_BACK, NO_THRUST = 'not-finite', 'late', 'jumped-back', 
 
 
 class ManoeuvringWindow:
-    """Odometry and the thrust that held when it came; the oldest rows give way.
+    """Odometry of the last ``duration`` s with the thrust held at each message.
 
-    Args:
-        duration: s.
-        stop_after: s without a message of the thrusters after which they count as stopped; 0: the last message holds.
-        backward_jump: A stamp further back, s, is a clock that was set back: the window begins anew.
-
-    Attributes:
-        counts: Messages left out, by reason.
+    The thrust counts as zero ``stop_after`` s after the last thruster message (0: it holds), and a stamp more than
+    ``backward_jump`` s back restarts the window. ``counts`` holds rejected messages by reason.
     """
 
     def __init__(self, duration: float = 900.0, stop_after: float = 0.0, backward_jump: float = 1.0):
@@ -39,16 +34,16 @@ class ManoeuvringWindow:
 
     @property
     def size(self) -> int:
-        """Rows held."""
+        """Number of rows."""
         return self._count
 
     def clear(self) -> None:
-        """Forget all motion; the thrust holds on."""
+        """Forget all motion; the thrust holds."""
         self._count = self._next = 0
         self._latest = -math.inf
 
     def add_thrust(self, side: str, value: float) -> None:
-        """Take the input of one thruster, ``port`` or ``starboard``, N or command."""
+        """Add the input of one thruster, ``port`` or ``starboard``, N or command."""
         if not math.isfinite(value):
             self.counts[NOT_FINITE] += 1
             return
@@ -58,7 +53,7 @@ class ManoeuvringWindow:
     def add_motion(
         self, stamp: float, surge: float, sway: float, yaw_rate: float, heading: float, x: float, y: float
     ) -> None:
-        """Take an odometry message: pose in ENU, speeds in body axes x forward, y to port."""
+        """Add an odometry message: pose in ENU, speeds in body axes x forward, y to port."""
         row = (surge, sway, yaw_rate, heading, x, y)
         if not all(map(math.isfinite, (stamp, *row))):
             self.counts[NOT_FINITE] += 1
@@ -84,15 +79,7 @@ class ManoeuvringWindow:
         self._count = min(self._count + 1, len(self._rows))
 
     def trial(self, thrust_input: str = AUTO, source: str = 'window') -> ManoeuvringTrial:
-        """What is held, as a trial.
-
-        Args:
-            thrust_input: ``force``, ``command``, or ``auto``: commands if all inputs lie within -1 and 1.
-            source: Its name.
-
-        Raises:
-            InputError: It holds nothing.
-        """
+        """The window as a trial; with ``auto``, inputs within -1 and 1 are commands."""
         if not self._count:
             missing = ' and '.join(side for side in ('port', 'starboard') if side not in self._thrust)
             raise InputError(

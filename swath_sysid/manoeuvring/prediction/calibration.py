@@ -1,4 +1,4 @@
-"""Intervals that hold what they say: measured on forecasts of the runs that a model was identified on."""
+"""Calibrated prediction intervals, by the forecast errors on the runs of the identification."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,23 +17,13 @@ FORECASTS = 250  #: More hardly improve the estimate of a 90 % interval.
 
 MIN_FORECASTS = 30
 HELD = 0.9
-#: Thrust that changes seldom leaves most errors at short leads far within what its variance says.
-MIN_SCALE, LARGEST_SCALE = 0.1, 4.0
+MIN_SCALE, LARGEST_SCALE = 0.1, 4.0  #: Seldom changing thrust leaves most errors at short leads far below its variance.
 
 
 def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> IdentifiedManoeuvringModel:
-    """The model with the scale of its forecasts' intervals, by lead and channel.
-
-    Every scale makes the interval of `HELD` hold that share of the errors of forecasts under held thrust, and as much
-    more as so few of them call for that do not overlap and that no thrust outlasts (split conformal prediction, Lei
-    et al. 2018).
-
-    Args:
-        identified: With its `forecast`.
-        runs: Those that it was identified on.
-
-    Raises:
-        InputError: It has none.
+    """The model with the scale of its forecast intervals by lead and channel, from the runs of its identification. With
+    it the 90 % interval covers that share of the errors under held thrust, and more for few independent forecasts
+    (split conformal prediction, Lei et al. 2018).
     """
     forecast = identified.forecast
     if forecast is None:
@@ -52,7 +42,7 @@ def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> I
 
 
 def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
-    """Errors and variances of forecasts, shape (F, L, 6) each, NaN where unknown; and the sensors' noise, (6,)."""
+    """Errors and variances of forecasts, shape (F, L, 6) each, NaN where unknown; and the sensor noise, (6,)."""
     total = sum(run.duration for run in runs)
     errors, variances = [], []
     for run in runs:
@@ -86,7 +76,7 @@ def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
 
 
 def _scale(errors: np.ndarray, variances: np.ndarray, noise: float, held: float):
-    """By which the standard deviations must be multiplied, the sensor's noise apart, to hold a share; by bisection."""
+    """Factor on the standard deviations, sensor noise apart, for a coverage of ``held``; by bisection."""
     low, high = MIN_SCALE, LARGEST_SCALE
     for _ in range(30):
         middle = np.sqrt(low * high)

@@ -1,7 +1,7 @@
-"""What the live predictor of manoeuvres does between its messages, without ROS.
+"""The live predictor of manoeuvres between its messages, without ROS.
 
-Odometry drives it: with every usable message the filter steps to its stamp, and, as often as asked, the leads and
-the path ahead are forecast. IMU and thrusters come in between.
+Each usable odometry message steps the filter to its stamp and, at the forecast rate, gives forecasts at the leads and
+the path ahead. IMU and thruster messages arrive in between.
 """
 
 import math
@@ -26,13 +26,13 @@ LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
 NOT_FINITE, OUTLIER, FOLLOWED, NO_THRUST = 'not-finite', 'outlier', 'sensor-followed', 'no-thrust'
 #: What is counted, and what to do about it.
 REASONS = {
-    LATE: 'messages older than the filter were left out: look at the transport, or for a second publisher',
-    JUMPED_BACK: 'the clock was set back (a bag that looped?): the filter began anew',
-    LONG_GAP: 'odometry was silent for long and came back: the filter began anew',
-    NOT_FINITE: 'messages with NaN or infinite values were left out: look at the driver',
-    OUTLIER: 'values that contradict the forecast were refused: look for GPS jumps',
-    FOLLOWED: 'a sensor contradicted the filter until that followed it: check the sensor, identify again if it repeats',
-    NO_THRUST: 'no thrust command for long, it is taken as zero: check the thruster topics, or stop_after_s',
+    LATE: 'messages older than the filter were dropped: check the transport, or look for a second publisher',
+    JUMPED_BACK: 'the clock was set back (a bag that looped?): the filter restarted',
+    LONG_GAP: 'odometry returned after a long gap: the filter restarted',
+    NOT_FINITE: 'messages with NaN or infinite values were dropped: check the driver',
+    OUTLIER: 'values that contradict the forecast were rejected: look for GPS jumps',
+    FOLLOWED: 'a sensor contradicted the filter, which now follows it: check the sensor; if it repeats, identify again',
+    NO_THRUST: 'no thrust command for long, so the thrust counts as zero: check the thruster topics, or stop_after_s',
 }
 
 
@@ -42,11 +42,11 @@ class ManoeuvreOutlookSettings:
 
     leads: tuple[float, ...] = (1.0, 5.0, 10.0)  #: s, rising.
     horizon: float = 20.0  #: Of the path, s.
-    horizon_step: float = 0.5  #: Of the path, s.
+    horizon_step: float = 0.5  #: s.
     rate: float = 5.0  #: Forecasts a second, at most.
-    gap_limit: float = 5.0  #: s after which the filter begins anew.
-    backward_jump: float = 1.0  #: s after which the filter begins anew.
-    stop_after: float = 0.0  #: s without a thrust command after which the thrust is zero; 0: it holds for ever.
+    gap_limit: float = 5.0  #: s of silence after which the filter restarts.
+    backward_jump: float = 1.0  #: s of clock set back after which the filter restarts.
+    stop_after: float = 0.0  #: s without a thrust command after which the thrust is zero; 0: it holds.
     filter: ManoeuvreFilterSettings = ManoeuvreFilterSettings()
 
     def __post_init__(self):
@@ -64,24 +64,24 @@ class PlanarMotion:
     """Pose and twist at one time."""
 
     stamp: float  #: s.
-    x: float  #: East, north, m; rad.
-    y: float  #: East, north, m; rad.
-    heading: float  #: East, north, m; rad.
-    surge: float  #: Body axes, over ground.
-    sway: float  #: Body axes, over ground.
-    yaw_rate: float  #: Body axes, over ground.
+    x: float  #: East, m.
+    y: float  #: North, m.
+    heading: float  #: rad.
+    surge: float  #: Over ground, m/s.
+    sway: float  #: Over ground, m/s.
+    yaw_rate: float  #: rad/s.
 
 
 @dataclass(frozen=True)
 class OdometryReading(PlanarMotion):
-    """What one message says; standard deviations by channel, none where the sender gives none."""
+    """One odometry message, with the standard deviations that the sender gives, by channel."""
 
     std: dict[str, float]
 
 
 @dataclass(frozen=True)
 class ManoeuvreState(PlanarMotion):
-    """Expected motion; covariances, shape (3, 3), of x, y, heading, and of surge, sway, yaw rate."""
+    """Expected motion; covariances (3, 3) of x, y, heading, and of surge, sway, yaw rate."""
 
     pose_covariance: np.ndarray
     twist_covariance: np.ndarray
@@ -89,14 +89,14 @@ class ManoeuvreState(PlanarMotion):
 
 @dataclass(frozen=True)
 class OutlookStep:
-    """What an odometry message led to: forecasts at the leads, and the path; both empty when none was due."""
+    """Forecasts at the leads and the path after an odometry message; both empty when none was due."""
 
     leads: tuple[ManoeuvreState, ...] = ()
     path: tuple[ManoeuvreState, ...] = ()
 
 
 def steady_motion() -> IdentifiedManoeuvringModel:
-    """A craft that keeps its speeds and yaw rate whatever its thrusters do: the model before a model."""
+    """Constant speeds and yaw rate whatever the thrust: used until there is a model."""
     values = parameter_values({'m': 1.0, 'Iz': 1.0, 'Xvr': -1.0, 'Yur': 1.0, 'gain': 0.0})
     return IdentifiedManoeuvringModel(
         ManoeuvringModel(values, name='steady motion'),
@@ -128,11 +128,7 @@ class ManoeuvreOutlook:
         return self.identified is not None
 
     def set_model(self, identified: IdentifiedManoeuvringModel) -> None:
-        """Swap the model; where the craft is and how it moves goes on.
-
-        Args:
-            identified: That is used from now on.
-        """
+        """Swap the model; the motion of the craft continues."""
         before, self.identified = self._filter, identified
         self._filter = ManoeuvreFilter(identified, self.settings.filter)
         if before.is_started:
@@ -142,7 +138,7 @@ class ManoeuvreOutlook:
             self._filter.thrust.command(*before.thrust.last)
 
     def add_thrust(self, stamp: float, side: str, value: float) -> None:
-        """Take the input of one thruster, ``port`` or ``starboard``, N or command as the model takes it."""
+        """Add the input of one thruster, ``port`` or ``starboard``, N or command as the model expects."""
         if not (math.isfinite(value) and math.isfinite(stamp)):
             self.counts[NOT_FINITE] += 1
             return
@@ -153,11 +149,11 @@ class ManoeuvreOutlook:
             self._filter.thrust.command(max(stamp, last), self._sides['port'], self._sides['starboard'])
 
     def supply(self, future: Iterable[tuple[float, float, float]]) -> None:
-        """Use these inputs for what comes: a sequence of (lead from now, port, starboard); empty: hold the last."""
+        """Use future inputs (lead from now, port, starboard); empty: the last ones hold."""
         self._supplied = tuple(future)
 
     def add_yaw_rate(self, stamp: float, yaw_rate: float, std: float | None = None) -> None:
-        """Take the yaw rate of an IMU, rad/s."""
+        """Add the yaw rate of an IMU, rad/s."""
         if not (math.isfinite(yaw_rate) and math.isfinite(stamp)):
             self.counts[NOT_FINITE] += 1
             return
@@ -173,11 +169,7 @@ class ManoeuvreOutlook:
         self._note(self._filter.correct('yaw_rate', yaw_rate, std))
 
     def add_odometry(self, reading: OdometryReading) -> OutlookStep:
-        """Take an odometry message.
-
-        Args:
-            reading: In the order of arrival.
-        """
+        """Add an odometry message, in the order of arrival."""
         values = {name: getattr(reading, name) for name in MEASURABLE}
         if not all(map(math.isfinite, (reading.stamp, *values.values()))):
             self.counts[NOT_FINITE] += 1

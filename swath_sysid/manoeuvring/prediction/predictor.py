@@ -35,42 +35,28 @@ from swath_sysid.manoeuvring.hull.measurement import (
 from swath_sysid.manoeuvring.hull.simulation import moved, runge_kutta_columns, substeps_for
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 
-STATES = (
-    'u',
-    'v',
-    'r',
-    'heading',
-    'x',
-    'y',
-    'current_east',
-    'current_north',
-    'surge_disturbance',
-    'sway_disturbance',
-    'yaw_disturbance',
-    'port_thrust_to_come',
-    'starboard_thrust_to_come',
-)
-U, V, R, HEADING, X, Y, EAST, NORTH = range(8)
+STATES = 13
+HEADING, X, Y, EAST, NORTH = range(3, 8)
 DISTURBANCES, THRUST_TO_COME = slice(8, 11), slice(11, 13)
 MEASURABLE = ('surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
-LONGEST_STEP = 0.1  #: s of a step of the filter, at most.
+LONGEST_STEP = 0.1  #: s, longest step of the filter.
 
 DIFFERENCE = 1e-5
-MOVES = np.concatenate([np.zeros((len(STATES), 1)), DIFFERENCE * np.eye(len(STATES))], axis=1)
+MOVES = np.concatenate([np.zeros((STATES, 1)), DIFFERENCE * np.eye(STATES)], axis=1)
 
-USUAL_DISTURBANCE_TIME = 5.0  #: s; for models whose runs were not asked.
+USUAL_DISTURBANCE_TIME = 5.0  #: s, for models without measured disturbances.
 
 
 @dataclass(frozen=True)
 class ManoeuvreFilterSettings:
-    """What the filter assumes of sensors."""
+    """Sensor noise and outlier gate of the filter; standard deviations hold where messages give none."""
 
-    speed_noise: float = 0.05  #: Standard deviations of the sensors, m/s, rad/s, rad, m, where messages give none.
-    yaw_rate_noise: float = 0.01  #: Standard deviations of the sensors, m/s, rad/s, rad, m, where messages give none.
-    heading_noise: float = 0.01  #: Standard deviations of the sensors, m/s, rad/s, rad, m, where messages give none.
-    position_noise: float = 0.5  #: Standard deviations of the sensors, m/s, rad/s, rad, m, where messages give none.
+    speed_noise: float = 0.05  #: m/s.
+    yaw_rate_noise: float = 0.01  #: rad/s.
+    heading_noise: float = 0.01  #: rad.
+    position_noise: float = 0.5  #: m.
     gate_probability: float = 1e-9  #: Probability that a good measurement is rejected as an outlier.
-    gate_patience: int = 10  #: After this many rejected samples of a kind in a row the filter follows the sensor.
+    gate_patience: int = 10  #: So many rejections of a channel in a row, and the filter follows the sensor.
 
     def __post_init__(self):
         for name, value in vars(self).items():
@@ -79,7 +65,7 @@ class ManoeuvreFilterSettings:
 
     @classmethod
     def of(cls, identified: IdentifiedManoeuvringModel) -> 'ManoeuvreFilterSettings':
-        """With the sensors' noise on the runs that a model was identified on."""
+        """With the sensor noise on the runs of a model's identification."""
         if identified.forecast is None:
             return cls()
         speed, yaw_rate, heading, position = identified.forecast.sensors.tolist()
@@ -102,28 +88,22 @@ class ManoeuvreForecast:
     """Expected motion at some leads."""
 
     stamps: np.ndarray  #: (L,); s.
-    states: np.ndarray  #: (L, 13); See ``STATES``.
+    states: np.ndarray  #: (L, 13)
     covariances: np.ndarray  #: (L, 13, 13)
-    recorded: np.ndarray  #: (L, 6); What the sensors will record of it: see ``MEASURABLE``.
-    recorded_covariances: np.ndarray  #: (L, 6, 6); Calibrated; without the sensors' noise.
+    recorded: np.ndarray  #: (L, 6); Expected sensor readings: see ``MEASURABLE``.
+    recorded_covariances: np.ndarray  #: (L, 6, 6); Calibrated; without sensor noise.
 
 
 class ManoeuvreFilter:
-    """Extended Kalman filter of surge, sway and yaw; it holds no clock.
-
-    Args:
-        settings: By default with the sensors of the runs that the model was identified on.
-
-    Attributes:
-        x, P: (13,), (13, 13); state and its covariance.
-        stamp: s; NaN before the start.
+    """Extended Kalman filter of surge, sway and yaw without a clock: state ``x`` (13,), covariance ``P``, stamp (NaN
+    before the start).
     """
 
     def __init__(self, identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilterSettings | None = None):
         self.model = identified.model
         self.settings = settings or ManoeuvreFilterSettings.of(identified)
         self.thrust = ThrustMemory(self.model.values)
-        self.x, self.P = np.zeros(len(STATES)), np.eye(len(STATES))
+        self.x, self.P = np.zeros(STATES), np.eye(STATES)
         self.stamp = math.nan
         self._noise = identified.forecast or _usual_noise(identified, self.settings)
         self._walk = _process_intensity(identified, self._noise)
@@ -139,7 +119,7 @@ class ManoeuvreFilter:
         return not math.isnan(self.stamp)
 
     def start(self, stamp: float, **measured: float) -> None:
-        """Begin anew from what is measured (surge, sway, yaw_rate, heading, x, y)."""
+        """Restart from measured surge, sway, yaw_rate, heading, x, y."""
         p, current = self.model.values, self.model.current
         compass = measured.get('heading', 0.0)
         heading = compass - float(deviation(compass, p))
@@ -206,15 +186,8 @@ class ManoeuvreFilter:
         )
 
     def correct(self, name: str, value: float, std: float | None = None) -> tuple[Advice, ...]:
-        """Update with one measured channel.
-
-        Args:
-            name: One of ``MEASURABLE``.
-            value: SI; NaN does nothing.
-            std: Of the sensor; by default that of the settings.
-
-        Returns:
-            ``outlier`` where the gate refused the value, ``sensor-followed`` where it gave in.
+        """Update with one channel of ``MEASURABLE``, SI (NaN does nothing), and return advice: ``outlier`` where the
+        gate rejected the value, ``sensor-followed`` where it gave in.
         """
         if not math.isfinite(value):
             return ()
@@ -242,7 +215,7 @@ class ManoeuvreFilter:
         return advice
 
     def _recorded(self, states: np.ndarray):
-        """What the sensors record of states (13, C), shape (6, C)."""
+        """Sensor readings (6, C) of states (13, C)."""
         u, v, r, heading, x, y, east, north = states[:8]
         p = self.model.values
         compass = recorded_heading(heading, p)
@@ -253,12 +226,8 @@ class ManoeuvreFilter:
     def forecast(
         self, leads: Sequence[float] | np.ndarray, future: Sequence[tuple[float, float, float]] | None = None
     ) -> ManoeuvreForecast:
-        """Expected motion under held or supplied inputs; the filter itself stays where it is.
-
-        Args:
-            leads: s, increasing, positive.
-            future: Inputs that hold from each lead on; without, the last ones hold, and are the less certain the
-                further.
+        """Expected motion at increasing leads, s, under inputs that hold from each lead of ``future`` on, or under the
+        last ones, which grow uncertain. The filter itself does not change.
         """
         ahead = copy(self)
         ahead.thrust = deepcopy(self.thrust)
@@ -278,14 +247,14 @@ class ManoeuvreFilter:
         return ManoeuvreForecast(begin + np.asarray(leads, dtype=float), *map(np.array, zip(*rows, strict=True)))
 
     def _thrust_to_come(self):
-        """White noise that drives what thrust to come differs by, N^2/s, shape (2, 2)."""
+        """Intensity of the white noise that drives the change of thrust, N^2/s, shape (2, 2)."""
         noise = self._noise
         away = self.thrust.held - noise.thrust_mean
         return (noise.thrust_covariance + np.outer(away, away)) / noise.thrust_time
 
 
 def _usual_noise(identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilterSettings):
-    """Disturbances as large as it takes to leave, behind the hull's damping, the residuals of the identification."""
+    """Disturbances that leave, after the damping of the hull, the residuals of the identification."""
     jacobian = identified.model.jacobian(max(identified.region.fastest * 0.6, 0.1), 0.0, 0.0)
     own = np.array([settings.speed_noise, settings.speed_noise, settings.yaw_rate_noise])
     # what the sensors' own noise explains of the residuals needs no disturbance
@@ -301,7 +270,7 @@ def _usual_noise(identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilt
 
 
 def _process_intensity(identified: IdentifiedManoeuvringModel, noise: ForecastNoise):
-    """White noise that drives the state, a second, shape (13, 13); without what thrust to come adds in a forecast."""
+    """Intensity of the white noise that drives the state, shape (13, 13), without the change of thrust."""
     steady = np.square(np.maximum(0.02 * identified.noise, 1e-4))
     driving = 2.0 * noise.disturbance**2 / noise.disturbance_time
     return np.diag([*steady, 1e-8, 1e-6, 1e-6, 1e-5, 1e-5, *driving, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""How well manoeuvres are forecast by lead, against simple forecasts and an ARX."""
+"""Forecast errors of manoeuvres by lead, against simple forecasts and an ARX."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFi
 LEADS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 SETTLING = 5.0  #: s of a run before the first forecast.
 EVERY = 1.0  #: s between forecasts.
-ORDER = 10  #: Past samples that the ARX sees.
-INTERVAL = 1.6449  #: Standard deviations on either side that hold 90 % of normal errors.
+ORDER = 10  #: Past samples of the ARX.
+INTERVAL = 1.6449  #: Standard deviations on either side of a 90 % interval.
 
 RIDGE = 1e-3
 METHODS = ('model', 'constant-velocity', 'constant-turn-rate', 'arx')
@@ -26,10 +26,8 @@ class ForecastScores:
     """Root mean square errors of forecasts."""
 
     leads: tuple[float, ...]  #: s.
-    #: dict of str to dict of str to (L,); Method to quantity to errors by lead; NaN where not measured.
-    rmse: dict[str, dict[str, np.ndarray]]
-    #: dict of str to (L,); Of the model's forecast: share of the errors within its 90 % interval.
-    spread: dict[str, np.ndarray]
+    rmse: dict[str, dict[str, np.ndarray]]  #: Method to quantity to errors by lead (L,); NaN where not measured.
+    spread: dict[str, np.ndarray]  #: Quantity to coverage (L,) of the 90 % interval of the model.
     count: int  #: Number of forecasts.
 
 
@@ -40,14 +38,8 @@ class Arx:
     coefficients: np.ndarray  #: (1 + 5 ORDER, 3)
 
     def run(self, past: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-        """Iterate ahead.
-
-        Args:
-            past: (ORDER, 3); latest last.
-            inputs: (ORDER - 1 + S, 2); port and starboard, of the past ORDER - 1 steps and of those ahead.
-
-        Returns:
-            ndarray, shape (S, 3)
+        """Iterate ahead: motion (S, 3) from the past (ORDER, 3), latest last, and inputs (ORDER - 1 + S, 2), port and
+        starboard, past and future.
         """
         ahead = []
         window = np.array(past)
@@ -60,15 +52,7 @@ class Arx:
 
 
 def fit_arx(runs: Sequence[Run], until: float = 1.0) -> Arx | None:
-    """Ridge regression on some runs.
-
-    Args:
-        runs: That it learns from.
-        until: Share of each run that is used, from its start.
-
-    Returns:
-        None where there is too little to fit.
-    """
+    """Ridge regression on the first share ``until`` of each run; None where there is too little data."""
     rows, targets = [], []
     for run in runs:
         motion, inputs, known = _arx_series(run)
@@ -96,21 +80,11 @@ def score_forecasts(
     truth: Sequence[Run] | None = None,
     held: bool = False,
 ) -> ForecastScores:
-    """Forecast runs as a live filter would have, once a second, and compare.
+    """Forecast runs once a second as a live filter would have, and compare.
 
-    Args:
-        identified: Calibrated.
-        runs: That are forecast.
-        training: For the ARX; without, it learns from the other runs, or from the first half of a single one.
-        supplied: Future inputs are known; else the last ones are held.
-        settings: What the filter assumes of the sensors.
-        leads: s.
-        truth: What really happened in the runs, where that is known: the errors are against it, not against the
-            sensors.
-        held: Score only the leads over which the inputs did hold.
-
-    Raises:
-        InputError: No run is long enough, or thrust is given as the model does not take it.
+    The ARX learns from ``training``, or the other runs, or the first half of a single one. Inputs are held at their
+    last value unless ``supplied``; ``held`` scores only leads over which they did hold. Errors are against ``truth``
+    where given.
     """
     errors: dict[str, dict[str, list[list[float]]]] = {
         method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS
@@ -126,7 +100,12 @@ def score_forecasts(
         others = training or [other for k, other in enumerate(runs) if k != index]
         arx = fit_arx(others) if others else fit_arx([run], until=0.5)
         true = run if truth is None else truth[index]
-        count += _score_run(identified, run, true, arx, supplied, settings, leads, held, errors, inside)
+        for rows in _forecast_errors(filtered(identified, run, settings), run, true, arx, supplied, leads, held):
+            count += 1
+            for method, q, i, error, reach in rows:
+                errors[method][q][i].append(error)
+                if method == 'model' and q in inside:
+                    inside[q][i].append(abs(error) < reach)
     if not count:
         raise InputError(f'no run is longer than {SETTLING + leads[0]:.0f} s with known thrust: give longer runs')
     rmse = {
@@ -140,72 +119,57 @@ def score_forecasts(
 def filtered(
     identified: IdentifiedManoeuvringModel, run: Run, settings: ManoeuvreFilterSettings | None = None
 ) -> Iterator[tuple[int, ManoeuvreFilter]]:
-    """The filter at every sample of a run, from its first: a generator of (index, ManoeuvreFilter).
-
-    The filter is the same object throughout: copy it to keep it.
-    """
+    """Index and filter at every sample of a run, from its first; the filter is one object: copy it to keep it."""
     filter_ = ManoeuvreFilter(identified, settings)
     channels = {name: getattr(run, name) for name in MEASURABLE}
     channels = {name: values for name, values in channels.items() if values is not None and np.isfinite(values).any()}
     for k, stamp in enumerate(run.time):
         now = {name: float(values[k]) for name, values in channels.items() if np.isfinite(values[k])}
         if not filter_.is_started:
-            filter_.thrust.command(stamp, float(run.port[k]), float(run.starboard[k]))
             filter_.start(stamp, **now)
         else:
             filter_.advance(stamp)
             for name, value in now.items():
                 filter_.correct(name, value)
-            filter_.thrust.command(stamp, float(run.port[k]), float(run.starboard[k]))
+        filter_.thrust.command(stamp, float(run.port[k]), float(run.starboard[k]))
         yield k, filter_
 
 
-def _score_run(
-    identified: IdentifiedManoeuvringModel,
+def _forecast_errors(
+    filters: Iterator[tuple[int, ManoeuvreFilter]],
     run: Run,
     true: Run,
     arx: Arx | None,
     supplied: bool,
-    settings: ManoeuvreFilterSettings | None,
     leads: Sequence[float],
     held: bool,
-    errors: dict[str, dict[str, list[list[float]]]],
-    inside: dict[str, list[list[bool]]],
-):
+) -> Iterator[list[tuple[str, str, int, float, float]]]:
+    """For each forecast its method, quantity, index of the lead, error, and reach of the model's 90 % interval."""
     every, first = max(1, round(EVERY / run.step)), round(SETTLING / run.step)
     motion, inputs, known = _arx_series(run)
     places = [round(lead / run.step) for lead in leads]
-    truth = {
-        'surge_m_s': true.surge,
-        'sway_m_s': true.sway,
-        'yaw_rate_rad_s': true.yaw_rate,
-        'heading_rad': true.heading,
-    }
-    count = 0
-    for k, filter_ in filtered(identified, run, settings):
+    truth = dict(zip(QUANTITIES, (true.surge, true.sway, true.yaw_rate, true.heading), strict=False))
+    for k, filter_ in filters:
         if k < first or (k - first) % every or not run.driven[k]:
             continue
         usable = run.driven[k:] & (inputs[k:] == inputs[k]).all(axis=1) if held else run.driven[k:]
-        reach = [i for i, place in enumerate(places) if k + place < len(run.time) and usable[:place].all()]
-        if not reach:
+        reached = [i for i, place in enumerate(places) if k + place < len(run.time) and usable[:place].all()]
+        if not reached:
             continue
-        count += 1
-        steps = [places[i] for i in reach]
-        expected = _expected(
-            filter_, run, k, steps, supplied, arx if known[k - ORDER : k + 1].all() else None, motion, inputs
-        )
-        for method, table in expected.items():
-            for place, i in enumerate(reach):
+        steps = [places[i] for i in reached]
+        usable_arx = arx if known[k - ORDER : k + 1].all() else None
+        rows = []
+        for method, table in _expected(filter_, run, k, steps, supplied, usable_arx, motion, inputs).items():
+            for place, i in enumerate(reached):
                 at = k + steps[place]
                 for q, values in truth.items():
                     if values is not None and np.isfinite(values[at]):
-                        errors[method][q][i].append(table[q][place] - values[at])
-                        if method == 'model':
-                            inside[q][i].append(abs(table[q][place] - values[at]) < INTERVAL * table[f'{q} std'][place])
+                        reach = INTERVAL * table[f'{q} std'][place] if method == 'model' else np.nan
+                        rows.append((method, q, i, table[q][place] - values[at], reach))
                 if true.x is not None and true.y is not None:
                     miss = np.hypot(table['x'][place] - true.x[at], table['y'][place] - true.y[at])
-                    errors[method]['position_m'][i].append(miss)
-    return count
+                    rows.append((method, 'position_m', i, miss, np.nan))
+        yield rows
 
 
 def _expected(
@@ -279,7 +243,7 @@ def _integrated(motion: np.ndarray, steps: list[int], step: float, psi: float, x
 
 
 def _arx_series(run: Run):
-    """Motion (N, 3), inputs (N, 2), and where both are known; a sway that is not measured counts as zero."""
+    """Motion (N, 3), inputs (N, 2), and where both are known; an unmeasured sway counts as zero."""
     motion = run.smooth.T.copy()
     # no smoothing ahead of its time: what is measured, the smoothed value only in its gaps
     raw = run.channels.T

@@ -13,15 +13,9 @@ from swath_sysid.nodes.parameters.table import NODES, NodeParameter, Values, par
 
 
 class NodeParameters:
-    """The parameters of one node, declared and kept valid.
+    """The parameters of one node, by its name in the table, declared and kept valid.
 
-    Args:
-        node_name: As the table has it; the node itself may be remapped.
-        settings_of: Turns a dict of all values into the settings of the core, or raises `InputError`.
-        on_change: Called with the new settings after a change was accepted.
-
-    Raises:
-        InputError: A value given at the start is not allowed.
+    ``settings_of`` turns all values into the settings of the core; ``on_change`` is called with them after a change.
     """
 
     def __init__(

@@ -11,14 +11,7 @@ from swath_sysid.nodes.parameters.table import NODES, Values, defaults, paramete
 
 
 def values_from_file(path: str | Path | None, node_name: str) -> Values:
-    """The values of a node's parameters as a ROS parameter file sets them, without ROS; without a file the defaults.
-
-    The sections ``/**``, ``NAME``, ``/NAME`` and ``/**/NAME`` of the file apply, in its order.
-
-    Raises:
-        InputError: The file cannot be read, is not a parameter file, or sets a parameter that does not exist or is of
-            another type.
-    """
+    """A node's parameters as a ROS parameter file sets them (``/**``, ``NAME``, ``/NAME``, ``/**/NAME``)."""
     values = defaults(node_name)
     for section, content in _sections(path).items() if path is not None else ():
         if section not in ('/**', node_name, f'/{node_name}', f'/**/{node_name}'):

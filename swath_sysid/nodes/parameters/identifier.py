@@ -4,7 +4,6 @@ from swath_sysid.attitude.identification.identify import IdentificationSettings
 from swath_sysid.attitude.identification.refit import RefitSettings
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import StabilitySettings
-from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.parameters.table import Values, check
 
 
@@ -21,8 +20,5 @@ def refit_settings(values: Values) -> RefitSettings:
             seed=values['seed'],
         ),
     )
-    equation = identification.chosen_equation
-    if not equation.terms:
-        raise InputError(f'the equation {equation.name} has no terms: name another')
     stability = StabilitySettings(values['stability_limit'], values['known_gm_m'])
-    return RefitSettings(tuple(values['axes']), identification, values['least_improvement'], stability)
+    return RefitSettings(tuple(values['axes']), identification, stability)

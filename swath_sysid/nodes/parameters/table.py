@@ -68,11 +68,7 @@ def _sections() -> dict[str, dict[str, dict]]:
 
 
 def parameters_of(node_name: str, values: Values | None = None) -> Table:
-    """What a node declares: with the values of its parameters, also one for each point that they name.
-
-    Raises:
-        InputError: A name cannot be that of a topic, or is given twice.
-    """
+    """What a node declares for these values, with the parameters of each point that they name."""
     table = []
     for parameter in table_of(node_name):
         group, dot, _ = parameter.name.partition('.')

@@ -1,0 +1,108 @@
+"""The free decays that motion windows have shown, each held once whatever windows it was seen in."""
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.identification.problem import Problem, needed_part, problem_of
+from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays
+from swath_sysid.attitude.motion.sensor_checks import OFFSET_CODES, RATE_CODES, contradictions_in, refuse_contradictions
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.trial import AxisMotion, Trial
+from swath_sysid.attitude.motion.window import MotionTable
+
+MOST_DECAYS = 5  #: Held for each axis; the oldest goes first. A joint fit takes as many times as long as one of them.
+
+
+@dataclass(frozen=True, eq=False)
+class LiveDecay:
+    """A free decay cut from a motion window."""
+
+    motion: AxisMotion  #: In the time of the window's trial.
+    segment: DecaySegment
+    origin: float  #: Stamp of the window's first row, s.
+    source: dict  #: What names the window in a model's provenance.
+
+    @property
+    def start(self) -> float:
+        """Stamp of its first sample, s."""
+        return self.origin + self.segment.start
+
+    @property
+    def end(self) -> float:
+        """Stamp of its last sample, s."""
+        return self.origin + self.segment.end
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether the window shows how it began; else the window, which is cut anywhere, began amid it."""
+        return self.segment.beginning in ('released', 'pushed')
+
+    def overlaps(self, other: 'LiveDecay') -> bool:
+        """Whether both are of one release: free decays of one craft share no moment."""
+        return self.start < other.end and other.start < self.end
+
+    def shows_more_than(self, other: 'LiveDecay') -> bool:
+        """Whether it is longer than another view of the same decay, by half a period."""
+        return self.segment.duration > other.segment.duration + 0.5 * other.segment.period
+
+
+@dataclass(frozen=True)
+class HeldDecays:
+    """The decays of one axis, oldest first, and the hull that was fitted to them."""
+
+    decays: tuple[LiveDecay, ...] = ()
+    model: DecayModel | None = None
+
+    def with_new(self, seen: Iterable[LiveDecay]) -> tuple[tuple[LiveDecay, ...], tuple[LiveDecay, ...]]:
+        """Those held that were not seen better now, and those seen that are new or longer than before."""
+        held, new = list(self.decays), list[LiveDecay]()
+        for decay in seen:
+            before = [each for each in (*held, *new) if each.overlaps(decay)]
+            if all(decay.shows_more_than(each) for each in before):
+                held, new = ([each for each in those if each not in before] for those in (held, new))
+                new.append(decay)
+        return tuple(held), tuple(new)
+
+
+def newest(decays: Iterable[LiveDecay]) -> tuple[LiveDecay, ...]:
+    """As many decays as are held, oldest first."""
+    return tuple(sorted(decays, key=lambda decay: decay.start)[-MOST_DECAYS:])
+
+
+def joint_problem(decays: Sequence[LiveDecay]) -> Problem:
+    """Several decays as one problem."""
+    return problem_of([decay.motion for decay in decays], tuple(decay.segment for decay in decays))
+
+
+def checked_trial(table: MotionTable) -> Trial:
+    """The motion of a window, with what contradicts itself in it: a hull is fitted to angles and rates only."""
+    trial = table.trial()
+    found = contradictions_in(trial.time, trial.channels, Installation())
+    return replace(trial, advice=tuple(each for each in found if each.code in RATE_CODES | OFFSET_CODES))
+
+
+def decays_in(table: MotionTable, trial: Trial, axis: str, source: dict) -> tuple[LiveDecay, ...]:
+    """The decay with the most motion in a window, and the others that began with a release.
+
+    Raises:
+        InputError: The angle and the rate of this axis contradict each other, or neither was measured.
+    """
+    refuse_contradictions(trial, axis)
+    motion = trial.axis(axis)
+    found = find_decays(motion)
+    return tuple(
+        LiveDecay(needed_part(motion, segment), segment, float(table.rows[0, 0]), source)
+        for segment in found
+        if segment is found[0] or segment.beginning == 'released'
+    )
+
+
+def window_source(table: MotionTable, name: dict) -> dict:
+    """Where a window came from, for the provenance of a model; ``name`` is what names its source, as a topic."""
+    return {
+        **name,
+        'first_stamp_s': float(table.rows[0, 0]),
+        'sha256': hashlib.sha256(table.rows.tobytes()).hexdigest(),
+    }

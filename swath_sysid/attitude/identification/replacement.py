@@ -1,0 +1,159 @@
+"""Which model of free decays is published: by its verdict, then by how well it knows the motion of the next release."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.identification.at_sea import is_at_sea
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE, DOUBTFUL, REJECTED
+from swath_sysid.attitude.identification.identify import BLOCKS_PER_PERIOD, Identification
+from swath_sysid.attitude.identification.motion_fit import MotionFit
+from swath_sysid.attitude.identification.problem import Problem, block_means
+from swath_sysid.attitude.identification.scaling import LOWER, UPPER
+
+BY_CHANCE = 0.01  #: Probability of taking chance for a changed hull.
+
+_RANK = {REJECTED: 0, DOUBTFUL: 1, ADEQUATE: 2}
+
+
+def misfit(problem: Problem, model: DecayModel) -> float:
+    """How badly a model explains decays, from the initial state that suits it best.
+
+    Args:
+        problem: The decays.
+        model: Its ratios are kept; its trim is not read.
+
+    Returns:
+        Root mean square of the residuals of angle and rate, weighted by their noise; infinite where the simulated
+        motion runs away.
+    """
+    residuals = _residuals(problem, model)
+    return float('inf') if residuals is None else float(np.sqrt(np.mean(residuals**2)))
+
+
+def _residuals(problem: Problem, model: DecayModel) -> np.ndarray | None:
+    fit = MotionFit(problem.motions, model.equation, problem.scales, problem.noise, model.friction_rate)
+    try:
+        best = fit.refine_states(fit.pack(model.ratios, problem.states))
+        found = np.concatenate(fit.residuals_and_jacobian(best)[0])
+    except (ValueError, np.linalg.LinAlgError):
+        # scipy's answer to a motion that runs away
+        return None
+    return found if np.isfinite(found).all() else None
+
+
+def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayModel]) -> float:
+    """The least sum of squares of an equation's residuals, from several hulls."""
+    fit = MotionFit(problem.motions, equation, problem.scales, problem.noise, problem.friction_rate)
+    bounds = LOWER[equation.indices], UPPER[equation.indices]
+    found = []
+    for model in starts:
+        try:
+            parameters = fit.refine_states(fit.pack(model.ratios, problem.states))
+            found.append(fit.refine(parameters, *bounds)[1])
+        except (ValueError, np.linalg.LinAlgError):
+            # as above
+            continue
+    return min(found, default=float('inf')) ** 2 * _count(problem)
+
+
+def has_changed(problem: Problem, before: DecayModel, alone: Identification, new: Sequence[int]) -> bool:
+    """Whether new decays contradict those before them by more than matters.
+
+    One hull for all is held against one for each part. Of one craft, the sums of squares over the variance of the noise
+    differ by a chi-squared variable with the degrees of freedom of one hull (Wilks 1938). What one hull leaves beyond
+    that matters where it is more of the motion than the new decays leave open of it.
+
+    Args:
+        problem: All decays.
+        before: Fitted to all but the new decays.
+        alone: Fitted to the new decays.
+        new: Their places in the problem.
+    """
+    problem = _thinned(problem)
+    old = [k for k in range(len(problem.motions)) if k not in new]
+    terms = [name for name in TERM_NAMES if name in (*before.equation.terms, *alone.model.equation.terms)]
+    equation, starts = Equation('', tuple(terms)), (before, alone.model)
+    apart = sum(_least_squares(_part(problem, places), equation, starts) for places in (old, new))
+    lost = _least_squares(problem, equation, starts) - apart
+    variance = apart / _count(problem) * alone.samples / alone.effective_samples
+    by_chance = variance * chdtri(len(terms), BY_CHANCE)
+    matters = alone.verdict.motion_error**2 * sum(values.size * np.var(values) for values in _measured(problem))
+    return bool(lost > max(by_chance, matters))
+
+
+def _thinned(problem: Problem) -> Problem:
+    """As dense as the search needs it: a hull and another differ in the motion, not from sample to sample."""
+    period = 2.0 * np.pi / problem.scales.frequency
+    return replace(problem, motions=tuple(block_means(m, period, BLOCKS_PER_PERIOD) for m in problem.motions))
+
+
+def _part(problem: Problem, places: Sequence[int]) -> Problem:
+    motions, states = tuple(problem.motions[k] for k in places), tuple(problem.states[k] for k in places)
+    return replace(problem, motions=motions, states=states)
+
+
+def _measured(problem: Problem) -> list[np.ndarray]:
+    """Each measured channel, weighted as its residuals are."""
+    angles = [m.angle / problem.noise.angle for m in problem.motions if m.angle is not None]
+    return angles + [m.rate / problem.noise.rate for m in problem.motions if m.rate is not None]
+
+
+def _count(problem: Problem) -> int:
+    return sum(values.size for values in _measured(problem))
+
+
+def explains_better(found: Identification, held: DecayModel) -> bool:
+    """Whether a fit explains its decays better than a model that was fitted to others, beyond chance.
+
+    Twice the variable of `has_changed`, because both are uncertain.
+    """
+    terms = len(found.model.equation.terms)
+    excess = 2.0 * float(chdtri(terms, BY_CHANCE)) / found.effective_samples
+    return bool(misfit(found.problem, found.model) ** 2 * (1.0 + excess) < misfit(found.problem, held) ** 2)
+
+
+def motion_error(model: IdentifiedModel) -> float:
+    """How far the next release may be off, a share of its motion; of a model that was given, nothing."""
+    error = model.metrics.get('motion_error', 0.0)
+    return float('inf') if error is None else float(error)
+
+
+def reason_to_keep(current: IdentifiedModel | None, new: IdentifiedModel, is_contradicted: bool) -> str:
+    """Why a model of free decays does not replace the current one, empty where it does.
+
+    A rejected model replaces nothing, and none replaces one with a better verdict. Among equals, a contradiction of the
+    current model decides, and else who knows more of the next release.
+    """
+    level = new.metrics['verdict']
+    if level == REJECTED or not np.isfinite(new.model.natural_period):
+        return told_verdict(new)
+    if current is None or is_at_sea(current):
+        return ''
+    held = current.metrics.get('verdict', ADEQUATE)
+    if _RANK[level] < _RANK[held]:
+        return f'{told_verdict(new)}; the current model, which is {held}, stays'
+    if _RANK[level] > _RANK[held] or is_contradicted or motion_error(new) < motion_error(current):
+        return ''
+    return (
+        f'the current model knows the next release as well (to {motion_error(current):.1%} of its motion, with this '
+        f'release {motion_error(new):.1%})'
+    )
+
+
+def told_verdict(model: IdentifiedModel) -> str:
+    """The verdict of a model and its sentence."""
+    return f'{model.metrics["verdict"]}: {model.metrics["verdict_sentence"]}'
+
+
+def told_gain(current: IdentifiedModel | None, new: IdentifiedModel, releases: int) -> str:
+    """What the last release added to the certainty."""
+    count = f'{releases} release{"s" if releases > 1 else ""}'
+    if current is None or not 0.0 < motion_error(current) < np.inf:
+        return count
+    return f'{count}, the next one known to {motion_error(new):.1%} of its motion, {motion_error(current):.1%} before'

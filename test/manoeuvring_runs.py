@@ -1,0 +1,27 @@
+"""Trials and models of simulated manoeuvring craft, for the tests of that wing."""
+
+import numpy as np
+
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+
+OLD = preset('wamv-vrx-old')
+NOISE = np.array([0.05, 0.05, 0.005])
+REGION = Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0)
+MODEL = IdentifiedManoeuvringModel(OLD, (), np.zeros((0, 0)), NOISE, REGION)
+
+
+def identified(model=OLD):
+    """A model of which two derivatives are uncertain."""
+    covariance = np.array([[1.0, 0.1], [0.1, 4.0]])
+    return IdentifiedManoeuvringModel(
+        model, ('Xu', 'Nr'), covariance, NOISE, REGION, {'r2': 0.99}, {'software': 'test'}
+    )
+
+
+def trial_of(m, name, thrust_input='force'):
+    """A simulated manoeuvre as it would have been recorded."""
+    motion = m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y
+    return ManoeuvringTrial(m.time, m.port, m.starboard, thrust_input, *motion, 'enu', source=name)
