@@ -1,4 +1,4 @@
-"""``swath-sysid demo``: a measured sea, forecast; then a simulated craft, released twice beside ``swath-sysid run``."""
+"""``swath-sysid demo``: forecast of a measured sea; then a simulated craft, released twice with ``swath-sysid run``."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ SEA_RECORD = 'records/morro_buoy.csv'
 SEA_OPTIONS = ('--leads', '0.5,1,2,3', '--warmup', '180')
 SEA, RELEASE = 'sea', 'release'
 
-ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)  #: The first from which the hull returns is used.
+ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)  #: The first from which the hull returns is the release angle.
 
 STILL_S = 1.5
 START_TIMEOUT_S = 300.0
@@ -61,7 +61,7 @@ EXIT_FAILED = 1
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    """What to show, the craft, and where the pictures go."""
+    """Arguments for the parts to show, the craft, and the figures' folder."""
     parser.add_argument(
         '--only',
         choices=(SEA, RELEASE),
@@ -100,7 +100,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _forecast_sea(output: Path) -> None:
-    """A measured sea, by the command that users give for records of their own."""
+    """Forecast a measured sea with the command for users' own records."""
     output.mkdir(parents=True, exist_ok=True)
     words = ['forecast', str(share_folder() / SEA_RECORD), *SEA_OPTIONS, '--plot', str(output / 'sea.png')]
     print(f'A moored buoy at sea, forecast from its past:\n\n    swath-sysid {shlex.join(words)}\n', flush=True)
@@ -140,7 +140,7 @@ def _release(rclpy: Any, craft: _Craft, arguments: Namespace, domain: int, outpu
 
 
 class _Craft:
-    """The hull, how it is released, and the leads that are forecast: the default ones and one natural period."""
+    """The hull, its release, and the forecast leads: the default ones and one natural period."""
 
     def __init__(self, hull: str | None, axis: str):
         self.hull = hull or HULLS[axis or 'roll']
@@ -159,12 +159,12 @@ class _Craft:
 
     @property
     def run_words(self) -> list[str]:
-        """How a user starts the nodes."""
+        """The user's command that starts the nodes."""
         return ['run', '--ros-args', '-p', f'leads_s:={list(self.leads)}']
 
     @property
     def pipeline_settings(self) -> PipelineSettings:
-        """What the predictor is set to."""
+        """The predictor's settings."""
         return PipelineSettings(forecaster=ForecasterSettings(leads=self.leads))
 
 
@@ -179,9 +179,9 @@ def _environment(domain: int):
 
 
 class _Interrupts:
-    """Ctrl-C, and SIGTERM like it, so that the processes end with the demonstration.
+    """Ctrl-C and SIGTERM as KeyboardInterrupt, so that the processes end with the demonstration.
 
-    Not in the middle of a message: what rclpy makes of a KeyboardInterrupt there is another error.
+    Not in the middle of a message, where rclpy would turn it into another error.
     """
 
     def __init__(self, spin_once: Callable):
@@ -215,7 +215,7 @@ class _Interrupts:
 
 @contextmanager
 def _processes(craft: _Craft, seed: int, log_path: Path):
-    """The craft, and the nodes as users start them, ended with the demonstration."""
+    """The craft and the nodes as users start them, ended with the demonstration."""
     given = ['--hull', craft.hull, '--angle-deg', str(craft.angle_deg), '--seed', str(seed)]
     commands = {
         'simulated_craft': [sys.executable, '-m', 'swath_sysid.nodes.simulated_craft', *given],
@@ -249,7 +249,7 @@ def _stop(processes: Any) -> None:
 
 
 class _Stage:
-    """The demonstration as it goes on: spins the monitor, prints what changes, waits for conditions."""
+    """The running demonstration: spins the monitor, prints changes, waits for conditions."""
 
     def __init__(self, listener: Any, processes: Any, spin_once: Callable):
         self.listener = listener
@@ -259,7 +259,7 @@ class _Stage:
         self._versions = 0
 
     def wait(self, stage: str, done: Callable[[], bool], timeout: float) -> bool:
-        """Go on until ``done()``; False if that took longer than the time-out, s."""
+        """Wait for ``done()``; False after the time-out, s."""
         deadline = time.monotonic() + timeout
         if stage != self._printed:
             self._printed = stage
@@ -285,12 +285,12 @@ class _Stage:
             print(f'    {told_verdict(held)}', flush=True)
 
     def pause(self, stage: str, duration: float) -> None:
-        """Go on for a while, s of the sensor's stamps."""
+        """Wait for s of the sensor's stamps."""
         end = self.listener.received.angles[-1][0] + round(duration / NANOSECOND)
         self.wait(stage, lambda: self.listener.received.angles[-1][0] >= end, 10.0 * duration + ANSWER_TIMEOUT_S)
 
     def release(self, stage: str) -> int:
-        """Have the craft released; the stamp at which it is let go, ns."""
+        """Have the craft released; the stamp of the release, ns."""
         answer = self.listener.release()
         if not self.wait(stage, answer.done, ANSWER_TIMEOUT_S) or not answer.result().success:
             raise InputError('the simulated craft does not answer: see demo.log')
@@ -340,7 +340,7 @@ def _demonstration(craft: _Craft, received: Received, first: Any, second: int):
 
 
 def _conclude(demonstration: Demonstration, output: Path, began: float):
-    """Write the picture, print the verdict."""
+    """Write the figure, print the verdict."""
     verdict = verdict_of(demonstration)
     if math.isfinite(verdict.after):
         picture = output / 'demo.png'
@@ -351,7 +351,7 @@ def _conclude(demonstration: Demonstration, output: Path, began: float):
 
 
 def _keep_running(stage: _Stage) -> None:
-    """Release the craft over and over until Ctrl-C."""
+    """Release the craft repeatedly until Ctrl-C."""
     while True:
         stage.release('lifting the craft')
         stage.pause('running until Ctrl-C', EVERY_S)

@@ -1,4 +1,4 @@
-"""The page at the tank side: what is seen and pressed in a browser.
+"""The page in the browser: what is shown and the buttons.
 
-It knows no ROS: what it shows comes from a `Source`, and what is pressed goes to it.
+It knows no ROS: a `Source` supplies the data and carries out the requests.
 """

@@ -1,7 +1,7 @@
-"""The guided bring-up of a craft: from what is known now to the next step, and to the cure of what is wrong.
+"""The guided bring-up of a craft: the next step from the present facts, and the cure of a fault.
 
-Time is the stamps of the motion, so that the same record is guided alike at any speed. The detector of the motion
-window judges decays, and the verdict in its file judges a model.
+Time is the stamps of the motion, so that guidance does not depend on playback speed. The detector of the motion window
+judges decays; the verdict in its file judges a model.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,12 +29,12 @@ IDENTIFICATION = 'identifier: identification'
 LOWEST_RATE = 8.0  #: Hz; craft roll in 1 s and more, and a period needs some ten samples.
 
 REST_S = 6.0  #: s without motion after which a craft is at rest.
-BLOCK_S = 0.5  #: s; rest is judged by means over so long, in which the noise of a sensor is averaged out.
+BLOCK_S = 0.5  #: s; rest is judged by means over this time, which average out sensor noise.
 STILL = SMALLEST_SWING['angle']  #: Peak to peak of such means at rest.
-SMALLEST_PUSH = WindowSettings.smallest_decay  #: The buffer reports no decay from below.
+SMALLEST_PUSH = WindowSettings.smallest_decay  #: The buffer reports no smaller decay.
 
 LONGEST_UNREST = 20.0  #: s without rest after which waves are blamed.
-PATIENCE_S = 10.0  #: s from the end of a decay within which the identification begins.
+PATIENCE_S = 10.0  #: s from the end of a decay within which the identification starts.
 
 NO_DECAY = (
     'let go at once instead of lowering it, and keep hands and lines off; a hull that does not swing by itself has no '
@@ -44,9 +44,9 @@ NO_DECAY = (
 
 @dataclass(frozen=True)
 class Facts:
-    """What is known now."""
+    """The present facts."""
 
-    #: Fresh diagnostics by ``NODE: NAME``; values as texts.
+    #: Fresh diagnostics by ``NODE: NAME``, values as texts.
     statuses: Mapping[str, Report] = field(default_factory=dict)
     silence: float = float('inf')  #: s since the newest sample came; infinite before the first.
     motions: Mapping[str, AxisMotion] = field(default_factory=dict)  #: The last minute, by axis.
@@ -56,16 +56,16 @@ class Facts:
 
     @property
     def model(self) -> IdentifiedModel | None:
-        """That of now."""
+        """The newest model."""
         return self.models[-1] if self.models else None
 
     def text(self, status: str, name: str) -> str:
-        """A value of a status; empty where it is not there."""
+        """A value of a status; empty where it is missing."""
         report = self.statuses.get(status)
         return str(report.values.get(name, '')) if report else ''
 
     def value(self, status: str, name: str) -> float:
-        """A number of a status; zero where it is not there."""
+        """A number of a status; zero where it is missing."""
         try:
             return float(self.text(status, name))
         except ValueError:
@@ -73,18 +73,18 @@ class Facts:
 
     @property
     def is_identifying(self) -> bool:
-        """Whether an identification is under way."""
+        """Whether an identification is running."""
         return self.text(IDENTIFICATION, 'state') == 'identifying'
 
 
 @dataclass(frozen=True)
 class Guidance:
-    """Where the bring-up stands."""
+    """The present step of the bring-up."""
 
     step: str  #: One of `STEPS`.
-    sentence: str  #: What goes on, or what to do.
-    fault: str = ''  #: Code of what is wrong; empty where nothing is.
-    cure: str = ''  #: What to do about it; without a fault what comes next.
+    sentence: str  #: What is happening, or what to do.
+    fault: str = ''  #: Code of the fault; empty without one.
+    cure: str = ''  #: What to do about it, or without a fault the next step.
     action: str = ''  #: The button to press now; empty: none.
 
 
@@ -127,7 +127,7 @@ SENSOR_CHECKS = (_missing_nodes, _silent_sensor, _slow_sensor, _contradictions)
 
 
 class BringUp:
-    """Guides from the start of the nodes to a model of an axis that the user keeps; asks for a push, rad."""
+    """Guides from the start of the nodes to an accepted model of an axis; asks for a push, rad."""
 
     def __init__(self, axis: str, push: float = float(np.radians(5.0))) -> None:
         self.axis = axis
@@ -149,17 +149,17 @@ class BringUp:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew with the rest before a push."""
+        """Restart with the rest before a push."""
         self._newest = float('-inf')
         self._stays: str | None = None
         self._wait_for_rest(self._newest)
 
     def look(self, facts: Facts) -> Guidance:
-        """The step at which the bring-up is now, and what to do."""
+        """The present step and what to do."""
         return next(guidance for ask in self._questions if (guidance := ask(facts)) is not None)
 
     def _wait_for_rest(self, now: float, fault: Guidance | None = None) -> None:
-        """What began before now does not count any more; what was wrong with it is told before the next push."""
+        """Ignore earlier motion; its fault is reported before the next push."""
         self._begun, self._fault = now, fault
         self._levels: dict[str, float] = {}
         self._rest_end, self._released_at = now, float('inf')
@@ -192,7 +192,7 @@ class BringUp:
         return Guidance(KEPT, f'Accepted: {described(facts.model)}.', cure=following, action='save')
 
     def _identification(self, facts: Facts) -> Guidance | None:
-        """What the identifier does and has done since the last look."""
+        """State of the identifier and its results since the last look."""
         if facts.is_identifying:
             share = 100.0 * facts.value(IDENTIFICATION, 'progress')
             return Guidance(IDENTIFY, f'Identifying: {share:.0f} %.')
@@ -210,11 +210,11 @@ class BringUp:
         return fault or self._judgement(facts)
 
     def _judgement(self, facts: Facts) -> Guidance | None:
-        """What to do with what was identified, until the next motion."""
+        """What to do with the identified model, until the next motion."""
         return None if self._stays is None or facts.model is None else judgement(facts.models, self._stays)
 
     def _other_axis(self, facts: Facts) -> Guidance | None:
-        """What to say where the other axis has moved more than this one since the rest."""
+        """Guidance where the other axis has moved more than this one since the rest."""
         (own, _), (beside, _) = (self._since_rest(facts, axis) for axis in (self.axis, self._other))
         if not self._levels or beside <= max(own, SMALLEST_PUSH):
             return None
@@ -222,7 +222,7 @@ class BringUp:
         return Guidance(PUSH, sentence, 'other-axis', f'{self._ask}, or choose {self._other} above')
 
     def _new_release(self, facts: Facts) -> Guidance | None:
-        """What to say of a decay that was noticed and that no identification has begun on."""
+        """Guidance for a detected decay whose identification has not started."""
         release = facts.releases.get(self.axis)
         if release is None or release.motion.time[0] <= self._begun:
             return None
@@ -234,7 +234,7 @@ class BringUp:
         return Guidance(IDENTIFY, f'{found} No identification began.', 'not-noticed', cure, 'identify')
 
     def _unrest(self, facts: Facts) -> Guidance | None:
-        """What to say until the craft has come to rest for the first time."""
+        """Guidance until the craft is at rest for the first time."""
         levels = levels_at_rest(facts.motions, self._newest)
         if self._levels or levels:
             self._levels = self._levels or levels
@@ -248,7 +248,7 @@ class BringUp:
         return _waves(REST, f'The craft does not come to rest: {self.axis} of {std:.2g} deg (standard deviation).')
 
     def _at_rest(self, facts: Facts) -> Guidance | None:
-        """What to ask of a craft at rest."""
+        """Guidance for a craft at rest."""
         levels = levels_at_rest(facts.motions, self._newest)
         if not levels:
             return None
@@ -269,7 +269,7 @@ class BringUp:
         return Guidance(PUSH, f'At rest. Now {self._ask}.', cure=known)
 
     def _no_decay(self, facts: Facts) -> Guidance | None:
-        """What was wrong with a motion that ended without a decay that the detector noticed."""
+        """The fault of a motion that ended without a detected decay."""
         if max(self._since_rest(facts, axis)[0] for axis in AXES) < SMALLEST_PUSH:
             return self._fault
         if len(split_at_pauses(facts.motions[self.axis].between(self._rest_end, None))) > 1:
@@ -278,7 +278,7 @@ class BringUp:
         return self._other_axis(facts) or Guidance(PUSH, 'That was no free decay.', 'no-decay', NO_DECAY)
 
     def _moving(self, facts: Facts) -> Guidance:
-        """What to say while the craft moves after a rest."""
+        """Guidance while the craft moves after a rest."""
         (own, has_swung), (beside, _) = (self._since_rest(facts, axis) for axis in (self.axis, self._other))
         self._has_moved = True
         if max(own, beside) < SMALLEST_PUSH and (shown := self._judgement(facts)) is not None:
@@ -293,7 +293,7 @@ class BringUp:
         return Guidance(PUSH, f'{np.degrees(own):.1f} of {self._degrees}: {way}')
 
     def _since_rest(self, facts: Facts, axis: str) -> tuple[float, bool]:
-        """How far an axis went from its rest, rad, and whether it came back to the other side."""
+        """Largest angle of an axis from its rest, rad, and whether it came back to the other side."""
         motion = facts.motions.get(axis)
         since = None if motion is None else motion.between(self._rest_end, None)
         if since is None or since.angle is None or since.size == 0:
@@ -304,9 +304,9 @@ class BringUp:
 
 
 def judgement(models: Sequence[IdentifiedModel], stays: str) -> Guidance:
-    """What to do with the last of the models of an axis: accept it where it is adequate, else cure what is wrong.
+    """What to do with the newest model of an axis: accept it where adequate, otherwise cure the fault.
 
-    ``stays`` says why it stays although another release was identified.
+    ``stays`` is the reason why it stays although another release was identified.
     """
     level, cure = verdict_of(models[-1])
     sentence, remark = f'{described(models[-1])}.', stays and f' The model from before stays: {stays}.'

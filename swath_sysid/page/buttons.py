@@ -1,4 +1,4 @@
-"""The buttons of the page: what each does, and why it cannot be pressed now."""
+"""The buttons of the page: what each does, and why it is disabled."""
 
 from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.page.bring_up import IDENTIFICATION, Facts
@@ -19,7 +19,7 @@ NO_MODEL = 'there is no model yet: release the craft first'
 
 
 def refusals(facts: Facts) -> dict[str, str]:
-    """Why buttons cannot be pressed now, by name; those that can are not in it."""
+    """Why buttons are disabled, by name; enabled ones are absent."""
     is_there, model = IDENTIFICATION in facts.statuses, facts.model
     busy = '' if is_there else 'the identifier does not answer: start the nodes with swath-sysid run'
     if facts.is_identifying:
@@ -38,7 +38,7 @@ def refusals(facts: Facts) -> dict[str, str]:
 
 
 def rollback_question(facts: Facts, folder: str) -> str:
-    """What to ask before the model of now goes."""
+    """The question before the present model is replaced."""
     goes = '' if facts.model is None else f' {described(facts.model)} goes.'
     last = facts.value(IDENTIFICATION, 'rollbacks_kept') <= 1.0
     left = ' No other model is kept: forecasts may then do without one.' if last else ''

@@ -1,4 +1,4 @@
-"""The charts, as options of Apache ECharts, and the series that change."""
+"""Charts as options of Apache ECharts, and their changing series."""
 
 import math
 from typing import Any
@@ -7,14 +7,14 @@ from swath_sysid.page.live_view import INTERVALS, SHOWN_S
 
 MEASURED, FORECAST, CHECKED = '#8a94a0', '#d95f02', '#7570b3'
 BAND_OPACITY = 0.16
-SMALLEST = {'deg': 1.0, 'm': 0.1}  #: Charts do not show less than that either way, or noise would look like motion.
+SMALLEST = {'deg': 1.0, 'm': 0.1}  #: Least half height of a chart; below, noise would look like motion.
 
 ZOOM = {'dataZoom': {'yAxisIndex': 'none', 'title': {'zoom': 'zoom', 'back': 'zoom back'}}}
 QUIET = {'type': 'line', 'showSymbol': False, 'silent': True, 'animation': False}
 
 
 def motion_options(unit: str) -> dict[str, Any]:
-    """A chart of measured motion and its forecast, without data yet."""
+    """A chart of measured motion and its forecast, still without data."""
     frame = _frame(unit, 's from now')
     frame['xAxis']['min'] = -SHOWN_S
     return {
@@ -36,7 +36,7 @@ def motion_series(chart: dict[str, list]) -> list[list]:
 
 
 def motion_changes(chart: dict[str, list], unit: str) -> dict[str, Any]:
-    """What of `motion_options` is different with this motion."""
+    """The options of `motion_options` that change with this motion."""
     reach = reach_of(chart, SMALLEST[unit])
     last = max((time for time, _ in chart['forecast'][-1:]), default=0.0)
     return {
@@ -47,7 +47,7 @@ def motion_changes(chart: dict[str, list], unit: str) -> dict[str, Any]:
 
 
 def release_options() -> dict[str, Any]:
-    """A chart of a measured decay and the motion of the model over it, which can be zoomed."""
+    """A zoomable chart of a measured decay and the model's motion over it."""
     frame = _frame('deg', 's from letting go')
     frame['xAxis']['min'] = 0.0
     return {
@@ -67,7 +67,7 @@ def release_series(chart: dict[str, list]) -> list[list]:
 
 
 def curve_options(name: str) -> dict[str, Any]:
-    """A chart of a quantity against amplitude with its band, and what single cycles showed."""
+    """A chart of a quantity against amplitude with its band, and values from single cycles."""
     return {
         **_frame(name, 'amplitude [deg]'),
         'legend': _legend('cycles', 'model'),
@@ -85,7 +85,7 @@ def curve_series(rows: list, measured: list) -> list[list]:
 
 
 def reach_of(chart: dict[str, list], smallest: float) -> float:
-    """Half the height of a motion chart: 1, 2 or 5 times a power of ten that holds what is drawn.
+    """Half the height of a motion chart: 1, 2 or 5 times a power of ten that holds the curves.
 
     Intervals are cut off where they would make the motion small.
     """

@@ -1,4 +1,4 @@
-"""What all browsers share: the guide, the view of now, and what the buttons do."""
+"""State shared by all browsers: the guide, the current view, and the actions of the buttons."""
 
 import signal
 import subprocess
@@ -31,7 +31,7 @@ from swath_sysid.page.live_view import (
 from swath_sysid.page.release import Release
 from swath_sysid.start import verb_command
 
-CAMPAIGN_PERIOD = 5.0  #: s between looks at the folder of the trials.
+CAMPAIGN_PERIOD = 5.0  #: s between scans of the trials' folder.
 
 RECORD_END_S = 10.0
 SHOWN_ANSWERS = 2
@@ -39,7 +39,7 @@ NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No fr
 
 
 class Source(Protocol):
-    """Where the page gets its data, and what carries out its requests."""
+    """Supplies the page's data and carries out its requests."""
 
     lock: Any
     record: LiveRecord
@@ -52,7 +52,7 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class View:
-    """What is on the screens now, as plain data."""
+    """The current screen contents, as plain data."""
 
     axis: str = ''
     guidance: Guidance = field(default_factory=lambda: Guidance(STEPS[0], ''))
@@ -73,7 +73,7 @@ class View:
 
 
 class Desk:
-    """The state of the page; models and bags are saved in ``folder``, and ``clock`` is what the source notes by, s."""
+    """The state of the page; models and bags are saved in ``folder``, ``clock``, s, is that of the source."""
 
     def __init__(
         self,
@@ -98,11 +98,11 @@ class Desk:
         self._campaign_read = float('-inf')
 
     def answer(self, line: str) -> None:
-        """Show a line to everybody."""
+        """Show a line in all browsers."""
         self.answers.append(f'{datetime.now():%H:%M:%S} {line}')
 
     def refresh(self) -> None:
-        """Make the view of now, once for all browsers."""
+        """Update the view, once for all browsers."""
         now, record = self._clock(), self._source.record
         with self._source.lock:
             facts = record.facts(self._axis, now)
@@ -133,7 +133,7 @@ class Desk:
         )
 
     def _fit(self, release: Release | None, model: IdentifiedModel | None) -> tuple[dict, str, dict]:
-        """The charts of the last decay and of the model, made anew where one of them is."""
+        """The charts of the last decay and of the model, remade where one of them is new."""
         if release is not self._fitted_to[0] or model is not self._fitted_to[1]:
             self._fitted_to = release, model
             shown = NO_RELEASE if release is None else release_chart(release, model)
@@ -147,7 +147,7 @@ class Desk:
             self._guides[axis].restart()
 
     def press(self, button: str) -> None:
-        """A button was pressed in some browser."""
+        """Handle a button pressed in some browser."""
         if button == 'restart':
             self._guides[self._axis].restart()
         elif button == 'save':
@@ -172,7 +172,7 @@ class Desk:
                 self._recorder.kill()
 
     def _save(self) -> bool:
-        """Write the models that there are to a file; False where that was not possible."""
+        """Write the present models to a file; False where that failed."""
         if not self._source.description:
             self.answer(NO_MODEL)
             return True
@@ -187,7 +187,7 @@ class Desk:
         return True
 
     def _record(self) -> None:
-        """Begin a bag, by the verb that does it, in a process of its own; or end it."""
+        """Start a bag with the record verb in its own process, or end it."""
         if self._recorder is not None:
             self._recorder.send_signal(signal.SIGINT)
             return

@@ -1,4 +1,4 @@
-"""The page itself: cards that fit a phone and a wide screen."""
+"""The page: cards that fit a phone and a wide screen."""
 
 from collections.abc import Callable
 from functools import partial
@@ -21,7 +21,7 @@ SCREEN_PERIOD = 0.4  #: s between pictures.
 COLOURS = {OK: 'positive', WARN: 'warning'}
 CURVES = {'period': 'natural period [s]', 'damping': 'equivalent damping ratio'}
 CARD = 'w-full min-w-0'
-#: Texts keep their height whatever they say, so that nothing below them jumps; a press shows all of a longer one.
+#: Texts have a fixed height, so that nothing below them jumps; a press shows all of a longer one.
 STYLE = """
 html { scrollbar-gutter: stable }
 .lines { display: -webkit-box; -webkit-box-orient: vertical; overflow: hidden; cursor: pointer;
@@ -33,7 +33,7 @@ TRIAL_COLUMNS = [
     {'name': name, 'label': name, 'field': name, 'align': 'left'} for name in ('file', 'axis', 'loading', 'angle')
 ]
 
-Update = Callable[[View], None]  #: What brings one card up to date.
+Update = Callable[[View], None]  #: Updates one card.
 
 
 def build(desk: Desk) -> None:
@@ -98,7 +98,7 @@ def _guide(desk: Desk) -> Update:
 
 
 def _pressed(desk: Desk) -> Callable[[str], None]:
-    """What a button does: at once, or after a question where something goes."""
+    """Handler of a button: at once, or after a question where something would be lost."""
     with ui.dialog().props('data-name=question') as dialog, ui.card():
         question = _text('text-body1', 'rollback-question')
         with ui.row().classes('self-end gap-2'):
@@ -117,7 +117,7 @@ def _pressed(desk: Desk) -> Callable[[str], None]:
 
 
 class _Button:
-    """A button that is quiet, recommended, or cannot be pressed for a reason."""
+    """A button that is quiet, recommended, or disabled with a reason."""
 
     def __init__(self, name: str, press: Callable[[], None]) -> None:
         label, self._meaning = BUTTONS[name]
@@ -128,7 +128,7 @@ class _Button:
         self._shown: tuple = False, ''
 
     def show(self, is_recommended: bool, refusal: str) -> None:
-        """Bring it up to date; nothing is sent where it is."""
+        """Update it; nothing is sent where it has not changed."""
         if (is_recommended, refusal) == self._shown:
             return
         self._shown = is_recommended, refusal
@@ -238,7 +238,7 @@ def _trials() -> Update:
 
 
 def _text(classes: str, name: str, lines: int = 0) -> Any:
-    """A text by name, so many lines high; 0: as many as it takes."""
+    """A text by name, with a height in lines; 0: as many as it needs."""
     label = ui.label().classes(f'{classes} w-full min-w-0 break-words').props(f'data-name={name}')
     if lines:
         label.classes('lines').style(f'--lines: {lines}')
@@ -247,12 +247,12 @@ def _text(classes: str, name: str, lines: int = 0) -> Any:
 
 
 def _move(chart: Any, changes: dict[str, Any]) -> None:
-    """New motion, as a call: as options each number would be looked at twice on its way, for each browser."""
+    """New motion, sent as a call: options would be processed twice per number and browser."""
     chart.run_chart_method('setOption', changes)
 
 
 def _fill(chart: Any, data: list[list]) -> None:
-    """New data for the series of a chart; nothing is sent where they are the same."""
+    """New data for the series of a chart; nothing is sent where they have not changed."""
     series = chart.options['series']
     if any(each.get('data') != values for each, values in zip(series, data, strict=True)):
         for each, values in zip(series, data, strict=True):

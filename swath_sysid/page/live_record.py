@@ -1,4 +1,4 @@
-"""What one who watches the nodes has received lately, in memory that does not grow: what a page shows and guides by."""
+"""Recently received motion, forecasts, models and statuses, in memory of constant size, for display and guidance."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -19,9 +19,9 @@ from swath_sysid.page.release import Release, release_of
 from swath_sysid.pipeline.health import Report
 
 WINDOW_S = 60.0
-RATE = 25.0  #: Hz; more samples than that are left out: a craft rolls in 1 s and more.
-STALE_S = 5.0  #: s after which a status does not count any more.
-CHECKED_LEAD = 2.0  #: s; the forecast so far ahead is kept until what it is for has been measured.
+RATE = 25.0  #: Hz; faster samples are thinned: a craft rolls in 1 s and more.
+STALE_S = 5.0  #: s after which a status is ignored.
+CHECKED_LEAD = 2.0  #: s; lead of the forecast that is kept until its motion has been measured.
 
 KEPT_FORECASTS = 600
 KEPT_MODELS = 5
@@ -34,8 +34,8 @@ class Horizon:
 
     stamp: float  #: When issued, s.
     leads: np.ndarray  #: (L,); s.
-    mean: dict[str, np.ndarray]  #: dict of str to (L,); By quantity: roll and pitch, rad; heave of a point, m.
-    std: dict[str, np.ndarray]  #: dict of str to (L,); By quantity: roll and pitch, rad; heave of a point, m.
+    mean: dict[str, np.ndarray]  #: (L,) by quantity: roll and pitch, rad; heave of a point, m.
+    std: dict[str, np.ndarray]  #: Likewise.
 
 
 def horizon_of(stamp_ns: int, leads_ns: Sequence[int], columns: Sequence[str], positions: Sequence[float]) -> Horizon:
@@ -51,7 +51,7 @@ def horizon_of(stamp_ns: int, leads_ns: Sequence[int], columns: Sequence[str], p
 
 
 class LiveRecord:
-    """The motion, forecasts, models and statuses of late. Clocks are steady, s; stamps those of the sensor."""
+    """Recent motion, forecasts, models and statuses; clocks are steady, s, stamps those of the sensor."""
 
     def __init__(self) -> None:
         self._window: MotionWindow | None = None
@@ -71,26 +71,26 @@ class LiveRecord:
         self.is_kept = False
 
     def install(self, installation: Installation) -> None:
-        """The sensor sits so; readings are taken in from the first time on."""
+        """Set the sensor mounting; readings are accepted from the first call on."""
         if installation != self._installation:
             self._installation = installation
             self._window = MotionWindow(WindowSettings(window=WINDOW_S, max_rate=2.0 * RATE, installation=installation))
 
     def is_due(self, stamp_ns: int, clock: float) -> bool:
-        """Whether a sample of this stamp is due; a sample is counted in any case."""
+        """Whether a sample of this stamp is due; every sample is counted."""
         self._arrival = clock
         due = not 0 <= (stamp_ns - self._newest_ns) * NANOSECOND < 1.0 / RATE
         return due and self._window is not None
 
     def add_reading(self, reading: ImuReading) -> None:
-        """Take in a sample."""
+        """Add a sample."""
         self._newest_ns = reading.stamp_ns
         finished = None if self._window is None else self._window.add(reading).finished
         if finished is not None and (release := release_of(finished)) is not None:
             self.releases[finished.axis] = release
 
     def add_horizon(self, horizon: Horizon, name: str = '') -> None:
-        """Take in a forecast: of the attitude, or of the heave of a named point."""
+        """Add a forecast of the attitude or of the heave of a named point."""
         if name:
             horizon = Horizon(horizon.stamp, horizon.leads, {name: horizon.mean['heave']}, {name: horizon.std['heave']})
         for quantity in horizon.mean:
@@ -103,12 +103,12 @@ class LiveRecord:
             kept.append((time, float(horizon.mean[quantity][at]), float(horizon.std[quantity][at])))
 
     def add_status(self, report: Report, clock: float) -> None:
-        """Take in a status, named ``NODE: NAME``."""
+        """Add a status, named ``NODE: NAME``."""
         if report.name in self._statuses or len(self._statuses) < MAX_STATUSES:
             self._statuses[report.name] = clock, report
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
-        """These models were published; an axis without one has none any more."""
+        """Set the published models; an axis without one has none any more."""
         for axis in AXES:
             before = self.models_before.setdefault(axis, deque(maxlen=KEPT_MODELS))
             if axis not in models:
@@ -118,12 +118,12 @@ class LiveRecord:
         self.models = dict(models)
 
     def statuses(self, clock: float) -> dict[str, Report]:
-        """The fresh ones by name."""
+        """Fresh statuses by name."""
         return {name: report for name, (received, report) in self._statuses.items() if clock - received < STALE_S}
 
     @property
     def stamp(self) -> float:
-        """Of the newest sample, s."""
+        """Stamp of the newest sample, s."""
         return self._newest_ns * NANOSECOND
 
     def motions(self) -> dict[str, AxisMotion]:
@@ -144,7 +144,7 @@ class LiveRecord:
         return found
 
     def facts(self, axis: str, clock: float) -> Facts:
-        """What the bring-up of an axis goes by."""
+        """Facts for the bring-up of an axis."""
         return Facts(
             self.statuses(clock),
             clock - self._arrival,

@@ -1,4 +1,4 @@
-"""What a page shows of running nodes, as plain data: health in words, charts, the model, calm, a campaign's trials."""
+"""The state of running nodes as plain data: health in words, charts, the model, calm windows, a campaign's trials."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ SHOWN_POINTS = 300
 INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NORMAL_QUANTILES, strict=True)}
 
 AMPLITUDES = 25
-FAINTEST_CYCLE = 0.1  #: Part of a release below which noise scatters its cycles.
+FAINTEST_CYCLE = 0.1  #: Share of the release amplitude below which noise scatters the cycles.
 NOISE_S = 5.0
 
 STATUSES = {
@@ -39,7 +39,7 @@ STATUSES = {
 
 
 def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) -> list[tuple[str, int, str]]:
-    """Name, level and sentence of each thing that can be well or not."""
+    """Name, level and sentence of each health item."""
     lines = []
     for status, name in STATUSES.items():
         report = statuses.get(status)
@@ -58,7 +58,7 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
 
 
 def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -> dict[str, list]:
-    """Measured motion, the forecast with its intervals and what was forecast before, against the time from now.
+    """Measured motion, the forecast with its intervals and the earlier forecast, against the time from now.
 
     Lists of (s, deg or m), and for each interval of (s, lower, upper).
     """
@@ -83,7 +83,7 @@ def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -
 
 
 def release_chart(release: Release, model: IdentifiedModel | None) -> tuple[dict[str, list], str]:
-    """A measured decay and the motion of a model over it, lists of (s from letting go, deg), and what it shows."""
+    """A measured decay and a model's motion over it, lists of (s from the release, deg), and its caption."""
     elapsed, angle = release.motion.time - release.motion.time[0], np.asarray(release.motion.angle)
     chart = {'measured': _points(elapsed, np.degrees(angle)), 'fitted': []}
     words = f'From {np.degrees(release.amplitude):.1f} deg, {release.cycles:.1f} cycles'
@@ -98,9 +98,9 @@ def release_chart(release: Release, model: IdentifiedModel | None) -> tuple[dict
 
 
 def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[str, list]:
-    """Natural period (s) and equivalent damping, lists of (deg, value, lower, upper) with two standard deviations.
+    """Natural period, s, and equivalent damping as lists of (deg, value, lower, upper) with two standard deviations.
 
-    And the same as each cycle of the last release shows them, lists of (deg, value).
+    The same from each cycle of the last release as lists of (deg, value).
     """
     chart: dict[str, list] = {name: [] for name in ('period', 'damping', 'measured_period', 'measured_damping')}
     if model is not None:
@@ -138,7 +138,7 @@ def model_words(record: LiveRecord, axis: str, verdict: str) -> list[str]:
 
 
 def calm_words(record: LiveRecord) -> str:
-    """The next window of calm, the probability of staying quiet, and what counts as quiet."""
+    """The next calm window, the probability of staying quiet, and the limits."""
     words = []
     if record.quiescence is not None:
         words.append(f'The craft stays within its quiet limits with a probability of {100 * record.quiescence:.0f} %.')
@@ -153,7 +153,7 @@ def calm_words(record: LiveRecord) -> str:
 
 
 def limits_in_words(limits: QuiescenceLimits | None) -> str:
-    """What counts as quiet; empty where it is not known."""
+    """The limits of quiet; empty where not known."""
     if limits is None:
         return ''
     point = limits.points[0] if limits.points else None
@@ -169,7 +169,7 @@ def limits_in_words(limits: QuiescenceLimits | None) -> str:
 
 
 def sea_words(record: LiveRecord) -> str:
-    """The waves, as the craft's own motion shows them."""
+    """The sea state shown by the craft's own motion."""
     if record.sea is None:
         return 'No sea state yet.'
     if record.sea.state is None:
@@ -178,7 +178,7 @@ def sea_words(record: LiveRecord) -> str:
 
 
 def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
-    """The trials of a campaign that are there, as rows, and what is still missing, as sentences."""
+    """The present trials of a campaign, as rows, and the missing ones, as sentences."""
     try:
         manifest = read_manifest(path)
     except InputError as error:
@@ -203,6 +203,6 @@ def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
 
 
 def _points(*columns: np.ndarray, decimals: int = 4) -> list[list[float]]:
-    """Rows of finite numbers, rounded for the way to a screen."""
+    """Rows of finite numbers, rounded for transmission."""
     table = np.column_stack(columns)
     return np.round(table[np.isfinite(table).all(axis=1)], decimals).tolist()

@@ -1,4 +1,4 @@
-"""An identified model in words: its numbers, its verdict, and what each release added."""
+"""An identified model in words: its numbers, its verdict, and the gain from each release."""
 
 import re
 from collections.abc import Sequence
@@ -11,20 +11,20 @@ from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.uncertainty import AmplitudeBands, amplitude_bands
 from swath_sysid.attitude.motion.trial import AXES
 
-ASSUMED_REACH = float(np.radians(5.0))  #: Amplitude up to which a model is shown that names none.
+ASSUMED_REACH = float(np.radians(5.0))  #: Largest amplitude shown of a model that states none.
 NOT_JUDGED = 'not judged'
-FAINTEST = 0.05  #: Part of the largest amplitude from which on such a model is shown.
+FAINTEST = 0.05  #: Smallest, as a share of that.
 
 
 def amplitudes(model: IdentifiedModel) -> tuple[float, float]:
-    """Between which a model was identified, rad."""
+    """Range of amplitudes of a model's identification, rad."""
     low, high = model.amplitude_range
     high = high if isfinite(high) and high > 0.0 else ASSUMED_REACH
     return (low if 0.0 < low < high else FAINTEST * high), high
 
 
 def reference(model: IdentifiedModel) -> tuple[float, AmplitudeBands]:
-    """The geometric mean of the amplitudes seen, rad, and the curves there."""
+    """Geometric mean of those amplitudes, rad, and the curves there."""
     amplitude = float(np.sqrt(np.prod(amplitudes(model))))
     return amplitude, amplitude_bands(model.model, model.covariance, np.array([amplitude]))
 
@@ -53,13 +53,13 @@ def releases_in(model: IdentifiedModel) -> int:
 
 
 def error_of(model: IdentifiedModel) -> str:
-    """How far the motion of the next release may be off; empty where that is not known."""
+    """Expected error of the next release's motion; empty where not known."""
     error = model.metrics.get('motion_error')
     return f'{100.0 * error:.2g} %' if isinstance(error, float) and isfinite(error) else ''
 
 
 def gain(models: Sequence[IdentifiedModel]) -> str:
-    """What the last release added to the models of an axis, the newest last; empty where that is not known."""
+    """The gain of the last release for the models of an axis, the newest last; empty where not known."""
     error = error_of(models[-1])
     if not error:
         return ''
@@ -78,7 +78,7 @@ def history(models: Sequence[IdentifiedModel]) -> list[str]:
 
 
 def of_axis(message: str, axis: str) -> str:
-    """The part of an identifier's message that is about an axis; all of it where no axis is named."""
+    """The part of an identifier's message about an axis; all of it where no axis is named."""
     clauses = re.split(rf'(?:^|; )({"|".join(AXES)}): ', message)
     found = dict(zip(clauses[1::2], clauses[2::2], strict=True))
     return found.get(axis, message)

@@ -1,4 +1,4 @@
-"""The last free decay that was measured, and the motion that a model makes of it."""
+"""The last measured free decay, and a model's motion from the same release."""
 
 from dataclasses import dataclass, replace
 
@@ -14,9 +14,9 @@ from swath_sysid.common.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Release:
-    """A free decay as the detector of the motion window noticed it."""
+    """A free decay as detected in the motion window."""
 
-    motion: AxisMotion  #: From letting go to the end; time as stamps, s.
+    motion: AxisMotion  #: From the release to the end; time as stamps, s.
     period: float  #: s.
     cycles: float
     amplitude: float  #: First, rad.
@@ -24,13 +24,13 @@ class Release:
 
     @property
     def peaks(self) -> Peaks:
-        """The turning points, the first at letting go."""
+        """The turning points, the first at the release."""
         found = measured_peaks(self.motion, self.period)
         start, angle = self.motion.time[:1], np.asarray(self.motion.angle)[:1]
         return Peaks(np.concatenate([start, found.time]), np.concatenate([angle, found.angle]))
 
     def simulated(self, model: DecayModel) -> np.ndarray:
-        """Angles of a model at the samples, rad, from the initial state and trim that suit it best, shape (N,)."""
+        """Angles of a model at the samples, rad, shape (N,), from the best-fitting initial state and trim."""
         from scipy.optimize import least_squares
 
         time, angle = self.motion.time, np.asarray(self.motion.angle)

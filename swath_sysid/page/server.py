@@ -1,4 +1,4 @@
-"""Serving the page from a thread: on this machine only, or with a token."""
+"""Serving the page from a thread, to this machine only or with a token."""
 
 import secrets
 import socket
@@ -23,7 +23,7 @@ except ImportError:  # `check_installed` says what to install
 
 COOKIE = 'swath_sysid_page'
 LOCAL_NAMES = ('localhost', '127.0.0.1', '::1')
-#: That are kept for a browser that comes back: the next picture shows the same, and a stalled one costs no memory.
+#: Messages kept for a browser that reconnects; the next update replaces them, so few are needed.
 FEW_MESSAGES = 10
 
 REFUSAL = b'Open the address that swath-sysid page printed, with its token.'
@@ -38,9 +38,9 @@ def check_installed() -> None:
 
 
 class Guard:
-    """ASGI that lets in who has the token or, without one, who asks for this machine by its own name.
+    """ASGI that admits requests with the token or, without one, those for this machine by its own name.
 
-    Pages of other origins, which any browser may have open too, are refused both.
+    Both reject pages of other origins that a browser may have open.
     """
 
     def __init__(self, application: Callable[..., Awaitable[None]], token: str) -> None:
@@ -67,7 +67,7 @@ class Guard:
 
 
 def is_allowed(headers: dict[str, str], token: str, given: str = '') -> bool:
-    """Whether a request with these headers (small letters), and this token in its address, may see the page."""
+    """Whether a request with these headers (lower case) and this token in its address may see the page."""
     host, origin = headers.get('host', ''), headers.get('origin')
     if origin is not None and urlsplit(origin).netloc != host:
         return False

@@ -1,7 +1,7 @@
 """Terms that an equation lacks and the motion shows.
 
-Beside the likelihood they are sought by its ratio: the equation against one that has every smooth term (Wilks 1938).
-Beside least squares by a score test of each, at the optimum without it (Rao 1948).
+With the likelihood: a ratio test of the equation against one with every smooth term (Wilks 1938).
+With least squares: a score test of each term at the optimum without it (Rao 1948).
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ from swath_sysid.common.covariance import sandwich_covariance
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.identify import Identification
 
-SIGNIFICANT = 3.5  #: Standard deviations from zero that chance does not make of four terms tried at once.
-CHANCE = 0.003  #: Share of complete equations that the likelihood ratio may call incomplete.
+SIGNIFICANT = 3.5  #: Standard deviations from zero that chance does not reach with four terms tested at once.
+CHANCE = 0.003  #: Probability that the likelihood ratio calls a complete equation incomplete.
 TERMS = (*DAMPING_NAMES, 'r2', 'r3')
 SMOOTH_TERMS = tuple(name for name in TERMS if name != 'b0')
 
@@ -32,20 +32,12 @@ class AbsentTerm:
     """A term that an equation lacks."""
 
     name: str
-    #: Standard deviations from zero: of what one step from the least-squares optimum makes of its ratio, or of one
-    #: parameter with the likelihood ratio of all that the equation lacks.
+    #: Standard deviations from zero of one Gauss-Newton step, or the root of twice the gain in log-likelihood.
     significance: float
 
 
 def absent_term(found: 'Identification') -> AbsentTerm | None:
-    """The term whose absence the residuals of least squares show most.
-
-    Args:
-        found: Of the simulation objective.
-
-    Returns:
-        None where no term is significant.
-    """
+    """The missing term that the least-squares residuals show most; None where no term is significant."""
     equation = found.model.equation
     terms = []
     for name in _lacking(equation, TERMS):
@@ -60,17 +52,10 @@ def absent_term(found: 'Identification') -> AbsentTerm | None:
 def fit_and_test(
     problem: Problem, equation: Equation, ratios: np.ndarray, states: Sequence[InitialState]
 ) -> tuple[BasinFit | None, AbsentTerm | None]:
-    """The likelihood's optimum, and the term whose absence it shows.
+    """The likelihood's optimum, started from ratios (9,) and states, and the term whose absence it shows.
 
-    Args:
-        problem: Of `prepare`.
-        equation: Without dry friction.
-        ratios: (9,); ratios to inertia to start from.
-        states: Where to start.
-
-    Returns:
-        basin: None where the motion runs away.
-        absent: None where a likelihood ratio as large is to be expected by chance.
+    The equation has no dry friction. The optimum is None where the motion diverges, the term where chance explains the
+    likelihood ratio.
     """
     likelihood = _likelihood(problem, equation)
     optima = likelihood.minimise(likelihood.starts(ratios, states))
@@ -100,12 +85,12 @@ def fit_and_test(
 
 
 def lacks_terms(equation: Equation) -> bool:
-    """Whether an equation may still take a smooth term."""
+    """Whether a smooth term can still be added to an equation."""
     return bool(_lacking(equation, SMOOTH_TERMS))
 
 
 def _lacking(equation: Equation, names: Sequence[str]):
-    """Those of the names that an equation may still take: s2 stands for r2."""
+    """The names that can still be added to an equation: s2 replaces r2."""
     taken = (*equation.terms, *(('r2',) if 's2' in equation.terms else ()))
     return [name for name in names if name not in taken]
 
@@ -124,7 +109,7 @@ def _with_terms(equation: Equation, names: Sequence[str]):
 
 
 def _step_of_least_squares(found: 'Identification', equation: Equation, name: str):
-    """What a Gauss-Newton step makes of a term, and its standard deviation under autocorrelated residuals."""
+    """Gauss-Newton step of a term, and its standard deviation under autocorrelated residuals."""
     problem = found.problem
     fit = MotionFit(problem.motions, equation, problem.scales, problem.noise, problem.friction_rate)
     parameters = fit.pack(found.model.ratios, [r.state for r in found.records])

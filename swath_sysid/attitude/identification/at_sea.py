@@ -1,22 +1,8 @@
-"""The hull from motion in waves alone: natural period and equivalent linear damping, with uncertainty.
+"""Natural period and equivalent linear damping from motion in waves, by the Whittle (1953) likelihood.
 
-Nobody measured the waves. What makes the hull visible is that a sea's spectrum has a known kind of
-shape, and that where it has no waves nothing may excite the hull. Hull and sea are fitted together, by
-the likelihood of the Fourier transform of the motion (Whittle 1953): the exciting moment over inertia
-
-    d = w' + b1 w + b2 |w| w + r1 x + r2 x^2 + r3 x^3
-
-that a candidate hull needs for the measured motion must have the spectrum of a sea. Where the
-accelerometers show the waves, that is the spectrum of the vertical acceleration (in deep water the wave
-slope's times g^2) times a free power of the frequency; else JONSWAP (Hasselmann et al. 1973) with a
-free tail, because a moment follows the height of the waves, their slope, or something between. Both with
-a floor.
-
-The nonlinear terms are fitted only because they would otherwise bias the linear ones: what a
-hull's asymmetry makes of the waves, at low and at double frequency, would pass for excitation. One
-record in one sea does not show how the damping depends on the amplitude, so what is reported is the
-*equivalent linear hull at the record's amplitude*: that of the harmonic motion with the same standard
-deviation, sqrt(2) std, by `hull.amplitude`.
+The moment over inertia d = w' + b1 w + b2 |w| w + r1 x + r2 x^2 + r3 x^3 must have the spectrum of a sea plus a floor:
+that of the vertical acceleration times a power of frequency, or JONSWAP (Hasselmann et al. 1973) with a free tail.
+The result is the linear hull at amplitude sqrt(2) std: one record does not show how damping depends on amplitude.
 """
 
 from collections.abc import Sequence
@@ -52,7 +38,7 @@ from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 AT_SEA = 'motion in waves'  #: Marks a model identified at sea, as ``provenance['identified_from']``.
 MIN_WAVES = 50  #: Peak periods that a record must hold.
 
-#: Of hull and level; those of the sea's shape follow.
+#: Parameters of hull and level; those of the sea's shape follow.
 PARAMETERS = (
     'log frequency',
     'log damping',
@@ -64,34 +50,33 @@ PARAMETERS = (
 _FREQUENCY, _DAMPING, _QUADRATIC, _EVEN, _CUBIC, _LEVEL = range(6)
 _PRIOR_STD = (1.0, 1.2, 0.5, 0.3, 0.1, np.inf)
 
-#: Of the seas that JONSWAP measured. With less, a hull near resonance takes part of the sea's peak for its own.
+#: JONSWAP's mean. With less, a hull near resonance takes part of the sea's peak for its own.
 MEAN_PEAKEDNESS = 3.3
 
 _FLOOR_PRIOR = (-7.0, 2.0)
 _FREQUENCY_STARTS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
 _PEAK_STARTS = (0.7, 1.0, 1.4)
 
-#: Where the excitation falls by such a factor between neighbouring bands so wide, it ends: no sea falls so fast above
-#: its peak, but a wave maker does, and a sum of waves. What lies above is not fitted.
+#: The excitation ends where it falls by this factor between bands this wide, as from a wave maker; no sea does.
 CLIFF, CLIFF_WIDTH = 12.0, 1.12
 
-#: The sea that the accelerometers show is used unless its misfit is so many times that of JONSWAP.
+#: The measured heave spectrum is used unless its misfit is this many times that of JONSWAP.
 HEAVE_PREFERRED = 1.5
 
 _FIRST_DAMPING = 0.15
-_REFINED = 8  #: So many of the starts, the best, are refined.
-_MODE_DEPTH = 8.0  #: Other optima count for the uncertainty unless their log-likelihood is so much worse.
-MIN_FADING = 6.0  #: Within the record a free decay of the hull must fade by exp of so much; what does not is a tone.
+_REFINED = 8  #: Number of best starts that are refined.
+_MODE_DEPTH = 8.0  #: Other optima add to the uncertainty unless their log-likelihood is this much worse.
+MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; otherwise it is a tone.
 
-#: Of the logarithm of the natural frequency, above the highest band: what lies there cannot be seen.
+#: Std of the log natural frequency above the highest band, where nothing can be seen.
 EDGE_SOFTNESS = 0.1
 
-MISSING_TOGETHER = 12  #: Neighbouring bands whose misfits may be one and the same.
+MISSING_TOGETHER = 12  #: Neighbouring bands whose misfits may be correlated.
 
 _DECREMENT_PERIODS = 3.0
-#: Relative standard deviations above which the sea is said to hide the hull.
+#: Relative standard deviations above which the sea is reported to hide the hull,
 PERIOD_WANTED, DAMPING_WANTED = 0.03, 0.25
-PERIOD_USABLE, DAMPING_USABLE = 0.10, 0.50  #: ... and above which the result is of no use.
+PERIOD_USABLE, DAMPING_USABLE = 0.10, 0.50  #: ... and above which the result is unusable.
 POOR_FIT = 2.0
 
 
@@ -100,19 +85,16 @@ class FittedSpectra:
     """Measured and fitted spectra, one-sided, per rad/s."""
 
     frequency: np.ndarray  #: (B,); rad/s.
-    measured: np.ndarray  #: (B,); Of the angle, rad^2 s; in the fitted one the nonlinear part is the measured one.
-    fitted: np.ndarray  #: (B,); Of the angle, rad^2 s; in the fitted one the nonlinear part is the measured one.
-    #: (B,); Of the exciting moment over inertia that the hull needs, and of the fitted sea, (rad/s^2)^2 s.
-    excitation: np.ndarray
-    #: (B,); Of the exciting moment over inertia that the hull needs, and of the fitted sea, (rad/s^2)^2 s.
-    fitted_excitation: np.ndarray
-    #: (B,); Angle for a moment over inertia that would hold the craft at angle one, dimensionless.
-    response: np.ndarray
+    measured: np.ndarray  #: (B,); of the angle, rad^2 s.
+    fitted: np.ndarray  #: (B,); of the angle, rad^2 s; its nonlinear part is the measured one.
+    excitation: np.ndarray  #: (B,); of the exciting moment over inertia that the hull needs, (rad/s^2)^2 s.
+    fitted_excitation: np.ndarray  #: (B,); of the fitted sea, (rad/s^2)^2 s.
+    response: np.ndarray  #: (B,); angle over the static angle of the same moment.
 
 
 @dataclass(frozen=True)
 class Decrement:
-    """The random decrement signature beside what the fit says of it."""
+    """The random decrement signature and what the fit predicts for it."""
 
     lag: np.ndarray  #: (L,); s.
     measured: np.ndarray  #: (L,); rad.
@@ -126,16 +108,16 @@ class AtSeaIdentification:
 
     model: DecayModel  #: Linear; its trim is the mean angle.
     natural_period: float  #: s, at ``amplitude``.
-    natural_period_std: float  #: s, at ``amplitude``.
+    natural_period_std: float  #: s.
     damping_ratio: float  #: Equivalent linear damping over critical damping, at ``amplitude``.
-    damping_ratio_std: float  #: Equivalent linear damping over critical damping, at ``amplitude``.
+    damping_ratio_std: float
     amplitude: float  #: rad; sqrt(2) standard deviations of the angle.
-    amplitude_std: float  #: rad; sqrt(2) standard deviations of the angle.
+    amplitude_std: float  #: rad.
     trim_std: float  #: rad; NaN where no angle was measured.
     estimate_covariance: np.ndarray  #: (2, 2); Of natural period (s) and damping ratio.
     covariance: np.ndarray  #: (2, 2); Of the ratios b1 and r1.
-    misfit: float  #: Deviance a degree of freedom of the fitted spectrum; 1 where hull and sea explain it.
-    sea: str  #: ``heave`` or ``jonswap``: how the sea's spectrum was known.
+    misfit: float  #: Deviance per degree of freedom of the fitted spectrum; 1 where hull and sea explain it.
+    sea: str  #: Source of the sea's spectrum: ``heave`` or ``jonswap``.
     peak_period: float  #: Of the fitted excitation, s.
     duration: float  #: Of the stretch used, s.
     spectra: FittedSpectra
@@ -145,12 +127,12 @@ class AtSeaIdentification:
 
     @property
     def has_period(self) -> bool:
-        """Whether the natural period is known well enough to be of use to anyone."""
+        """Whether the natural period is known well enough to be used."""
         return self.natural_period_std < PERIOD_USABLE * self.natural_period
 
     @property
     def is_usable(self) -> bool:
-        """Whether period and damping are."""
+        """Whether period and damping are known well enough."""
         return self.has_period and self.damping_ratio_std < DAMPING_USABLE * self.damping_ratio
 
     @property
@@ -159,11 +141,7 @@ class AtSeaIdentification:
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     def identified_model(self, provenance: dict) -> IdentifiedModel:
-        """The content of a model file; its provenance says that it was identified at sea.
-
-        Args:
-            provenance: The caller's record of the sources.
-        """
+        """The content of a model file; ``provenance`` is the caller's record of the sources, and gets `AT_SEA`."""
         metrics = {
             'natural_period_s': self.natural_period,
             'natural_period_std_s': self.natural_period_std,
@@ -179,7 +157,7 @@ class AtSeaIdentification:
             'peak_period_s': self.peak_period,
             'advice': [a.code for a in self.advice],
         }
-        # a linear equivalent holds at its amplitude only
+        # a linear equivalent is valid at its amplitude only
         seen = (float(self.amplitude), float(self.amplitude))
         return IdentifiedModel(self.model, self.covariance, self.trim_std, seen, metrics, {**provenance, **how})
 
@@ -201,19 +179,10 @@ def identify_at_sea(
     progress: Progress | None = None,
     should_cancel: ShouldCancel | None = None,
 ) -> AtSeaIdentification:
-    """Natural period and equivalent linear damping from a record in waves.
+    """Natural period and equivalent linear damping from a record in waves, used from ``start`` to ``end``, s.
 
-    Args:
-        motion: Of a record in waves.
-        heave: Of the same record: shows the sea.
-        start, end: Bounds of the stretch to use, in the record's time, s.
-        searched: Whether the record is known to hold no free decay.
-        progress: Called with 0 to 1.
-        should_cancel: Asked often; True raises `Cancelled`.
-
-    Raises:
-        InputError: The record is too short or cannot be used; the sentence says how long it must be.
-        Cancelled:
+    ``searched`` says that the record is known to hold no free decay. Raises `InputError` where the record is too short
+    or cannot be used, and `Cancelled`.
     """
     motion = motion.between(start, end)
     fit, modes = _best_fit(motion, heave, progress, should_cancel)
@@ -223,17 +192,10 @@ def identify_at_sea(
 def gain_over(
     model: DecayModel, motion: AxisMotion, heave: Heave | None = None, *, should_cancel: ShouldCancel | None = None
 ) -> float:
-    """By how much the log-likelihood of a record rises when the hull is fitted to it instead of given.
+    """Rise of a record's log-likelihood when the hull is fitted to it instead of given by a linear model.
 
-    Args:
-        model: Linear.
-        motion: Of a record in waves.
-        heave: Of the same record: shows the sea.
-        should_cancel: Asked often; True raises `Cancelled`.
-
-    Returns:
-        Twice that is a chi-squared variable of two degrees of freedom if the model is true (Wilks 1938); where the sea
-        does not fit, its excess counts less.
+    Twice that is chi-squared with two degrees of freedom if the model is true (Wilks 1938), after division by the fit's
+    `inflation`.
     """
     fit, modes = _best_fit(motion, heave, None, should_cancel)
     free = modes[0]
@@ -243,19 +205,9 @@ def gain_over(
 
 
 def excitation_spectrum(frequency: np.ndarray, peak: float, peakedness: float, tail: float) -> np.ndarray:
-    """Shape of the spectrum of the exciting moment, one at its peak frequency.
+    """JONSWAP (Hasselmann et al. 1973) with a tail frequency^-tail, one at its peak; frequency (B,) and peak in rad/s.
 
-    JONSWAP (Hasselmann et al. 1973) with another tail: frequency^-5 where the moment follows the height
-    of the waves, frequency^-1 where it follows their slope in deep water.
-
-    Args:
-        frequency: (B,); rad/s.
-        peak: Peak frequency of the waves, rad/s.
-        peakedness: gamma.
-        tail: Far above its peak the spectrum goes as frequency^-tail; held between -20 and 20.
-
-    Returns:
-        ndarray, shape (B,)
+    The tail is 5 where the moment follows wave height, 1 where it follows wave slope in deep water.
     """
     u = frequency / peak
     width = np.where(u <= 1.0, 0.07, 0.09)
@@ -465,10 +417,10 @@ class _Fit:
         return float(total / max(1, self.spectra.counts.size - parameters.size))
 
     def inflation(self, parameters: np.ndarray):
-        """By how much the variance of the parameters exceeds that of a perfect fit, at least one.
+        """Variance of the parameters over that of a perfect fit, at least one.
 
-        The deviance, times the sum of the autocorrelation of the residuals over neighbouring bands: where the
-        sea has another shape, they miss together (as Newey and West 1987 for a time series).
+        The deviance times the summed autocorrelation of neighbouring bands' residuals (as Newey and West 1987): where
+        the sea has another shape, neighbouring bands miss together.
         """
         needed, given, _ = self.parts(parameters)
         residual = np.sqrt(self.spectra.counts) * (needed / given - 1.0).clip(-1.0, 3.0)

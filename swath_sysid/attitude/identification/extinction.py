@@ -1,14 +1,8 @@
 """Extinction of a free decay and its damping in dimensions, as towing tanks report them (ITTC 7.5-02-07-04.5).
 
-The amplitude of a half cycle is half its swing, turning point to turning point, so that trim and an asymmetric
-restoring moment cancel. From one half cycle to the next it falls by the decrement, which over the mean amplitude is
-the extinction curve:
-
-    decrement = p1 a + p2 a^2 + p3 a^3,     Bertin's N = decrement / a^2.
-
-Damping takes the energy of b1 w + b2 |w| w + b3 w^3 over half a cycle of cos, so that with the frequency w of the
-motion p1 = pi b1 / (2 w), p2 = 4/3 b2, p3 = 3/8 pi w b3. For the linear term the exact relation stands in place of
-the first: p1 = 2 tanh(b1 T / 8).
+Amplitude a: half of each swing. decrement = p1 a + p2 a^2 + p3 a^3 per half cycle, Bertin's N = decrement / a^2.
+From the energy of b1 w + b2 |w| w + b3 w^3 at frequency w: p1 = pi b1 / (2 w), for which the exact
+2 tanh(b1 T / 8) is used, p2 = 4/3 b2, p3 = 3/8 pi w b3.
 """
 
 from collections.abc import Sequence
@@ -25,12 +19,11 @@ from swath_sysid.attitude.motion.turning_points import TurningPoints, find_turni
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
 
-#: Periods to each side of a turning point through which a parabola is laid: it averages the noise, and lowers every
-#: amplitude alike by 0.05 %.
+#: Periods to each side of a turning point that its parabola covers; lowers every amplitude by 0.05 %.
 PEAK_WINDOW = 0.1
 
-MIN_ROWS = (1, 4, 6)  #: Decrements that a curve of one, two, three terms needs: one to spare for each.
-RESIDUAL_MEMORY = 4  #: Half cycles over which disturbances of a basin hold together, at least.
+MIN_ROWS = (1, 4, 6)  #: Least decrements for a curve of one, two, three terms.
+RESIDUAL_MEMORY = 4  #: Half cycles over which disturbances of a basin are correlated, at least.
 COVERAGE_FACTOR = 2.0  #: k of the expanded uncertainty: 95 %.
 
 
@@ -53,7 +46,7 @@ class Peaks:
 
     @property
     def decrement(self) -> np.ndarray:
-        """What the amplitude falls by in half a cycle, rad, shape (M - 2,)."""
+        """Fall of the amplitude in half a cycle, rad, shape (M - 2,)."""
         return self.amplitude[:-1] - self.amplitude[1:]
 
     @property
@@ -79,11 +72,9 @@ class Peaks:
 
 
 def measured_peaks(motion: AxisMotion, period: float) -> Peaks:
-    """Turning points of a decay, each from a parabola through the samples around it.
+    """Turning points of a decay of the given period, s, each from a parabola through the samples around it.
 
-    Args:
-        motion: Cut to the decay; where no angle was measured it is the integral of the rate.
-        period: s.
+    Where no angle was measured the angle is the integral of the rate.
     """
     angle, _ = with_angle_and_rate(motion)
     rough = find_turning_points(motion, period)
@@ -93,7 +84,7 @@ def measured_peaks(motion: AxisMotion, period: float) -> Peaks:
 
 
 def _zeros_between(rate_turns: TurningPoints):
-    """Where the angle turns, seen in the turning points of its rate: half way between."""
+    """Times at which the angle turns: half way between the turning points of its rate."""
     return 0.5 * (rate_turns.time[1:] + rate_turns.time[:-1])
 
 
@@ -112,11 +103,11 @@ class Extinction:
     """The extinction curve of one or several decays of the same condition."""
 
     peaks: tuple[Peaks, ...]
-    #: (3,); p1, p2 (1/rad), p3 (1/rad^2); terms that so few half cycles cannot determine are zero.
+    #: (3,); p1, p2 (1/rad), p3 (1/rad^2); zero where there are too few half cycles.
     coefficients: np.ndarray
     covariance: np.ndarray  #: (3, 3); From the scatter of the decrements about the curve (type A).
     bertin: float  #: N of the curve of the quadratic term alone, 1/rad.
-    bertin_std: float  #: N of the curve of the quadratic term alone, 1/rad.
+    bertin_std: float  #: 1/rad.
     period: float  #: Mean of the cycles, weighted by their amplitudes, s.
 
     @property
@@ -144,13 +135,9 @@ class Extinction:
 
 
 def extinction_of(peaks: Sequence[Peaks]) -> Extinction:
-    """The extinction curve through the decrements of some decays, by generalised least squares.
+    """The extinction curve through the decrements of decays of one condition, by generalised least squares.
 
-    Args:
-        peaks: Of one condition; those with fewer than three turning points are ignored.
-
-    Raises:
-        InputError: No record turns three times.
+    Decays with fewer than three turning points are ignored; `InputError` where none is left.
     """
     peaks = tuple(p for p in peaks if p.time.size >= 3 and (p.amplitude > 0.0).all())
     if not peaks:
@@ -173,7 +160,7 @@ def extinction_of(peaks: Sequence[Peaks]) -> Extinction:
 
 
 def _fitted(peaks: Sequence[Peaks], powers: Sequence[int]):
-    """Coefficients of powers of the amplitude, and their covariance; NaN where no decrement is to spare."""
+    """Coefficients of powers of the amplitude and their covariance, NaN without a degree of freedom to spare."""
     columns, right = [], []
     for p in peaks:
         # neighbouring decrements share a turning point: whitened, their errors are independent
@@ -191,11 +178,11 @@ def _fitted(peaks: Sequence[Peaks], powers: Sequence[int]):
 
 @dataclass(frozen=True)
 class Particulars:
-    """What turns ratios into moments; what is not known is None."""
+    """Particulars that turn ratios into moments; None where not known."""
 
     mass: float | None = None  #: Displacement, kg.
     metacentric_height: float | None = None  #: GM, transverse for roll, longitudinal for pitch, m.
-    inertia: float | None = None  #: With added inertia, kg m^2; wins over mass and metacentric height.
+    inertia: float | None = None  #: With added inertia, kg m^2; overrides mass and metacentric height.
     length: float | None = None  #: m.
     breadth: float | None = None  #: m.
 
@@ -206,7 +193,7 @@ class Particulars:
         return inertia_from_metacentric_height(model, self.mass, self.metacentric_height)
 
     def damping_unit(self, axis: str) -> float | None:
-        """What a damping coefficient, N m s, is divided by to have no dimension, or None.
+        """Divisor of a damping coefficient, N m s, that makes it dimensionless, or None.
 
         Roll: rho V B^2 sqrt(2 g / B) (ITTC 7.5-02-07-04.5); pitch: rho V L^2 sqrt(g / L).
         """
@@ -223,7 +210,7 @@ def froude_number(speed: float, length: float) -> float:
 
 @dataclass(frozen=True)
 class TypeB:
-    """Relative standard uncertainties of what a decay itself cannot show."""
+    """Relative standard uncertainties of sources that a decay itself cannot show."""
 
     sensor_scale: float = 0.0
     time_base: float = 0.0
@@ -244,8 +231,8 @@ class TankQuantity:
     name: str
     unit: str
     value: float
-    fit: float  #: Type A: standard uncertainty of the fit, and of the mean of repeats (NaN without any).
-    repeats: float  #: Type A: standard uncertainty of the fit, and of the mean of repeats (NaN without any).
+    fit: float  #: Type A: standard uncertainty of the fit.
+    repeats: float  #: Type A: standard uncertainty of the mean of repeats; NaN without any.
     type_b: dict  #: Standard uncertainty from each source of `TypeB`.
 
     @property
@@ -269,7 +256,7 @@ def _std_at(bands: AmplitudeBands, name: str, amplitude: float):
 
 
 def _slope_at(bands: AmplitudeBands, name: str, amplitude: float):
-    """d ln(quantity) / d ln(amplitude): what an error of the sensor's scale does."""
+    """d ln(quantity) / d ln(amplitude): the effect of an error of the sensor's scale."""
     logarithm = np.log(np.maximum(getattr(bands.curves, name), 1e-300))
     return float(np.interp(amplitude, bands.curves.amplitude, np.gradient(logarithm, np.log(bands.curves.amplitude))))
 
@@ -290,19 +277,10 @@ def tank_quantities(
     type_b: TypeB,
     repeats: Sequence[AmplitudeBands] = (),
 ) -> tuple[TankQuantity, ...]:
-    """Natural period, damping ratio and equivalent damping at one amplitude, each with its budget.
+    """Natural period, damping ratio and equivalent damping at one amplitude, rad, each with its uncertainty budget.
 
-    Args:
-        axis: ``roll`` or ``pitch``.
-        bands: Of the fit.
-        amplitude: rad.
-        inertia: I' by the particulars, kg m^2.
-        particulars: Of the craft as tested.
-        type_b: Relative standard uncertainties of what the decays do not show.
-        repeats: Of single repeats, of which the scatter is taken.
-
-    Returns:
-        The damping in N m s only where the inertia is known, without dimension only where mass and size are too.
+    The scatter is that of the single ``repeats``. Damping in N m s needs the inertia, kg m^2; without dimension it
+    needs mass and size too.
     """
     unit = particulars.damping_unit(axis)
     sources = _FROM_HYDROSTATICS if particulars.inertia is None else _FROM_INERTIA

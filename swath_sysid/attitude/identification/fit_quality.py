@@ -1,4 +1,4 @@
-"""Whether a fit can be used: how far off the motion of the next release may be, and why."""
+"""Whether a fit can be used: the likely error of the next release's motion, and its cause."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,19 +18,18 @@ if TYPE_CHECKING:
 
 ADEQUATE, DOUBTFUL, REJECTED = 'adequate', 'doubtful', 'rejected'
 
-#: Error of the next release, a share of its motion, up to which a model is adequate, and from which it is rejected: the
-#: forecast is then no better than that of rest.
+#: Relative error of the next release up to which a model is adequate, and from which a forecast of rest is as good.
 ADEQUATE_ERROR, REJECTED_ERROR = 0.1, 1.0
-LARGEST_UNEXPLAINED = 0.5  #: Share of the motion: a fit that leaves more is of something else.
-#: Autocorrelation of the residuals at one period from which they swing with the motion; white noise has 0.
+LARGEST_UNEXPLAINED = 0.5  #: Largest share of the motion that a fit may leave.
+#: Autocorrelation of the residuals at one period above which they oscillate with the craft.
 SWINGING = 0.5
-#: What the rate and the angle's slope differ by, over the rate, root mean squares: a wrong unit, sign or delay.
+#: Of `rate_mismatch`: above, a unit, sign or delay is wrong.
 MAX_RATE_MISMATCH = 0.35
-LEAST_USABLE = 0.5  #: Part of a record's rows that a fit must rest on.
+LEAST_USABLE = 0.5  #: Least share of a record's rows that must be usable.
 BLOCKS_PER_PERIOD = 24  #: Within one of them the motion hardly changes.
-CHANCE_STDS = 2.0  #: Standard deviations of the products of white residuals that are taken for chance.
-LARGEST_PERIOD_RATIO = 2.2  #: Of the natural period and that of the swings, one way or the other.
-#: Righting moment at the release over that of the linear stiffness: a craft that was moved sets out with less.
+CHANCE_STDS = 2.0  #: Standard deviations of the products of white residuals that are attributed to chance.
+LARGEST_PERIOD_RATIO = 2.2  #: Of the natural period and that of the oscillation, or its inverse.
+#: Least righting moment at the release over that of the linear stiffness; a craft that was moved has less.
 LEAST_RIGHTING = 0.3
 
 
@@ -55,7 +54,7 @@ class Verdict:
 
     @property
     def warnings(self) -> tuple[Advice, ...]:
-        """What to warn of: nothing where the fit is adequate."""
+        """The verdict as a warning; empty where the fit is adequate."""
         return () if self.level == ADEQUATE else (Advice(self.code, str(self)),)
 
     @property
@@ -67,11 +66,7 @@ class Verdict:
 
 
 def judge(found: 'Identification') -> Verdict:
-    """Judge a fit, the gravest cause first.
-
-    Args:
-        found: The fit.
-    """
+    """Judge a fit, the gravest cause first."""
     uncertain, swing = posterior_error(found), residual_autocorrelation(found)
     angle, rate = (unexplained_share(found, quantity) for quantity in ('angle', 'rate'))
     # a gyro may drift and an angle lag without a fault of the model, as long as little of the rate is left
@@ -90,7 +85,7 @@ def judge(found: 'Identification') -> Verdict:
 
 
 def _contradictions(found: 'Identification', unexplained: float) -> Iterator[tuple[str, str, str]]:
-    """What makes the numbers wrong beyond doubt; not a number is wrong, too."""
+    """Causes that make the numbers wrong beyond doubt, NaN included."""
     mismatch = max(rate_mismatch(r.motion, r.segment.period) for r in found.records)
     if not mismatch <= MAX_RATE_MISMATCH:
         yield (
@@ -194,9 +189,9 @@ def posterior_error(found: 'Identification') -> float:
 
 
 def unexplained_share(found: 'Identification', quantity: str) -> float:
-    """What neither the model nor white noise explains of angle or rate, over the motion; zero where not measured.
+    """Residual of angle or rate that is not white noise, over the motion; zero where not measured.
 
-    White noise has no part in the products of neighbouring residuals, but for chance, which is taken off.
+    From the products of neighbouring residuals, in which white noise has no part, less what chance leaves.
     """
     error = motion = 0.0
     for record in found.records:
@@ -224,9 +219,9 @@ def residual_autocorrelation(found: 'Identification') -> float:
 
 
 def rate_mismatch(motion: AxisMotion, period: float) -> float:
-    """What the rate and the angle's slope differ by, over the rate, both about their means; zero without both.
+    """Rms difference of the rate and the angle's slope over a sixth of a period, over the rate; zero without both.
 
-    Both are taken over spans of a sixth of a period, and what the white noise of the angles makes of it is taken off.
+    The contribution of the angle's white noise is subtracted.
     """
     span = max(1, round(period / 6.0 / motion.sample_interval))
     if motion.angle is None or motion.rate is None or motion.size < 8 * span:

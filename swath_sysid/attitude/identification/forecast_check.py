@@ -1,4 +1,4 @@
-"""How well a model steps, simulates and forecasts a free decay that was measured."""
+"""Errors of a model that steps, simulates and forecasts a measured free decay."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 
 LEADS = (0.25, 0.5, 1.0)  #: Natural periods ahead.
 MAX_STARTS = 200
-STATE_PERIODS = 0.12  #: The state a forecast starts from is a parabola through this much of the past.
+STATE_PERIODS = 0.12  #: Past that the parabola for a forecast's initial state covers.
 
 
 @dataclass(frozen=True)
 class NextStep:
     """The papers' check: the rate one sample ahead, from the measured state."""
 
-    time: np.ndarray  #: (N - 1,); s, rad/s, rad/s.
-    measured: np.ndarray  #: (N - 1,); s, rad/s, rad/s.
-    predicted: np.ndarray  #: (N - 1,); s, rad/s, rad/s.
+    time: np.ndarray  #: (N - 1,); s.
+    measured: np.ndarray  #: (N - 1,); rad/s.
+    predicted: np.ndarray  #: (N - 1,); rad/s.
 
     @property
     def error(self) -> np.ndarray:
@@ -31,27 +31,16 @@ class NextStep:
 
 
 def next_step(model: DecayModel, motion: AxisMotion) -> NextStep:
-    """One Euler step ahead along a record: w'[k+1] = w[k] + dt f(psi[k], w[k]).
-
-    Args:
-        model: At the trim of the record.
-        motion: With an angle, a rate or both.
-    """
+    """One Euler step ahead along a record, at the model's trim: w'[k+1] = w[k] + dt f(psi[k], w[k])."""
     angle, rate = with_angle_and_rate(motion)
     predicted = rate[:-1] + np.diff(motion.time) * model.acceleration(angle[:-1], rate[:-1])
     return NextStep(motion.time[1:], rate[1:], predicted)
 
 
 def simulation_error(model: DecayModel, state: InitialState, motion: AxisMotion) -> float:
-    """Error of the simulated motion over the standard deviation of the measured one.
+    """Error of the simulated angle, or rate without an angle, over the standard deviation of the measured one.
 
-    Args:
-        model: At the trim of the record.
-        state: At the first sample; its trim is not read.
-        motion: With an angle, a rate or both.
-
-    Returns:
-        Infinite where the motion runs away. Of the angle, or of the rate where no angle was measured.
+    Model at the trim of the record; state at the first sample. Infinite where the motion diverges.
     """
     angle, rate = simulate(model, state.x + model.trim, state.rate, motion.time)
     return _relative((rate if motion.angle is None else angle) - motion.primary, motion.primary)
@@ -60,16 +49,9 @@ def simulation_error(model: DecayModel, state: InitialState, motion: AxisMotion)
 def forecast_errors(
     model: DecayModel, motion: AxisMotion, period: float, leads: Sequence[float] = LEADS
 ) -> tuple[float, ...]:
-    """Errors of forecasts started all along a record, over the standard deviation of the motion.
+    """Error at each lead, in periods, of forecasts started along a record, over the motion's standard deviation.
 
-    Args:
-        model: At the trim of the record.
-        motion: Evenly sampled, but for jitter.
-        period: Natural period, s.
-        leads: In periods.
-
-    Returns:
-        One a lead; NaN where the record is too short for ten starts, infinite where the model runs away.
+    NaN where the record is too short for ten starts, infinite where the model diverges; the period is in s.
     """
     angle, rate, first = measured_states(motion, period)
     step = period / STEPS_PER_PERIOD
@@ -98,16 +80,7 @@ def forecast_errors(
 
 
 def measured_states(motion: AxisMotion, period: float) -> tuple[np.ndarray, np.ndarray, int]:
-    """Angle and rate at each sample from the past alone: a parabola through a part of a period.
-
-    Args:
-        motion: Evenly sampled, but for jitter.
-        period: s.
-
-    Returns:
-        angle, rate: (N,)
-        first: The first sample with enough past.
-    """
+    """Angle and rate (N,) from a parabola through the past `STATE_PERIODS`, and the first sample with enough past."""
     interval = motion.sample_interval
     window = int(STATE_PERIODS * period / interval)
     angle, rate = with_angle_and_rate(motion)

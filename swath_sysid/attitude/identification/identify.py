@@ -50,15 +50,14 @@ from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 
 OBJECTIVES = ('simulation', 'one-step')
 
-#: The search looks at this many periods: its basin of attraction in frequency narrows with every cycle, and refinement
-#: then follows the rest of the record outwards from there.
+#: Periods that the search uses: its basin of attraction narrows with every cycle. Refinement follows the rest.
 SEARCH_PERIODS = 6.0
 HORIZON_GROWTH = 2.5
 BLOCKS_PER_PERIOD = 24  #: As informative for a search as every sample, and short.
 CURVE_POINTS = 40
-#: Of the natural period: by more the basin's motion does not bend it, but a term that is lacking does.
+#: Relative; basin motion does not change the natural period by more, but a missing term does.
 MAX_PERIOD_CHANGE = 0.25
-#: Standard deviations from zero from which least squares knows the stiffness that the likelihood is held against.
+#: Standard deviations from zero from which the least-squares stiffness is used to check the likelihood.
 CERTAIN_STDS = 2.0
 SEARCH_SHARE = 0.7
 ONE_STEP_BIASED = Advice(
@@ -184,11 +183,7 @@ class Identification:
         return float(np.interp(self.reference_amplitude, curves.amplitude, curves.damping_ratio))
 
     def identified_model(self, provenance: dict) -> IdentifiedModel:
-        """The content of a model file.
-
-        Args:
-            provenance: The caller's record of the sources: files, hashes, software version.
-        """
+        """The content of a model file; ``provenance`` is the caller's record of files, hashes and software version."""
         search = self.settings.search
         how = {
             'segments_s': [[float(r.segment.start), float(r.segment.end)] for r in self.records],
@@ -213,11 +208,7 @@ class Identification:
 
 
 def fit_metrics(fit: Any) -> dict[str, float | str | None]:
-    """How well a fit explains the motion, as model files hold it.
-
-    Args:
-        fit: Or what has its attributes.
-    """
+    """Goodness of fit as stored in model files, of any object with its attributes."""
     return {
         'r2': fit.r2,
         'rmse_rad': fit.rmse,
@@ -327,12 +318,10 @@ def refit_from(
 
 
 def refined_in_basin(found: Identification) -> Identification:
-    """A least-squares identification refined by the likelihood that knows of the basin's motion, where it suits.
+    """A least-squares identification refined, where it suits, by the likelihood that includes the basin's motion.
 
-    Where the equation lacks a term that the motion shows, the likelihood takes for the basin's motion what the
-    equation cannot make: its optimum then simulates far worse than that of least squares, which stays. So it does
-    where the natural period leaves that of least squares, although no single term stands out of those that may be
-    lacking, and where the likelihood's motion, unlike the filter's, runs away.
+    Least squares stays where the equation lacks a term, whose effect the likelihood would attribute to basin motion;
+    where the natural period leaves that of least squares; and where the simulated motion diverges.
     """
     problem, equation = found.problem, found.model.equation
     if found.objective == 'one-step':
@@ -362,7 +351,7 @@ def refined_in_basin(found: Identification) -> Identification:
 
 
 def _has_left(refined: Identification, found: Identification):
-    """Whether the likelihood's natural period is elsewhere than that of least squares and than that of the swings."""
+    """Whether the likelihood's natural period differs from that of least squares and from that of the oscillation."""
     if any(found.model.terms[n] < CERTAIN_STDS * found.std[n] for n in ('r1', 's1') if n in found.std):
         return False
     seen = 2.0 * np.pi / found.problem.scales.frequency
@@ -376,7 +365,7 @@ def _space(problem: Problem, equation: Equation, settings: IdentificationSetting
 
 
 def _search_objective(problem: Problem, equation: Equation, settings: IdentificationSettings):
-    """Dimensionless ratios (P, n) to values (P,)."""
+    """The objective of dimensionless ratios (P, n), values (P,)."""
     if settings.objective == 'one-step':
         one_step = _one_step(problem)
         return lambda ratios: one_step(full_ratios(ratios, equation, problem.scales))
@@ -420,7 +409,7 @@ def _refine_outwards(
     tolerance: float,
     should_cancel: ShouldCancel | None,
 ):
-    """Least squares on the first periods, then on ever more of the record."""
+    """Least squares on the first periods, then on growing parts of the record."""
     longest = max(m.duration for m in problem.motions) * problem.scales.frequency / (2 * np.pi)
     starts = [best, np.clip(_linear_guess(problem, equation), space.ratio_lower, space.ratio_upper)]
     horizon = SEARCH_PERIODS
@@ -448,7 +437,7 @@ def conclude(
     search: SearchResult,
     basin: BasinFit | None = None,
 ) -> Identification:
-    """Everything a fit must say besides its coefficients."""
+    """The identification that refined parameters give, with its uncertainty."""
     ratios, states = fit.unpack(parameters)
     n = fit.term_count
     residuals, jacobians = fit.residuals_and_jacobian(parameters)

@@ -28,7 +28,7 @@ Pair = tuple[Value, Value]
 STATES = 12
 #: Places in the state; the last six are the disturbance, its slope, and the same of what drives it and that.
 X, RATE, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE, MOMENT = range(7)
-#: Of the disturbance's exponential: to rounding at a radian a step, and stable at a hundred.
+#: Of the disturbance's exponential: exact to rounding at a radian per step, stable at a hundred.
 HALVINGS, TAYLOR_ORDER = 10, 6
 SUBSTEPS = 2  #: Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign.
 
@@ -53,19 +53,11 @@ SUBSTEPS = 2  #: Runge-Kutta steps in a block: quadratic damping bends where the
 def disturbance(
     frequency: np.ndarray, damping: np.ndarray, spread: np.ndarray, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Exact transition of the disturbance over a step, and its covariance where d has unit variance.
+    """Exact transition over a step, s, and covariance for unit variance of d, each (B, 6, 6).
 
-    Of d, its slope, and the same of what drives it: in units of d, so that frequency^2 times it drives d. The
-    exponential is its Taylor series, halved and squared; the covariance solves Lyapunov's equation.
-
-    Args:
-        frequency: (B,); rad/s.
-        damping: (B,); of critical.
-        spread: (B,); of the resonators' frequencies: their logarithms differ by so much.
-        step: s.
-
-    Returns:
-        transition, covariance: (B, 6, 6)
+    Of d, its slope and the same of its drives. Frequency in rad/s, damping over critical, spread of the resonators' log
+    frequencies, each (B,). The matrix exponential is its Taylor series, halved and squared; the covariance solves
+    Lyapunov's equation.
     """
     drift = np.zeros((frequency.size, 6, 6))
     for first, power in zip((0, 2, 4), (-1.0, 0.0, 1.0), strict=True):
@@ -90,7 +82,7 @@ def disturbance(
 
 @accelerated
 def move_hull(transition: np.ndarray, stiffness: Value, damping: Value, step: float) -> None:
-    """What of the transition depends on the motion, in place: the matrix exponential to third order."""
+    """The part of the transition that depends on the motion, in place: the matrix exponential to third order."""
     k, c, h2, h3 = stiffness, damping, step * step / 2.0, step * step * step / 6.0
     by_moment, by_slope = step - h2 * c + h3 * (c * c - k), h2 - h3 * c
     kept = 1.0 - k * by_slope
@@ -110,7 +102,7 @@ def times_transition(transition: np.ndarray, given: np.ndarray, found: np.ndarra
         found[j, TRIM], found[j, BIAS] = given[TRIM, j], given[BIAS, j]
         found[j, ANGLE_NOISE] = f[ANGLE_NOISE, ANGLE_NOISE] * given[ANGLE_NOISE, j]
         found[j, RATE_NOISE] = f[RATE_NOISE, RATE_NOISE] * given[RATE_NOISE, j]
-        # each drive knows nothing of what it drives
+        # the coupling is one way: each resonator is driven by the next
         for i in range(MOMENT, STATES):
             total = 0.0
             for k in range(i - i % 2, STATES):
@@ -155,15 +147,10 @@ def read_one(
     innovation: np.ndarray,
     variance: np.ndarray,
 ) -> None:
-    """Take in readings of the angle and the rate, one after the other.
+    """Update mean (12,) and covariance (12, 12) with readings of the angle, then the rate, in place.
 
-    Args:
-        m, c: (12,) and (12, 12); mean and covariance of the state; overwritten.
-        by_x, by_w: What x and w add to each reading; trim and the angle's noise, bias and the rate's, they hold as they
-            are.
-        e: Readings less what is expected before either.
-        noise: (2,); variances; infinite where nothing was read.
-        innovation, variance: (2,); where the rate's are those after the angle; overwritten.
+    ``by_x`` and ``by_w`` are the readings' slopes by x and w; ``e`` is readings less prediction; noise variances (2,)
+    are infinite where nothing was read. Innovations and variances (2,) are overwritten; the rate's are given the angle.
     """
     with_angle, with_rate = np.empty(STATES), np.empty(STATES)
     for i in range(STATES):
@@ -213,7 +200,7 @@ def read_all(
     m += shares[:, 0].T * innovation[0] + shares[:, 1].T * innovation[1]
 
 
-# a covariance is worth a loop to compiled code, a call to numpy
+# loops are faster compiled, matrix products faster in numpy
 propagate, read = accelerated(propagate_one, propagate_all), accelerated(read_one, read_all)
 
 
@@ -236,20 +223,9 @@ def run_filter(
 ) -> None:
     """Innovations and their variances, written into the last two arguments; of one filter or, the last axis, of B.
 
-    Args:
-        ratios: Ratios to inertia, in the order of ``TERM_NAMES``.
-        active: The terms in use.
-        friction_rate: rad/s.
-        m, c: (12,) and (12, 12), or (12, B) and (12, 12, B); mean and covariance of the state at the first reading;
-            overwritten.
-        q: as ``c``; covariance that a step adds.
-        transition: as ``c``; of a step; what of it depends on the motion is overwritten.
-        noise: (N, 2) or (N, 2, B); variance of the noise of each reading; infinite where nothing was read.
-        step: s.
-        bend: Second moment of a block's samples about its middle over two, s^2: the mean of an angle over a block
-            differs from the angle in its middle by so many times its second derivative.
-        angle, rate: (N,); means over blocks of one step, rad and rad/s; any number where nothing was read.
-        innovation, variance: (N, 2) or (N, 2, B); of no meaning where nothing was read.
+    Mean ``m`` (12,), covariance ``c`` (12, 12) at the first reading and ``transition`` (12, 12) are overwritten; ``q``
+    is a step's covariance; ``noise`` (N, 2) is infinite where nothing was read. Readings (N,) are means over blocks of
+    one ``step``, s; ``bend``, s^2, is half a block's second moment: mean = mid value + bend x second derivative.
     """
     sub = step / SUBSTEPS
     for k in range(angle.size):
@@ -328,21 +304,11 @@ def innovations(
     rate: np.ndarray,
     counts: np.ndarray,
 ) -> np.ndarray:
-    """Innovations and their variances under B sets of parameters.
+    """Innovations and their variances under B sets of parameters; zero and one where nothing was read.
 
-    One after the other where the filter is compiled, all at once where it is not: numpy takes as long for 20 as for 2.
-
-    Args:
-        ratios: (9, B); ratios to inertia, a column a set.
-        active, friction_rate, step, bend, angle, rate: See `run_filter`.
-        basin: (11, B); in the order of ``LEVEL`` to ``DRIFT``.
-        initial: (3, B); angle from trim, rad, rate, rad/s, and trim, rad, at the first reading.
-        bias_std: Of the gyro's bias before anything was read, rad/s.
-        floor: (2,); standard deviation of what no model explains of a block's mean, rad and rad/s.
-        counts: ndarray of float, shape (N, 2); samples in each mean of the angle and of the rate.
-
-    Returns:
-        Zero and one where nothing was read.
+    Ratios (9, B); basin (11, B) in the order of ``LEVEL`` to ``DRIFT``; initial angle from trim, rate and trim (3, B);
+    ``floor`` (2,): std of a block's mean that no model explains; counts (N, 2): samples in each mean. Filters run one
+    after the other if compiled, else all at once: numpy takes as long for 20 as for 2.
     """
     count = ratios.shape[1]
     # most of the sets have the same disturbance

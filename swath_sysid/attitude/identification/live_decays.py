@@ -12,7 +12,7 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.window import MotionTable
 
-MOST_DECAYS = 5  #: Held for each axis; the oldest goes first. A joint fit takes as many times as long as one of them.
+MOST_DECAYS = 5  #: Held per axis, the newest; the time of a joint fit is proportional to their number.
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +36,11 @@ class LiveDecay:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the window shows how it began; else the window, which is cut anywhere, began amid it."""
+        """Whether the window shows the start of the decay."""
         return self.segment.beginning in ('released', 'pushed')
 
     def overlaps(self, other: 'LiveDecay') -> bool:
-        """Whether both are of one release: free decays of one craft share no moment."""
+        """Whether both are views of the same release."""
         return self.start < other.end and other.start < self.end
 
     def shows_more_than(self, other: 'LiveDecay') -> bool:
@@ -67,7 +67,7 @@ class HeldDecays:
 
 
 def newest(decays: Iterable[LiveDecay]) -> tuple[LiveDecay, ...]:
-    """As many decays as are held, oldest first."""
+    """The newest decays, as many as are held, oldest first."""
     return tuple(sorted(decays, key=lambda decay: decay.start)[-MOST_DECAYS:])
 
 
@@ -77,7 +77,7 @@ def joint_problem(decays: Sequence[LiveDecay]) -> Problem:
 
 
 def checked_trial(table: MotionTable) -> Trial:
-    """The motion of a window, with what contradicts itself in it: a hull is fitted to angles and rates only."""
+    """The motion of a window, with advice where its angles and rates contradict each other."""
     trial = table.trial()
     found = contradictions_in(trial.time, trial.channels, Installation())
     return replace(trial, advice=tuple(each for each in found if each.code in RATE_CODES | OFFSET_CODES))
@@ -86,8 +86,7 @@ def checked_trial(table: MotionTable) -> Trial:
 def decays_in(table: MotionTable, trial: Trial, axis: str, source: dict) -> tuple[LiveDecay, ...]:
     """The decay with the most motion in a window, and the others that began with a release.
 
-    Raises:
-        InputError: The angle and the rate of this axis contradict each other, or neither was measured.
+    Raises `InputError` where angle and rate contradict each other, or neither was measured.
     """
     refuse_contradictions(trial, axis)
     motion = trial.axis(axis)
@@ -100,7 +99,7 @@ def decays_in(table: MotionTable, trial: Trial, axis: str, source: dict) -> tupl
 
 
 def window_source(table: MotionTable, name: dict) -> dict:
-    """Where a window came from, for the provenance of a model; ``name`` is what names its source, as a topic."""
+    """The source of a window for a model's provenance; ``name`` names it, as a topic does."""
     return {
         **name,
         'first_stamp_s': float(table.rows[0, 0]),

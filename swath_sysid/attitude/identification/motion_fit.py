@@ -44,9 +44,8 @@ class InitialState:
 class MotionFit:
     """Residuals, Jacobian and least-squares refinement of an equation on records.
 
-    Args:
-        friction_rate: rad/s.
-        steps_per_period: Runge-Kutta steps a period of ``scales.frequency``.
+    Simulated with ``steps_per_period`` Runge-Kutta steps per period of ``scales.frequency``; ``friction_rate`` in
+    rad/s.
     """
 
     def __init__(
@@ -88,15 +87,7 @@ class MotionFit:
         return ratios, tuple(InitialState(*row) for row in own.tolist())
 
     def objective_of_population(self, candidates: np.ndarray, states: Sequence[InitialState]) -> np.ndarray:
-        """Objective of each candidate from given initial states.
-
-        Args:
-            candidates: (P, n); dimensionless ratios.
-            states: At the first sample of each record.
-
-        Returns:
-            Root mean square of the weighted residuals; infinite where the motion runs away.
-        """
+        """Rms of the weighted residuals of dimensionless candidates (P, n); infinite where the motion diverges."""
         population, records = len(candidates), len(self._motions)
         ratios = np.zeros((len(TERM_NAMES), population * records))
         ratios[self._terms] = np.tile((candidates * self._units).T, records)
@@ -114,14 +105,9 @@ class MotionFit:
         return np.where(np.isfinite(values), values, np.inf)
 
     def residuals_and_jacobian(self, parameters: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Weighted residuals and their derivatives, by forward differences in one simulation.
+        """Weighted residuals (N_k,) per record and channel, angle before rate, and Jacobians (N_k, n + 3 M).
 
-        Args:
-            parameters: (n + 3 M,); dimensionless, as `pack` gives them.
-
-        Returns:
-            residuals: list of (N_k,); one per record and channel, angle before rate.
-            jacobians: list of (N_k, n + 3 M)
+        By forward differences in one simulation, at dimensionless parameters (n + 3 M,) of `pack`.
         """
         n, records = self.term_count, len(self._motions)
         copies = n + 3
@@ -158,17 +144,9 @@ class MotionFit:
     def refine(
         self, parameters: np.ndarray, lower: np.ndarray, upper: np.ndarray, tolerance: float = TOLERANCE
     ) -> tuple[np.ndarray, float, int]:
-        """Least-squares refinement within bounds.
+        """Least-squares parameters (n + 3 M,), rms of their weighted residuals and number of evaluations.
 
-        Args:
-            parameters: (n + 3 M,); start.
-            lower, upper: (n,); bounds of the dimensionless ratios; states are free.
-            tolerance: Relative change of objective or parameters at which it ends.
-
-        Returns:
-            parameters: (n + 3 M,)
-            objective: Root mean square of the weighted residuals.
-            evaluations
+        Bounds (n,) are of the dimensionless ratios; states are free. ``tolerance`` is relative.
         """
         free = np.full(parameters.size - self.term_count, np.inf)
         bounds = (np.concatenate([lower, -free]), np.concatenate([upper, free]))
@@ -202,11 +180,7 @@ class MotionFit:
             )
 
     def _least_squares(self, parameters: np.ndarray, chosen: np.ndarray, bounds: tuple, tolerance: float):
-        """scipy's trust-region least squares over the chosen parameters, the others kept.
-
-        Residuals and Jacobian come out of one simulation, so that the Jacobian is at hand when
-        it is asked for.
-        """
+        """scipy's least squares over the chosen parameters; one simulation gives residuals and Jacobian."""
         held = {}
 
         def residuals(values: np.ndarray):
@@ -254,7 +228,7 @@ class MotionFit:
         return residuals
 
     def _channel_trim_slopes(self, index: int):
-        """Derivative of each channel's residuals by the dimensionless trim."""
+        """Derivatives of each channel's residuals by the dimensionless trim."""
         motion = self._motions[index]
         angle = [self._state_units[2] / self._noise.angle] if motion.angle is not None else []
         return angle + ([0.0] if motion.rate is not None else [])

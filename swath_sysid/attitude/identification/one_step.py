@@ -1,14 +1,7 @@
-"""The published objective: the error of the rate one Euler step ahead.
+"""The published objective: the rms error of the rate one Euler step ahead, w'[k+1] = w[k] + dt f(psi[k], w[k]).
 
-    F = sqrt(mean((w'[k+1] - w[k+1])^2)),   w'[k+1] = w[k] + dt f(psi[k], w[k])
-
-f is linear in the ratios, so F^2 is a quadratic form of the Gram matrix of the steps of the
-terms and the measured step of the rate. It is formed once, by orthogonal triangularisation, and
-a candidate then costs the same whatever the record's length; its minimum within bounds is a
-bounded least-squares problem.
-
-Under noise its minimum is biased, because the measured rate stands on both sides: the
-simulation objective is the default for that reason.
+f is linear in the ratios, so F^2 is a quadratic form, triangularised once; its bounded minimum is a linear problem.
+Under noise the minimum is biased, because the measured rate is on both sides: simulation is the default.
 """
 
 from collections.abc import Sequence
@@ -21,7 +14,7 @@ from swath_sysid.attitude.hull.terms import TERM_NAMES, term_moments
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.errors import InputError
 
-LONGEST_STEP = 3.0  #: Intervals longer than this many median intervals are gaps, over which no Euler step is taken.
+LONGEST_STEP = 3.0  #: Median intervals; no Euler step is taken over a longer gap.
 
 
 @dataclass(frozen=True)
@@ -34,16 +27,7 @@ class OneStepObjective:
 
     @classmethod
     def of(cls, motions: Sequence[AxisMotion], trims: Sequence[float], friction_rate: float) -> 'OneStepObjective':
-        """Form the objective of one or several records.
-
-        Args:
-            motions: With an angle, a rate or both.
-            trims: Angle of rest of each, rad.
-            friction_rate: rad/s.
-
-        Raises:
-            InputError: No two neighbouring samples.
-        """
+        """The objective of records at their trims, rad; `InputError` with fewer than ten neighbouring samples."""
         steps = [_steps(motion, trim, friction_rate) for motion, trim in zip(motions, trims, strict=True)]
         samples = sum(len(s) for s in steps)
         if samples < len(TERM_NAMES) + 1:
@@ -52,27 +36,12 @@ class OneStepObjective:
         return cls(triangle, samples)
 
     def __call__(self, ratios: np.ndarray):
-        """F of each candidate, rad/s.
-
-        Args:
-            ratios: (P, 9); ratios to inertia, a row a candidate.
-
-        Returns:
-            ndarray, shape (P,)
-        """
+        """F of candidates (P, 9), ratios to inertia: (P,), rad/s."""
         errors = ratios @ self.triangle[:, :-1].T + self.triangle[:, -1]
         return np.sqrt(np.einsum('pk,pk->p', errors, errors) / self.samples)
 
     def minimum(self, equation: Equation, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-        """The exact optimum within bounds.
-
-        Args:
-            equation: Its terms are fitted; the other ratios are zero.
-            lower, upper: (9,); bounds of the ratios; lower below upper for the terms in use.
-
-        Returns:
-            ndarray, shape (9,)
-        """
+        """The exact optimum (9,) within bounds (9,); ratios of terms not in the equation are zero."""
         from scipy.optimize import lsq_linear
 
         used = equation.indices
@@ -102,14 +71,7 @@ def _steps(motion: AxisMotion, trim: float, friction_rate: float):
 
 
 def with_angle_and_rate(motion: AxisMotion) -> tuple[np.ndarray, np.ndarray]:
-    """Angle and rate of a motion, the one not measured derived from the other.
-
-    A missing rate is the centred difference of the angle; a missing angle the integral of the
-    rate about its own mean.
-
-    Returns:
-        angle, rate: (N,)
-    """
+    """Angle and rate (N,); a missing rate is the centred difference, a missing angle the rate's integral."""
     if motion.rate is None:
         return motion.primary, np.gradient(motion.primary, motion.time)
     if motion.angle is None:

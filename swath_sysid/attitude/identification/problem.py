@@ -1,4 +1,4 @@
-"""What is to be identified: the free decays of some records, and what they say at a glance."""
+"""The identification problem: the free decays of records, and first estimates from them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,26 +16,23 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.noise import weighting_noise
 from swath_sysid.common.signals import bin_means
 
-#: Dry friction is smoothed over this share of the greatest rate: small against the rates that carry information, and
-#: wide enough to be integrated at the usual step.
+#: Dry friction is smoothed over this share of the greatest rate, wide enough for the usual integration step.
 FRICTION_RATE_SHARE = 0.02
 
 DENSEST = 1000
-#: Samples a period: records denser than the first are averaged to the second, which costs the motion less than 1e-5 of
-#: its amplitude.
+#: Samples per period: records denser than `DENSEST` are averaged to this, at an error below 1e-5 of the amplitude.
 AVERAGED = 400
 
-LONGEST_AFTERMATH = 10.0  #: Periods after a decay that are looked at,
-#: as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again.
+LONGEST_AFTERMATH = 10.0  #: Periods after a decay that are used,
+#: up to where the angle exceeds this share of the first amplitude: the craft is then being pushed again.
 LOUDEST_AFTERMATH = 0.5
-#: A hand that stops the craft, too, disturbs a decay; waves that do so keep it moving, from peak to peak, by more than
-#: this part of the decay's last amplitude.
+#: Waves keep the craft moving, peak to peak, by more than this share of the last amplitude; a hand stops it.
 STOPPED = 0.5
 
-FIRST_LOOK_PERIODS = 0.12  #: The initial state is estimated from this part of a period.
+FIRST_LOOK_PERIODS = 0.12  #: Share of a period that the initial state is estimated from.
 
-#: Where a decay has fewer cycles its beginning tells the natural frequency: twice as long as it takes to fall to this
-#: part of the angle. By a greater factor than the last it is not trusted to.
+#: With fewer cycles the frequency is that of the first fall, over twice the time to this share of the angle,
+#: unless it differs by more than the last factor.
 FEW_CYCLES, FALLEN, LARGEST_CORRECTION = 3.0, 0.2, 8.0
 
 
@@ -46,7 +43,7 @@ class Problem:
     axis: str
     motions: tuple[AxisMotion, ...]  #: Cut to their free decays.
     segments: tuple[DecaySegment, ...]
-    #: From the release on as far as the craft was left alone: what follows a decay shows how still the basin is.
+    #: From the release to the end of undisturbed motion, which shows how still the basin is.
     observed: tuple[AxisMotion, ...]
     states: tuple[InitialState, ...]  #: First estimates.
     scales: Scales
@@ -66,14 +63,9 @@ class Problem:
 
 
 def prepare(motions: Sequence[AxisMotion], start: float | None = None, end: float | None = None) -> Problem:
-    """Find the free decays and take first estimates from them.
+    """Find the free decays of one axis, unless bounded by ``start`` and ``end``, s, and first estimates.
 
-    Args:
-        motions: Whole records, all of one axis.
-        start, end: Bounds of the decay in each record's own time, s; what is not given is found.
-
-    Raises:
-        InputError: No record, different axes, or no free decay in a record.
+    Raises `InputError` without a record, with different axes, or without a free decay in a record.
     """
     return problem_of(motions, tuple(find_decay(m, start, end) for m in motions))
 
@@ -81,7 +73,7 @@ def prepare(motions: Sequence[AxisMotion], start: float | None = None, end: floa
 def decays_or_waves(
     motions: Sequence[AxisMotion], start: float | None = None, end: float | None = None
 ) -> Problem | None:
-    """As `prepare`, but None where none of the records holds a free decay and all swing from beginning to end."""
+    """As `prepare`, but None where no record holds a free decay and all oscillate from start to end."""
     found = tuple(decay_or_absence(m, start, end) for m in motions)
     absences = [each for each in found if isinstance(each, Advice)]
     if absences and all(each.code == FORCED_MOTION for each in absences) and len(absences) == len(found):
@@ -122,13 +114,13 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
 
 
 def needed_part(motion: AxisMotion, segment: DecaySegment) -> AxisMotion:
-    """What `problem_of` uses of a record: the decay and what follows it, no denser than a fit can use."""
+    """The part of a record that `problem_of` uses: the decay and what follows it, no denser than a fit needs."""
     end = segment.end + LONGEST_AFTERMATH * segment.period
     return _averaged(motion.between(segment.start, end), segment.period)
 
 
 def _left_alone_until(motion: AxisMotion, segment: DecaySegment):
-    """End of the quiet, or of the waves, that a decay fades into, s; its own end where it was given or stopped."""
+    """End of the undisturbed motion after a decay, s; the decay's own end where it was given or stopped."""
     if segment.ending not in ('noise-floor', 'faded', 'disturbed') or motion.angle is None:
         return segment.end
     after = motion.between(segment.end, segment.end + LONGEST_AFTERMATH * segment.period)
@@ -145,21 +137,13 @@ def _left_alone_until(motion: AxisMotion, segment: DecaySegment):
 
 
 def _averaged(motion: AxisMotion, period: float):
-    """The record at a density that a fit can use up."""
+    """The record at a density that a fit needs."""
     dense = period / motion.sample_interval > DENSEST
     return block_means(motion, period, AVERAGED) if dense else motion
 
 
 def block_means(motion: AxisMotion, period: float, blocks: int) -> AxisMotion:
-    """The record in means over a part of a period; as it is where it is not much denser than that.
-
-    The first sample stays as it is, because the initial state belongs to it.
-
-    Args:
-        motion: From its initial state on.
-        period: s.
-        blocks: Blocks a period.
-    """
+    """Means over a period (s) in ``blocks``, the first sample kept; the record itself where it is hardly denser."""
     if motion.sample_interval * blocks > 0.5 * period:
         return motion
     block = 1 + np.floor((motion.time - motion.time[0]) * blocks / period).astype(int)
@@ -197,10 +181,10 @@ def _initial_state(motion: AxisMotion, segment: DecaySegment, noise: Noise):
 
 
 def _frequency(motion: AxisMotion, segment: DecaySegment):
-    """Natural frequency to scale by, rad/s: of the swings or, where they are few, of the first fall.
+    """Natural frequency to scale by, rad/s: of the oscillation or, with few cycles, of the first fall.
 
-    Swings of a strongly damped craft are more the basin's. The fall obeys the linear equation integrated once, rate =
-    -b1 angle - r1 (integral of the angle) + a + b t, in which a gyro's bias and the trim have no part.
+    The fall obeys the integrated linear equation, rate = -b1 angle - r1 (integral of the angle) + a + b t, which is
+    free of gyro bias and trim; later oscillations of a strongly damped craft are mostly the basin's.
     """
     from scipy.integrate import cumulative_trapezoid
 

@@ -1,8 +1,8 @@
-"""Refitting a craft's model on what a motion window shows: what is fitted, what replaces what, and the way back.
+"""Refitting a craft's models on motion windows, and their replacement and rollback.
 
-All the decays that the windows have shown are fitted together. A window that holds motion in waves instead of a free
-decay is identified at sea. The linear equivalent that this gives never replaces the model of a free decay, which covers
-other amplitudes too; a decay replaces either.
+All decays that the windows have shown are fitted together; a window without one is identified in waves.
+Its linear equivalent never replaces the model of a free decay, which covers other amplitudes too; a decay replaces
+either.
 """
 
 from collections.abc import Mapping, Sequence
@@ -52,13 +52,13 @@ from swath_sysid.common.stopping import Progress, ShouldCancel
 
 LONGEST_HISTORY = 20
 
-#: Codes of verdicts that leave the decays themselves in good order: the next release may do with them.
+#: Codes of verdicts whose decays can be fitted together with the next release.
 HARMLESS = ('adequate', 'motion-uncertain')
 
 
 @dataclass(frozen=True)
 class RefitSettings:
-    """What a refit fits."""
+    """Axes and settings of a refit."""
 
     axes: tuple[str, ...] = AXES  #: Those to identify.
     identification: IdentificationSettings = field(default_factory=IdentificationSettings)
@@ -72,25 +72,25 @@ class RefitSettings:
 
 @dataclass(frozen=True)
 class RefitRequest:
-    """All that a refit needs, wherever it runs."""
+    """The input of a refit."""
 
     windows: tuple[MotionTable, ...]  #: Oldest first.
     current: dict[str, IdentifiedModel]
     held: dict[str, HeldDecays]
     settings: RefitSettings
-    is_asked: bool = True  #: Else only decays that a window was published for are fitted, and waves.
-    source: dict = field(default_factory=dict)  #: What names the source of windows in provenance, as their topic.
+    is_asked: bool = True  #: Otherwise only waves and decays for which a window was published are fitted.
+    source: dict = field(default_factory=dict)  #: Source of the windows for provenance, such as their topic.
     software: str = ''  #: Name and version.
 
 
 @dataclass(frozen=True)
 class AxisVerdict:
-    """What a refit found about one axis."""
+    """The finding of a refit about one axis."""
 
     axis: str
     model: IdentifiedModel | None  #: To be published; None: the current one stays.
-    message: str  #: One clause that says what was found.
-    decays: HeldDecays | None = None  #: That are held from now on; None: those of before.
+    message: str  #: The finding in one clause.
+    decays: HeldDecays | None = None  #: To be held from now on; None: no change.
     #: Of the natural period, whether or not the model is to be published; None where it is not known.
     estimate: PeriodEstimate | None = None
     is_absent: bool = False  #: Whether the window showed nothing of this axis that could be fitted.
@@ -98,7 +98,7 @@ class AxisVerdict:
 
 @dataclass(frozen=True)
 class RefitOutcome:
-    """What a refit found."""
+    """The findings of a refit."""
 
     verdicts: tuple[AxisVerdict, ...]
 
@@ -123,7 +123,7 @@ class RefitOutcome:
 
 
 class Seen(NamedTuple):
-    """What the windows of a request showed of one axis."""
+    """The motion of one axis in the windows of a request."""
 
     decays: tuple[LiveDecay, ...]
     newest: MotionTable
@@ -135,17 +135,7 @@ def refit(
 ) -> RefitOutcome:
     """Fit the decays held and those of the windows, and compare with the current models.
 
-    Args:
-        request: The windows, the settings, the decays and the models held.
-        progress: Called with 0 to 1.
-        should_cancel: Asked often.
-
-    Returns:
-        What cannot be fitted is reported in its verdict.
-
-    Raises:
-        InputError: A window is empty.
-        Cancelled: ``should_cancel`` said so.
+    What cannot be fitted is reported in its verdict. Raises `InputError` for an empty window, and `Cancelled`.
     """
     trials = [checked_trial(table) for table in request.windows]
     axes = _axes_to_fit(request)
@@ -184,7 +174,7 @@ def _refit_axis(
     axis: str, seen: Seen, request: RefitRequest, progress: Progress, should_cancel: ShouldCancel | None
 ) -> AxisVerdict:
     held = request.held.get(axis, HeldDecays())
-    # where the window begins amid a swing, that is the tail of a release that was held before
+    # a window that starts amid an oscillation holds the tail of a release that is held already
     old, new = held.with_new([each for each in seen.decays if each.has_begun or not held.decays])
     if not seen.decays:
         absence = explain_absence(seen.trial.axis(axis))
@@ -252,7 +242,7 @@ def _judged(
 
 
 def _period_at_reference(found: Identification, table: MotionTable) -> PeriodEstimate | None:
-    """The period where the decays are, unless the fit is rejected or leaves it open."""
+    """The period at the decays' amplitude, unless the fit is rejected or too uncertain."""
     amplitude, curves = found.reference_amplitude, found.bands.curves
     frequency = float(np.interp(amplitude, curves.amplitude, curves.frequency))
     std = float(np.interp(amplitude, curves.amplitude, found.bands.frequency_std))
@@ -304,14 +294,14 @@ def _told_at_sea(found: AtSeaIdentification) -> str:
 
 
 def _told_there(held: IdentifiedModel, amplitude: float):
-    """What a model says of an amplitude, in words."""
+    """A model's period and damping at an amplitude, in words."""
     curves = amplitude_curves(held.model.ratios, np.array([amplitude]), held.model.friction_rate)
     period, damping = 2.0 * np.pi / float(curves.frequency[0]), float(curves.damping_ratio[0])
     return f'which there has period {period:.3f} s and damping ratio {damping:.3f}'
 
 
 def warm_up() -> None:
-    """A small refit of simulated decays, so that the next one finds everything loaded and compiled."""
+    """A small refit of simulated decays that loads and compiles everything for the next one."""
     time = np.arange(0.0, 12.0, 0.05)
     decay = 0.1 * np.exp(-0.2 * time)
     rows = np.full((time.size, 8), np.nan)
@@ -324,12 +314,7 @@ def warm_up() -> None:
 
 
 class Refitter:
-    """The models of a craft as refits change them, with the decays behind them and the way back.
-
-    Args:
-        models: Known at the start, by axis.
-        history: Those before them, oldest first.
-    """
+    """Models by axis and their changes by refits, with the decays behind them and a history, oldest first."""
 
     def __init__(
         self,
@@ -346,19 +331,12 @@ class Refitter:
         self._forgot = False
 
     def request(self, *windows: MotionTable, is_asked: bool = True, **origin: Any) -> RefitRequest:
-        """What is to be fitted on windows, oldest first, by `refit`; ``origin`` as in `RefitRequest`."""
+        """What `refit` needs for windows, oldest first; ``origin`` as in `RefitRequest`."""
         self._forgot = False
         return RefitRequest(windows, dict(self.models), dict(self.decays), self.settings, is_asked, **origin)
 
     def take(self, outcome: RefitOutcome) -> bool:
-        """Accept what a refit found, and watch the stability by what it found of the period.
-
-        Args:
-            outcome: Of `refit`.
-
-        Returns:
-            Whether the models have changed and are to be published.
-        """
+        """Accept an outcome of `refit` and update the stability watch; True where the models are to be published."""
         self.stability.settings = self.settings.stability
         before = self.models, self.decays
         for verdict in outcome.verdicts:
@@ -374,15 +352,11 @@ class Refitter:
         return True
 
     def forget_decays(self) -> None:
-        """The next release starts a fit of its own, also while a refit runs; the models stay."""
+        """Start a new fit with the next release, also while a refit runs; the models stay."""
         self.decays, self._forgot = {}, True
 
     def rollback(self) -> bool:
-        """Return to the models, and the decays, before the last refit that was accepted.
-
-        Returns:
-            Whether there was one; if so the models are to be published.
-        """
+        """Return to the models and decays before the last accepted refit; True where there was one."""
         if not self._history:
             return False
         self.models, self.decays = self._history.pop()

@@ -1,4 +1,4 @@
-"""Which model of free decays is published: by its verdict, then by how well it knows the motion of the next release."""
+"""Which model of free decays is published: by its verdict, then by the expected error of the next release."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,22 +16,13 @@ from swath_sysid.attitude.identification.motion_fit import MotionFit
 from swath_sysid.attitude.identification.problem import Problem, block_means
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER
 
-BY_CHANCE = 0.01  #: Probability of taking chance for a changed hull.
+BY_CHANCE = 0.01  #: Probability that chance is reported as a changed hull.
 
 _RANK = {REJECTED: 0, DOUBTFUL: 1, ADEQUATE: 2}
 
 
 def misfit(problem: Problem, model: DecayModel) -> float:
-    """How badly a model explains decays, from the initial state that suits it best.
-
-    Args:
-        problem: The decays.
-        model: Its ratios are kept; its trim is not read.
-
-    Returns:
-        Root mean square of the residuals of angle and rate, weighted by their noise; infinite where the simulated
-        motion runs away.
-    """
+    """Rms residual of a model on decays, weighted by noise, from its best initial states; infinite if it diverges."""
     residuals = _residuals(problem, model)
     return float('inf') if residuals is None else float(np.sqrt(np.mean(residuals**2)))
 
@@ -42,13 +33,13 @@ def _residuals(problem: Problem, model: DecayModel) -> np.ndarray | None:
         best = fit.refine_states(fit.pack(model.ratios, problem.states))
         found = np.concatenate(fit.residuals_and_jacobian(best)[0])
     except (ValueError, np.linalg.LinAlgError):
-        # scipy's answer to a motion that runs away
+        # scipy raises where the motion diverges
         return None
     return found if np.isfinite(found).all() else None
 
 
 def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayModel]) -> float:
-    """The least sum of squares of an equation's residuals, from several hulls."""
+    """The least sum of squares of an equation's residuals, started from several hulls."""
     fit = MotionFit(problem.motions, equation, problem.scales, problem.noise, problem.friction_rate)
     bounds = LOWER[equation.indices], UPPER[equation.indices]
     found = []
@@ -63,17 +54,11 @@ def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayM
 
 
 def has_changed(problem: Problem, before: DecayModel, alone: Identification, new: Sequence[int]) -> bool:
-    """Whether new decays contradict those before them by more than matters.
+    """Whether new decays contradict the others by more than matters; ``new`` are their places in the problem.
 
-    One hull for all is held against one for each part. Of one craft, the sums of squares over the variance of the noise
-    differ by a chi-squared variable with the degrees of freedom of one hull (Wilks 1938). What one hull leaves beyond
-    that matters where it is more of the motion than the new decays leave open of it.
-
-    Args:
-        problem: All decays.
-        before: Fitted to all but the new decays.
-        alone: Fitted to the new decays.
-        new: Their places in the problem.
+    ``before`` is fitted to the others, ``alone`` to the new ones. One hull for all against one for each part: the sums
+    of squares differ by a chi-squared variable (Wilks 1938). The excess matters where it exceeds the new fit's motion
+    error.
     """
     problem = _thinned(problem)
     old = [k for k in range(len(problem.motions)) if k not in new]
@@ -88,7 +73,7 @@ def has_changed(problem: Problem, before: DecayModel, alone: Identification, new
 
 
 def _thinned(problem: Problem) -> Problem:
-    """As dense as the search needs it: a hull and another differ in the motion, not from sample to sample."""
+    """The problem at the search's density, in which two hulls still differ."""
     period = 2.0 * np.pi / problem.scales.frequency
     return replace(problem, motions=tuple(block_means(m, period, BLOCKS_PER_PERIOD) for m in problem.motions))
 
@@ -109,7 +94,7 @@ def _count(problem: Problem) -> int:
 
 
 def explains_better(found: Identification, held: DecayModel) -> bool:
-    """Whether a fit explains its decays better than a model that was fitted to others, beyond chance.
+    """Whether a fit explains its decays better than a model fitted to others, beyond chance.
 
     Twice the variable of `has_changed`, because both are uncertain.
     """
@@ -119,16 +104,16 @@ def explains_better(found: Identification, held: DecayModel) -> bool:
 
 
 def motion_error(model: IdentifiedModel) -> float:
-    """How far the next release may be off, a share of its motion; of a model that was given, nothing."""
+    """Expected error of the next release, a share of its motion; zero for a model that was given."""
     error = model.metrics.get('motion_error', 0.0)
     return float('inf') if error is None else float(error)
 
 
 def reason_to_keep(current: IdentifiedModel | None, new: IdentifiedModel, is_contradicted: bool) -> str:
-    """Why a model of free decays does not replace the current one, empty where it does.
+    """Why a model of free decays does not replace the current one; empty where it does.
 
-    A rejected model replaces nothing, and none replaces one with a better verdict. Among equals, a contradiction of the
-    current model decides, and else who knows more of the next release.
+    A rejected model replaces nothing, and none replaces a better verdict. Among equals a contradiction of the current
+    model decides, otherwise the smaller motion error.
     """
     level = new.metrics['verdict']
     if level == REJECTED or not np.isfinite(new.model.natural_period):
@@ -152,7 +137,7 @@ def told_verdict(model: IdentifiedModel) -> str:
 
 
 def told_gain(current: IdentifiedModel | None, new: IdentifiedModel, releases: int) -> str:
-    """What the last release added to the certainty."""
+    """What the last release added to the certainty, in words."""
     count = f'{releases} release{"s" if releases > 1 else ""}'
     if current is None or not 0.0 < motion_error(current) < np.inf:
         return count

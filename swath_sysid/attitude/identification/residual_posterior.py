@@ -1,6 +1,6 @@
-"""The log posterior of least squares, where the likelihood of a basin that moves does not suit.
+"""The log posterior of least squares, where the basin likelihood is not suited.
 
-Residuals of N samples that are as good as n independent ones count n / N each.
+Residuals of N samples that are equivalent to n independent ones are weighted by n / N.
 """
 
 from collections.abc import Sequence
@@ -15,12 +15,10 @@ from swath_sysid.attitude.identification.scoring import Evaluation, search_each
 
 
 class ResidualPosterior:
-    """Negative log posterior of an equation's dimensionless ratios and the initial states of some records.
+    """Negative log posterior of an equation's dimensionless ratios and the initial states of records.
 
-    Args:
-        variance: Of the weighted residuals, times the samples to each independent one.
-        ratio_prior: (n,); standard deviations of the ratios before the records are seen, about zero, the linear
-            stiffness about one. States have that of a linear term.
+    ``variance`` is that of the weighted residuals times samples per independent one; ``ratio_prior`` (n,) holds prior
+    standard deviations, about zero but for the linear stiffness about one. States have that of a linear term.
     """
 
     def __init__(self, fit: MotionFit, equation: Equation, variance: float, ratio_prior: np.ndarray, size: int) -> None:
@@ -35,7 +33,7 @@ class ResidualPosterior:
         self.lowest[:n][[name in DAMPING_NAMES for name in equation.terms]] = 0.0
 
     def optimum(self, start: np.ndarray, held: Sequence[int]) -> Evaluation:
-        """The optimum from some parameters (p,), of which those at the places ``held`` stay."""
+        """The optimum from parameters (p,), those at the places ``held`` kept."""
         stays = np.isin(np.arange(start.size), held)
         (found,) = search_each(self.evaluate, [start], self.lowest, np.full(start.size, np.inf), [stays])
         return found

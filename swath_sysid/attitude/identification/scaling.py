@@ -1,8 +1,7 @@
-"""Dimensionless ratios: every term measured against the restoring moment of the record.
+"""Dimensionless ratios: every term over the restoring moment of the record.
 
-A ratio times the moment of its term at the record's amplitude a and rate w0 a, over w0^2 a, is
-of order one for any craft of any size. Search and refinement work in these numbers, and the
-ranges below are in them.
+A ratio times the moment of its term at amplitude a and rate w0 a, over w0^2 a, is of order one for any craft.
+Search, refinement and the ranges below use these numbers.
 """
 
 from dataclasses import dataclass

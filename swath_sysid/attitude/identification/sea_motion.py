@@ -1,8 +1,7 @@
-"""Motion in waves, smooth enough to be differentiated, and the spectra of what a hull's equation makes of it.
+"""Motion in waves, smooth enough to be differentiated, and the spectra of the terms of a hull's equation.
 
-Sine tapers (Riedel and Sidorenko, Minimum bias multiple taper spectral estimation, IEEE Trans. Signal
-Processing 43, 1995) keep the energy of the waves out of the bands where there is none: those bands show
-what the hull's nonlinearity makes of the waves.
+Sine tapers (Riedel and Sidorenko, IEEE Trans. Signal Processing 43, 1995) keep the energy of the waves out of the
+bands without waves, which show the hull's nonlinearity.
 """
 
 from dataclasses import dataclass
@@ -15,25 +14,24 @@ from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.common.errors import InputError
 
 TAPERS = 5
-BAND_RATIO = 1.03  #: Frequencies of neighbouring bands, over which spectra are averaged.
-ABOVE_NOISE = 4.0  #: A band is used while its spectrum stands so many times above the noise,
+BAND_RATIO = 1.03  #: Of the frequencies of neighbouring bands, over which spectra are averaged.
+ABOVE_NOISE = 4.0  #: A band is used while its spectrum is this many times the noise,
 DYNAMIC_RANGE = 1e-5  #: ... and above this part of the peak.
 LOWEST_BAND, HIGHEST_BAND = 0.25, 8.0  #: ... between these multiples of the peak frequency.
 MIN_REACH = 1.3  #: Multiple of the peak frequency up to which the motion must be known.
 FASTEST = 0.8  #: ... and below this part of the Nyquist frequency.
 LOW_PASS = 2.0  #: Corner over the highest band: there the motion passes whole.
 
-#: Nyquist frequency over the highest band: products of three factors fold back only above the bands.
+#: Nyquist frequency over the highest band: products of three factors alias only above the bands.
 OVERSAMPLING = 4.0
 
-EDGE_PERIODS = 1.0  #: Left out at both ends, where the derivatives know one side only.
+EDGE_PERIODS = 1.0  #: Left out at both ends, where the derivatives are one-sided.
 
 HEAVE_ABOVE_NOISE = 10.0
-#: Heave shows the sea where it stands so far above its noise wherever the spectrum of the angle is above this part of
-#: its peak.
+#: Heave must exceed its noise by that factor wherever the angle's spectrum is above this part of its peak,
 HEAVE_WANTED = 0.01
 
-#: ... and where its standard deviation is so many g times that of the angle. Below, it is what is left of gravity.
+#: and its std must be this many g times that of the angle; below, it is a remainder of gravity.
 HEAVE_LEAST = 0.05
 
 HEAVE_SMOOTHING = 0.06  #: Relative bandwidth over which the spectrum of the heave is averaged.
@@ -48,19 +46,17 @@ GAUSSIAN_RATE = float(np.sqrt(8.0 / np.pi))
 class SeaMotion:
     """A motion in waves on an even grid, its noise and the bands in which it is known."""
 
-    start: float  #: Time of the first sample and between samples, s.
-    interval: float  #: Time of the first sample and between samples, s.
-    angle: np.ndarray  #: (N,); About the mean angle; rad, rad/s, rad/s^2.
-    rate: np.ndarray  #: (N,); About the mean angle; rad, rad/s, rad/s^2.
-    acceleration: np.ndarray  #: (N,); About the mean angle; rad, rad/s, rad/s^2.
+    start: float  #: Time of the first sample, s.
+    interval: float  #: Between samples, s.
+    angle: np.ndarray  #: (N,); about the mean, rad.
+    rate: np.ndarray  #: (N,); rad/s.
+    acceleration: np.ndarray  #: (N,); rad/s^2.
     mean: float  #: Mean angle, rad; NaN where no angle was measured.
-    #: One-sided spectral density of the white noise, rad^2 s and (rad/s)^2 s; infinite where not measured.
-    angle_noise: float
-    #: One-sided spectral density of the white noise, rad^2 s and (rad/s)^2 s; infinite where not measured.
-    rate_noise: float
+    angle_noise: float  #: One-sided spectral density of the white noise, rad^2 s; infinite where not measured.
+    rate_noise: float  #: The same of the rate, (rad/s)^2 s.
     peak: float  #: Frequency at which the angle's spectrum is largest, rad/s.
-    lowest: float  #: Bounds of the bands, rad/s.
-    highest: float  #: Bounds of the bands, rad/s.
+    lowest: float  #: Lower bound of the bands, rad/s.
+    highest: float  #: Upper bound of the bands, rad/s.
 
     @property
     def duration(self) -> float:
@@ -86,8 +82,8 @@ class SeaMotion:
 class TermSpectra:
     """Cross spectra of `TERMS`, averaged over bands.
 
-    The shapes of the nonlinear terms are free of their linear part in a Gaussian motion (x and w of
-    standard deviations s and q): |w| w / q - sqrt(8 / pi) w,  x^2 / s,  x^3 / s^2 - 3 x.
+    Nonlinear terms are orthogonal to their linear part in a Gaussian motion (x, w of standard deviations s, q): |w| w /
+    q - sqrt(8 / pi) w, x^2 / s, x^3 / s^2 - 3 x.
     """
 
     frequency: np.ndarray  #: (B,); rad/s.
@@ -114,14 +110,7 @@ class Heave:
 
 
 def heave_of(trial: Trial) -> Heave | None:
-    """Vertical acceleration by the accelerometers and the attitude of a trial.
-
-    Args:
-        trial: Its roll, pitch and accelerations are used.
-
-    Returns:
-        None where one of them was not measured.
-    """
+    """Vertical acceleration from a trial's accelerometers, roll and pitch; None where one was not measured."""
     channels = (trial.roll, trial.pitch, trial.accel_x, trial.accel_y, trial.accel_z)
     if any(channel is None for channel in channels):
         return None
@@ -135,13 +124,9 @@ def heave_of(trial: Trial) -> Heave | None:
 
 
 def sea_motion(motion: AxisMotion) -> SeaMotion:
-    """Angle, rate and acceleration from what was measured.
+    """Angle, rate and acceleration of the longest stretch without a pause.
 
-    Args:
-        motion: The longest stretch without a pause is used.
-
-    Raises:
-        InputError: The axis does not move, or is sampled too slowly for its motion.
+    Raises `InputError` where the axis does not move, or is sampled too slowly for its motion.
     """
     piece = max(split_at_pauses(motion), key=lambda part: part.duration)
     if piece.size < 64:
@@ -261,27 +246,14 @@ def _tapers(size: int):
 
 
 def tapered_spectrum(values: np.ndarray, interval: float) -> tuple[np.ndarray, np.ndarray]:
-    """One-sided multitaper spectrum.
-
-    Args:
-        values: (N,); evenly sampled, of any unit; their mean is taken off.
-        interval: s.
-
-    Returns:
-        frequency: (F,); rad/s.
-        spectrum: (F,); unit of ``values`` squared, per rad/s.
-    """
+    """Frequencies (F,), rad/s, and the one-sided multitaper spectrum (F,) per rad/s of values (N,), mean removed."""
     transformed = np.fft.rfft(_tapers(values.size) * (values - values.mean()))
     frequency = 2.0 * np.pi * np.fft.rfftfreq(values.size, interval)
     return frequency, np.mean(np.abs(transformed) ** 2, axis=0) * interval / np.pi
 
 
 def term_spectra(sea: SeaMotion) -> TermSpectra:
-    """Cross spectra of the terms of a hull's equation.
-
-    Args:
-        sea: Of `sea_motion`.
-    """
+    """Cross spectra of the terms of a hull's equation."""
     x, w, s, q = sea.angle, sea.rate, sea.angle_std, sea.rate_std
     columns = np.stack(
         [
@@ -315,15 +287,8 @@ def term_spectra(sea: SeaMotion) -> TermSpectra:
 def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) -> np.ndarray | None:
     """Spectrum of the vertical acceleration at the bands of a motion, shape (B,), (m/s^2)^2 s.
 
-    In deep water it is that of the wave slope times g^2, for a craft that follows the waves.
-
-    Args:
-        heave: Of the same record.
-        sea: Of `sea_motion`.
-        spectra: Of `term_spectra`, whose bands are used.
-
-    Returns:
-        None where the heave does not stand out of its noise wherever the axis moves.
+    In deep water that of the wave slope times g^2, for a craft that follows the waves. None where heave is not clear of
+    its noise wherever the axis moves.
     """
     if heave is None:
         return None
@@ -349,19 +314,10 @@ def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) ->
 
 
 def random_decrement(sea: SeaMotion, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of the motion after it crossed sqrt(2) of its standard deviations, on either side and in either direction.
+    """Lags (L,), s, and mean motion (L,), rad, after a crossing of sqrt(2) std, NaN without a crossing.
 
-    Cole, On-line failure detection and damping measurement by random decrement signatures, NASA
-    CR-2205 (1973). For a Gaussian motion it is the autocorrelation times the level: the free decay of
-    the hull where the excitation is white, and of hull and sea together where it is not.
-
-    Args:
-        sea: Of `sea_motion`.
-        span: s.
-
-    Returns:
-        lag: (L,); s.
-        signature: (L,); rad; NaN where nothing crosses.
+    Cole, NASA CR-2205 (1973). For a Gaussian motion it is the autocorrelation times the level: the free decay of the
+    hull for white excitation, of hull and sea together otherwise.
     """
     level, value = np.sqrt(2.0) * sea.angle_std, sea.angle
     count = max(2, int(span / sea.interval))

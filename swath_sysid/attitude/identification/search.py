@@ -26,9 +26,9 @@ class Preset:
 
     name: str
     genetic: GeneticSettings
-    inertia: float = 0.1  #: Upper ends of the ranges of I', of N and W, and of x and C1 to C3; the lower ends are 0.
-    damping: float = 1.0  #: Upper ends of the ranges of I', of N and W, and of x and C1 to C3; the lower ends are 0.
-    restoring: float = 10.0  #: Upper ends of the ranges of I', of N and W, and of x and C1 to C3; the lower ends are 0.
+    inertia: float = 0.1  #: Upper end of the range of I'; all lower ends are 0.
+    damping: float = 1.0  #: Of N and W.
+    restoring: float = 10.0  #: Of x and C1 to C3.
 
 
 _PUBLISHED_BUDGET = GeneticSettings(generations=2000, population=200, patience=0, spread_tolerance=0.0)
@@ -51,8 +51,8 @@ class SearchSpace:
     upper: np.ndarray  #: (n,)
     to_ratios: Callable  #: Candidates (P, n) to dimensionless ratios (P, terms).
     from_ratios: Callable  #: Dimensionless ratios (terms,) to a candidate, for a first guess.
-    ratio_lower: np.ndarray  #: (terms,); Bounds that the refinement keeps, dimensionless.
-    ratio_upper: np.ndarray  #: (terms,); Bounds that the refinement keeps, dimensionless.
+    ratio_lower: np.ndarray  #: (terms,); lower bounds of the refinement, dimensionless.
+    ratio_upper: np.ndarray  #: (terms,); upper bounds of the refinement, dimensionless.
 
 
 def dimensionless_space(equation: Equation) -> SearchSpace:
@@ -62,12 +62,9 @@ def dimensionless_space(equation: Equation) -> SearchSpace:
 
 
 def published_space(equation: Equation, preset: Preset, scales: Scales) -> SearchSpace:
-    """The published variables I', N, W, x, C1, C2, C3, in the published ranges.
+    """The published variables I', N, W, x, C1, C2, C3, in the published ranges, the inertia included.
 
-    The inertia is searched although only ratios to it matter, as the papers did.
-
-    Raises:
-        InputError: The equation has friction, which no paper has.
+    Raises `InputError` for an equation with friction, which no paper has.
     """
     if 'b0' in equation.terms:
         raise InputError(
@@ -96,7 +93,7 @@ def published_space(equation: Equation, preset: Preset, scales: Scales) -> Searc
     )
 
 
-#: Least and largest of what a search is given.
+#: Least and largest values of search settings.
 WHOLE_NUMBERS = {'generations': (1, 100_000), 'population': (8, 100_000), 'seed': (0, 2**31 - 1)}
 
 
@@ -106,8 +103,8 @@ class SearchSettings:
 
     algorithm: str = 'ga'  #: ``ga`` or ``pso``.
     preset: str | None = None  #: A name in ``PRESETS``: its parameters, and the published variables and ranges.
-    generations: int | None = None  #: Override the budget of the preset or of the algorithm's default.
-    population: int | None = None  #: Override the budget of the preset or of the algorithm's default.
+    generations: int | None = None  #: Overrides the preset's or the algorithm's default.
+    population: int | None = None  #: Likewise.
     seed: int = 1  #: Ranges are in `WHOLE_NUMBERS`.
 
     def __post_init__(self):
@@ -150,18 +147,10 @@ def run_search(
     progress: Progress | None = None,
     should_cancel: ShouldCancel | None = None,
 ) -> SearchResult:
-    """Search the minimum of an objective over a space.
+    """Minimise an objective, dimensionless ratios (P, terms) to values (P,), over a space.
 
-    Args:
-        objective: Dimensionless ratios (P, terms) to values (P,).
-        space: Bounds of the candidates, and their map to ratios.
-        settings: Algorithm, budget and seed.
-        first: array_like, shape (k, n); candidates to start with.
-        progress: Called with the share of the budget spent, 0 to 1, after each generation.
-        should_cancel: Asked after each generation.
-
-    Raises:
-        Cancelled: ``should_cancel`` said so.
+    ``first`` (k, n) are candidates to start with. ``progress`` gets the share of the budget spent and ``should_cancel``
+    is asked after each generation; raises `Cancelled`.
     """
 
     def note(generation: int, budget: int):

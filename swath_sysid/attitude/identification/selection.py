@@ -17,12 +17,12 @@ from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import results_in_order
 
-FIRST_PART = 0.5  #: Share of each record, in time, on which a model is identified that the rest then judges.
+FIRST_PART = 0.5  #: Share of each record, in time, that a model is identified on; the rest scores it.
 CRITERION_MARGIN = 10.0  #: A difference of the information criterion that Kass and Raftery (1995) call very strong.
 HELD_OUT_MARGIN = 1.1
 Fit = TypeVar('Fit', bound=Any)
 Ranked = TypeVar('Ranked', bound=Any)  #: A campaign ranks its own summaries of fits.
-ROUNDING = 1e-12  #: Relative difference of two objective values that is none.
+ROUNDING = 1e-12  #: Relative difference below which two objective values are equal.
 
 
 @dataclass(frozen=True)
@@ -65,20 +65,11 @@ def compare(
     jobs: int = 1,
     progress: Callable[[int, str], None] | None = None,
 ) -> Comparison:
-    """Fit equations on the same records and rank them.
+    """Fit equations, at least one and none twice, on the same records and rank them, with ``jobs`` processes.
 
-    A model that contains another never ends with a worse objective: where its search did, it is
-    refined again from the smaller model's optimum.
-
-    Args:
-        problem: Of `prepare`.
-        equations: At least one, none twice.
-        settings: Objective and search; its equation is ignored.
-        jobs: Processes.
-        progress: Called with the number of equations done and the name of the last.
-
-    Raises:
-        InputError: No equation, or an equation twice.
+    A model that contains another never ends with a worse objective: it is refined again from the smaller model's
+    optimum. ``progress`` gets the number done and the last name. Raises `InputError` without an equation, or with one
+    twice.
     """
     names = [e.name for e in equations]
     if not names or len(set(names)) < len(names):
@@ -99,14 +90,10 @@ def compare(
 
 
 def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Comparison:
-    """Rank fits of the same records and choose the simplest adequate one.
+    """Rank fits of the same records with their held-out errors (see `RankedFit`), and choose the simplest adequate one.
 
-    Where each has a likelihood, that decides, less one for each term (Akaike 1974): leaving out a term that is there
-    spoils the intervals of the others, keeping one that is not widens them.
-
-    Args:
-        fits: One an equation.
-        held_out: Error on held-out motion of each, see `RankedFit`; NaN where it was not computed.
+    Where each has a likelihood the criterion is Akaike's (1974): leaving out a real term spoils the intervals of the
+    others, keeping a needless one only widens them.
     """
     samples = min(fits, key=lambda f: f.objective_value).effective_samples
     by_likelihood = all(f.log_likelihood is not None for f in fits)
@@ -129,15 +116,9 @@ def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Compariso
 
 
 def simplest_adequate(ranked: Sequence[Ranked], criterion: str = 'criterion') -> tuple[Ranked, str]:
-    """The equation with the fewest terms among those that criterion and held-out motion do not exclude.
+    """The equation with the fewest terms that criterion and held-out motion do not exclude, and the reason, a sentence.
 
-    Args:
-        ranked: Best first, each with ``name``, ``term_count``, ``criterion`` and ``held_out``; see `RankedFit`.
-        criterion: What the reason calls it.
-
-    Returns:
-        choice
-        reason: One sentence.
+    Ranked best first, each with ``name``, ``term_count``, ``criterion`` and ``held_out``; ``criterion`` is its name.
     """
     likely = [r for r in ranked if r.criterion <= ranked[0].criterion + CRITERION_MARGIN]
     smallest = min(r.held_out for r in ranked)
@@ -179,15 +160,7 @@ def _fit_and_hold_out(task: tuple[Problem, IdentificationSettings]):
 
 
 def held_out_error(problem: Problem, settings: IdentificationSettings) -> float:
-    """Identify on the first part of each record and score the simulated motion on the rest.
-
-    Args:
-        problem: Of `prepare`.
-        settings: Equation, objective and search.
-
-    Returns:
-        See `RankedFit`.
-    """
+    """Identify on the first part of each record and score the simulated motion on the rest; see `RankedFit`."""
     first = first_part(problem)
     found = identify_problem(first, settings)
     whole = motion_fit(problem, found.model.equation)
@@ -209,15 +182,7 @@ def first_part(problem: Problem) -> Problem:
 
 
 def enforce_nesting(fits: Sequence[Fit], refit: Callable[[Fit, Fit], Fit]) -> list[Fit]:
-    """Refine again, from the smaller model's optimum, any fit that a model it contains beats.
-
-    Args:
-        fits: Of the same records, each with ``model`` and ``objective_value``.
-        refit: Of a fit and the better one of a model that it contains: the fit, refined from there.
-
-    Returns:
-        In the same order.
-    """
+    """Refine again, by ``refit`` from the smaller model's optimum, any fit that a model it contains beats."""
     fits = list(fits)
     for k in sorted(range(len(fits)), key=lambda k: len(fits[k].model.equation.terms)):
         equation = fits[k].model.equation

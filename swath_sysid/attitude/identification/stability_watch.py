@@ -1,9 +1,8 @@
-"""Stability watched over hours: a natural period that changes tells of another metacentric height.
+"""Stability watched over hours: with unchanged inertia GM is proportional to 1 / T^2 of roll.
 
-With the craft's inertia unchanged GM goes as 1 / T^2, so GM over what it was is (T0 / T)^2.  Whether it has changed is
-a likelihood-ratio test for one step at an unknown time, in the logarithm of the period (Basseville and Nikiforov 1993,
-section 2.4).  What a period owes to the amplitude of the roll alone is allowed for.  No safety device: weight that is
-added changes the inertia, too, and a craft may be lost without a change of its period.
+A likelihood-ratio test for one step at an unknown time in log T (Basseville and Nikiforov 1993, section 2.4), with
+an allowance for the amplitude of the roll. No safety device: added weight changes the inertia too, and a craft may be
+lost without a change of its period.
 """
 
 import math
@@ -12,15 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-MIN_PART = 2  #: Estimates before and after a change: a single one may be a freak.
+MIN_PART = 2  #: Estimates before and after a change: a single one may be an outlier.
 
-#: Standard deviations.  In six hours some two hundred steps at one time or another are tried: chance alone reaches this
-#: in one run of a thousand.
+#: Standard deviations; chance reaches this in one run of a thousand with the two hundred steps of six hours.
 BEYOND_CHANCE = 4.5
 
-PRESENT = 1800.0  #: s; while nothing has changed the present is the mean of so long.
+PRESENT = 1800.0  #: s; averaging time of the present value while nothing has changed.
 
-#: 1 / rad^2, standard deviation: at 10 deg the published hulls' periods are up to 3 % from those of small roll.
+#: 1 / rad^2, standard deviation: at 10 deg the published hulls' periods differ by up to 3 % from small roll.
 _AMPLITUDE_EFFECT = 1.0
 
 _PERCENTILE = 1.96
@@ -29,19 +27,19 @@ _OVERLAP = 0.25
 
 @dataclass(frozen=True)
 class StabilitySettings:
-    """What is warned of."""
+    """Limits of the stability warning."""
 
-    #: Relative change of GM, either way, that is warned of as soon as it is estimated and its 95 % interval excludes no
-    #: change; 0: only a change beyond chance is.
+    #: Relative change of GM, either way, that triggers a warning once its 95 % interval excludes zero;
+    #: 0: only a change beyond chance does.
     limit: float = 0.0
-    known_height: float = 0.0  #: Metacentric height at the begin of the watch, m; 0: not known.
+    known_height: float = 0.0  #: Metacentric height at the start of the watch, m; 0: not known.
 
 
 class PeriodEstimate(NamedTuple):
     """The natural period of roll by one identification."""
 
-    begin: float  #: Stamps of the motion identified, s.
-    end: float  #: Stamps of the motion identified, s.
+    begin: float  #: First stamp of the motion identified, s.
+    end: float  #: Last stamp, s.
     period: float  #: s.
     std: float  #: s.
     amplitude: float  #: At which the craft has this period, rad.
@@ -49,15 +47,15 @@ class PeriodEstimate(NamedTuple):
 
 @dataclass(frozen=True)
 class Stability:
-    """GM over what it was at the begin of the watch."""
+    """GM relative to the start of the watch."""
 
     relative: float
     interval: tuple[float, float]  #: Central 95 %.
-    period_before: float  #: s; T0 and T.
-    period: float  #: s; T0 and T.
+    period_before: float  #: T0, s.
+    period: float  #: T, s.
     changed_at: float | None = None  #: s; stamp of the first estimate after a change that is beyond chance.
     warning: str = ''  #: One sentence; empty where there is nothing to warn of.
-    height: float = math.nan  #: GM, m; NaN unless it was known at the begin.
+    height: float = math.nan  #: GM, m; NaN unless it was known at the start.
 
 
 class StabilityWatch:
@@ -68,17 +66,13 @@ class StabilityWatch:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew: what comes first is what later is compared with."""
+        """Start anew: the next estimates become the reference."""
         self._rows: list[tuple[float, float, float, float]] = []
         self.newest = None
         """`Stability`; None while there are too few estimates."""
 
     def add(self, estimate: PeriodEstimate) -> None:
-        """Take one estimate; it is left out where most of its motion was identified before.
-
-        Args:
-            estimate: One that ends before the last one begins the watch anew: the clock was set back.
-        """
+        """Add an estimate unless most of its motion is known; one that ends before the last restarts the watch."""
         begin, end, period, std, amplitude = estimate
         if self._rows and end < self._rows[-1][0]:
             self.restart()
@@ -141,7 +135,7 @@ def _step(level: np.ndarray, std: np.ndarray, effect: np.ndarray, place: int):
         scatter += np.sum(((level[part] - weight @ level) / std[part]) ** 2)
     before, after = weights @ level
     contrast = weights[1] - weights[0]
-    # estimates that differ by more than they say are as uncertain as they differ
+    # scatter beyond the stated standard deviations inflates them
     inflation = max(1.0, scatter / (level.size - 2))
     variance = inflation * np.sum((contrast * std) ** 2) + (_AMPLITUDE_EFFECT * contrast @ effect) ** 2
     return _Step(place, float(before), float(after - before), math.sqrt(variance))

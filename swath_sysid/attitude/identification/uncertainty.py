@@ -1,4 +1,4 @@
-"""Uncertainty of a fit: terms that a record cannot separate, and what it knows of them together."""
+"""Uncertainty of a fit: terms that a record cannot separate, and the expected error of the next release."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,20 +14,15 @@ from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 
 RELATIVE_STEP = 1e-4
-UPPER_PART = 0.9  #: Part of the draws whose error is smaller than the error stated.
+UPPER_PART = 0.9  #: Share of the draws whose error is smaller than the stated error.
 DRAWS = 100  #: Hulls of the posterior that are simulated,
-CANDIDATES = 1000  #: of so many that are drawn.
-RATES = 30  #: At which the damping of each is looked at.
+CANDIDATES = 1000  #: of this many that are drawn.
+RATES = 30  #: At which the sign of each hull's damping is checked.
 RELEASE_PERIODS = 4.0  #: Length of the next release.
 
 
 def known_together(terms: Sequence[str], covariance: np.ndarray) -> tuple[tuple[str, ...], ...]:
-    """Groups of terms that the records do not separate, all of damping or all of restoring.
-
-    Args:
-        terms: Names.
-        covariance: (n, n); of their ratios, of any unit.
-    """
+    """Groups of damping or of restoring terms that the covariance (n, n) of their ratios does not separate."""
     linked = np.abs(correlation(covariance)) > NOT_SEPARABLE
     groups: list[tuple[str, ...]] = []
     for names in (DAMPING_NAMES, RESTORING_NAMES):
@@ -59,13 +54,7 @@ class AmplitudeBands:
 
 
 def amplitude_bands(model: DecayModel, covariance: np.ndarray, amplitude: np.ndarray) -> AmplitudeBands:
-    """Curves against amplitude with the standard deviations that the ratios' covariance implies.
-
-    Args:
-        model: Whose curves they are.
-        covariance: (n, n); of the ratios of the model's terms.
-        amplitude: (A,); rad.
-    """
+    """Curves against amplitude (A,), rad, with standard deviations by the covariance (n, n) of the model's ratios."""
     curves = amplitude_curves(model.ratios, amplitude, model.friction_rate)
     std = np.sqrt(np.diag(covariance))
     slopes = []
@@ -87,24 +76,15 @@ def amplitude_bands(model: DecayModel, covariance: np.ndarray, amplitude: np.nda
 
 
 def _spread(slopes: np.ndarray, covariance: np.ndarray):
-    """Standard deviation of a quantity of slopes (n, A) by the delta method, shape (A,)."""
+    """Standard deviation (A,) of a quantity with slopes (n, A), by the delta method."""
     return np.sqrt(np.maximum(np.einsum('ia,ij,ja->a', slopes, covariance, slopes), 0.0))
 
 
 def release_error(model: DecayModel, posterior: HullPosterior, trim_std: float, start: float, scales: Scales) -> float:
-    """Error of the next release that the uncertainty of every term and of the trim leaves, a share of its motion.
+    """Error of the next release, from ``start``, rad from trim, that posterior and trim leave, a share of its motion.
 
-    The motion of the model is compared with that of hulls drawn from the posterior; `UPPER_PART` of them are nearer.
-
-    Args:
-        model: Whose release is forecast.
-        posterior: Of every term; draws whose damping would give energy are left out.
-        trim_std: rad; NaN where the trim is not known, and then has no part.
-        start: Angle from trim at which the craft is released, rad.
-        scales: Of the records.
-
-    Returns:
-        Infinite where most of the hulls do not return, or the posterior is not finite.
+    `UPPER_PART` of hulls drawn from the posterior, without those of negative damping, are nearer to the model. A NaN
+    ``trim_std``, rad, is ignored. Infinite where most hulls do not return, or the posterior is not finite.
     """
     _, motion = drawn_releases(model, posterior, trim_std, start, scales)
     if motion.shape[1] < 2:

@@ -1,4 +1,4 @@
-"""From a model and the motion so far to what comes: filters, their blend, forecasts, calm, skill.
+"""Filters, forecasts and their weighted average, calm windows and skill, from a model and the motion so far.
 
-The one filter is stepped sample by sample; fits of the sea are handed in from outside.
+Filters are stepped sample by sample; fits of the sea come from outside.
 """

@@ -1,4 +1,4 @@
-"""Several forecasts made one, lead by lead, by their measured errors; and the spread that those errors call for."""
+"""Weighted average of several forecasts at each lead by their measured errors, and its calibrated spread."""
 
 from collections.abc import Sequence
 
@@ -28,21 +28,11 @@ _MAX_EXCUSED = 0.5
 
 
 class Blend:
-    """Weights of E candidates and a variance scale for A axes, at every lead; learnt from errors against the readings.
+    """Weights (E, S, A) of E candidates and a variance scale (S, A) of A axes, learnt from past errors.
 
-    Args:
-        leads: (L,); s, increasing; each is scored at the nearest whole step, at least one.
-        step: s between rows.
-        prior: The candidates' weights where errors do not distinguish them: at long leads 60 s hold few independent
-            errors, and the candidate with the most information is used until another one is shown to be better.
-
-    Attributes:
-        steps: ndarray of int, shape (S,); at which `take` needs the candidates' forecasts.
-        mean_square: (E, S, A); of the candidates' errors; of what they would be taken to err where they had no
-            forecast.
-        weights: (E, S, A)
-        scale: (S, A); variance over the candidates' own, by the errors' mean square and the intervals' coverage.
-        blended_square, coverage: (S, A); mean square error of the blend, and the share of its 90 % intervals that held.
+    Leads (L,), s, are scored at ``steps`` (S,), the nearest rows of ``step``, s. ``prior`` weights the candidates where
+    errors do not distinguish them: 60 s hold few independent errors at long leads. ``mean_square`` (E, S, A),
+    ``blended_square`` and 90 % ``coverage`` (S, A) are running averages.
     """
 
     def __init__(self, leads: np.ndarray, step: float, axes: int, prior: Sequence[float]) -> None:
@@ -84,15 +74,11 @@ class Blend:
         foreseeable: np.ndarray | None = None,
         free: np.ndarray | int = 0,
     ) -> None:
-        """Score the forecasts that this row makes known, and keep those issued at it.
+        """Score the forecasts that this row's angles (A,), NaN where missing, make known, and keep those issued at it.
 
-        Args:
-            reading: (A,); the row's angles, NaN where missing.
-            mean, variance: (E, S, A); the candidates' forecasts at `steps`, NaN where a candidate has none.
-            noise_variance: float or (A,); of the sensor.
-            foreseeable: ndarray of int, shape (A,); rows since something acted on the craft that nothing foretold: the
-                errors of forecasts issued before say nothing of who forecasts best, unless that happens all the time.
-            free: ndarray of int, shape (A,); one where nothing acts on the craft.
+        Mean and variance (E, S, A) are NaN without a forecast. ``foreseeable`` (A,) counts rows since an unforeseen
+        moment acted: errors of earlier forecasts are not used unless that happens all the time. ``free`` (A,) is one
+        where nothing acts on the craft.
         """
         then, now = (self._row - self.steps) % self._issued.shape[0], self._row % self._issued.shape[0]
         issued = self._issued[then, self._places].swapaxes(0, 1)
@@ -114,7 +100,7 @@ class Blend:
         self._row += 1
 
     def _judge(self, blended: np.ndarray, interval: np.ndarray):
-        """How large the errors are and how many intervals hold, of all forecasts."""
+        """Update the errors' mean square and the intervals' coverage of all forecasts."""
         known = np.isfinite(blended) & np.isfinite(interval)
         gain = self._step / (_MEMORY_VARIANCE + self._step) * known
         square = np.where(known, blended, 0.0) ** 2
@@ -122,21 +108,12 @@ class Blend:
         self.coverage += gain * ((square <= interval) - self.coverage)
 
     def renew(self, candidate: int, axis: int | slice = slice(None)) -> None:
-        """A candidate has a new model: what its last one did wrong is held against it no more than against a new one.
-
-        Args:
-            candidate: Its place, 0 to E - 1.
-            axis: By default all.
-        """
+        """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one."""
         square = self.mean_square[..., axis]
         square[candidate] = np.minimum(square[candidate], _UNPROVEN * square.min(axis=0))
 
     def skip(self, count: int) -> None:
-        """Pass over rows without readings or forecasts.
-
-        Args:
-            count: Number of rows.
-        """
+        """Pass over ``count`` rows without readings or forecasts."""
         for _ in range(min(count, self._issued.shape[0])):
             now = self._row % self._issued.shape[0]
             self._issued[now] = np.nan
@@ -177,22 +154,17 @@ class Blend:
 
     @staticmethod
     def _aged(time: np.ndarray, known: np.ndarray, keep: float | np.ndarray, added: float | np.ndarray) -> tuple:
-        """The time that an average stands for after one more row, and the weight of that row in it."""
+        """Time that an average covers after one more row, and the weight of that row."""
         time = np.where(known, keep * time + added, time)
         return time, np.where(known, added / np.maximum(time, 1e-12), 0.0)
 
     def combine(
         self, mean: np.ndarray, covariance: np.ndarray, axis_of: Sequence[int], noise_variance: float | np.ndarray = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The blended forecast at the leads.
+        """Weighted average of the true motion at the leads, mean (L, M) and covariance (L, M, M).
 
-        Args:
-            mean, covariance: (E, L, M) and (E, L, M, M); the candidates', of readings; NaN where a candidate has none.
-            axis_of: The axis whose weights and scale a target has.
-            noise_variance: float or (M,); of the sensor.
-
-        Returns:
-            mean, covariance: (L, M) and (L, M, M); of the true motion.
+        Of the candidates' (E, L, M) and (E, L, M, M), of readings, NaN without a forecast; ``axis_of`` is each target's
+        axis.
         """
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
         weights = present_weights(self.weights[:, places[0], places[1]], np.isfinite(mean))
@@ -205,15 +177,9 @@ class Blend:
 
 
 def error_weights(mean_square: np.ndarray, time: np.ndarray, prior: np.ndarray) -> np.ndarray:
-    """Weights from mean square errors, those of little experience drawn to their common level (geometric mean).
+    """Weights (E, S, A) from mean square errors, drawn to their geometric mean with few seconds of experience (S, A).
 
-    Args:
-        mean_square: (E, S, A); of the candidates' errors, rad^2.
-        time: (S, A); s of experience.
-        prior: (E, 1, 1); weights at equal errors.
-
-    Returns:
-        ndarray, shape (E, S, A)
+    ``prior`` (E, 1, 1) are the weights at equal errors.
     """
     square = np.maximum(mean_square, 1e-300)
     common = np.exp(np.log(square).mean(axis=0))
@@ -223,18 +189,13 @@ def error_weights(mean_square: np.ndarray, time: np.ndarray, prior: np.ndarray) 
 
 
 def present_weights(weights: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Weights of those that are there: zero for the others, of sum one over the first dimension.
-
-    Args:
-        weights: (E, ...); with every candidate there.
-        present: ndarray of bool, shape (E, ...); which of the candidates are there.
-    """
+    """Weights (E, ...) of the present candidates, zero for the others, normalised over the first dimension."""
     weights = np.maximum(weights, 1e-12) * present
     return weights / np.maximum(weights.sum(axis=0), 1e-12)
 
 
 def _weighted(weights: np.ndarray, values: np.ndarray):
-    """Weighted sum over the first dimension; NaN where no weight is."""
+    """Weighted sum over the first dimension; NaN where all weights are zero."""
     are_there = weights > 0.0
     total = np.where(are_there, weights * values, 0.0).sum(axis=0)
     return np.where(are_there.any(axis=0), total, np.nan)

@@ -1,12 +1,8 @@
-"""The sea's moment on a known hull, learnt from a window of angle and rate: spectrum, autoregression, reduced model.
+"""The exciting moment of the sea on a known hull, learnt from a window of angle and rate.
 
-1. The angle's Fourier transform from both sensors, weighted by their noise; the moment from it by the full
-   nonlinear hull, in time: m = angle'' + D(angle') + R(angle).
-2. Its spectrum by sine tapers (Riedel and Sidorenko 1995), smoothed; the sensors' noise, which the hull's inverse
-   amplifies by a known factor, is subtracted.
-3. An autoregression from the autocovariance (Yule and Walker).
-4. The few states of it that the angle's forecasts need: truncation balanced between what a filter comes to know of
-   the moment and what it then says of the angle up to `FORECAST_SPAN` ahead; in modal form.
+The moment m = angle'' + D(angle') + R(angle) from both sensors weighted by their noise; its spectrum by sine tapers
+(Riedel and Sidorenko 1995) less the amplified noise; an autoregression (Yule and Walker); and its balanced truncation
+for forecasts up to `FORECAST_SPAN` ahead, in modal form.
 """
 
 import math
@@ -24,24 +20,24 @@ from swath_sysid.attitude.prediction.variate_analysis import spectral_radius
 
 TAPERS = 5
 SMOOTHING = 0.04  #: rad/s; standard deviation of the spectrum's smoothing.
-HIGHEST_FREQUENCY = 20.0  #: rad/s; beyond, no sea moves a craft and the hull's inverse amplifies noise only.
-MIN_SIGNAL = 1e-3  #: The spectrum is at least so much of the noise's.
+HIGHEST_FREQUENCY = 20.0  #: rad/s; above, waves move no craft and the hull's inverse only amplifies noise.
+MIN_SIGNAL = 1e-3  #: Least spectrum over that of the noise.
 AUTOREGRESSION_SPAN = 12.0  #: s of lags.
 
 STATES = 20
 FORECAST_SPAN = 20.0  #: s; forecasts up to there decide which states are kept.
 LARGEST_RADIUS = 0.9995  #: Of the reduced model's spectrum over a step.
-DOUBLINGS = 11  #: Of the steps after which the filter's covariance is taken to be steady: 2048.
-LOW_RANK_DOUBLINGS = 5  #: So long it has at most a quarter as many columns as states that a quicker form is for.
+DOUBLINGS = 11  #: The filter's covariance is steady after 2048 steps.
+LOW_RANK_DOUBLINGS = 5  #: Doublings in low-rank form, quicker while its rank is at most a quarter of the states.
 
 MIN_SAMPLES = 300
-#: s at the window's end that the new model's filter runs over, so that it starts knowing the sea's phase.
+#: s at the window's end that the new filter runs over to find the phase of the waves.
 REPLAY_SPAN = 40.0
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Of a moment, two-sided, at frequencies in rad/s, and that of the noise in it."""
+    """Two-sided spectra of a moment and of the noise in it, at frequencies in rad/s."""
 
     frequency: np.ndarray
     density: np.ndarray
@@ -49,14 +45,7 @@ class Spectrum:
 
 
 def fit_excitation(request: ExcitationRequest) -> ExcitationFit | None:
-    """Learn the moment of a window.
-
-    Args:
-        request: The window, and the hull as it is known.
-
-    Returns:
-        None: the window is too short.
-    """
+    """The moment of a window; None where the window is too short."""
     if request.angle.size < MIN_SAMPLES or not np.isfinite(request.angle + request.rate).all():
         return None
     moment = reduced_moment(moment_spectrum(request), request)
@@ -64,18 +53,14 @@ def fit_excitation(request: ExcitationRequest) -> ExcitationFit | None:
 
 
 def equivalent_hull(model: DecayModel, rates: np.ndarray) -> tuple[float, float]:
-    """Stiffness at trim, 1/s^2, and the damping, 1/s, that takes as much energy from these rates."""
+    """Stiffness at trim, 1/s^2, and the damping, 1/s, that dissipates the same energy at these rates."""
     by_angle, _ = model.jacobian(model.trim, 0.0)
     damping = -model.acceleration(model.trim, rates)
     return -by_angle, float(damping @ rates / (rates @ rates))
 
 
 def moment_spectrum(request: ExcitationRequest) -> Spectrum:
-    """Spectrum of the moment, noise subtracted.
-
-    Args:
-        request: The window.
-    """
+    """Spectrum of the moment, noise subtracted."""
     step, n = request.step, request.angle.size
     ramp = max(20, n // 100)
     ends = np.ones(n)
@@ -112,15 +97,7 @@ def _sine_taper_spectrum(values: np.ndarray, step: float):
 
 
 def autoregression(covariance: np.ndarray) -> tuple[np.ndarray, float]:
-    """Yule and Walker's equations.
-
-    Args:
-        covariance: (p + 1,); at lags 0 .. p.
-
-    Returns:
-        coefficients: (p,)
-        noise: Variance of the innovations.
-    """
+    """Coefficients (p,) and innovation variance from covariances (p + 1,) at lags 0 to p, by Yule and Walker."""
     column = covariance[:-1].copy()
     column[0] *= 1.0 + 1e-8
     coefficients = solve_toeplitz(column, covariance[1:])
@@ -128,18 +105,13 @@ def autoregression(covariance: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def autocovariance(spectrum: Spectrum, step: float, lags: int) -> np.ndarray:
-    """Of a process with that spectrum, at lags 0 .. ``lags`` - 1 times the step; frequencies as an FFT has them."""
+    """Autocovariance of a process at ``lags`` steps from zero; the spectrum's frequencies are in FFT order."""
     first = spectrum.frequency[0]
     return irfft(np.append(0.0, spectrum.density), round(2.0 * np.pi / (first * step)))[:lags] / step
 
 
 def reduced_moment(spectrum: Spectrum, request: ExcitationRequest) -> ModalMoment:
-    """The few states of the moment that forecasts of the angle need.
-
-    Args:
-        spectrum: Of the moment, from `moment_spectrum`.
-        request: As of `moment_spectrum`.
-    """
+    """The few states of the moment that forecasts of the angle need."""
     step = request.step
     order = min(round(AUTOREGRESSION_SPAN / step), request.angle.size // 10)
     covariance = autocovariance(spectrum, step, order + 1)
@@ -178,7 +150,7 @@ def reduced_moment(spectrum: Spectrum, request: ExcitationRequest) -> ModalMomen
 
 
 def _filtered_covariance(a: np.ndarray, q: np.ndarray, noise: tuple[float, float]):
-    """Steady covariance after the update with the first two states measured, by structure-preserving doubling.
+    """Steady covariance after an update with the first two states, by doubling.
 
     Chu, Fan, Lin and Wang (2004), Int. J. Control 77, 767.
     """

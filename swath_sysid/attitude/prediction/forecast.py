@@ -10,7 +10,7 @@ from swath_sysid.attitude.prediction.quiescence import CalmWindow
 
 LEVELS = np.array([0.5, 0.9, 0.99])  #: Of the central intervals that every forecast gives.
 
-#: Half widths of these intervals over the standard deviation.
+#: Their half widths over the standard deviation.
 NORMAL_QUANTILES = np.array([0.6744897501960817, 1.6448536269514722, 2.5758293035489004])
 
 
@@ -24,7 +24,7 @@ class AxisForecast:
 
     @property
     def half_width(self) -> np.ndarray:
-        """Half widths of the central 50, 90 and 99 % intervals of the angle, rad, shape (L, 3): of a normal one."""
+        """Half widths (L, 3) of the central 50, 90 and 99 % intervals of the angle, rad, by a normal distribution."""
         return np.sqrt(self.covariance[:, 0, 0])[:, None] * NORMAL_QUANTILES
 
 
@@ -35,12 +35,11 @@ class Forecast:
     stamp: float  #: When issued, s; entry i is for ``stamp + leads[i]``.
     leads: np.ndarray  #: (L,); s.
     axes: dict[str, AxisForecast]  #: The axes that the sensor measures.
-    #: (L, 2A, 2A), or None; Joint covariance of the angles of ``axes`` and then of their rates; each axis's own block
-    #: is that of its `AxisForecast`.
+    #: (L, 2A, 2A), or None; joint covariance of the angles of ``axes``, then of their rates.
     covariance: np.ndarray | None = None
     #: Probability that the craft stays inside the configured limits; NaN where none are configured.
     quiescence: float = math.nan
-    #: When it will next be inside them for long enough; None: not within the horizon, or not known.
+    #: Next window inside the limits; None: not within the horizon, or not known.
     calm: CalmWindow | None = None
     #: Vertical motion at the configured points; empty until it is learnt.
     points: dict[str, PointMotion] = field(default_factory=dict)

@@ -1,8 +1,8 @@
-"""From samples to calibrated forecasts: a hull filter an axis, state spaces of all channels, and one blend of them.
+"""From samples to calibrated forecasts: one hull filter per axis, state spaces of all channels, and their average.
 
-The candidates are an oscillator an axis, for the first minute; the hull filter (constant rate while no hull is known);
-and a state space of all channels for each memory. They are weighted lead by lead by their measured errors; one that
-the newest samples contradict is left out.
+The candidates are an oscillator per axis, for the first minute; the hull filter (constant rate without a hull); and a
+state space of all channels per memory. They are weighted at each lead by their measured errors; a candidate is dropped
+when the newest samples contradict it.
 """
 
 import math
@@ -45,13 +45,13 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 
-#: Of a sample, those that may show the waves; a record that lacks some is forecast from the others.
+#: Channels that may show the waves; a record without some is forecast from the others.
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
 
 AXIS_OF_TARGET = (0, 1, 0, 1)
 
 OSCILLATOR, HULL = 'oscillator', 'hull-filter'
-#: Each with its weight where errors do not distinguish them: most for the one with the most information.
+#: Weights where errors do not distinguish them: largest for the one with the most information.
 CANDIDATES = {OSCILLATOR: 0.3, HULL: 3.0, SHORT_MEMORY: 0.3, ALL_CHANNELS: 1.0, EACH_ALONE: 0.3}
 
 _PLACE = {name: place for place, name in enumerate(CANDIDATES)}
@@ -60,18 +60,18 @@ REJECTED = {axis: f'outlier-{axis}' for axis in AXES}
 RESTARTED = {axis: f'gate-restarted-{axis}' for axis in AXES}
 FORECASTER_REASONS = (*REJECTED.values(), *RESTARTED.values())
 
-ROW_RATE = 10.0  #: Hz; small craft move below 1.5 Hz. A slower sensor gives a row a sample.
+ROW_RATE = 10.0  #: Hz; small craft move below 1.5 Hz. A slower sensor gives one row per sample.
 
-#: s; after a longer silence nothing is left of what was known of the motion, only of hull and sea.
+#: s; after a longer silence the motion is forgotten, hull and sea are not.
 LONGEST_BRIDGE = 60.0
 
-#: Samples a row from which on the rows hold filtered values: fewer are too sparse to smooth without delay.
+#: Samples per row from which the rows hold filtered values: fewer cannot be smoothed without delay.
 SMOOTHED_FROM = 5
 
-#: First guess, least and most of sensors that do not report theirs, rad and rad/s.
+#: First guess, least and most noise of sensors that do not report theirs, rad and rad/s.
 ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
 
-#: s; the exciting moment's spectrum is that of the present sea (a longer one gains less than the sea changes).
+#: s; a longer window would gain less than the sea changes.
 EXCITATION_WINDOW = 600.0
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
@@ -88,12 +88,12 @@ _SETTLING_INTERVALS, _INEXACT_STEP = (5, 20, 60, 200), 2e-3
 _SEPARATING_ROWS = 200
 _SEEDED_FROM, _SEEDED_ROWS = 10.0, 80
 _REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 20.0
-_YOUNG = 60.0  #: s; so long the oscillator is fitted anew each second.
+_YOUNG = 60.0  #: s during which the oscillator is refitted each second.
 _SEA_STATE_PERIOD = 60.0  #: s between two reports of the sea state.
 _OSCILLATOR_WINDOW = 600.0
 _YOUNG_INTERVAL, _OLD_INTERVAL = 1.0, 20.0
-HEALTHY_STRAIN = 4.0  #: Innovations squared over their expectation, lately: a model of the motion at hand stays below.
-_ALIKE = 1.5  #: Mean square errors, over all leads: a wide filter explains any sample, but may forecast badly.
+HEALTHY_STRAIN = 4.0  #: Recent squared innovations over their expectation; a valid model stays below.
+_ALIKE = 1.5  #: Ratio of mean square errors: a wide filter explains any sample, but may forecast badly.
 
 _MIN_VARIANCE = 1e-10
 _ACTIVITY_TIME = 5.0
@@ -144,29 +144,28 @@ class ForecasterSettings:
 
 
 class Observed(NamedTuple):
-    """What one sample led to."""
+    """The outcome of one sample."""
 
     reasons: tuple[str, ...] = ()  #: From `FORECASTER_REASONS`.
-    forecast: Forecast | None = None  #: At the leads and over the horizon, when due.
-    horizon: Forecast | None = None  #: At the leads and over the horizon, when due.
-    #: A past to learn from: give it to `fit_sea` and the result to `Forecaster.install`.
+    forecast: Forecast | None = None  #: At the leads, when due.
+    horizon: Forecast | None = None  #: Over the horizon, when due.
+    #: For `fit_sea`, whose result is for `Forecaster.install`.
     sea_request: SeaRequest | None = None
     sea: SeaReport | None = None  #: Of the sea state, once a minute.
 
 
 @dataclass(frozen=True)
 class ForecasterDiagnostics:
-    """The running state, for people."""
+    """The running state, for operators."""
 
     sample_interval: float  #: s; NaN before the second sample.
     has_model: dict[str, bool]  #: By axis.
     has_waves: bool  #: Whether a state space of the waves is in use.
     nis_ratio: dict[str, float]  #: Innovations squared over their expectation, by axis; one is healthy.
-    nrmse: np.ndarray  #: (A, L); Running error over the size of the motion, and share of the 90 % intervals that held.
-    #: (A, L); Running error over the size of the motion, and share of the 90 % intervals that held.
-    coverage: np.ndarray
-    candidate_nrmse: np.ndarray  #: (K, A, L); The running error of each of `CANDIDATES`, and what it contributes.
-    weights: np.ndarray  #: (K, A, L); The running error of each of `CANDIDATES`, and what it contributes.
+    nrmse: np.ndarray  #: (A, L); running error over the size of the motion.
+    coverage: np.ndarray  #: (A, L); coverage of the 90 % intervals.
+    candidate_nrmse: np.ndarray  #: (K, A, L); running error of each of `CANDIDATES`.
+    weights: np.ndarray  #: (K, A, L); their weights.
     advice: tuple[Advice, ...]
 
 
@@ -215,12 +214,7 @@ class Forecaster:
     # -- models and fits
 
     def set_model(self, axis: str, identified: IdentifiedModel | None) -> None:
-        """Swap the hull of an axis under the running filter.
-
-        Args:
-            axis: One of `AXES`.
-            identified: None: none is known.
-        """
+        """Swap the hull of an axis under the running filter; None where none is known."""
         self._models[axis] = identified
         self._hulls[axis].set_hull(identified)
         if self._blend is not None:
@@ -228,22 +222,16 @@ class Forecaster:
         self._refit_due = -math.inf
 
     def install(self, fit: SeaFit) -> None:
-        """Take over what was learnt; it is used from its request's time plus ``refit_delay`` on.
-
-        So a live run whose background is quick enough forecasts what an offline run does.
-
-        Args:
-            fit: From `fit_sea`.
-        """
+        """Use a fit of `fit_sea` from its request's time plus ``refit_delay`` on, live as offline."""
         self._waiting = fit
 
     def set_quiescence(self, limits: QuiescenceLimits | None) -> None:
-        """Ask for the probability of keeping other limits, over the duration that was configured; None: as before."""
+        """Forecast the probability of other limits over the configured duration; None: the configured ones."""
         if limits is not None:
             self._quiescence.set_limits(limits)
 
     def quiescence_reliability(self) -> Reliability | None:
-        """How often the craft stayed quiet, by the probability issued; None where no limits are configured."""
+        """Observed share of quiet against the probability issued; None where no limits are configured."""
         return None if self._quiescence is None else self._quiescence.record.diagram()
 
     # -- samples
@@ -255,14 +243,10 @@ class Forecaster:
         elapsed: float | None,
         publish_next: Callable[[float, dict], None] | None = None,
     ) -> Observed:
-        """Take one sample.
+        """Take one sample, NaN where not measured, stamped in s, ``elapsed`` s after the one before.
 
-        Args:
-            sample: NaN where not measured.
-            stamp: s; of the forecasts that are issued.
-            elapsed: s since the sample before; None at the first, and where the clock was set back.
-            publish_next: Called with the sensor's interval, s, and, by axis, angle, rate and their covariance (three
-                numbers) one sample ahead, as soon as these are known.
+        ``elapsed`` is None at the first sample and after the clock was set back. ``publish_next`` gets the sample
+        interval and, by axis, angle, rate and three covariances one sample ahead as soon as they are known.
         """
         since = elapsed if self._is_linked and elapsed is not None else math.inf
         linked = since <= LONGEST_BRIDGE
@@ -296,7 +280,7 @@ class Forecaster:
         return Observed(reasons, forecast, horizon, self._sea_request(), sea)
 
     def _break_off(self):
-        """Nothing links the motion before to that to come; what is known of hull and sea stays."""
+        """Forget the motion after a break; what is known of hull and sea stays."""
         self._is_linked = True
         self._due = -math.inf
         for size in self._sizes:
@@ -309,7 +293,7 @@ class Forecaster:
             self._quiescence.clear()
 
     def _follow_interval(self, elapsed: float):
-        """The sensor's interval is the mean of those that resemble each other; a new rate is found by their lack."""
+        """The sensor's interval as the mean of similar intervals; a new rate shows by the lack of them."""
         if abs(elapsed / self._interval - 1.0) < _REGULAR:
             self._intervals = min(self._intervals + 1, 1000)
             self._interval += (elapsed - self._interval) / self._intervals
@@ -351,7 +335,7 @@ class Forecaster:
         return reasons
 
     def _variances(self, place: int, axis: str, angle: float, rate: float, sample: CraftSample, even: bool):
-        """Of the sensor's noise: what it reports; where it reports nothing, as measured."""
+        """Noise variances that the sensor reports, or else measured ones."""
         of_angle, of_rate = self._meters[axis]
         if not even:
             of_angle.restart()
@@ -366,7 +350,7 @@ class Forecaster:
     # -- rows: the motion at even steps
 
     def _begin_rows(self, samples: int):
-        """Rows of another step: nothing that was learnt in rows holds for them."""
+        """Start rows with another step, which makes everything learnt in rows invalid."""
         self._samples_a_row = samples
         self._step = samples * self._interval
         self._history.clear()
@@ -382,7 +366,7 @@ class Forecaster:
         self._restart_block()
 
     def _correct_step(self):
-        """The first intervals of a sensor that jitters say nothing about the others; the rows themselves stay."""
+        """Correct a step that jitter in the first intervals made inexact; the rows themselves stay."""
         self._step = self._samples_a_row * self._interval
         self._spaces = {}
         self._waiting = None
@@ -436,7 +420,7 @@ class Forecaster:
         )
 
     def _take_row(self, row: np.ndarray, steps: int):
-        """A row is complete, so many steps after the one before."""
+        """Take a complete row, the given number of steps after the one before."""
         self._block_sum, self._block_count = [0.0] * len(ATTITUDE), [0] * len(ATTITUDE)
         self._history.append(row)
         for space in self._spaces.values():
@@ -468,7 +452,7 @@ class Forecaster:
                 self._nowcasts.skip(count)
 
     def _follow_oscillator(self):
-        """An oscillator costs so little that it is fitted at once."""
+        """Fit the oscillator in the foreground, because it costs so little."""
         if self._time < self._oscillator_due:
             return
         is_young = self._time - self._rows_begun < _YOUNG
@@ -476,7 +460,7 @@ class Forecaster:
         self._use(OSCILLATOR, oscillators(self._past(_OSCILLATOR_WINDOW), CHANNELS, self._step, AXES))
 
     def _past(self, duration: float):
-        """The channels' rows of the last so many seconds."""
+        """The channels' rows of the last seconds, as many as given."""
         return self._history.last(int(duration / self._step) + 1)[:, :_ROW]
 
     def _use(self, name: str, model: InnovationsModel | None):
@@ -544,9 +528,9 @@ class Forecaster:
         self._due = following if self._time - slack < following <= self._time + period else self._time + period - slack
 
     def _candidates(self, leads: np.ndarray, age: float | None):
-        """Forecasts of every candidate, (K, L, 4), and their covariances, (K, L, 4, 4); NaN where there is none.
+        """Forecasts (K, L, 4) of every candidate and covariances (K, L, 4, 4); NaN where there is none.
 
-        ``age`` is the time since the newest row, s; None: the leads are whole steps from it.
+        ``age``, s, is the time since the newest row; None: the leads are whole steps from it.
         """
         mean = np.full((len(CANDIDATES), leads.size, len(ATTITUDE)), math.nan)
         covariance = np.zeros((*mean.shape, len(ATTITUDE)))
@@ -575,7 +559,7 @@ class Forecaster:
         return mean, covariance
 
     def _hull_vouches(self):
-        """By candidate, the targets that an identified hull explains as of now, and forecasts nearly as well."""
+        """Targets, by candidate, that an identified hull explains at present, and forecasts nearly as well."""
         level = np.log(np.maximum(self._blend.mean_square, 1e-300)).mean(axis=1)
         explains = [
             self._models[axis] is not None and hull.is_started and hull.strain < HEALTHY_STRAIN
@@ -642,7 +626,7 @@ class Forecaster:
         return self._quiescence.assess(self._time, motion, np.sqrt(variance), np.array(activity), trim)
 
     def _what_came(self, rows: np.ndarray):
-        """The quantities that may be limited, at rows by number: measured, and for points as they were known then."""
+        """Quantities with limits at numbered rows: measured, and for points as they were known then."""
         attitude = self._history.at(rows)[:, _MEASURED]
         parts = [attitude]
         if self.settings.points:
@@ -655,7 +639,7 @@ class Forecaster:
     # -- for people
 
     def diagnostics(self) -> ForecasterDiagnostics:
-        """The running state, for people."""
+        """The running state, for operators."""
         started = {axis: hull for axis, hull in self._hulls.items() if hull.is_started}
         advice = tuple(Advice.of('no-model', axis=axis) for axis in started if self._models[axis] is None)
         has_waves = any(name in self._spaces for name in SEA_MODELS)
@@ -695,11 +679,7 @@ def _by_axis(places: Sequence[int], mean: np.ndarray, covariance: np.ndarray):
 
 
 class MotionSize:
-    """Running size of the motion about one axis.
-
-    Args:
-        memory: s.
-    """
+    """Running size of the motion about one axis over a memory, s."""
 
     def __init__(self, memory: float) -> None:
         self._memory = memory
@@ -708,11 +688,11 @@ class MotionSize:
         self._square = self._rate_square = self._recent = _MIN_VARIANCE
 
     def restart(self) -> None:
-        """Begin the recent size anew."""
+        """Restart the recent size."""
         self._recent = _MIN_VARIANCE
 
     def follow(self, angle: float, rate: float, elapsed: float) -> None:
-        """Take the filtered motion, rad and rad/s, so many seconds later."""
+        """Add the filtered motion, rad and rad/s, after the elapsed seconds."""
         self._elapsed += elapsed
         slow = elapsed / min(self._memory, self._elapsed) if elapsed > 0.0 else 0.0
         quick = min(1.0, elapsed / min(_ACTIVITY_TIME, max(self._elapsed, elapsed, 1e-9)))
@@ -728,10 +708,10 @@ class MotionSize:
 
     @property
     def deviation(self) -> float:
-        """Over the memory, rad."""
+        """Standard deviation over the memory, rad."""
         return math.sqrt(self._square)
 
     @property
     def activity(self) -> float:
-        """Over the last seconds, rad."""
+        """Size over the last seconds, rad."""
         return max(math.sqrt(self._recent), _MIN_ACTIVITY)

@@ -33,57 +33,56 @@ from swath_sysid.common.errors import InputError
 ANGLE, RATE = 0, 1
 FACTORS = {'stiffness': slice(R1, S2 + 1), 'damping': slice(B0, B3 + 1)}  #: Places of their ratios.
 
-TRIM_DRIFT = 3e-6**2  #: rad^2/s; .01 deg in an hour. Thirty times the drift would hide the slow parts of the waves.
+TRIM_DRIFT = 3e-6**2  #: rad^2/s; 0.01 deg in an hour. Thirty times this would hide the slow part of the waves.
 RATIO_DRIFT = 1e-4**2  #: 1/s, relative; stiffness and damping move by 2 % in ten hours of a voyage.
 
 UNKNOWN_TRIM_STD = 0.02
 IDENTIFIED_TRIM_STD = 5e-4  #: rad; identification reports 3e-5 to 7e-4.
 
-#: Relative, of factors common to all restoring and to all damping terms, where no covariance was identified: of a
-#: published hull built anew, or loaded otherwise.
+#: Relative std of all restoring and all damping terms without an identified covariance, as of a rebuilt hull.
 ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
-MOST_STD = 1.0  #: The same, of what is believed of a covariance.
+MOST_STD = 1.0  #: Largest relative standard deviation that is used.
 
-#: rad; where stiffness and damping are compared, if the identification does not state its amplitudes.
+#: rad; amplitude at which stiffness and damping are compared if the model states none.
 USUAL_AMPLITUDE = 0.05
 
 INITIAL_ANGLE_STD = 0.3
-INITIAL_RATE_STD = 0.3  #: rad and rad/s, of what the first sample does not measure.
-MARKOV_TIME = 0.5  #: s; one over the corner frequency of the moment of which nothing is known.
+INITIAL_RATE_STD = 0.3  #: rad and rad/s, where the first sample does not measure.
+MARKOV_TIME = 0.5  #: s; one over the corner frequency of the unknown moment.
 MARKOV_STD = 0.3  #: rad/s^2; its size at the start.
 
-#: Of a moment's variance over what it was taken up with; 30 rad/s^2 is the most that moves a craft.
+#: Of a moment's variance over the initial one; 30 rad/s^2 is the most that moves a craft.
 MIN_LEVEL, MAX_LEVEL = 1e-10, 1e4
 
-CHALLENGING_LEVEL = 0.01  #: Of the unknown moment where it has to show anew that it acts.
-LEVEL_INTERVAL = 0.05  #: s between two judgements of the moments' sizes.
-FREE_LEVEL_INTERVAL = 1.0  #: s; the same while no hull is known: nothing but the filter's own smoothness hangs on it.
+CHALLENGING_LEVEL = 0.01  #: Of the unknown moment in a restarted driven track.
+LEVEL_INTERVAL = 0.05  #: s between updates of the moments' sizes.
+FREE_LEVEL_INTERVAL = 1.0  #: s; the same without a hull, where it only affects the filter's smoothness.
 
-#: s; a size drifts towards what the states support: the unknown moment's, and that of a learnt sea.
+#: s; time constants of the sizes of the unknown moment and of a learnt sea.
 LEVEL_TIMES = 2.0, 60.0
 
-#: Logarithms of the likelihood ratio from which on the filter that is not in use takes over, and begins anew.
+#: Log likelihood ratios at which the track not in use takes over, and restarts.
 CONVINCING, LOST = 10.0, 2.0
 
 UNFORESEEN = 1e-8  #: Of a learnt sea's variance: that of the unknown moment beside it, at first.
 
-MAX_STRAIN = 3.5  #: Innovations squared over their expectation from where on something new must be acting.
+MAX_STRAIN = 3.5  #: Squared innovations over their expectation above which a new moment must be acting.
 
-#: Of the moment that one interval's innovation shows: it has often acted for longer. Too little is raised again.
+#: Share of the moment that one interval's innovation shows: it has often acted for longer.
 NEWCOMER = 0.5
 
-RECENT = 400  #: Samples that are kept to be taken in anew when a fit arrives.
-INSIGNIFICANT = 0.01  #: rad/s^2; an unknown moment of less is none.
-QUIET = 3.0  #: s; trim and ratios are learnt once the unknown moment has been insignificant for so long.
+RECENT = 400  #: Samples kept to be filtered again when a fit arrives.
+INSIGNIFICANT = 0.01  #: rad/s^2; a smaller unknown moment is ignored.
+QUIET = 3.0  #: s; trim and ratios are learnt after an insignificant unknown moment for this long.
 CONTRADICTION = 3.0  #: Standard deviations.
 
-#: Relative changes that are reported however little was known before.
+#: Relative changes that are reported whatever the prior uncertainty.
 MUCH = {'stiffness': 0.1, 'damping': 0.3}
 
 
 @dataclass(frozen=True)
 class HullPrior:
-    """What is known of trim and ratios before a sample: `OF_HULL` of the state of a filter."""
+    """Knowledge of trim and ratios before a sample: `OF_HULL` of a filter's state."""
 
     mean: np.ndarray  #: (10,)
     covariance: np.ndarray  #: (10, 10)
@@ -135,10 +134,10 @@ def _directions(model: DecayModel, largest: float, mean: np.ndarray):
 
 @dataclass(frozen=True)
 class HullFilterSettings:
-    """When a sample is refused."""
+    """When a sample is rejected."""
 
-    gate_probability: float = 1e-12  #: A true measurement is taken for an outlier with this probability.
-    gate_patience: int = 5  #: After so many rejected samples in a row the filter starts anew from the sensor.
+    gate_probability: float = 1e-12  #: Probability of rejecting a valid measurement.
+    gate_patience: int = 5  #: Rejected samples in a row after which the filter restarts from the sensor.
 
     def __post_init__(self):
         if not 0.0 < self.gate_probability < 0.5:
@@ -148,15 +147,15 @@ class HullFilterSettings:
 
 
 class Observed(NamedTuple):
-    """What one sample led to."""
+    """The outcome of one sample."""
 
     nis: float = math.nan  #: Normalised innovation squared; NaN where nothing was measured.
-    measured: int = 0  #: How many values (0, 1 or 2) the sample gave.
-    rejected: bool = False  #: The gate refused the sample.
-    restarted: bool = False  #: The filter began anew from this sample.
-    #: Of the sample, natural logarithm; zero where nothing was measured or it was rejected.
+    measured: int = 0  #: Number of values (0, 1 or 2) in the sample.
+    rejected: bool = False  #: The gate rejected the sample.
+    restarted: bool = False  #: The filter restarted from this sample.
+    #: Natural logarithm; zero where nothing was measured or the sample was rejected.
     log_likelihood: float = 0.0
-    surprised: bool = False  #: A moment that nothing foretold has begun to act, or ceased to: a hand, a line, a gust.
+    surprised: bool = False  #: An unforeseen moment has started or stopped: an external push, a line, a gust.
 
 
 @dataclass(frozen=True)
@@ -165,12 +164,12 @@ class ExcitationRequest:
 
     model: DecayModel  #: The hull, with trim and ratios as now estimated.
     hull: HullPrior  #: The same, with its covariance.
-    hull_is_learnt: bool  #: Whether the filter has learnt them in this window already.
+    hull_is_learnt: bool  #: Whether the filter has already learnt them in this window.
     step: float  #: s between the samples.
-    angle: np.ndarray  #: (N,); rad, rad/s, each the mean of the sensor's samples in a step.
-    rate: np.ndarray  #: (N,); rad, rad/s, each the mean of the sensor's samples in a step.
-    angle_variance: float  #: Of the noise of these means.
-    rate_variance: float  #: Of the noise of these means.
+    angle: np.ndarray  #: (N,); rad; means of the sensor's samples in a step.
+    rate: np.ndarray  #: (N,); rad/s; likewise.
+    angle_variance: float  #: Of the noise of these means, rad^2.
+    rate_variance: float  #: (rad/s)^2.
     samples: int = 1  #: Of the sensor in a step.
 
 
@@ -179,22 +178,16 @@ class ExcitationFit:
     """A learnt moment."""
 
     moment: ModalMoment
-    #: (n,) and (n, n); Of the whole state of a filter with it, at the time of the window's last sample.
-    mean: np.ndarray
-    #: (n,) and (n, n); Of the whole state of a filter with it, at the time of the window's last sample.
-    covariance: np.ndarray
-    levels: tuple[float, float]  #: Sizes of the unknown moment and of this one then.
+    mean: np.ndarray  #: (n,); of the whole state of a filter with it, at the window's last sample.
+    covariance: np.ndarray  #: (n, n); likewise.
+    levels: tuple[float, float]  #: Sizes of the unknown moment and of this one, then.
 
 
 class HullFilter:
-    """The filter of one axis: free and driven hull, of which one is in use.
+    """The filter of one axis: free and driven hull, of which one is in use, as ``is_free`` says.
 
-    It holds no clock: every call says how much time has passed. Same calls, same numbers.
-
-    Attributes:
-        is_free: Whether the hull on which nothing acts is in use.
-        moments: The unknown one and, once learnt, that of the sea.
-        levels: (1,) or (2,); their variances over those that they were taken up with.
+    ``moments`` are the unknown one and, once learnt, that of the sea; ``levels`` their variances over the initial ones.
+    It holds no clock: every call passes the elapsed time.
     """
 
     def __init__(self, settings: HullFilterSettings | None = None) -> None:
@@ -214,14 +207,10 @@ class HullFilter:
 
     @classmethod
     def for_window(cls, request: ExcitationRequest, moment: ModalMoment) -> Self:
-        """A filter for the window of a request, with the moment learnt from it, not started yet.
+        """A filter, not started yet, for the window of a request with the moment learnt from it.
 
-        Trim and ratios are learnt only if the filter that asked has not learnt them in this window: no sample
-        counts twice.
-
-        Args:
-            request: The window, and the hull as it is known.
-            moment: Learnt from the window.
+        Trim and ratios are learnt only if the requesting filter has not learnt them in this window: no sample is used
+        twice.
         """
         made = cls()
         made._set_hull(request.model, request.hull)
@@ -238,7 +227,7 @@ class HullFilter:
 
     @property
     def active(self) -> HullTrack:
-        """The track whose state and forecasts count."""
+        """The track in use."""
         return self.free if self.is_free else self.driven
 
     @property
@@ -258,15 +247,11 @@ class HullFilter:
 
     @property
     def learns_hull(self) -> bool:
-        """Whether trim and ratios are learnt: not while a moment of which nothing is known may explain anything."""
+        """Whether trim and ratios are learnt: not while an unknown moment may explain any motion."""
         return self._may_learn and self._quiet > QUIET
 
     def set_hull(self, identified: IdentifiedModel | None) -> None:
-        """Swap the hull; the state of motion and the moment's estimate go on.
-
-        Args:
-            identified: None: no restoring and no damping, a constant rate that the moment drives.
-        """
+        """Swap the hull and keep motion and moment; None: a constant rate that the moment drives."""
         model = None if identified is None else identified.model
         if model is not None and identified is not None and identified.posterior is not None:
             model = replace(model, equation=identified.posterior.equation, ratios=np.zeros(len(TERM_NAMES)))
@@ -286,14 +271,9 @@ class HullFilter:
             self.start(*self.x[:2].tolist(), *np.diag(self.P)[:2].tolist())
 
     def set_excitation(self, fit: ExcitationFit, age: float = 0.0) -> None:
-        """Take up a learnt moment.
+        """Use a learnt moment in the driven hull, from the state at the end of its window.
 
-        The driven hull goes on from the state that the fit found at its window's end, and takes in anew the samples
-        that have come since; a hull on which nothing acts is not concerned.
-
-        Args:
-            fit: The moment, and the state at its window's end.
-            age: s from the time of the window's last sample to that of the newest one here.
+        Samples since then are filtered again; ``age``, s, is the time from the window's last sample to the newest one.
         """
         self._use_moments([self.moments[0], fit.moment], fit.levels)
         self._evidence = 0.0
@@ -322,16 +302,10 @@ class HullFilter:
         rate_variance: float,
         samples: int = 1,
     ) -> ExcitationRequest | None:
-        """A window of the past, with what is known of the hull now, for `fit_excitation`.
+        """A window for `fit_excitation` with the present knowledge of the hull; None without a hull.
 
-        Args:
-            step: s between the samples.
-            angle, rate: (N,); rad, rad/s, each the mean of the sensor's samples in a step; without gaps.
-            angle_variance, rate_variance: Of the noise of these means.
-            samples: Of the sensor in a step.
-
-        Returns:
-            None: there is no hull through which a moment could be seen.
+        Angle and rate (N,), rad and rad/s, are means of ``samples`` sensor samples over each ``step``, s, with their
+        variances.
         """
         if self.model is None:
             return None
@@ -359,7 +333,7 @@ class HullFilter:
         self.driven.moment = np.ascontiguousarray(whole.blocks), whole.output, whole.stationary
 
     def _set_level(self, place: int, level: float):
-        """Give a moment another size: the covariance that it tends to."""
+        """Scale a moment's stationary covariance."""
         self.levels[place] = level = min(max(level, MIN_LEVEL), MAX_LEVEL)
         part = self._of_moment[place]
         np.multiply(self.moments[place].stationary, level, out=self.driven.moment[2][part, part])
@@ -368,12 +342,7 @@ class HullFilter:
     # -- the samples -------------------------------------------------------------------------------------------
 
     def start(self, angle: float, rate: float, angle_variance: float, rate_variance: float) -> None:
-        """Begin anew from one sample (NaN: not measured). Trim, ratios and the moments' sizes are kept.
-
-        Args:
-            angle, rate: rad, rad/s.
-            angle_variance, rate_variance: rad^2, rad^2/s^2.
-        """
+        """Restart from one sample, rad and rad/s (NaN: not measured); keep trim, ratios and moments' sizes."""
         has_angle, has_rate = angle == angle, rate == rate
         motion = [angle if has_angle else self.x[TRIM], rate if has_rate else 0.0]
         spread = np.diag(
@@ -392,13 +361,7 @@ class HullFilter:
     def observe(
         self, elapsed: float, angle: float, rate: float, angle_variance: float, rate_variance: float
     ) -> Observed:
-        """Predict over the time since the sample before, and take in what was measured (NaN: not measured).
-
-        Args:
-            elapsed: s.
-            angle, rate: rad, rad/s.
-            angle_variance, rate_variance: Of the sensor's noise, rad^2 and rad^2/s^2.
-        """
+        """Predict over the elapsed s and update with angle, rad, and rate, rad/s; NaN: not measured."""
         self._recent.append((elapsed, angle, rate, angle_variance, rate_variance))
         values, variances, driven, free = (angle, rate), (angle_variance, rate_variance), self.driven, self.free
         driven.advance(elapsed)
@@ -431,10 +394,10 @@ class HullFilter:
         return Observed(nis, measured, False, False, log_likelihood, surprised)
 
     def _weigh(self, for_free: float):
-        """Wald's sequential test of the active track against the other one; whether the other takes over.
+        """Wald's sequential test (1945, Ann. Math. Stat. 16, 117) of the active track; whether the other takes over.
 
-        Wald (1945), Ann. Math. Stat. 16, 117. The other one begins anew from the state of the active one as often
-        as it has lost (Page 1954, Biometrika 41, 100): when a hand lets go is not known.
+        The other restarts from the active one's state as often as it has lost (Page 1954, Biometrika 41, 100), because
+        the time of release is unknown.
         """
         self._evidence += -for_free if self.is_free else for_free
         if self._evidence > CONVINCING:
@@ -446,7 +409,7 @@ class HullFilter:
         return False
 
     def _challenge(self):
-        """The inactive track begins anew from the state of the active one."""
+        """Restart the inactive track from the state of the active one."""
         self._evidence = 0.0
         if not self.is_free:
             self.free.set_state(self.x[:HULL_STATES], self.P[:HULL_STATES, :HULL_STATES])
@@ -472,14 +435,14 @@ class HullFilter:
         return Observed(nis, measured, restarted=True)
 
     def _something_new(self, angle: float, rate: float, elapsed: float):
-        """The innovations are too large: another moment has begun to act, of the size that they show."""
+        """Innovations are too large: another moment acts, of the size that they show."""
         self.driven.strain = 1.0
         e0, e1 = angle - float(self.driven.x[ANGLE]), rate - float(self.driven.x[RATE])
         size = e1 / elapsed if e1 == e1 else 2.0 * e0 / (elapsed * elapsed)
         self._raise_level((NEWCOMER * size) ** 2)
 
     def _raise_level(self, variance: float):
-        """Let the unknown moment be that much larger, and a learnt sea as large as when it was learnt."""
+        """Enlarge the unknown moment, and a learnt sea to its size when learnt."""
         self._add(0, variance / self.moments[0].variance)
         for place in range(1, len(self.moments)):
             self._add(place, max(1.0 - self.levels[place], 0.0))
@@ -502,8 +465,8 @@ class HullFilter:
     def advice(self) -> tuple[Advice, ...]:
         """Whether the waves, or the craft in still water, contradict the model.
 
-        Stiffness and damping at the usual amplitude start with their identified uncertainty. Innovations that draw one
-        further than `CONTRADICTION` of its standard deviations were not made by this hull.
+        A factor of stiffness or damping more than `CONTRADICTION` of its identified standard deviations off contradicts
+        it.
         """
         found = []
         prior, covariance = self.prior, self.P[OF_HULL, OF_HULL]
@@ -526,24 +489,12 @@ class HullFilter:
     # -- the forecast ------------------------------------------------------------------------------------------
 
     def ahead(self, lead: float) -> tuple[float, float, float, float, float]:
-        """One lead after the present state, which stays as it is.
-
-        Returns:
-            Angle, rate, angle variance, covariance of both, rate variance.
-        """
+        """Angle, rate, angle variance, covariance and rate variance one lead ahead; the state stays."""
         mean, covariance = self.active.ahead(lead)
         return (mean.item(0), mean.item(1), covariance.item(0, 0), covariance.item(0, 1), covariance.item(1, 1))
 
     def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Angle and rate at leads after the present state, which stays as it is.
-
-        Args:
-            leads: (L,); s, increasing.
-
-        Returns:
-            angle, rate: (L,)
-            covariance: (L, 2, 2)
-        """
+        """Angle and rate (L,) and covariance (L, 2, 2) at increasing leads (L,), s; the state stays."""
         means, spreads = self.active.forecast(leads)
         return means[:, 0], means[:, 1], spreads
 

@@ -1,7 +1,6 @@
-"""The arithmetic of `HullTrack`, compiled where numba is: what every sample of every axis costs.
+"""The arithmetic of `HullTrack`, compiled where numba is installed.
 
-The state is [angle, rate, trim, the nine ratios, moment's states z]; mean (n,) and covariance (n, n) are changed in
-place.
+The state is [angle, rate, trim, nine ratios, moment's states z]; mean (n,) and covariance (n, n) change in place.
 """
 
 import math
@@ -21,32 +20,21 @@ from swath_sysid.common.accelerator import accelerated
 
 TRIM, RATIOS, HULL_STATES = 2, 3, 12  #: Places of trim, of the first ratio and of the moment's first state.
 CAPSIZED = 1.5  #: rad from trim; no decay model is used beyond.
-LARGEST_JUMP = 10.0  #: rad/s^2; by so much at most the moment changes between two samples.
+LARGEST_JUMP = 10.0  #: rad/s^2; largest change of the moment between two samples.
 
 LARGEST_ANGLE_VARIANCE = math.pi**2
-LARGEST_RATE_VARIANCE = 100.0  #: Where nothing observes the angle, its variance would grow without end.
+LARGEST_RATE_VARIANCE = 100.0  #: Bounds the variance where the angle is not observed.
 
 
 @accelerated
 def hull_step(
     state: np.ndarray, moment: float, rate_variance: float, step: float, hull: tuple
 ) -> tuple[float, float, np.ndarray]:
-    """One step of the hull under a held moment, and its linearisation in the middle of the step.
+    """Angle and rate after a short step, s, under a held moment, rad/s^2, and their slopes (2, 13).
 
-    The damping is its mean over a normal rate: E[w^3] = m^3 + 3 m v, and E[|w| w] is near m sqrt(m^2 + 8 v / pi), right
-    for small and for large m (Roberts and Spanos 1990, Random Vibration and Statistical Linearization).
-
-    Args:
-        state: Of the filter, before the step.
-        moment: Mean over the step, rad/s^2.
-        rate_variance: Of what is known of the rate, rad^2/s^2.
-        step: s, short against the natural period.
-        hull: Active (9 bools), friction rate, rad/s.
-
-    Returns:
-        angle, rate: After the step.
-        slopes: (2, 13); derivatives of both by angle, rate, trim, the nine ratios and the moment: the exponential of
-            [[0, 1], [a, c]] and its integral, to third order in the step.
+    Slopes by angle, rate, trim, nine ratios and moment: exponential of [[0, 1], [a, c]] and its integral to third
+    order, in the middle of the step. Mean damping over a normal rate: E[w^3] = m^3 + 3 m v, E[|w| w] near m sqrt(m^2 +
+    8 v / pi) (Roberts and Spanos 1990, Random Vibration and Statistical Linearization).
     """
     active, friction_rate = hull
     angle, rate, trim = float(state[0]), float(state[1]), float(state[TRIM])
@@ -86,7 +74,7 @@ def hull_step(
 
 @accelerated
 def transition(blocks: np.ndarray, step: float) -> np.ndarray:
-    """Of the state over a step, (n, n), without the rows of angle and rate."""
+    """Transition of the state over a step, (n, n), without the rows of angle and rate."""
     f = np.eye(HULL_STATES + 2 * blocks.shape[0])
     for k in range(blocks.shape[0]):
         i, j = HULL_STATES + 2 * k, HULL_STATES + 2 * k + 1
@@ -110,17 +98,11 @@ def predict(
     duration: float,
     longest: float,
 ) -> None:
-    """Move mean and covariance on by a duration, in place.
+    """Move mean (n,) and covariance (n, n), n = 12 + 2 B, on by a duration, s, in place, in steps up to ``longest``.
 
-    Over a step the moment acts by the mean of its values at both ends, and so does its noise.
-
-    Args:
-        mean, covariance: (n,) and (n, n); of the state, n = 12 + 2 B.
-        moment: Blocks (B, 3), output (2 B,), stationary covariance (2 B, 2 B).
-        hull: See `hull_step`.
-        drift: (10, 10); growth of the covariance of trim and ratios in a second.
-        duration: s.
-        longest: Longest step, s.
+    Over a step the moment and its noise act by the mean of their values at both ends. ``moment``: blocks (B, 3), output
+    (2 B,), stationary covariance (2 B, 2 B); ``drift`` (10, 10): growth of the covariance of trim and ratios per
+    second.
     """
     blocks, output, stationary = moment
     count = max(1, math.ceil(duration / longest - 1e-6))
@@ -166,10 +148,9 @@ def update(
     variances: tuple[float, float],
     learns: bool,
 ) -> None:
-    """Take in what was measured of angle and rate (NaN: not measured), in place, one after the other.
+    """Update with angle and rate (NaN: not measured), in place, one after the other.
 
-    Where trim and ratios are not learnt they are considered (Schmidt 1966): they and what is known of them stay, and
-    their uncertainty goes on to count.
+    Trim and ratios that are not learnt are considered (Schmidt 1966): they stay, and their uncertainty still counts.
     """
     considered = mean[TRIM:HULL_STATES].copy(), covariance[TRIM:HULL_STATES, TRIM:HULL_STATES].copy()
     for place in range(2):
@@ -195,11 +176,7 @@ def predict_to(
     durations: np.ndarray,
     longest: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predict on over successive durations, in place.
-
-    Returns:
-        (L, 2) and (L, 2, 2); angle and rate and their covariance after each.
-    """
+    """Predict over successive durations, in place: angle and rate (L, 2) and their covariance (L, 2, 2) after each."""
     means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
     for k in range(durations.size):
         if durations[k] > 0.0:
@@ -219,14 +196,9 @@ def innovation(
     variances: tuple[float, float],
     min_jump: float,
 ) -> tuple[int, float, float, float]:
-    """How far what was measured (NaN: not measured) lies from what was expected.
+    """Number of values measured, normalised innovation squared, log likelihood, and gate NIS.
 
-    Returns:
-        measured: How many values.
-        nis: Normalised innovation squared.
-        log_likelihood
-        gate_nis: The same if the moment has jumped since the sample before: a hand that lets go, or takes hold, changes
-            it by about what the hull's own moment is now.
+    The gate's is the NIS if the moment has jumped since the sample before, as at a release, by about the hull's moment.
     """
     a, b, d = covariance[0, 0] + variances[0], covariance[0, 1], covariance[1, 1] + variances[1]
     e0, e1 = values[0] - mean[0], values[1] - mean[1]

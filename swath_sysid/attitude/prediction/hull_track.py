@@ -14,18 +14,16 @@ Pair = tuple[float, float]  #: Of the angle and of the rate.
 OF_HULL = slice(TRIM, HULL_STATES)  #: Trim and ratios.
 NO_HULL = (False,) * (HULL_STATES - RATIOS), 1.0
 NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
-LONGEST_STEP = 0.05  #: s; the moment acts by the mean of its values at both ends of a step.
+LONGEST_STEP = 0.05  #: s.
 
 STRAIN_GAIN = 0.2  #: Of the running mean of the innovations squared over their expectation.
 
 
 class HullTrack:
-    """State and covariance, moved on by `hull_step`; each call says how much time has passed.
+    """State and covariance, moved on by `hull_step`; each call passes the elapsed time.
 
-    Attributes:
-        x, P: Mean, (n,), and covariance, (n, n), of the state.
-        moment: Blocks, output and stationary covariance (`ModalMoment`).
-        strain: Running mean of the innovations squared over their expectation; one is healthy.
+    ``x`` (n,) and ``P`` (n, n) are mean and covariance, ``moment`` is `ModalMoment`'s blocks, output and stationary
+    covariance, ``strain`` the running mean of squared innovations over their expectation; one is healthy.
     """
 
     def __init__(self) -> None:
@@ -50,7 +48,7 @@ class HullTrack:
         self.foreseen = None
 
     def set_part(self, places: slice, mean: Any, covariance: np.ndarray) -> None:
-        """Replace some states, which become independent of the others."""
+        """Replace some states and make them independent of the others."""
         self.x[places] = mean
         self.P[places] = self.P[:, places] = 0.0
         self.P[places, places] = covariance
@@ -84,7 +82,7 @@ class HullTrack:
         hull_step.predict(self.x, self.P, self.moment, self.hull, self.drift, duration, self.longest)
 
     def innovation(self, elapsed: float, values: Pair, variances: Pair, min_jump: float) -> tuple:
-        """As `hull_step.innovation`; the strain follows it."""
+        """As `hull_step.innovation`; updates the strain."""
         found = hull_step.innovation(self.x, self.P, self.moment[1], self.hull, elapsed, values, variances, min_jump)
         if found[0] > 0:
             self.strain += STRAIN_GAIN * (found[1] / found[0] - self.strain)

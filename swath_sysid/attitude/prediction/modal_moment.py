@@ -1,12 +1,7 @@
-"""A stationary exciting moment as a linear state space in real modal form: exact over any interval.
+"""A stationary exciting moment as a linear state space in real modal form, exact over any interval.
 
-In continuous time, with w white noise,
-
-    dz/dt = A z + w,    moment = h z,    E[z z'] = Pi,
-
-A block diagonal with blocks [[s, v], [-v, s]] (a pair of poles s +- i v) or diag(s1, s2) (two real poles). Over an
-interval t the transition is F(t) = exp(A t), two numbers a block, and the noise Q(t) = Pi - F(t) Pi F(t)': no matrix
-exponential and no Lyapunov equation has to be solved while the filter runs, however uneven the samples are.
+dz/dt = A z + w, moment = h z, E[z z'] = Pi, with w white noise and A block diagonal: [[s, v], [-v, s]] (poles
+s +- i v) or diag(s1, s2). Over an interval t the transition is F(t) = exp(A t), the noise Q(t) = Pi - F(t) Pi F(t)'.
 """
 
 from collections.abc import Sequence
@@ -17,20 +12,19 @@ from typing import Self
 import numpy as np
 from scipy.linalg import block_diag, eig, expm, solve_continuous_lyapunov
 
-SLOWEST_DECAY = 1e-4  #: 1/s; a pole decays at least so fast, so that the stationary covariance exists.
+SLOWEST_DECAY = 1e-4  #: 1/s; least decay of a pole, so that the stationary covariance exists.
 
-#: 1/s; what a discrete model forgets within a step (a pole at zero or of a negative real number) decays so fast.
+#: 1/s; decay of a discrete pole at zero or on the negative real axis.
 FASTEST_DECAY = 200.0
 
-WORST_CONDITION = 300.0  #: Of the modal coordinates; where poles coincide more closely, the matrix is nudged.
+WORST_CONDITION = 300.0  #: Of the modal coordinates; nearly coinciding poles are perturbed.
 
 
 @dataclass(frozen=True)
 class ModalMoment:
     """A moment in modal form; n = 2 B states."""
 
-    #: (B, 3); First and second decay rate, 1/s (negative; equal for a pair of complex poles), and frequency, rad/s
-    #: (zero for two real poles).
+    #: (B, 3); two decay rates, 1/s (negative; equal for complex poles), and frequency, rad/s (zero for real poles).
     blocks: np.ndarray
     output: np.ndarray  #: (n,); From the state to the moment over inertia, rad/s^2.
     stationary: np.ndarray  #: (n, n); Covariance of the state.
@@ -52,13 +46,9 @@ class ModalMoment:
 
     @classmethod
     def from_discrete(cls, transition: np.ndarray, output: np.ndarray, stationary: np.ndarray, step: float) -> Self:
-        """Bring a stable discrete state space into continuous modal form.
+        """Continuous modal form of a stable discrete state space over a step, s.
 
-        Args:
-            transition: (n, n); over a step.
-            output: (n,); from the state to the moment over inertia, rad/s^2.
-            stationary: (n, n); covariance of the state.
-            step: s.
+        Transition (n, n), output (n,) to the moment over inertia, rad/s^2, and stationary covariance (n, n).
         """
         values, vectors = _separate_poles(transition)
         # a negative real number has no real continuous counterpart: what alternates from step to step is forgotten
@@ -86,7 +76,7 @@ class ModalMoment:
         return found._realisable(float(output @ stationary @ output))
 
     def _realisable(self, variance: float):
-        """Let some white noise drive it: -(A Pi + Pi A') is made positive semidefinite, the variance kept."""
+        """Make -(A Pi + Pi A') positive semidefinite with the variance kept, so that white noise can drive it."""
         generator = self.generator
         drive = -(generator @ self.stationary + self.stationary @ generator.T)
         values, vectors = np.linalg.eigh(0.5 * (drive + drive.T))
@@ -121,13 +111,9 @@ def _separate_poles(matrix: np.ndarray):
 
 @cache
 def markov_moment(variance: float, time: float) -> ModalMoment:
-    """A moment of which nothing is known but its size and how long it lasts: second-order Markov.
+    """A second-order Markov moment of variance, rad^2/s^4, and time, s, one over the corner frequency.
 
-    Its spectrum is that of white noise through a low-pass of second order, damped a little less than critically.
-
-    Args:
-        variance: rad^2/s^4.
-        time: One over the corner frequency, s.
+    White noise through a second-order low-pass, slightly less than critically damped.
     """
     corner = 1.0 / time
     generator = np.array([[0.0, 1.0], [-corner * corner, -1.8 * corner]])
@@ -136,7 +122,7 @@ def markov_moment(variance: float, time: float) -> ModalMoment:
 
 
 def joined(moments: Sequence[ModalMoment], levels: Sequence[float] | np.ndarray) -> ModalMoment:
-    """The sum of independent moments as one, each with so many times its variance."""
+    """The sum of independent moments, each with its variance scaled."""
     return ModalMoment(
         np.concatenate([m.blocks for m in moments]),
         np.concatenate([m.output for m in moments]),

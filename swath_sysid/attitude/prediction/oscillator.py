@@ -1,8 +1,7 @@
-"""The first forecast: each angle a damped oscillator driven by white noise, from however few rows there are.
+"""The first forecast: each angle a damped oscillator driven by white noise, fitted to few rows.
 
-At short leads it carries the rate on, at long ones it returns to the mean, so that it is what persistence, constant
-rate and the mean are each good at.  Its natural frequency is the ratio of the rate's to the angle's standard deviation,
-for which the regression of the angle a little later on angle and rate is the best linear one whatever the spectrum.
+At short leads it carries the rate on, at long leads it returns to the mean. Its natural frequency is the ratio of the
+standard deviations of rate and angle, which gives the best linear regression whatever the spectrum.
 """
 
 from collections.abc import Sequence
@@ -24,16 +23,9 @@ _NOISE = 1e-8
 def oscillators(
     values: np.ndarray, names: Sequence[str], step: float, angles: Sequence[str]
 ) -> InnovationsModel | None:
-    """A model of the angles alone, each with its rate where that is measured.
+    """A model of each angle, with its rate ``X_rate`` where measured; None while no angle has been seen.
 
-    Args:
-        values: (N, width); oldest first, NaN where missing.
-        names: Of the columns.
-        step: s.
-        angles: Which of the names; ``X_rate`` is the rate of ``X``.
-
-    Returns:
-        None while no angle has been seen.
+    Values (N, width) are oldest first, one row per step, s, NaN where missing; ``names`` are their columns.
     """
     names = list(names)
     parts = []
@@ -85,15 +77,9 @@ def _oscillator(values: np.ndarray, names: Sequence[str], step: float, angle: in
 
 
 def angle_statistics(angle: np.ndarray, rate: np.ndarray | None, step: float) -> tuple[float, float, float]:
-    """Mean, standard deviation and natural frequency of an angle, drawn to what is expected while little is known.
+    """Mean, rad, standard deviation, rad, and natural frequency, rad/s, drawn to expected values with few data.
 
-    Args:
-        angle: (N,); rad, NaN where missing.
-        rate: (N,), or None; rad/s; without it the angle's differences.
-        step: s.
-
-    Returns:
-        mean, deviation, frequency: rad, rad, rad/s.
+    Angle (N,), rad, and rate (N,), rad/s, NaN where missing; without a rate the angle's differences.
     """
     duration = step * np.isfinite(angle).sum()
     rates = np.diff(angle) / step if rate is None else rate

@@ -1,8 +1,7 @@
 """Motion at named points of the craft, away from the sensor: the lever arm with the whole rotation.
 
-With u(roll, pitch) the world's vertical in the craft's axes and r the point, its height above the sensor is u . r, its
-vertical velocity and acceleration the derivatives of that in time (Fossen 2021, section 2.2, of the third row of the
-rotation matrix).
+With u(roll, pitch) the world's vertical in the craft's axes and r the point, its height above the sensor is u . r, and
+its vertical velocity and acceleration are the time derivatives (Fossen 2021, section 2.2, third row of the rotation).
 """
 
 from collections.abc import Sequence
@@ -29,7 +28,7 @@ class PointMotion:
 
     place: tuple[float, float, float]  #: m from the sensor.
     mean: np.ndarray  #: (L, 3); `POINT_MOTION`: m about the mean level, m/s, m/s^2.
-    covariance: Any  #: (L, 7, 7), or None; Of these and of roll, pitch and their rates.
+    covariance: Any  #: (L, 7, 7), or None; of these and of roll, pitch and their rates.
 
     def at(self, chosen: Any) -> 'PointMotion':
         """Of some of the leads."""
@@ -40,15 +39,7 @@ class PointMotion:
 def height_partials(
     place: Sequence[float], roll: float | np.ndarray, pitch: float | np.ndarray
 ) -> dict[tuple[int, int], Any]:
-    """Height of a point above the sensor, u . r, and its partial derivatives.
-
-    Args:
-        place: r, m.
-        roll, pitch: (L,); rad.
-
-    Returns:
-        By the number of derivatives in roll and in pitch, up to three in all.
-    """
+    """Height u . r of a point r, m, and its derivatives by their orders in roll and pitch (L,), rad, up to three."""
     x, y, z = place
     # a derivative of a sine is the sine a quarter turn on
     sine_roll, cosine_roll, sine_pitch, cosine_pitch = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
@@ -71,14 +62,10 @@ def point_motion(
     motion: np.ndarray,
     covariance: np.ndarray | None = None,
 ) -> PointMotion:
-    """Vertical motion at a point from that at the sensor, with its covariance to first order.
+    """Vertical motion at a point, m from the sensor, from that at the sensor, covariance (L, 9, 9) to first order.
 
-    Args:
-        place: m from the sensor.
-        mean_attitude: Roll and pitch about which the craft moves, rad: there the point is at its mean level.
-        motion: (L, 9); heave, vertical velocity and acceleration, roll and pitch acceleration, roll, pitch and their
-            rates.
-        covariance: (L, 9, 9); of these.
+    Motion (L, 9): heave, vertical velocity and acceleration, roll and pitch acceleration, roll, pitch and their rates.
+    At the mean roll and pitch, rad, the point is at its mean level.
     """
     heave, velocity, acceleration, roll_acc, pitch_acc, roll, pitch, roll_rate, pitch_rate = motion.T
 

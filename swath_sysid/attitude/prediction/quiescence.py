@@ -1,9 +1,8 @@
-"""How probable it is that the craft stays quiet, and when it will: for launch, recovery and landing on deck.
+"""Probability that the craft stays quiet, and the next calm window: for launch, recovery and deck landing.
 
-Errors of one forecast are correlated along the horizon, so that probabilities of single leads cannot
-be multiplied.  Past error trajectories, whole horizons of all that may be limited, each over the size of the motion
-then, are laid over the present forecast instead (a causal ensemble, as in ensemble dressing: Roulston
-and Smith 2003), and the members that stay inside are counted.
+Errors of one forecast are correlated along the horizon, so past error trajectories of all limited quantities, scaled
+by the size of the motion, are added to the present forecast (ensemble dressing: Roulston and Smith 2003), and the
+members that stay inside are counted.
 """
 
 import math
@@ -21,31 +20,30 @@ from swath_sysid.common.errors import InputError
 AT_A_POINT = POINT_MOTION[:2]  #: What can be limited at each point, beside `ATTITUDE` of the craft.
 
 _ENOUGH = 30
-_SIZE_MEMORY = 60.0  #: s; a shorter one follows groups of waves, in which the errors grow less than the motion does.
+_SIZE_MEMORY = 60.0  #: s; a shorter one follows wave groups, in which errors grow less than the motion.
 
 
 @dataclass(frozen=True)
 class PointLimits:
-    """What counts as quiet at a named point."""
+    """Limits of quiet at a named point."""
 
     name: str
-    heave: float = math.inf  #: Largest either way, m about the mean level and m/s; infinite: does not matter.
-    #: Largest either way, m about the mean level and m/s; infinite: does not matter.
-    vertical_velocity: float = math.inf
+    heave: float = math.inf  #: Largest either way, m about the mean level; infinite: no limit.
+    vertical_velocity: float = math.inf  #: m/s.
 
 
 @dataclass(frozen=True)
 class QuiescenceLimits:
-    """What counts as quiet."""
+    """Limits of quiet."""
 
-    roll: float = math.inf  #: Largest angles either way, rad; infinite: does not matter.
-    pitch: float = math.inf  #: Largest angles either way, rad; infinite: does not matter.
-    roll_rate: float = math.inf  #: Largest rates either way, rad/s.
-    pitch_rate: float = math.inf  #: Largest rates either way, rad/s.
+    roll: float = math.inf  #: Largest angle either way, rad; infinite: no limit.
+    pitch: float = math.inf  #: rad.
+    roll_rate: float = math.inf  #: rad/s.
+    pitch_rate: float = math.inf  #: rad/s.
     duration: float = 5.0  #: s from now for the probability, and the least length of a window of calm.
     points: tuple[PointLimits, ...] = ()
     about_trim: bool = False  #: The angles' limits are about the present trim.
-    probability: float = 0.9  #: With which a window of calm is to hold.
+    probability: float = 0.9  #: Least probability of a calm window.
 
     def __post_init__(self):
         limits = {name: getattr(self, name) for name in (*ATTITUDE, 'duration')}
@@ -68,33 +66,33 @@ class QuiescenceLimits:
 
 
 def quantity_at(point: str, kind: str) -> str:
-    """The name of what is limited at a point."""
+    """The name of a limited quantity at a point."""
     return f'{point}.{kind}'
 
 
 class CalmWindow(NamedTuple):
-    """When the craft will be quiet."""
+    """A window in which the craft will be quiet."""
 
     begin: float  #: s from now.
     end: float  #: s from now.
-    probability: float  #: Of keeping all limits from beginning to end.
+    probability: float  #: Of keeping all limits from start to end.
 
 
 @dataclass(frozen=True)
 class Reliability:
-    """How often the craft stayed quiet, by the probability forecast."""
+    """Observed share of quiet against the forecast probability."""
 
     edges: np.ndarray  #: (B + 1,); Of the bins of probability.
     count: np.ndarray  #: (B,)
-    forecast: np.ndarray  #: (B,); Mean probability forecast and share that stayed quiet; NaN in empty bins.
-    observed: np.ndarray  #: (B,); Mean probability forecast and share that stayed quiet; NaN in empty bins.
+    forecast: np.ndarray  #: (B,); mean probability forecast; NaN in empty bins.
+    observed: np.ndarray  #: (B,); share that stayed quiet; NaN in empty bins.
     brier: float  #: Mean squared error of the probability, and of always forecasting the share that stayed quiet.
     #: Mean squared error of the probability, and of always forecasting the share that stayed quiet.
     brier_of_climate: float
 
 
 class ReliabilityRecord:
-    """A reliability diagram that fills as outcomes become known; its memory does not grow."""
+    """A reliability diagram, filled as outcomes become known, of constant size."""
 
     def __init__(self, bins: int = 10) -> None:
         self._edges = np.linspace(0.0, 1.0, bins + 1)
@@ -103,12 +101,7 @@ class ReliabilityRecord:
         self._squared_error = 0.0
 
     def add(self, forecast: float, observed: bool) -> None:
-        """One probability and what came of it.
-
-        Args:
-            forecast: Probability of staying quiet, from 0 to 1.
-            observed: Whether the craft stayed quiet.
-        """
+        """Add a probability, 0 to 1, and whether the craft stayed quiet."""
         place = min(int(forecast * self._count.size), self._count.size - 1)
         self._count[place] += 1
         self._forecast[place] += forecast
@@ -135,13 +128,10 @@ class _Issued:
 
 
 class Quiescence:
-    """Running probability of staying inside the limits, and the next window of calm.
+    """Running probability of staying inside the limits of quantities, and the next window of calm.
 
-    Args:
-        leads: (H,); of the horizon, s; one at least must be inside the duration.
-        quantities: What is forecast and may be limited.
-        members: Past error trajectories kept.
-        spacing: s between them.
+    Leads (H,), s, are those of the horizon, at least one within the duration; ``members`` past error trajectories are
+    kept, ``spacing`` s apart.
     """
 
     def __init__(
@@ -164,11 +154,7 @@ class Quiescence:
         self.set_limits(limits)
 
     def set_limits(self, limits: QuiescenceLimits) -> None:
-        """Take other limits; the duration stays, and what was learnt of the forecasts serves them at once.
-
-        Args:
-            limits: Their duration is not used.
-        """
+        """Use other limits with the duration and the error trajectories kept."""
         whole = limits.bounds(self._quantities)
         # only what is limited can end the quiet
         self._bounded = np.isfinite(whole)
@@ -186,12 +172,7 @@ class Quiescence:
         self._square = np.zeros(len(self._quantities))
 
     def learn(self, now: float, motion_at: Callable[[np.ndarray], np.ndarray]) -> None:
-        """Take in the error trajectories that have become known.
-
-        Args:
-            now: s.
-            motion_at: From stamps, shape (H,), to what was measured of the quantities, shape (H, V).
-        """
+        """Keep errors known at ``now``, s; ``motion_at`` maps stamps (H,) to measured quantities (H, V)."""
         while self._pending and self._pending[0].stamp + self._leads[-1] <= now + 1e-9:
             issued = self._pending.popleft()
             actual = motion_at(issued.stamp + self._leads)
@@ -211,19 +192,10 @@ class Quiescence:
         activity: np.ndarray,
         trim: np.ndarray | None = None,
     ) -> tuple[float, CalmWindow | None]:
-        """Probability of staying inside, for the forecast issued now, and when the craft will next be quiet.
+        """Probability of staying inside for the duration from ``now``, s, and the next calm window.
 
-        Args:
-            now: s.
-            motion, deviation: (H, V); forecast of the quantities over the whole horizon and its standard deviation. NaN
-                for what is not measured.
-            activity: (V,); present size of each quantity's motion; positive.
-            trim: (V,); about which limits may be.
-
-        Returns:
-            probability: Of staying quiet from now on for the duration; NaN where nothing is limited, or what is limited
-                is not measured.
-            window
+        Of a forecast (H, V) over the horizon and its standard deviation, the size (V,) of each quantity's motion, and
+        trim (V,) about which limits may be. NaN where nothing is limited, or a limited quantity is not measured.
         """
         size = self._follow_size(now, activity)
         about = np.zeros(len(self._quantities)) if trim is None or not self._about_trim else trim
@@ -241,7 +213,7 @@ class Quiescence:
         return probability, window
 
     def _follow_size(self, now: float, activity: np.ndarray):
-        """Size of the motion lately, shape (V,)."""
+        """Size of the recent motion, shape (V,)."""
         elapsed, self._last = now - self._last, now
         gain = elapsed / (_SIZE_MEMORY + elapsed) if elapsed > 0.0 else 1.0
         square = activity * activity

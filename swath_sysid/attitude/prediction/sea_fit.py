@@ -1,4 +1,4 @@
-"""What is learnt of the sea from the recent past, beside the samples: a request as data, a pure function, a result."""
+"""Learning the sea from the recent past: a request as data, a pure function, a result."""
 
 import math
 from dataclasses import dataclass, field
@@ -18,8 +18,8 @@ from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, Vertica
 ALL_CHANNELS, SHORT_MEMORY, EACH_ALONE = 'waves', 'waves-short', 'axis-alone'
 SEA_MODELS = (SHORT_MEMORY, ALL_CHANNELS, EACH_ALONE)
 
-SHORT = 60.0  #: s; a sea that has just changed is forecast from so short a past until the long one has learnt it.
-LONGEST_FILLED = 2.0  #: s; across a longer gap the motion before does not give the phase after.
+SHORT = 60.0  #: s; short past for a sea that has just changed.
+LONGEST_FILLED = 2.0  #: s; the phase is lost in a longer gap.
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class SeaRequest:
 
 @dataclass(frozen=True)
 class SeaFit:
-    """What was learnt."""
+    """The result of `fit_sea`."""
 
     time: float  #: Of the request.
-    waves: dict[str, InnovationsModel]  #: Of `SEA_MODELS`; one that the past does not suffice for is left out.
+    waves: dict[str, InnovationsModel]  #: Of `SEA_MODELS`, without those for which the past is too short.
     excitations: dict[str, ExcitationFit]  #: By axis; likewise.
     vertical: VerticalFit | None = None  #: With the waves of all channels.
     sea: SeaReport | None = None  #: Where it was asked for.
@@ -98,7 +98,7 @@ def sea_of(request: SeaRequest) -> SeaReport:
 
 
 def _fit_vertical(request: SeaRequest, wanted: VerticalRequest, model: InnovationsModel):
-    """From the newest stretch of the past that is whole in all that is needed."""
+    """Fit of vertical motion to the newest complete stretch of the channels that it needs."""
     needed = sorted({*model.places, *(request.names.index(name) for name in (*ATTITUDE, *FORCE))})
     rows = np.full_like(request.values, math.nan)
     rows[:, needed] = request.values[:, needed]
@@ -112,14 +112,9 @@ def _fit_vertical(request: SeaRequest, wanted: VerticalRequest, model: Innovatio
 
 
 def newest_stretch(channels: np.ndarray, step: float) -> np.ndarray:
-    """The newest stretch without a long gap; short gaps are filled along straight lines.
+    """The newest stretch of channels (C, N), oldest first, NaN where missing, without a long gap.
 
-    Args:
-        channels: (C, N); oldest first, NaN where missing.
-        step: s.
-
-    Returns:
-        A channel that is not measured stays NaN; empty where nothing is measured.
+    Short gaps are interpolated linearly; a channel that is not measured stays NaN; empty where nothing is measured.
     """
     measured = np.isfinite(channels).any(axis=1)
     seen = np.flatnonzero(np.isfinite(channels[measured]).all(axis=0) & measured.any())

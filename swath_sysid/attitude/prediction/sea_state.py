@@ -1,7 +1,7 @@
-"""The sea from the craft's own motion: height and periods of the heave at the sensor, and the axis of the waves.
+"""Sea state from the craft's motion: height and periods of the heave at the sensor, and the axis of the waves.
 
-What the craft heaves, not the sea itself: a craft does not follow waves shorter than a few of its lengths, and
-under way its periods are those of encounter.
+It is the heave's, not the sea's: a craft does not follow waves shorter than a few of its lengths, and under way its
+periods are those of encounter.
 """
 
 import math
@@ -16,35 +16,32 @@ from swath_sysid.common.errors import InputError
 MIN_DURATION = 300.0  #: s; a shorter record holds too few waves.
 _SEGMENT = 200.0  #: s; resolves the peak of a swell of 20 s and leaves ten segments in 20 minutes.
 _INDEPENDENT_BINS = 1.5  #: Bandwidth of a Hann window in bins (Harris 1978, table 1).
-#: Independent segments of N halfway overlapping ones under a Hann window over N / 2 (Welch 1967).
+#: Independent segments of N half-overlapping ones under a Hann window over N / 2 (Welch 1967).
 _SEGMENTS_IN_EFFECT = 0.95
 _COHERENT = 0.6
 _DRAWS = 400
-#: No craft heaves so slowly: what its accelerations show there is the sensor's own noise.
+#: No craft heaves so slowly: accelerations there are the sensor's own noise.
 _BELOW_THE_WAVES_HZ = (0.015, 0.035)
-_MEASURABLE = 2.0  #: Heights of less than so many times that which the noise alone would give are no sea.
+_MEASURABLE = 2.0  #: Least height over that from noise alone.
 
 
 @dataclass(frozen=True)
 class SeaState:
-    """What the motion of a record says of the sea."""
+    """The sea state that the motion of a record shows."""
 
     duration: float  #: s of motion.
     significant_height: float  #: Four standard deviations of the heave, m.
-    significant_height_std: float  #: Four standard deviations of the heave, m.
+    significant_height_std: float  #: m.
     mean_period: float  #: Mean zero-crossing period sqrt(m0 / m2), s.
-    mean_period_std: float  #: Mean zero-crossing period sqrt(m0 / m2), s.
+    mean_period_std: float  #: s.
     peak_period: float  #: s; of the largest value of the spectrum.
     peak_period_interval: tuple[float, float]  #: Central 95 %, s.
-    #: Along which the waves run, rad from the bow, positive to port, from -pi/2 to pi/2: either way along it. NaN where
-    #: heave and slope are not coherent.
+    #: Line along which the waves run, either way, rad from the bow to port, -pi/2 to pi/2; NaN if not coherent.
     axis: float
-    #: Along which the waves run, rad from the bow, positive to port, from -pi/2 to pi/2: either way along it. NaN where
-    #: heave and slope are not coherent.
-    axis_std: float
-    least_height: float  #: m; a lower sea could not be distinguished from the noise of the sensor.
-    frequency: np.ndarray  #: (F,); Hz and m^2/Hz.
-    spectrum: np.ndarray  #: (F,); Hz and m^2/Hz.
+    axis_std: float  #: rad; NaN likewise.
+    least_height: float  #: m; a lower sea is indistinguishable from the sensor's noise.
+    frequency: np.ndarray  #: (F,); Hz.
+    spectrum: np.ndarray  #: (F,); m^2/Hz.
 
 
 @dataclass(frozen=True)
@@ -56,11 +53,7 @@ class SeaReport:
 
 
 def sea_report(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, step: float) -> SeaReport:
-    """As `sea_state`, for who goes on where there is none.
-
-    Args:
-        acceleration, roll, pitch, step: See `sea_state`.
-    """
+    """As `sea_state`, with the reason instead of an error."""
     try:
         return SeaReport(sea_state(acceleration, roll, pitch, step))
     except InputError as error:
@@ -68,15 +61,10 @@ def sea_report(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, st
 
 
 def sea_state(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, step: float, seed: int = 0) -> SeaState:
-    """The sea from vertical acceleration and attitude.
+    """The sea state from vertical acceleration, m/s^2 upwards, and roll and pitch, rad, (N,), finite at even steps, s.
 
-    Args:
-        acceleration, roll, pitch: (N,); m/s^2 upwards and rad, at even steps, finite.
-        step: s.
-        seed: Of the draws that give the interval of the peak period.
-
-    Raises:
-        InputError: Where the record is too short, or the craft heaves no more than the noise of its sensor would show.
+    ``seed`` is for the interval of the peak period. Raises `InputError` where the record is too short, or the heave is
+    within the sensor's noise.
     """
     duration = acceleration.size * step
     if not duration > MIN_DURATION - 0.5 * step:
@@ -125,7 +113,7 @@ def sea_state(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, ste
 
 
 def _peak_frequency(frequency: np.ndarray, spectrum: np.ndarray):
-    """Where the spectrum is largest, between bins by the parabola through the logarithms of three, shape (...)."""
+    """Frequency of the spectrum's maximum, shape (...), by the parabola through the logarithms of three bins."""
     top = np.clip(np.argmax(spectrum, axis=-1), 1, frequency.size - 2)
     before, at, after = (
         np.log(np.take_along_axis(spectrum, np.expand_dims(top + k, -1), axis=-1)[..., 0]) for k in (-1, 0, 1)
@@ -136,7 +124,7 @@ def _peak_frequency(frequency: np.ndarray, spectrum: np.ndarray):
 
 
 def _peak_interval(frequency: np.ndarray, spectrum: np.ndarray, segments: float, seed: int):
-    """By draws of spectra that are as uncertain as this one (chi-squared), and half the resolution either way."""
+    """Interval from draws of equally uncertain spectra (chi-squared), widened by half the resolution either way."""
     rng = np.random.default_rng(seed)
     groups = np.floor(np.arange(frequency.size) / _INDEPENDENT_BINS).astype(int)
     drawn = rng.chisquare(2.0 * segments, (_DRAWS, groups[-1] + 1))[:, groups] / (2.0 * segments)
@@ -146,17 +134,9 @@ def _peak_interval(frequency: np.ndarray, spectrum: np.ndarray, segments: float,
 
 
 def cross_spectra(channels: np.ndarray, step: float, rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Spectra and cross spectra, one-sided, averaged over halfway overlapping segments (Welch 1967).
+    """One-sided cross spectra by Welch (1967) of channels (C, N), in segments of ``rows`` under a Hann window.
 
-    Args:
-        channels: (C, N); at even steps, finite, each in its own unit.
-        step: s.
-        rows: Of a segment, which is taken about its mean under a Hann window.
-
-    Returns:
-        frequency: (F,); hz.
-        spectra: (C, C, F); complex, in the unit of the row times that of the column by Hz; the column is ahead by the
-            angle.
+    Frequencies (F,), Hz, and spectra (C, C, F), units of row times column by Hz; the column leads by the phase angle.
     """
     starts = np.arange(0, channels.shape[1] - rows + 1, rows - rows // 2)
     segments = channels[:, starts[:, None] + np.arange(rows)]
@@ -170,10 +150,9 @@ def cross_spectra(channels: np.ndarray, step: float, rows: int) -> tuple[np.ndar
 
 
 def _axis(spectra: np.ndarray, spectrum: np.ndarray, segments: float):
-    """The waves' axis: heave and the slopes along and across the craft are a quarter period apart.
+    """The waves' axis from cross spectra of acceleration and slopes, which are a quarter period from heave.
 
-    The slope is -pitch along the bow and roll to port; acceleration is heave turned about. ``spectra`` are the cross
-    spectra of those three.
+    The slope is -pitch along the bow and roll to port; acceleration is heave with the opposite sign.
     """
     of_heave, quadrature = spectra[0, 0].real, spectra[0, 1:].imag
     power = np.array([spectra[1, 1].real, spectra[2, 2].real])

@@ -1,4 +1,4 @@
-"""What a sensor does not report: its white noise, by the roughness of its samples, and how well its channels agree."""
+"""Sensor noise that is not reported: white noise from the roughness of the samples, and disagreement of channels."""
 
 import math
 from collections import deque
@@ -9,23 +9,19 @@ _THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of the third difference
 _CLIP = 16.0
 
 
-_SPAN = 0.5  #: s over which the rate is integrated: some tenths of a craft's period, so that a lag or a gain shows.
+_SPAN = 0.5  #: s over which the rate is integrated: some tenths of a craft's period.
 _WHOLE_SPAN = _SPAN - 1e-6  #: s; sums of intervals round.
-_SETTLED, _AGREEMENT_MEMORY = 5.0, 30.0  #: s of motion before a disagreement counts, and over which it is averaged.
+_SETTLED, _AGREEMENT_MEMORY = 5.0, 30.0  #: s of motion before a disagreement is used, and averaging time.
 
-#: Disagreement over what the noise explains, mean square, from where on the channels contradict each other.
+#: Mean square disagreement over that of the noise, above which the channels contradict each other.
 _BEYOND_CHANCE = 2.0
 
 
 class NoiseMeter:
-    """Running variance of the white noise in one evenly sampled channel.
+    """Running variance of the white noise in one evenly sampled channel, initial and bounds in its unit.
 
-    The third difference removes any motion that a quadratic follows over four samples and leaves
-    20 times the noise variance (Hamming 1973, difference tables).  What the motion itself leaves,
-    at slow sampling, is counted as noise: an upper bound, kept below ``most``.
-
-    Args:
-        initial, least, most: Standard deviation before enough samples have come, and its bounds, in the channel's unit.
+    The third difference removes motion that is quadratic over four samples and leaves 20 times the noise variance
+    (Hamming 1973). Motion left at slow sampling counts as noise: an upper bound, kept below ``most``.
     """
 
     def __init__(self, initial: float, least: float, most: float) -> None:
@@ -57,11 +53,10 @@ class NoiseMeter:
 
 
 class AgreementMeter:
-    """Variance by which a rate's noise is larger for a filter that takes it for the derivative of an angle.
+    """Additional noise variance of a rate that a filter uses as the derivative of an angle.
 
-    Attitude that a sensor has filtered lags behind its gyroscopes by some hundredths of a second, or follows with a
-    gain.  Over half a second the angle then changes by another amount than the integral of the rate, by much more than
-    white noise explains.  White noise of the rate that explains it has that mean square over span and interval.
+    Filtered attitude lags behind the gyroscopes, or has a gain, so that over half a second the angle's change differs
+    from the rate's integral by more than white noise explains.
     """
 
     def __init__(self) -> None:
@@ -76,15 +71,9 @@ class AgreementMeter:
         self._time = self._integral = 0.0
 
     def take(self, elapsed: float, angle: float, rate: float, angle_variance: float, rate_variance: float) -> float:
-        """Take in the next sample.
+        """Additional variance, rad^2/s^2, after the next sample; zero where angle and rate agree within their noise.
 
-        Args:
-            elapsed: s since the one before.
-            angle, rate: rad, rad/s; NaN: not measured.
-            angle_variance, rate_variance: Of their white noise, rad^2 and rad^2/s^2.
-
-        Returns:
-            rad^2/s^2; zero where angle and rate agree within their noise.
+        Elapsed s, angle, rad, and rate, rad/s (NaN: not measured), and variances of their white noise.
         """
         change = rate - self._rate
         if change != change or angle != angle:

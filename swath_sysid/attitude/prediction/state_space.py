@@ -1,10 +1,7 @@
-"""A linear state space in innovations form: one class of models, one filter that steps and forecasts them all.
+"""A linear state space in innovations form (Anderson and Moore 1979, section 9.2), with one filter for all models.
 
-    x[t+1] = A x[t] + K e[t],    y[t] = C x[t] + e[t],    cov e = S
-
-(Anderson and Moore 1979, section 9.2).  While every sample is complete, x is a function of the past and known without
-error.  Where a sample or a channel is lost, the Kalman update with the noises K e and e, which are correlated, says
-how much is not known.
+x[t+1] = A x[t] + K e[t], y[t] = C x[t] + e[t], cov e = S. With complete samples x is a known function of the past;
+where values are lost, the Kalman update with the correlated noises K e and e gives its uncertainty.
 """
 
 from collections import deque
@@ -34,12 +31,12 @@ class InnovationsModel:
     channels: tuple[str, ...]  #: Names of the channels that the model reads and forecasts.
     places: tuple[int, ...]  #: Their columns in the rows that a filter is given.
     step: float  #: s between rows.
-    mean: np.ndarray  #: (C,); The state space is of ``(y - mean) / scale``.
-    scale: np.ndarray  #: (C,); The state space is of ``(y - mean) / scale``.
-    a: np.ndarray  #: (n, n), (n, C), (C, n), (C, C); A, K, C and S above.
-    k: np.ndarray  #: (n, n), (n, C), (C, n), (C, C); A, K, C and S above.
-    c: np.ndarray  #: (n, n), (n, C), (C, n), (C, C); A, K, C and S above.
-    s: np.ndarray  #: (n, n), (n, C), (C, n), (C, C); A, K, C and S above.
+    mean: np.ndarray  #: (C,); the state space is of ``(y - mean) / scale``.
+    scale: np.ndarray  #: (C,)
+    a: np.ndarray  #: (n, n)
+    k: np.ndarray  #: (n, C)
+    c: np.ndarray  #: (C, n)
+    s: np.ndarray  #: (C, C)
     prior: np.ndarray  #: (n, n); Covariance of the state before any row.
     #: (n, j C), or None; The state at the next row from the j newest rows, newest first: a start without a transient.
     from_lags: Any = None
@@ -51,16 +48,11 @@ class InnovationsModel:
 
 
 class InnovationsFilter:
-    """Steps a model through rows, complete or not, and forecasts from where it is.
+    """Steps a model through rows, complete or not, and forecasts targets from the newest.
 
-    Args:
-        targets: What is forecast: channels of the model, or ``X_rate`` where it has only the channel ``X``, whose
-            difference is taken.  A target that the model does not have is NaN.
-        horizon: s; the longest lead and age together.
-        steps: From the newest row: those of `at_steps`.
-
-    Attributes:
-        strain: Running mean of the targets' innovations squared over their expectation; one is healthy.
+    Targets are channels, or the difference ``X_rate`` of a channel ``X``; NaN without either. ``horizon``, s, is the
+    longest lead and age together; ``steps`` are those of `at_steps`. ``strain`` is the running mean of squared
+    innovations over their expectation; one is healthy.
     """
 
     def __init__(
@@ -97,16 +89,13 @@ class InnovationsFilter:
 
     @property
     def state_covariance(self) -> np.ndarray | None:
-        """Of its error, shape (n, n); None where it is known."""
+        """Covariance of the state's error, shape (n, n); None where the state is known."""
         return self._p
 
     def seed(self, rows: np.ndarray) -> None:
-        """Start anew and step through the recent past.
+        """Restart and step through recent rows (N, width), oldest first, NaN where missing.
 
-        From the first run of complete rows that gives the state by its lags; where there is none, from nothing.
-
-        Args:
-            rows: (N, width); oldest first, NaN where missing.
+        The state comes from the lags of the first run of complete rows, if any.
         """
         self.restart()
         count = self.model.lags
@@ -121,11 +110,7 @@ class InnovationsFilter:
             self.step(row)
 
     def step(self, row: np.ndarray) -> None:
-        """Take in the next row.
-
-        Args:
-            row: (width,); naN where missing.
-        """
+        """Update with the next row (width,), NaN where missing."""
         z = (row[self._places] - self.model.mean) * self._scale
         self._stepped = None
         if self._p is None:
@@ -146,7 +131,7 @@ class InnovationsFilter:
             self.strain += self._strain_gain * (square - self.strain)
 
     def _update(self, z: np.ndarray, seen: np.ndarray):
-        """The Kalman update with the channels that were seen; all or none of them, too.
+        """The Kalman update with the channels that were seen, all or none of them included.
 
         With V = C P C' + S of the seen, G = (A P C' + K S) V^-1:  x <- A x + G e,  P <- A P A' + K S K' - G V G'.
         """
@@ -174,14 +159,7 @@ class InnovationsFilter:
         self._recent.append(np.where(seen, z, expected))
 
     def skip(self, count: int) -> None:
-        """Step over rows that are all missing, however many, at the price of a few.
-
-        A^count x and the covariance are found by doubling: with Q_n = sum of A^i Q A^i' below n,
-        Q_2n = Q_n + A^n Q_n A^n'.
-
-        Args:
-            count: Number of rows.
-        """
+        """Step over ``count`` missing rows by doubling: Q_2n = Q_n + A^n Q_n A^n'."""
         missing = np.full(int(self._places.max(initial=0)) + 1, np.nan)
         doubled = max(count - _PAST, 0)
         if doubled:
@@ -198,17 +176,10 @@ class InnovationsFilter:
             self.step(missing)
 
     def forecast(self, leads: np.ndarray, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """The targets at leads, with the covariance of each lead's targets.
+        """Mean (L, M) of the targets at leads (L,), s from now, and covariance (L, M, M) with the sensors' noise.
 
-        Between whole steps the mean is interpolated by cubics, the covariance linearly.
-
-        Args:
-            leads: (L,); s from now; any values from 0 to the horizon less the age.
-            age: s from the newest row to now.
-
-        Returns:
-            mean: (L, M)
-            covariance: (L, M, M); of the readings: the sensor's noise is part of the innovations.
+        ``age``, s, is the time since the newest row. Between whole steps the mean is interpolated by cubics, the
+        covariance linearly.
         """
         steps = (np.asarray(leads, dtype=float) + age) / self.model.step
         near = np.round(steps)
@@ -239,11 +210,7 @@ class InnovationsFilter:
         return means, free + of_state @ self._p @ of_state.transpose(0, 2, 1)
 
     def _find_targets(self):
-        """The targets' units, and how each is made of channels: itself, or the difference of the one it is the rate of.
-
-        Returns:
-            Place of the target, channel, and by the steps from it the factors of that channel.
-        """
+        """Units of the targets, their places and channels, and factors of a channel by the steps from the target."""
         model = self.model
         place_of = {name: place for place, name in enumerate(model.channels)}
         self._unit, self._offset = np.full((2, len(self.targets)), np.nan)
@@ -258,10 +225,10 @@ class InnovationsFilter:
         return sources
 
     def _prepare(self, prepared: np.ndarray):
-        """What every forecast needs of the model: its response, ahead of time.
+        """The model's response for forecasts: psi_0 = 1, psi_j = C A^(j-1) K.
 
-        The error of a forecast h steps ahead is the sum of psi_j e over j < h, psi_0 = 1, psi_j = C A^(j-1) K, and
-        C A^(h-1) times the state's own error.
+        The error of a forecast h steps ahead is the sum of psi_j e over j < h, and C A^(h-1) times the state's own
+        error.
         """
         m, (states, channels) = self.model, self.model.k.shape
         self._steps = steps = int(np.ceil(self.horizon / m.step - 1e-6))
@@ -293,14 +260,7 @@ class InnovationsFilter:
 
 
 def side_by_side(models: Sequence[InnovationsModel]) -> InnovationsModel:
-    """Models of different channels as one, without any coupling.
-
-    Args:
-        models: Of the same step.
-
-    Returns:
-        With a start from lags where all of them have one.
-    """
+    """Models of different channels with the same step as one, uncoupled; with a start from lags where all have one."""
     whole = {name: block_diag(*(getattr(m, name) for m in models)) for name in ('a', 'k', 'c', 's', 'prior')}
     from_lags = None
     if all(m.lags for m in models):
@@ -324,25 +284,13 @@ def side_by_side(models: Sequence[InnovationsModel]) -> InnovationsModel:
 
 
 def whole_lags(complete: np.ndarray, count: int) -> np.ndarray:
-    """Whether a row and the ``count - 1`` before it are complete, shape (N,).
-
-    Args:
-        complete: ndarray of bool, shape (N,); by row, whether nothing is missing.
-        count: Number of rows, this one included.
-    """
+    """Whether a row and the ``count - 1`` before it are ``complete``, shape (N,)."""
     runs = np.cumsum(np.concatenate([np.zeros(count, dtype=int), complete]))
     return runs[count:] - runs[:-count] == count
 
 
 def cubic_weights(part: np.ndarray) -> np.ndarray:
-    """Weights of the values at -1, 0, 1, 2 for the cubic through them at ``part``: Lagrange's formula.
-
-    Args:
-        part: (L,); from 0 to 1.
-
-    Returns:
-        ndarray, shape (L, 4)
-    """
+    """Lagrange weights (L, 4) of the values at -1, 0, 1, 2 for the cubic at ``part`` (L,), 0 to 1."""
     p = np.asarray(part)
     return np.stack(
         [

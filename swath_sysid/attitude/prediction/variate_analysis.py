@@ -1,8 +1,7 @@
 """A state space from a window of rows by canonical variate analysis.
 
-The state is what the past has to say of the future: the leading canonical variates of the lags behind and the rows
-ahead (Larimore 1990; Van Overschee and De Moor 1996, chapter 4, the CVA weighting).  A, K, C and S are then regressions
-of rows and of next states on states; all of them need only the Gram matrix of the lags.
+The state is the leading canonical variates of the lags behind and the rows ahead (Larimore 1990; Van Overschee and
+De Moor 1996, chapter 4, CVA weighting). A, K, C and S are regressions on states, from the Gram matrix of the lags.
 """
 
 from collections.abc import Sequence
@@ -35,17 +34,9 @@ _MAX_GROWTH = 1.01
 
 
 def identify(values: np.ndarray, names: Sequence[str], step: float) -> InnovationsModel | None:
-    """The innovations model of a window.
+    """The innovations model of a window (N, width), oldest first, one row per step, s, NaN where missing.
 
-    Pure: the same window gives the same model, in whatever process.
-
-    Args:
-        values: (N, width); oldest first, one row a step, NaN where missing.
-        names: Of the columns.
-        step: s.
-
-    Returns:
-        None where the window is too short or the model would not be stable.
+    None where the window is too short or the model would not be stable.
     """
     places = useful_channels(values)
     if not places:
@@ -73,14 +64,9 @@ def identify(values: np.ndarray, names: Sequence[str], step: float) -> Innovatio
 def identify_alone(
     values: np.ndarray, names: Sequence[str], step: float, angles: Sequence[str]
 ) -> InnovationsModel | None:
-    """As `identify`, each angle from itself and its rate alone: fewer coefficients, for little data.
+    """As `identify`, each of the ``angles`` from itself and its rate ``X_rate``: fewer coefficients, for little data.
 
-    Args:
-        values, names, step: As of `identify`.
-        angles: Which of the names; ``X_rate`` is the rate of ``X``.
-
-    Returns:
-        Of the angles that have a model; None where none has.
+    Of the angles that have a model; None where none has.
     """
     models = []
     for angle in angles:
@@ -92,11 +78,7 @@ def identify_alone(
 
 
 def useful_channels(values: np.ndarray) -> list[int]:
-    """Columns that are there most of the time and that vary.
-
-    Args:
-        values: (N, width); naN where missing.
-    """
+    """Columns of values (N, width) that are present most of the time and vary."""
     finite = np.isfinite(values)
     return [
         place
@@ -106,11 +88,7 @@ def useful_channels(values: np.ndarray) -> list[int]:
 
 
 def without_breaks(rows: np.ndarray) -> np.ndarray:
-    """Rows at which the motion is broken off become missing, so that no lags reach across.
-
-    Args:
-        rows: (N, C); of standardised channels, oldest first, NaN where missing.
-    """
+    """Standardised rows (N, C) with those at a break of the motion set to NaN, so that no lags span it."""
     if rows.shape[0] < 4:
         return rows
     size = np.abs(np.diff(rows, 3, axis=0))
@@ -122,12 +100,7 @@ def without_breaks(rows: np.ndarray) -> np.ndarray:
 
 
 def lags_for(rows: np.ndarray, step: float) -> int | None:
-    """Lags on either side that the window can carry; None where it carries none.
-
-    Args:
-        rows: (N, C); naN where missing.
-        step: s.
-    """
+    """Lags on either side that rows (N, C), NaN where missing, support; None where none."""
     complete = np.isfinite(rows).all(axis=1)
     for half in range(max_lags(step), _MIN_LAGS - 1, -1):
         if whole_lags(complete, 2 * half).sum() >= _ROWS_A_COEFFICIENT * half * rows.shape[1]:
@@ -141,27 +114,16 @@ def max_lags(step: float) -> int:
 
 
 def broken(rows: np.ndarray, step: float) -> bool:
-    """Whether losses have left few of the lags whole that the window would have without them.
-
-    Args:
-        rows: (N, C); naN where missing.
-        step: s.
-    """
+    """Whether losses in rows (N, C) have left few of the lags complete that the window would have otherwise."""
     complete = np.isfinite(rows).all(axis=1)
     count = 2 * max_lags(step)
     return not complete.all() and whole_lags(complete, count).sum() < _WHOLE_ENOUGH * (complete.size - count + 1)
 
 
 def fill_short_gaps(rows: np.ndarray) -> np.ndarray:
-    """Lost rows by regression on those before and after, learnt where nothing is lost.
+    """Standardised rows (N, C) with short gaps filled by regression on the rows before and after.
 
-    For a model's identification only: it looks ahead.
-
-    Args:
-        rows: (N, C); of standardised channels, oldest first, NaN where missing.
-
-    Returns:
-        Gaps that are too long, or too near to another, are left.
+    It looks ahead, so only for a model's identification. Gaps that are too long, or too near to another, are left.
     """
     width = rows.shape[1]
     complete = np.isfinite(rows).all(axis=1)
@@ -189,18 +151,10 @@ def fill_short_gaps(rows: np.ndarray) -> np.ndarray:
 
 
 def lag_gram(rows: np.ndarray, count: int) -> tuple[np.ndarray, int]:
-    """Sum of z z' over z = [y[t], y[t-1], ..., y[t-count+1]], for all t where none of them is missing.
+    """Sum of z z', (count C, count C), over z = [y[t], ..., y[t-count+1]] of the complete t, and their number.
 
-    The matrix is nearly block Toeplitz: block (a+1, b+1) is block (a, b) with, for each run of such t, one product more
-    at its beginning and one less at its end.  So only the first row of blocks is summed, by one Fourier transform.
-
-    Args:
-        rows: (N, C); oldest first, NaN where missing.
-        count: Number of lags, lag zero included.
-
-    Returns:
-        gram: (count C, count C)
-        used: Number of t.
+    Nearly block Toeplitz: block (a+1, b+1) is block (a, b) with one product more at the start and one less at the end
+    of each run, so only the first row of blocks is summed, by one Fourier transform. Rows (N, C), NaN where missing.
     """
     length, width = rows.shape
     complete = np.isfinite(rows).all(axis=1)
@@ -226,12 +180,9 @@ def lag_gram(rows: np.ndarray, count: int) -> tuple[np.ndarray, int]:
 
 
 def canonical_state_space(gram: np.ndarray, width: int, states: int) -> tuple[np.ndarray, ...] | None:
-    """The innovations form from the mean Gram matrix of 2 j lags of C standardised channels.
+    """The innovations form of C = ``width`` channels from the mean Gram matrix (2 j C, 2 j C), newest lag first.
 
-    Args:
-        gram: (2 j C, 2 j C); newest lag first.
-        width: C.
-        states: Canonical variates that are kept, at most j C.
+    ``states``, at most j C, is the number of canonical variates kept.
     """
     half = gram.shape[0] // 2
     lags = half // width
@@ -272,9 +223,5 @@ def canonical_state_space(gram: np.ndarray, width: int, states: int) -> tuple[np
 
 
 def spectral_radius(matrix: np.ndarray) -> float:
-    """Largest absolute value of the eigenvalues.
-
-    Args:
-        matrix: (n, n); finite, symmetric or not.
-    """
+    """Largest absolute value of the eigenvalues of a finite matrix (n, n)."""
     return np.abs(np.linalg.eigvals(matrix)).max()

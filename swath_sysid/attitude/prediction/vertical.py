@@ -1,8 +1,7 @@
-"""Forecasts of vertical motion: heave, vertical velocity and acceleration, from the state of the waves.
+"""Forecasts of heave, vertical velocity and acceleration from the state of the waves.
 
-The truth of heave is a zero-phase integral, known only half a minute later; until then it is regressed on the state
-space's state and on leaky integrals of the vertical acceleration.  (The integrals as channels of the state space would
-make it singular: they are functions of a channel that is there already.)
+True heave is a zero-phase integral, known half a minute later; until then it is regressed on the state of the waves
+and on leaky integrals of the vertical acceleration, which as channels would make the state space singular.
 """
 
 from collections.abc import Sequence
@@ -24,30 +23,28 @@ from swath_sysid.attitude.motion.vertical import (
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights
 
-#: What is forecast here, with errors that are correlated with those of `ATTITUDE`; the angular accelerations are for
-#: points away from the sensor.
+#: Forecast here, with errors correlated with those of `ATTITUDE`; angular accelerations are for points.
 VERTICAL = (*POINT_MOTION, 'roll_acceleration', 'pitch_acceleration')
 
 FORCE = ('accel_x', 'accel_y', 'accel_z')
 
-_TRAINING_STEP = 0.4  #: s; rows nearer to each other say the same of waves below `BAND_HZ`.
+_TRAINING_STEP = 0.4  #: s; closer rows are redundant for waves below `BAND_HZ`.
 _ROWS_A_REGRESSOR = 4.0
-#: Variance of the noise that the regressors are given, over that of each channel.  Without it, a sea of few waves
-#: without noise is weighed by what rounding left of it; on measured seas 1e-7 to 1e-4 make 2 % of difference.
+#: Relative variance of noise added to the regressors, against rounding with few waves; on measured seas 1e-7 to 1e-4
+#: make 2 % of difference.
 _RIDGE = 1e-5
 
-#: rad^2 and (rad/s)^2; no sensor resolves as much, and an angle that never changes has no variance of its own.
+#: rad^2 and (rad/s)^2, below any sensor's resolution, for an angle that never changes.
 _UNSEEN_VARIANCE = 1e-12
 _SCORED = 300.0  #: s over which the intervals are calibrated.
-_PRIOR_SCORES = 60.0  #: s; so much weight has the variance in training beside that of the forecasts issued.
+_PRIOR_SCORES = 60.0  #: s; weight of the training variance beside that of the forecasts issued.
 
 
 @dataclass(frozen=True)
 class VerticalFit:
-    """How vertical motion follows from what is known now."""
+    """Regression of vertical motion on the present state."""
 
-    #: (H, 9, P); Of the P regressors (state, leaky integrals, one), for each of `VERTICAL` and `ATTITUDE` 0, 1, ... H -
-    #: 1 rows ahead.
+    #: (H, 9, P); of P regressors (state, leaky integrals, one) for `VERTICAL` and `ATTITUDE` 0 to H - 1 rows ahead.
     weights: np.ndarray
     covariance: np.ndarray  #: (H, 9, 9); Of the errors, `VERTICAL` and then `ATTITUDE` by the same regression.
     truth: np.ndarray  #: (N, 3); Heave, velocity and acceleration until half a minute ago.
@@ -59,13 +56,13 @@ class VerticalMotion:
     """Vertical motion at L leads, with that of the attitude."""
 
     mean: np.ndarray  #: (L, 5); `VERTICAL`, SI units.
-    #: (L, 9, 9); Of `VERTICAL` and then `ATTITUDE`; the latter's block is that of the attitude forecast.
+    #: (L, 9, 9); of `VERTICAL`, then `ATTITUDE`, whose block is that of the attitude forecast.
     covariance: np.ndarray
 
 
 @dataclass(frozen=True)
 class VerticalRequest:
-    """What is to be learnt."""
+    """Size and alignment of a `fit_vertical`."""
 
     ahead: int  #: H - 1: rows ahead that are to be forecast.
     delay: float = 0.0  #: s by which the accelerations lag behind the attitude.
@@ -80,18 +77,9 @@ def fit_vertical(
     request: VerticalRequest,
     age: int = 0,
 ) -> VerticalFit | None:
-    """Learn vertical motion from a stretch of complete rows.
+    """Learn vertical motion from a stretch (N, width) of complete rows, ``age`` rows before the window's end.
 
-    Args:
-        stretch: (N, width); oldest first.
-        names: Of the columns.
-        step: s.
-        model: The waves; its state is found from its lags.
-        request: What is to be learnt.
-        age: Rows from the end of the stretch to that of the window.
-
-    Returns:
-        None where a channel is missing or the stretch is too short.
+    ``model`` is of the waves, with a start from lags. None where a channel is missing or the stretch is too short.
     """
     ahead, place = request.ahead, {name: number for number, name in enumerate(names)}
     measured = stretch[:, [place[name] for name in (*ATTITUDE, *FORCE)]]
@@ -132,28 +120,14 @@ def fit_vertical(
 
 
 def states_from_lags(model: InnovationsModel, past: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """The state of the waves after rows, from the lags that each ends.
-
-    Args:
-        model: With a start from lags.
-        past: (N, C); the model's channels.
-        used: ndarray of int, shape (M,); each at least ``model.lags - 1``.
-
-    Returns:
-        ndarray, shape (M, n)
-    """
+    """States (M, n) of the waves after the rows ``used`` (M,) of past channels (N, C), from the lags that end there."""
     z = (past - model.mean) / model.scale
     newest_first = sliding_window_view(z, model.lags, axis=0)[used - (model.lags - 1)][:, :, ::-1]
     return newest_first.transpose(0, 2, 1).reshape(used.size, -1) @ model.from_lags.T
 
 
 class VerticalForecaster:
-    """Vertical motion ahead, row by row.
-
-    Args:
-        step: s between rows.
-        ahead: Rows ahead that are forecast.
-    """
+    """Vertical motion up to ``ahead`` rows of ``step`` s ahead, row by row."""
 
     def __init__(self, step: float, ahead: int) -> None:
         self.ahead = ahead
@@ -166,12 +140,9 @@ class VerticalForecaster:
         self._rows = 0
 
     def install(self, fit: VerticalFit | None, newest: int, waves: InnovationsFilter) -> None:
-        """Use what was learnt, calibrated by how the forecasts issued so far came true.
+        """Use a fit, None to forget the last, calibrated by the errors of the forecasts issued so far.
 
-        Args:
-            fit: None: forget what was learnt.
-            newest: Number of the newest row.
-            waves: That of the model with which the fit was made, after the newest row.
+        ``newest`` is the number of the newest row, ``waves`` the filter of the fit's model after it.
         """
         self._fit = fit
         if fit is None:
@@ -195,24 +166,14 @@ class VerticalForecaster:
         self._look_ahead(waves)
 
     def take(self, measured: np.ndarray, waves: InnovationsFilter | None) -> None:
-        """One row more.
-
-        Args:
-            measured: (5,); roll, pitch and the specific force; NaN where missing.
-            waves: After this row.
-        """
+        """Take one row (5,): roll, pitch and specific force, NaN where missing; ``waves`` is the filter after it."""
         self._integrals.take(float(vertical_acceleration(measured[0], measured[1], measured[2:])))
         self._look_ahead(waves)
         self._issued[self._rows % self._issued.shape[0]] = np.nan if self._mean is None else self._mean[:, :3]
         self._rows += 1
 
     def skip(self, count: int, waves: InnovationsFilter | None) -> None:
-        """Rows are missing.
-
-        Args:
-            count: Number of rows.
-            waves: After them.
-        """
+        """Skip ``count`` missing rows; ``waves`` is the filter after them."""
         for _ in range(min(count, self._issued.shape[0])):
             self.take(np.full(5, np.nan), waves)
 
@@ -230,19 +191,10 @@ class VerticalForecaster:
     def forecast(
         self, leads: np.ndarray, age: float, attitude: np.ndarray, attitude_covariance: np.ndarray
     ) -> VerticalMotion | None:
-        """Vertical motion at leads, given the attitude forecast.
+        """Vertical motion at leads (L,), s from now, given the attitude forecast (L, 4) and its covariance (L, 4, 4).
 
-        The regression forecasts the attitude, too: where the forecast that is issued is better, so is the vertical
-        motion, by the correlation of their errors; and both together have a covariance.
-
-        Args:
-            leads: (L,); s from now.
-            age: s from the newest row to now.
-            attitude: (L, 4); `ATTITUDE`, as it is forecast.
-            attitude_covariance: (L, 4, 4); of that forecast's errors, at each lead.
-
-        Returns:
-            None before anything is learnt.
+        The regression forecasts the attitude too: by the correlation of their errors a better attitude improves the
+        vertical motion. None before anything is learnt.
         """
         if self._fit is None or self._mean is None or not np.isfinite(attitude_covariance).all():
             return None
