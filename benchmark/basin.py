@@ -206,14 +206,16 @@ def judged(task):
     row = {'hull': hull, 'scene': scene_name, 'seed': seed, 'found': not isinstance(found, str)}
     if isinstance(found, str):
         return row | {'why': found}
+    stiffness = sum(v for k, v in made.truth.items() if k in ('r1', 's1'))
+    truths = made.truth if 'r1' not in found.model.terms else made.truth | {'r1': stiffness}
     terms = {}
     for name, value in found.model.terms.items():
-        truth, std = made.truth.get(name), found.std[name]
+        truth, std = truths.get(name), found.std[name]
         low, high = found.intervals[name]
         terms[name] = (value, std, truth, None if truth is None else bool(low <= truth <= high))
-    stiffness = sum(v for k, v in made.truth.items() if k in ('r1', 's1'))
     return row | {
         'terms': terms,
+        'motion': None if found.posterior is None else motion_held(made, found, np.radians(SCENES[scene_name].trim)),
         'late': found.records[0].segment.start - made.release,
         'r2': found.r2,
         'equation': found.model.equation.name,
@@ -222,6 +224,33 @@ def judged(task):
         'level': found.verdict.level,
         'code': found.verdict.code,
     }
+
+
+def motion_held(made, found, trim):
+    """Share of the first two periods of the next release that its pointwise 95 % interval holds."""
+    from swath_sysid.attitude.identification.fit_quality import largest_release
+    from swath_sysid.attitude.identification.uncertainty import drawn_releases
+
+    start, away = largest_release(found), trim - found.model.trim
+    time, drawn = drawn_releases(found.model, found.posterior, found.trim_std, start, found.problem.scales)
+    early = (time > 0.0) & (time < 2.0 * found.model.natural_period)
+    low, high = np.quantile(drawn[early, :-1], (0.025, 0.975), axis=1)
+    truth = free_motion(made.truth, start - away, 0.0, time[early])[0] + away
+    return float(np.mean((low <= truth) & (truth <= high)))
+
+
+def show_default(rows, scenes):
+    """How often the intervals of the linear restoring, and so of the period, and of the next release hold."""
+    print('scene                 fits  r1 or period holds  >3 std  furthest  next release holds')
+    for scene in scenes:
+        fits = [r for r in rows if r['scene'] == scene and r['found']]
+        off = np.array([abs(v - truth) / std for r in fits for v, std, truth, _ in [r['terms']['r1']]])
+        hold = [r['terms']['r1'][-1] for r in fits]
+        motion = [r['motion'] for r in fits]
+        print(
+            f'{scene:<22}{len(fits):>4} {np.mean(hold):>19.3f} {np.mean(off > 3):>7.3f} {off.max():>9.1f} '
+            f'{np.mean(motion):>19.3f}'
+        )
 
 
 def show_intervals(rows, scenes):
@@ -334,6 +363,8 @@ def main():
             )
     if given.equation == TRUE_EQUATION:
         show_intervals(rows, scenes)
+    elif given.equation == 'auto':
+        show_default(rows, scenes)
     show_releases(rows)
     show_verdicts(rows)
     return 0

@@ -27,7 +27,7 @@ from swath_sysid.manoeuvring.identification.assembly import seen_region
 from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.skill import score_forecasts
@@ -78,7 +78,7 @@ def runs_of(model, seed, currents=None):
                 source=name,
             )
         )
-    return prepare_all(trials)
+    return prepare_runs(trials)
 
 
 def diameters(model):
@@ -133,7 +133,7 @@ def records_of(craft, kind, seed):
         inputs = [rows[: round(UNSTABLE_RUN / simulated_craft.STEP)] for rows in inputs]
 
     def of(version):
-        return prepare_all(
+        return prepare_runs(
             [
                 ManoeuvringTrial(
                     thrust_input=craft.logs,

@@ -1,8 +1,7 @@
 """The site: `sphinx-build -W docs out/site`, or rosdoc2. Its reference is generated from the code (docs/generated)."""
 
-import importlib
 import os
-import pkgutil
+import re
 import sys
 from pathlib import Path
 
@@ -34,22 +33,32 @@ html_show_sphinx = False
 myst_heading_anchors = 3
 myst_enable_extensions = ['dollarmath']
 autodoc_member_order = 'bysource'
+autodoc_default_options = {'members': True, 'undoc-members': True}
 autodoc_typehints = 'signature'
 autodoc_class_signature = 'separated'
 napoleon_google_docstring = True
 napoleon_use_rtype = False
 napoleon_use_ivar = True
 
-API = {
-    'attitude.motion': 'what was measured',
-    'attitude.hull': 'decay models, the catalogue, simulation',
-    'attitude.identification': 'from measured motion to a model',
-    'attitude.prediction': 'from a model to a forecast',
-    'manoeuvring': 'surge, sway and yaw',
-    'pipeline': 'messages in, forecasts out; scores',
-    'formats': 'files and messages',
-    'common': 'what is independent of any craft',
-}
+
+_comments = {}
+
+
+def keep_comment(app, what, name, obj, options, lines):
+    """A field's comment, which napoleon would take for a type up to its first colon; ``s.`` does not begin a list."""
+    if what in ('attribute', 'property'):
+        _comments[name] = [re.sub(r'^(\w\.)', r'\\\1', line) for line in lines]
+
+
+def restore_comment(app, what, name, obj, options, lines):
+    """The comment as it was written."""
+    lines[:] = _comments.pop(name, lines)
+
+
+def setup(app):
+    """Napoleon's own handler has the priority 500."""
+    app.connect('autodoc-process-docstring', keep_comment, priority=400)
+    app.connect('autodoc-process-docstring', restore_comment, priority=600)
 
 
 def write(name, text):
@@ -75,21 +84,6 @@ def parameters():
     return f'# Parameters\n\n{head}\n\n' + '\n\n'.join(f'## {node}\n\n{markdown_table(node)}' for node in NODES)
 
 
-def room(name, what):
-    """The public names of a room, module by module."""
-    package = importlib.import_module(f'swath_sysid.{name}')
-    modules = sorted(m.name for m in pkgutil.walk_packages(package.__path__, f'{package.__name__}.') if not m.ispkg)
-    heading = f'{name}: {what}'
-    # docstrings write the absolute value of a rate |w|, which reStructuredText takes for a substitution
-    lines = [heading, '=' * len(heading), '', r'.. |w| replace:: \|w\|', '']
-    for module in modules:
-        short = module.removeprefix(f'{package.__name__}.')
-        lines += [short, '-' * len(short), '', f'.. automodule:: {module}', '   :members:', '']
-    return '\n'.join(lines)
-
-
 write('commands.md', commands())
 write('parameters.md', parameters())
 write('parts/counted.md', reasons_table())
-for name, what in API.items():
-    write(f'api/{name}.rst', room(name, what))

@@ -1,3 +1,86 @@
 """Online motion prediction of small craft: record, identify, forecast."""
 
+from importlib import import_module
+
 __version__ = '1.0.0'
+
+TYPE_CHECKING = False  # typing's own is true for type checkers alone, too, but costs an import
+if TYPE_CHECKING:
+    from swath_sysid.attitude.hull.catalogue import hull_named as hull_named
+    from swath_sysid.attitude.hull.identified_model import IdentifiedModel as IdentifiedModel
+    from swath_sysid.attitude.hull.simulated_trial import simulated_trial as simulated_trial
+    from swath_sysid.attitude.hull.simulation import simulate as simulate
+    from swath_sysid.attitude.identification.fit_quality import Verdict as Verdict
+    from swath_sysid.attitude.identification.identify import Identification as Identification
+    from swath_sysid.attitude.identification.identify import IdentificationSettings as IdentificationSettings
+    from swath_sysid.attitude.identification.identify import identify as identify
+    from swath_sysid.attitude.motion.intake import ImuReading as ImuReading
+    from swath_sysid.attitude.motion.trial import Trial as Trial
+    from swath_sysid.attitude.prediction.forecaster import ForecasterSettings as ForecasterSettings
+    from swath_sysid.attitude.prediction.sea_fit import fit_sea as fit_sea
+    from swath_sysid.common.advice import Advice as Advice
+    from swath_sysid.common.errors import InputError as InputError
+    from swath_sysid.formats.export.fossen import fossen as fossen
+    from swath_sysid.formats.export.gazebo import gazebo as gazebo
+    from swath_sysid.formats.export.nav2 import nav2 as nav2
+    from swath_sysid.formats.export.vrx import vrx as vrx
+    from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv as read_manoeuvring_csv
+    from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model as read_manoeuvring_model
+    from swath_sysid.formats.model_file import read_model as read_model
+    from swath_sysid.formats.model_file import write_model as write_model
+    from swath_sysid.formats.reading import read_trial as read_trial
+    from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring as identify_manoeuvring
+    from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings as ManoeuvringSettings
+    from swath_sysid.manoeuvring.motion.intake import prepare_runs as prepare_runs
+    from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline as ForecastPipeline
+    from swath_sysid.pipeline.forecast_pipeline import PipelineSettings as PipelineSettings
+    from swath_sysid.pipeline.record_run import run_through as run_through
+    from swath_sysid.pipeline.record_run import samples_of as samples_of
+    from swath_sysid.pipeline.scoring import Skill as Skill
+    from swath_sysid.pipeline.scoring import score as score
+
+_HOMES = {
+    'formats.reading': ('read_trial',),
+    'attitude.motion.trial': ('Trial',),
+    'attitude.hull.catalogue': ('hull_named',),
+    'attitude.hull.simulation': ('simulate',),
+    'attitude.hull.simulated_trial': ('simulated_trial',),
+    'attitude.identification.identify': ('identify', 'IdentificationSettings', 'Identification'),
+    'attitude.identification.fit_quality': ('Verdict',),
+    'attitude.hull.identified_model': ('IdentifiedModel',),
+    'formats.model_file': ('read_model', 'write_model'),
+    'pipeline.record_run': ('run_through', 'samples_of'),
+    'pipeline.scoring': ('score', 'Skill'),
+    'pipeline.forecast_pipeline': ('ForecastPipeline', 'PipelineSettings'),
+    'attitude.prediction.forecaster': ('ForecasterSettings',),
+    'attitude.prediction.sea_fit': ('fit_sea',),
+    'attitude.motion.intake': ('ImuReading',),
+    'formats.manoeuvring_csv': ('read_manoeuvring_csv',),
+    'manoeuvring.motion.intake': ('prepare_runs',),
+    'manoeuvring.identification.identify': ('identify_manoeuvring',),
+    'manoeuvring.identification.settings': ('ManoeuvringSettings',),
+    'formats.manoeuvring_model_file': ('read_manoeuvring_model',),
+    'formats.export.gazebo': ('gazebo',),
+    'formats.export.vrx': ('vrx',),
+    'formats.export.nav2': ('nav2',),
+    'formats.export.fossen': ('fossen',),
+    'common.errors': ('InputError',),
+    'common.advice': ('Advice',),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = list(_HOME_OF)
+
+
+if not TYPE_CHECKING:  # a type checker would take every misspelt name for an object
+
+    def __getattr__(name: str) -> object:
+        """A public name, its module loaded when it is first asked for: the command line starts without numpy."""
+        if name not in _HOME_OF:
+            raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+        found = globals()[name] = getattr(import_module(f'{__name__}.{_HOME_OF[name]}'), name)
+        return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -8,13 +8,14 @@ import subprocess
 import sys
 import time
 from concurrent.futures import Executor
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.campaign.evaluation import out_of_order
@@ -383,7 +384,6 @@ def test_measured_trials(data_folder, tmp_path):
 TANK = """\
 craft: {name: model, length_m: 1.2, beam_m: 0.6, draft_m: 0.154, displacement_kg: 30, gm_longitudinal_m: 0.4}
 axis: pitch
-equations: [odd-cubic]
 uncertainty: {metacentric_height: 0.02}
 predictions:
   - {method: Ikeda, amplitude_deg: 2, damping_n_m_s: 20}
@@ -395,11 +395,17 @@ trials:
 
 @pytest.fixture(scope='module')
 def at_two_speeds(tmp_path_factory):
-    """A campaign at design draft at rest and under way, and at another draft at rest; the damping grows with speed."""
+    """At design draft at rest and under way, and at another draft at rest; the damping grows with speed.
+
+    No equation is named; the second repeat at rest was in a swell.
+    """
     folder = tmp_path_factory.mktemp('tank')
     for seed, (factor, speed, repeat) in enumerate([(1.0, 0, 1), (1.0, 0, 2), (1.0, 2, 1), (1.1, 0, 1)]):
         hull = DecayModel.from_terms(HULL.equation, HULL.terms | {'b1': 0.5 + 0.3 * speed}, axis='pitch')
         made = simulated_trial(hull, math.radians(6), 12.0, 50.0, SensorNoise(rate=0.002), seed)
+        if repeat == 2:
+            angle, rate = 0.008 * np.sin(3.3 * made.time), 0.0264 * np.cos(3.3 * made.time)
+            made = replace(made, pitch=made.pitch + angle, pitch_rate=made.pitch_rate + rate)
         write_csv(folder / f'pitch_6deg_{factor}T_{speed}ms_repeat{repeat}.csv', made)
     (folder / 'campaign.yaml').write_text(TANK)
     outcome = work_off(folder, folder / 'out')
@@ -410,6 +416,23 @@ def at_two_speeds(tmp_path_factory):
 def rows_of(path):
     with open(path, newline='') as file:
         return list(csv.DictReader(file))
+
+
+def test_without_an_equation_one_hull_is_told_with_its_verdicts(at_two_speeds):
+    outcome, output = at_two_speeds
+    resting, _ = outcome.axes
+    (name,) = resting.names
+    assert set(equation_named(name).terms) == {t for (fit,) in resting.by_draft.values() for t in fit.terms}
+    assert name in resting.ranking.reason and 'general hull' in resting.ranking.reason
+    models = [identified for axis in outcome.axes for identified in axis.schedule.models]
+    assert all(set(m.posterior.equation.terms) >= set(m.model.equation.terms) and m.verdict for m in models)
+    levels = {row['fit of']: row['verdict'] for row in rows_of(output / 'tables/verdicts_pitch.csv')}
+    assert levels['all at 1.1'] == levels['pitch_6deg_1.1T_0ms_repeat1.csv'] == 'adequate'
+    assert levels['pitch_6deg_1.0T_0ms_repeat1.csv'] == 'adequate' != levels['pitch_6deg_1.0T_0ms_repeat2.csv']
+    assert 'repeat 2' in resting.ranking.findings[-1].message
+    page = (output / 'report.html').read_text()
+    assert 'Which equation' not in page and 'No equation fits' not in page and name in page
+    assert not list(output.glob('tables/ranking*')) and not list(output.glob('tables/*every_equation*'))
 
 
 def test_each_speed_has_its_own_model_and_damping(at_two_speeds):

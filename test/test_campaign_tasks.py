@@ -23,10 +23,12 @@ from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.campaign.evaluation import (
     Condition,
+    FitSummary,
     Judgement,
     Record,
     best_repeats,
     beyond_noise,
+    common_equation,
     fit_one,
     fit_together,
     joined,
@@ -38,6 +40,7 @@ from swath_sysid.campaign.evaluation import (
     settle,
     spread_of_repeats,
     tied_best,
+    with_open_choice,
 )
 from swath_sysid.common.errors import InputError
 
@@ -237,6 +240,18 @@ def test_the_schedule_holds_the_joint_fits(fits):
     schedule = schedule_of([lighter, heavier], 'swath-pitch-2', (0.9, 1.1), 'draft_factor', [{'n': 1}, {'n': 2}])
     assert schedule.ratio('r1') == pytest.approx([lighter[1].ratio('r1')[0], heavier[1].ratio('r1')[0]])
     assert schedule.models[1].provenance['n'] == 2
+
+
+def test_the_hull_of_all_drafts_has_the_terms_of_each(fits):
+    linear, two, one = fits[0]
+    assert common_equation([linear, replace(two, terms=('b1', 'b2', 'r1', 'r3'))], True) == 'b1,b2|r1,r3'
+    rubbing = replace(linear, terms=('b0', 'b1', 'r1'))
+    assert common_equation([rubbing], True) == 'b0,b1|r1' and common_equation([rubbing], False) == 'b1|r1'
+    posterior = one.terms, one.ratios, one.covariance
+    pruned = replace(two, posterior=posterior)
+    assert with_open_choice([two], pruned) == (pruned,)
+    assert with_open_choice([one], pruned) == (replace(one, posterior=posterior),)
+    assert FitSummary.from_plain(json.loads(json.dumps(pruned.plain()))) == pruned
 
 
 def test_equations_that_fit_alike_share_the_best(fits):

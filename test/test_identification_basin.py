@@ -361,3 +361,13 @@ def test_a_hull_that_its_upright_position_throws_off_does_not_widen_the_stiffnes
     found = identify([made.axis('roll')], IdentificationSettings('swath-roll-3'))
     assert found.std['s1'] < 0.01
     assert abs(found.model.terms['s1'] - hull.terms['s1']) < 3.0 * found.std['s1']
+
+
+def test_many_records_have_an_uncertainty():
+    """The determinant of the covariance of a hundred parameters and more is below the smallest number."""
+    hull, count = hull_named('swath-pitch').model, 60
+    made = simulated_trial(hull, 0.1, 2.0, 25.0, SensorNoise(1e-5, 1e-4, 0.0), 0).axis('pitch')
+    records = [made] * count, [InitialState(0.1, 0.0, 0.0)] * count
+    likelihood = BasinLikelihood(*records, hull.equation, Scales(0.1, hull.natural_frequency), 1e-3)
+    found = likelihood.described(likelihood.evaluate([likelihood.start(hull.ratios, 0.003)]))
+    assert np.isfinite(found.covariance).all() and np.isfinite(found.trim_std)

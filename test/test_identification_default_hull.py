@@ -95,7 +95,6 @@ def test_terms_that_are_not_there_go_and_the_others_stay():
     case = Regression(GENERAL_HULL, np.array(list(truth.values())))
     pruned = prune(case, case.optimum())
     assert [n for n, kept in zip(GENERAL_HULL.terms, pruned.kept, strict=True) if kept] == ['b1', 'b3', 'r1', 'r2']
-    assert 0.5 < pruned.share < 1.0 and np.linalg.eigvalsh(pruned.spread).min() > 0.0
 
 
 @pytest.mark.parametrize('name', ['swath-roll', 'hydrofoil-pitch'])

@@ -30,7 +30,7 @@ from swath_sysid.manoeuvring.identification.selection import (
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.identification.windows import cut
-from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +39,7 @@ QUICK = dict(mass=180.0, generations=4, population=12)
 
 def runs_of(model, seed=1, names=None):
     programme = trial_programme(model)
-    return prepare_all(
+    return prepare_runs(
         [
             trial_of(with_noise(programme[name], SensorNoise(), 100 * seed + k), name, model.thrust_input)
             for k, name in enumerate(names or programme)
@@ -252,12 +252,12 @@ def anchored(seed=1):
 
 @pytest.mark.long
 def test_anchored_runs_are_left_out_or_refused(force_runs):
-    runs = [*force_runs[4:7], *prepare_all([anchored()])]
+    runs = [*force_runs[4:7], *prepare_runs([anchored()])]
     found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK), validation=())
     assert 'at-anchor' in codes(found)
     assert len(found.identified_on) == 3
     with pytest.raises(InputError, match='at anchor'):
-        identify_manoeuvring(prepare_all([anchored()]), ManoeuvringSettings(**QUICK))
+        identify_manoeuvring(prepare_runs([anchored()]), ManoeuvringSettings(**QUICK))
 
 
 def test_no_turn_leaves_yaw_and_sway_unidentified(force_runs):
@@ -270,7 +270,7 @@ def test_no_turn_leaves_yaw_and_sway_unidentified(force_runs):
 
 def test_constant_thrust_flags_every_surge_derivative():
     steady = simulate(OLD, np.full(1200, 60.0), np.full(1200, 60.0), 0.1)
-    runs = prepare_all([trial_of(with_noise(steady, SensorNoise(), 1), 'steady')])
+    runs = prepare_runs([trial_of(with_noise(steady, SensorNoise(), 1), 'steady')])
     found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK))
     assert {'constant-thrust', 'no-turn'} <= codes(found)
     assert all('constant-thrust' in d.flags for d in found.derivatives.values())
@@ -345,7 +345,7 @@ def test_each_run_has_its_own_current():
         trial_of(with_noise(_drifting(programme[name], current), SensorNoise(), 40 + k), name)
         for k, (name, current) in enumerate(zip(names, truth, strict=True))
     ]
-    runs = prepare_all(trials)
+    runs = prepare_runs(trials)
     found = identify_manoeuvring(runs[:4], ManoeuvringSettings(**QUICK), runs[4:])
     assert found.has_currents_by_run
     assert 'current-by-run' in codes(found)

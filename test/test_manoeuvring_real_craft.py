@@ -22,7 +22,7 @@ from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.selection import fit, model_of, select, shooting_of, with_refused
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
-from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 from swath_sysid.manoeuvring.prediction.calibration import _scale, calibrated
 from swath_sysid.manoeuvring.prediction.predictor import THRUST_TO_COME, ManoeuvreFilter
@@ -52,7 +52,7 @@ def craft_and_trials(simulated):
 
 @pytest.fixture(scope='module')
 def runs(craft_and_trials):
-    return prepare_all(craft_and_trials[1])
+    return prepare_runs(craft_and_trials[1])
 
 
 @pytest.fixture(scope='module')
@@ -96,13 +96,13 @@ def test_a_run_of_spins_reverses_nothing(craft_and_trials, runs):
     assert not {a.code for run in runs for a in run.advice}
     for run, trial in zip(runs, trials, strict=True):
         assert np.allclose(run.port, trial.port[: run.port.size])
-    alone = prepare_all(trials[1:2])[0]
+    alone = prepare_runs(trials[1:2])[0]
     assert np.allclose(alone.port, trials[1].port[: alone.port.size])
 
 
 def test_what_all_runs_agree_on_is_set_right_in_the_spins_too(craft_and_trials, runs):
     _, trials = craft_and_trials
-    found = prepare_all([replace(t, port=-t.port, starboard=-t.starboard) for t in trials[:4]])
+    found = prepare_runs([replace(t, port=-t.port, starboard=-t.starboard) for t in trials[:4]])
     assert all('thrust-reversed' in {a.code for a in run.advice} for run in found)
     for run, expected in zip(found, runs, strict=False):
         assert np.allclose(run.port, expected.port)
@@ -112,7 +112,7 @@ def test_a_sway_that_is_always_zero_is_unknown(craft_and_trials):
     """Common odometry; without position either, sway is left to the model."""
     _, trials = craft_and_trials
     plain = [replace(t, sway=np.zeros(t.time.size), x=None, y=None) for t in (trials[0], trials[2], trials[3])]
-    runs = prepare_all(plain)
+    runs = prepare_runs(plain)
     assert all(np.isnan(run.sway).all() for run in runs)
     assert {'constant-channel'} <= {a.code for run in runs for a in run.advice}
     problem = assemble(runs, ManoeuvringSettings(mass=26.0))
@@ -187,7 +187,7 @@ def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, s
     """Twenty of them, with terms of choice: benchmark/manoeuvring.py --vices unstable."""
     craft = simulated.unstable_hull(np.random.default_rng(seed))
     inputs = [rows[:1200] for rows in simulated.drives(seed, False, simulated.EVERY)[:5]]
-    runs = prepare_all(trials_of(craft, simulated.simulate(craft, inputs, seed)))
+    runs = prepare_runs(trials_of(craft, simulated.simulate(craft, inputs, seed)))
     terms = ('Xu_dot', 'Xu', 'Xuu', 'Xvr', 'Yv_dot', 'Yv', 'Yvv', 'Iz', 'Nr', 'Nrr', 'Nuv', 'lag', 'delay')
     settings = ManoeuvringSettings(mass=craft.mass, terms=terms, generations=0)
     found = identify_manoeuvring(runs[:4], settings, runs[4:])
@@ -204,7 +204,7 @@ def otter(simulated):
     """Craft, runs under force input, and its derivatives; for its drag by strips the least-squares fit of the terms."""
     craft = simulated.otter()
     inputs = [rows[:2000] for rows in simulated.drives(SEED, False, simulated.EVERY)[:8]]
-    runs = prepare_all(trials_of(craft, simulated.simulate(craft, inputs, SEED)))
+    runs = prepare_runs(trials_of(craft, simulated.simulate(craft, inputs, SEED)))
     still = replace(craft, noise=(0.0, 0.0, 0.0, 0.0), current=(0.0, 0.0))
     u, v, r = (
         np.concatenate([record[name] for record in simulated.simulate(still, inputs, SEED)])

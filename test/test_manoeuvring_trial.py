@@ -13,7 +13,7 @@ from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_man
 from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.manoeuvring.motion.intake import prepare, prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
 from swath_sysid.manoeuvring.motion.polarity import mirrored
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
@@ -113,7 +113,7 @@ def test_bag_with_joint_states_and_a_twist_in_world_axes(tmp_path, manoeuvres):
 
 
 def test_nothing_is_changed_without_need(trials):
-    runs = prepare_all(trials)
+    runs = prepare_runs(trials)
     assert codes(runs) == set()
     same(runs, [prepare(t) for t in trials])
 
@@ -132,9 +132,9 @@ def test_nothing_is_changed_without_need(trials):
     ],
 )
 def test_reversed_channels_are_set_right_and_named(trials, code, damage):
-    runs = prepare_all([damage(t) for t in trials])
+    runs = prepare_runs([damage(t) for t in trials])
     assert codes(runs) == ({code} if code else set())
-    same(runs, prepare_all(trials))
+    same(runs, prepare_runs(trials))
 
 
 def test_gap_means_zero_or_nothing(trials):

@@ -54,4 +54,3 @@ def test_generated_pages_are_those_of_the_code(tmp_path):
         assert all(f'| `{parameter.name}` |' in written['parameters.md'] for parameter in table_of(node))
     assert all(f'\n## {verb}\n' in written['commands.md'] for verb in VERBS)
     assert written['counted.md'] == reasons_table()
-    assert 'automodule:: swath_sysid.pipeline.scoring' in written['pipeline.rst']

@@ -1,7 +1,8 @@
 """The tasks of a campaign, pure functions of plain arguments that any process may run, and what follows from them.
 
 `fit_one` searches one record with one equation, `settle` refits where a search failed, `fit_together` fits common
-ratios to several records, `judge` scores the fits of a record.
+ratios to several records, `judge` scores the fits of a record. Where the manifest names no equation, `fit_one` of the
+general hull on all records of a draft jointly precedes them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -10,10 +11,12 @@ from typing import Any, Self
 
 import numpy as np
 
+from swath_sysid.attitude.hull.catalogue import composed, told
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.hull.terms import TERM_INDEX
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE, Verdict
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, next_step, simulation_error
 from swath_sysid.attitude.identification.identify import (
     Identification,
@@ -39,6 +42,7 @@ from swath_sysid.common.noise import weighting_noise
 
 CONFIDENCE = 0.95
 ORDER_TOLERANCE = 1e-9
+SHOWN_RECORDS = 3
 TIE = 1e-7  #: Relative difference of objective values below which they are equal.
 
 
@@ -120,6 +124,9 @@ class FitSummary(_Plain):
     stop: str
     seed: int
     advice: tuple  #: Code and message.
+    verdict: tuple  #: The values of a `Verdict`.
+    absent_term: str  #: That the equation lacks and the motion shows most; empty where there is none.
+    posterior: tuple  #: Terms, ratios and covariance of a `HullPosterior`; empty where the equation was named.
 
     @classmethod
     def of(cls, identification: Identification) -> Self:
@@ -154,6 +161,9 @@ class FitSummary(_Plain):
             stop=str(found.search.stop),
             seed=int(found.settings.search.seed),
             advice=tuple((a.code, a.message) for a in found.advice),
+            verdict=tuple(asdict(found.verdict).values()),
+            absent_term='' if found.absent_term is None else found.absent_term.name,
+            posterior=_plain_posterior(found.posterior),
         )
 
     @property
@@ -173,6 +183,11 @@ class FitSummary(_Plain):
         """Of each record."""
         return tuple(InitialState(*s) for s in self.states)
 
+    @property
+    def judged(self) -> Verdict:
+        """Whether the fit can be used."""
+        return Verdict(*self.verdict)
+
     def ratio(self, term: str) -> tuple[float, float]:
         """Value and standard deviation of one ratio."""
         index = self.terms.index(term)
@@ -186,9 +201,22 @@ class FitSummary(_Plain):
             np.array(self.covariance),
             self.trim_std,
             self.amplitude_range,
-            fit_metrics(self),
+            {**fit_metrics(self), **self.judged.metrics},
             {**provenance, **how},
+            self._hull_posterior(),
         )
+
+    def _hull_posterior(self) -> HullPosterior | None:
+        if not self.posterior:
+            return None
+        terms, ratios, covariance = self.posterior
+        return HullPosterior(composed(terms), np.array(ratios), np.array(covariance))
+
+
+def _plain_posterior(posterior: HullPosterior | None):
+    if posterior is None:
+        return ()
+    return posterior.equation.terms, _floats(posterior.ratios), tuple(map(_floats, posterior.covariance))
 
 
 def _floats(values: Iterable[float]) -> tuple[float, ...]:
@@ -387,7 +415,7 @@ class Ranking:
     ranked: tuple
     choice: RankedEquation  #: The simplest adequate one.
     reason: str
-    findings: tuple  #: What the comparison says of friction.
+    findings: tuple  #: What the comparison says of friction; of one equation alone, the verdicts.
 
 
 def rank_campaign(
@@ -417,6 +445,44 @@ def rank_campaign(
     ranked.sort(key=lambda r: r.criterion)
     choice, reason = simplest_adequate(ranked, 'criterion, with one set of ratios a draft for all angles and repeats,')
     return Ranking(axis, tuple(ranked), choice, reason, _findings(ranked, by_draft))
+
+
+def common_equation(pruned: Iterable[FitSummary], with_friction: bool) -> str:
+    """The composition of every term that the records of any draft show together."""
+    shown = {term for fit in pruned for term in fit.terms}
+    return composed(sorted(shown - ({'b0'} if not with_friction else set()), key=TERM_INDEX.__getitem__)).name
+
+
+def with_open_choice(fits: Sequence[FitSummary], pruned: FitSummary) -> tuple[FitSummary, ...]:
+    """The joint fit of a draft, only as certain as the choice of its terms leaves it.
+
+    Args:
+        fits: Of the one equation of all drafts.
+        pruned: Of the hull that the draft's own records show.
+    """
+    (fit,) = fits
+    return (pruned if pruned.terms == fit.terms else replace(fit, posterior=pruned.posterior),)
+
+
+def told_alone(
+    ranking: Ranking, by_draft: dict[float, FitSummary], by_record: dict[str, FitSummary], was_named: bool
+) -> Ranking:
+    """What there is to say of one equation, which nothing was compared with: its verdicts."""
+    first = next(iter(by_draft.values()))
+    name = told(first.model.equation, first.axis)
+    reason = ranking.reason if was_named else f'{name}: the terms of the general hull that the records of a draft show.'
+    findings = [
+        Advice(fit.judged.code, f'the fit of all records at {place:g} is {fit.judged}')
+        for place, fit in by_draft.items()
+    ]
+    others = [record for record, fit in by_record.items() if fit.judged.level != ADEQUATE]
+    if others:
+        shown = f'{"; ".join(others[:SHOWN_RECORDS])}{"; ..." if len(others) > SHOWN_RECORDS else ""}'
+        words = (
+            f'{len(others)} of {len(by_record)} records by themselves are not adequate ({shown}): see their verdicts'
+        )
+        findings.append(Advice('record-not-adequate', words))
+    return replace(ranking, reason=reason, findings=tuple(findings))
 
 
 def _root_mean_square(values: Iterable[float]) -> float:

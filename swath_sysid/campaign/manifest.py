@@ -136,7 +136,7 @@ class Manifest:
     title: str
     craft: Craft
     trials: tuple[TrialEntry, ...]
-    equations: tuple[str, ...] = ()  #: Names; empty: those of each axis.
+    equations: tuple[str, ...] = ()  #: Names; empty: what the records show of the general hull.
     objectives: tuple[str, ...] = (OBJECTIVES[0],)
     search: SearchSettings = field(default_factory=SearchSettings)
     uncertainty: TypeB = field(default_factory=TypeB)
@@ -395,8 +395,9 @@ craft:
 
 axis: {axis}
 
-# Equations to compare; without this key all published for the axis, and our own. Compositions are written
-# 'linear,quadratic|linear,cubic', and '+friction' adds dry friction.
+# Without this key one general hull is identified, with the terms that all records of a draft together show. Equations
+# named are fitted instead, and compared where there are several: names of the catalogue or compositions such as
+# 'linear,quadratic|linear,cubic'; '+friction' adds dry friction.
 # equations: [linear, odd-cubic, odd-cubic+friction]
 
 # The simulated motion is always fitted; one-step adds the objective of the papers, biased under noise, for comparison.

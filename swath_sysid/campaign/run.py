@@ -11,8 +11,7 @@ from itertools import product
 from typing import Any
 
 from swath_sysid import __version__
-from swath_sysid.attitude.hull.catalogue import AUTO, equation_named, equations_of_axis
-from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.identification.identify import IdentificationSettings
 from swath_sysid.attitude.identification.problem import Problem, prepare
@@ -26,6 +25,7 @@ from swath_sysid.campaign.evaluation import (
     Record,
     Spread,
     best_repeats,
+    common_equation,
     fit_one,
     fit_together,
     joined,
@@ -34,6 +34,8 @@ from swath_sysid.campaign.evaluation import (
     schedule_of,
     settle,
     spread_of_repeats,
+    told_alone,
+    with_open_choice,
 )
 from swath_sysid.campaign.executors import connection_losses
 from swath_sysid.campaign.manifest import Craft, Manifest, TrialEntry
@@ -42,7 +44,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial, source_hash
 
-RESULT_FORMAT = 1  #: Raised when earlier results can no longer be used.
+RESULT_FORMAT = 2  #: Raised when earlier results can no longer be used.
 POLL_S = 0.2
 ANGLE_STEP_DEG = 0.5  #: Resolution of an initial angle that is not given but taken from the decay.
 
@@ -88,6 +90,11 @@ class AxisOutcome:
     def speed_m_s(self) -> float:
         """Of all its records."""
         return self.records[0].condition.speed_m_s
+
+    @property
+    def is_compared(self) -> bool:
+        """Whether there were equations to choose from."""
+        return len(self.names) > 1
 
     @property
     def choice(self) -> int:
@@ -359,19 +366,26 @@ class _AxisPlan:
         self._records = [record for record, _ in used]
         self._ids = {str(record): _identity(t) for record, t in used}
         self._sources = {str(record): {'file': t.name, 'sha256': t.sha256} for record, t in used}
-        self._names = [e.name for e in _equations(manifest, self._records[0].condition.axis)]
+        self._names = list(manifest.equations)
+        self._pruned: dict[float, FitSummary] = {}
         self.left_out: dict[str, str] = {}
 
     @property
     def task_count(self) -> int:
         """Tasks to come, at most."""
         groups = [g for g in (*self._conditions().values(), *self._drafts().values()) if len(g) > 1]
-        return len(self._records) * (len(self._manifest.objectives) * (len(self._names) + 1) + 1) + len(groups) * (
-            len(self._names) + 1
+        equations = len(self._names) or 1
+        pruned = 0 if self._names else len(self._drafts())
+        return (
+            pruned
+            + len(self._records) * (len(self._manifest.objectives) * (equations + 1) + 1)
+            + len(groups) * (equations + 1)
         )
 
     def carry_out(self, quantity: str) -> AxisOutcome | None:
         """Do everything; None where nothing succeeded."""
+        if not self._names:
+            self._prune()
         single = self._single_fits()
         self._drop_failed(single)
         if not self._records or not self._names:
@@ -385,7 +399,13 @@ class _AxisPlan:
         order = [str(r) for r in records]
         fits = {objective: tuple(kept[o][1] for o in order) for objective, kept in settled.items()}
         by_draft = {k: v for k, v in together.items() if not isinstance(k, Condition)}
+        if self._pruned:
+            by_draft = {k: with_open_choice(v, self._pruned[k]) for k, v in by_draft.items()}
         ranking = rank_campaign(self._axis, list(by_draft.values()), fits['simulation'], judgements)
+        if len(self._names) == 1:
+            own = dict(zip(order, (only for (only,) in fits['simulation']), strict=True))
+            joint = {k: only for k, (only,) in by_draft.items()}
+            ranking = told_alone(ranking, joint, own, bool(self._manifest.equations))
         choice = self._names.index(ranking.choice.equation)
         schedule = schedule_of(
             list(by_draft.values()),
@@ -425,6 +445,28 @@ class _AxisPlan:
     def _fit_key(self, record: Record, objective: str, name: str) -> str:
         terms = equation_named(name).terms
         return key_of('fit', self._ids[str(record)], name, terms, objective, asdict(self._manifest.search))
+
+    def _prune(self) -> None:
+        """Choose the terms: those of the general hull that the records of a draft show jointly.
+
+        Not of one draft with another: the ratios follow the draft, and one set for all would need terms that no hull
+        has.
+        """
+        settings, tasks = self._settings('simulation'), {}
+        for loading, group in self._drafts().items():
+            ids = [self._ids[str(r)] for r in group]
+            key = key_of('prune', ids, GENERAL_HULL.terms, asdict(self._manifest.search))
+            label = f'{_place_name(loading)}, {len(group)} records, which terms'
+            tasks[loading] = Task(key, label, fit_one, (joined([r.problem for r in group]), settings))
+        results = self._work.results(list(tasks.values()))
+        found = {place: results[task.key] for place, task in tasks.items() if task.key in results}
+        self._pruned = {place: FitSummary.from_plain(plain) for place, plain in found.items()}
+        failed = [str(r) for r in self._records if r.condition.loading not in found]
+        self.left_out |= dict.fromkeys(failed, 'the fit of all records of its draft failed; see the failures')
+        self._records = [r for r in self._records if str(r) not in failed]
+        if found:
+            with_friction = not self._manifest.search.preset  # the published ranges have none
+            self._names = [common_equation(self._pruned.values(), with_friction)]
 
     def _single_fits(self) -> dict:
         """(record, objective, equation) to key and summary."""
@@ -535,15 +577,6 @@ class _AxisPlan:
             'segments_s': [[float(s.start), float(s.end)] for r in group for s in r.problem.segments],
             'search': asdict(self._manifest.search),
         }
-
-
-def _equations(manifest: Manifest, axis: str) -> Sequence[Equation]:
-    if manifest.equations:
-        return [equation_named(name) for name in manifest.equations]
-    chosen = equations_of_axis(axis)
-    if manifest.search.preset:
-        return [e for e in chosen if 'b0' not in e.terms]
-    return list(chosen)
 
 
 def _grouped(records: Sequence[Record], key: Callable[[Record], Any]) -> dict[Any, list[Record]]:

@@ -22,13 +22,11 @@ from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot,
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.pipeline.record_run import run_through
-from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, score, usual_limits
+from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, score, usual_limits, usual_warmup
 from swath_sysid.pipeline.vertical_record import even_stretches
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.forecast_figure import LABELS, forecast_figure
 from swath_sysid.report.forecast_summary import POINT_UNITS, skill_as_data
-
-_LONGEST_WARMUP = 600.0
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -99,8 +97,7 @@ def run(arguments: Namespace) -> int:
     points = _with_sensor(arguments.points)
     if points:
         even_stretches(trial)
-    duration = float(trial.time[-1] - trial.time[0])
-    warmup = min(_LONGEST_WARMUP, round(duration / 3.0)) if arguments.warmup is None else arguments.warmup
+    warmup = usual_warmup(trial) if arguments.warmup is None else arguments.warmup
     angles, rates = (given or (math.inf, math.inf) for given in (arguments.quiet_deg, arguments.quiet_rate_deg_s))
     base = ForecasterSettings()
     quiet_for = arguments.quiet_for or base.horizon
@@ -119,9 +116,9 @@ def run(arguments: Namespace) -> int:
             trial,
             settings,
             models,
-            time.perf_counter,
-            progress,
-            None if limits is None else (float(trial.time[0]) + warmup, limits),
+            clock=time.perf_counter,
+            progress=progress,
+            limits_from=None if limits is None else (float(trial.time[0]) + warmup, limits),
             points_ahead=False,
         )
     skill = score(trial, run_made, arguments.leads, warmup, arguments.window, arguments.until, points=points)

@@ -32,7 +32,7 @@ from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
@@ -105,7 +105,7 @@ def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
 def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
     """Read and prepare runs, all with one step."""
     refuse_twice(paths)
-    return prepare_all([_read(path, arguments) for path in paths], arguments.gap_means_zero)
+    return prepare_runs([_read(path, arguments) for path in paths], arguments.gap_means_zero)
 
 
 def _read(path: str | Path, arguments: Namespace):

@@ -7,7 +7,16 @@ from swath_sysid.common.sentences import SENTENCES
 
 @dataclass(frozen=True)
 class Advice:
-    """A warning with what to do about it; the command line adds its flags by the code (`sentences.FLAGS`)."""
+    """A warning with what to do about it.
+
+    The sentence names neither flags nor parameters: the command line adds its own by the code (`sentences.FLAGS`).
+
+    Example:
+        >>> settings = IdentificationSettings(equation='odd-cubic', objective='one-step')
+        >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')], settings)
+        >>> 'one-step-biased' in [advice.code for advice in found.advice]
+        True
+    """
 
     code: str  #: Stable, machine-readable, kebab-case: ``too-few-cycles``.
     message: str  #: One sentence that says what was seen and what to do.

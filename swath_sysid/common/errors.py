@@ -10,7 +10,15 @@ class InputError(ValueError):
     line prints it and exits with code 2; a node counts it and reports a diagnostic.
 
     Args:
+        message: The sentence.
         code: Of the `Advice` that it is made of; '': of none.
+
+    Example:
+        >>> try:
+        ...     hull_named('titanic')
+        ... except InputError as error:
+        ...     print(error)
+        there is no hull 'titanic': choose from swath-pitch, swath-roll, hydrofoil-pitch, swath-usv-pitch
     """
 
     def __init__(self, message: str = '', code: str = '') -> None:

@@ -66,8 +66,16 @@ def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> Manoeuvr
         path: Of the file.
         frame: ``enu`` or ``ned``; by default what the file states, else not stated.
 
+    Returns:
+        The channels in SI units, for `prepare_runs`.
+
     Raises:
         InputError: The file cannot be read, or lacks time, thrust or motion; the sentence names what was looked for.
+
+    Example:
+        >>> trial = read_manoeuvring_csv('runs/zigzag_20.csv')
+        >>> trial.thrust_input, sorted(trial.measured())
+        ('force', ['heading', 'surge', 'sway', 'x', 'y', 'yaw_rate'])
     """
     with reading(path):
         head = read_head(path)

@@ -163,5 +163,20 @@ def write_manoeuvring_model(path: str | Path, identified: IdentifiedManoeuvringM
 
 
 def read_manoeuvring_model(path: str | Path) -> IdentifiedManoeuvringModel:
-    """Read a model file; see `manoeuvring_from_yaml`."""
+    """Read a model file of a manoeuvring craft.
+
+    Args:
+        path: Of a file that ``swath-sysid manoeuvre identify`` wrote.
+
+    Returns:
+        The model, its uncertainty, and where it is valid.
+
+    Raises:
+        InputError: The file cannot be read, is no model file or one of another version, or has unknown, missing or
+            wrong fields; the sentence names the field.
+
+    Example:
+        >>> read_manoeuvring_model('wamv.yaml').model.terms
+        ('m', 'Iz', 'Xu', 'Xuu', 'Yv', 'Nr', 'lever')
+    """
     return FORMAT.read(path, manoeuvring_from_yaml)

@@ -160,10 +160,18 @@ def _model_of(plain: dict, axis: str) -> DecayModel:
 
 
 def write_model(path: str | Path, models: Mapping[str, IdentifiedModel]) -> None:
-    """Write a model file, whole or not at all; see `model_to_yaml`.
+    """Write a model file (YAML), whole or not at all.
+
+    Args:
+        path: Of the file; one that exists is replaced.
+        models: By axis, ``roll`` and ``pitch``.
 
     Raises:
-        InputError: It cannot be written, or would be refused by its readers.
+        InputError: It cannot be written, or would be rejected by its readers.
+
+    Example:
+        >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')])
+        >>> write_model('tanker.yaml', {'roll': found.identified_model({'source': 'tutorial'})})
     """
     FORMAT.write(path, model_to_yaml(models), description_from_yaml)
 
@@ -179,7 +187,23 @@ def read_description(path: str | Path) -> tuple[dict[str, IdentifiedModel], dict
 
 
 def read_model(path: str | Path) -> dict[str, IdentifiedModel]:
-    """Read the models of a model file; see `read_description`."""
+    """Read the models of a model file.
+
+    Args:
+        path: Of a file that `write_model` or ``swath-sysid identify`` wrote.
+
+    Returns:
+        By axis, ``roll`` and ``pitch``; of a schedule on draft, those of the middle draft.
+
+    Raises:
+        InputError: The file cannot be read, is no model file or one of another version, has unknown, missing or wrong
+            fields, or describes a hull that no craft has; the sentence names the field.
+
+    Example:
+        >>> write_model('craft.yaml', {'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)})
+        >>> read_model('craft.yaml')['roll'].model == hull_named('swath-roll').model
+        True
+    """
     return read_description(path)[0]
 
 

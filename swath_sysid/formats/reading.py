@@ -47,7 +47,7 @@ def read_trial(
 ) -> Trial:
     """Read a trial from a CSV file, a rosbag2 bag, or an MTi text export.
 
-    What it is shows from its content, not from its name.
+    The kind of file is found from its content, not from its name.
 
     Args:
         path: Of a file or a bag folder.
@@ -56,10 +56,18 @@ def read_trial(
         mounting: Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, that stated in a CSV file.
         progress: Called with 0 to 1 while a long text is read.
 
+    Returns:
+        The motion in the craft's axes and SI units, with advice on what was repaired or left out.
+
     Raises:
         InputError: There is no such file, it cannot be read or is none of these, the choice of the topic is open, a
             column lacks its unit or contradicts another, a value is one that its unit cannot have, or there is no time,
             no roll or pitch motion, or too little of it.
+
+    Example:
+        >>> trial = read_trial(records / 'kvlcc2_roll_decay.csv')
+        >>> trial.axes, trial.time.size
+        (('roll', 'pitch'), 2501)
     """
     from swath_sysid.formats.bags import MAGIC, is_bag, read_bag
 

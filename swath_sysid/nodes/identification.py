@@ -29,11 +29,7 @@ Answer = tuple[bool, str]  #: Whether a model was published, and one line about 
 class IdentificationNode(Node):
     """Services ~/identify, ~/cancel and ~/rollback, ~/progress and diagnostics.
 
-    What is identified is up to a derived node, which first makes what the four methods to be overridden need, and
-    then calls `serve`.
-
-    Args:
-        settings_of: Of the values of all parameters.
+    A derived node makes what its four overrides need, and then calls `serve`.
     """
 
     def __init__(self, name: str, settings_of: Callable[[Values], Any]):

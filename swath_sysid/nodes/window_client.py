@@ -17,11 +17,9 @@ from swath_sysid.pipeline.health import BAD_WINDOW, IdentifierHealth
 
 
 class WindowClient:
-    """Receives windows, and requests one from the buffer.
+    """Receives windows, and requests one from the buffer by a service.
 
-    Args:
-        service: Makes the buffer publish its window.
-        on_window: Called with the `MotionTable` of every window that was not asked for by `fetch`.
+    ``on_window`` takes the `MotionTable` of every window that `fetch` did not ask for.
     """
 
     def __init__(self, node: Node, service: str, health: IdentifierHealth, on_window: Callable[[MotionTable], None]):
@@ -34,10 +32,9 @@ class WindowClient:
         watched_subscription(node, PointCloud2, 'motion/window', self._receive, LATCHED, health)
 
     async def fetch(self, timeout: float) -> str:
-        """Have the buffer publish its window and wait for it, at most this many seconds.
+        """Have the buffer publish its window and wait for it, s.
 
-        Returns:
-            What stands in the way; empty: `newest` is fresh, or there is no buffer and it is the last one.
+        The problem, empty if `newest` is the best there is.
         """
         if not self._client.service_is_ready():
             if self.newest is not None:

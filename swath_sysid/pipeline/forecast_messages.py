@@ -140,9 +140,10 @@ def _point_forecast(
     covariance: np.ndarray,
 ):
     heave, velocity, acceleration = motion
-    orientation = attitude.quaternion(at[0], at[1], 0.0)
+    roll, pitch, roll_rate, pitch_rate = at
+    orientation = attitude.quaternion(roll, pitch, 0.0)
     back = attitude.conjugate(*orientation)
-    angular = attitude.body_rates(*at, yaw_rate=0.0)
+    angular = attitude.body_rates(roll, pitch, roll_rate, pitch_rate, 0.0)
     level = attitude.rotate(orientation, *place)
     across = attitude.rotate(orientation, *_cross(angular, place))
     linear = attitude.rotate(back, across[0], across[1], velocity)

@@ -40,7 +40,12 @@ OnNext = Callable[[AttitudeForecast], None]
 
 @dataclass(frozen=True)
 class PipelineSettings:
-    """Sensor mounting, stamp handling and forecast settings."""
+    """Sensor mounting, stamp handling and forecast settings.
+
+    Example:
+        >>> PipelineSettings(forecaster=ForecasterSettings(horizon=8.0)).forecaster.horizon
+        8.0
+    """
 
     installation: Installation = field(default_factory=Installation)
     stamps: StampSettings = field(default_factory=StampSettings)
@@ -53,8 +58,8 @@ class PipelineStep(NamedTuple):
     reasons: tuple[str, ...] = ()  #: From `PIPELINE_REASONS`: what was counted.
     used: bool = False
     next: AttitudeForecast | None = None  #: One sample ahead.
-    forecast: Forecast | None = None  #: At the leads, when due; stamps are s from the first sample.
-    horizon: Forecast | None = None
+    forecast: Forecast | None = None  #: At the leads, when due; its stamp is s from the first sample.
+    horizon: Forecast | None = None  #: Over the horizon, when due; its stamp is s from the first sample.
     #: To be fitted by `fit_sea`, in the background or at once; the result is for `ForecastPipeline.install`.
     sea_request: SeaRequest | None = None
     stamp_ns: int = 0  #: Of the sample; 0 where it was left out.
@@ -82,10 +87,25 @@ class PipelineStep(NamedTuple):
 class ForecastPipeline:
     """Forecasts from the messages of one sensor.
 
-    Pure and causal: time is the stamps; the same messages, models and fits give the same forecasts.
+    Pure and causal: time is the stamps; the same messages, models and fits give the same forecasts. What a step asks
+    to learn of the sea (``sea_request``) is fitted by `fit_sea` and given to `install`.
 
     Args:
+        settings: By default those of `PipelineSettings`.
         intake: That of the settings, where another core shares it.
+
+    Example:
+        >>> trial = read_trial(records / 'morro_buoy.csv').between(0.0, 20.0)
+        >>> pipeline = ForecastPipeline()
+        >>> for sample in samples_of(trial):
+        ...     step = pipeline.add_sample(sample)
+        ...     if step.sea_request is not None:
+        ...         pipeline.install(fit_sea(step.sea_request))
+        >>> step.forecast.leads.tolist()
+        [0.1, 0.5, 1.0, 2.0, 3.0, 5.0]
+        >>> roll = step.forecast.axes['roll']
+        >>> roll.angle.shape, roll.half_width.shape  # 50, 90 and 99 % intervals
+        ((6,), (6, 3))
     """
 
     def __init__(self, settings: PipelineSettings | None = None, intake: Intake | None = None) -> None:

@@ -1,7 +1,4 @@
-"""How a node fares: counts by reason, levels and messages, for its diagnostics.
-
-Time is what the caller says. What to do about a reason is in the catalogue of sentences.
-"""
+"""Health of a node for its diagnostics: counts by reason, levels and messages; time is given by the caller."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ class Issued(NamedTuple):
 
     stamp: float  #: s, in the record's own time.
     forecast: Forecast  #: At the leads.
-    horizon: Forecast
+    horizon: Forecast  #: Over the horizon.
 
 
 @dataclass(frozen=True)
@@ -30,14 +30,26 @@ class Run:
     """A predictor run through a record."""
 
     steps: tuple[Issued, ...]
-    step_times: tuple[float, ...] = ()  #: s.
-    refit_times: tuple[float, ...] = ()
+    step_times: tuple[float, ...] = ()  #: Of each sample, s; NaN where not measured.
+    refit_times: tuple[float, ...] = ()  #: Of each fit of the sea, s; NaN where not measured.
     reliability: Reliability | None = None  #: Of the quiescence that was forecast.
     quiescence_limits: QuiescenceLimits | None = None
 
 
 def samples_of(trial: Trial) -> Iterator[CraftSample]:
-    """The trial as its sensor would have sent it, sample by sample; channels that it lacks are NaN."""
+    """The trial as its sensor would have sent it, sample by sample.
+
+    Args:
+        trial: The channels that it lacks become NaN.
+
+    Yields:
+        What `ForecastPipeline.add_sample` takes.
+
+    Example:
+        >>> first = next(samples_of(read_trial(records / 'morro_buoy.csv')))
+        >>> first.stamp, round(first.roll, 4)
+        (0.0, 0.0639)
+    """
     measured, absent = trial.channels, np.full(trial.time.size, math.nan)
     columns = [measured.get(name, absent) for name in (*CHANNELS, *FURTHER_CHANNELS)]
     unknown = (math.nan,) * 4
@@ -52,21 +64,33 @@ def run_through(
     trial: Trial,
     settings: ForecasterSettings | None = None,
     models: Mapping[str, IdentifiedModel] | None = None,
+    *,
     clock: Callable[[], float] | None = None,
     progress: Callable[[float], None] | None = None,
     limits_from: tuple[float, QuiescenceLimits] | None = None,
     points_ahead: bool = True,
 ) -> Run:
-    """Run the pipeline through a record; every fit is used from its request's stamp plus the refit delay on.
+    """Run the forecast pipeline through a record, causally.
+
+    Every fit of the sea is used from its request's stamp plus the refit delay on, as on board.
 
     Args:
         trial: The whole record.
         settings: By default those of `PipelineSettings`.
-        models: By axis.
-        clock: Seconds, for the cost.
-        progress: Called with the share done.
+        models: Identified hulls by axis; an axis without one is forecast without a hull.
+        clock: Gives seconds, to measure what samples and fits cost; by default nothing is measured.
+        progress: Called with 0 to 1.
         limits_from: Limits of quiescence from a stamp on; their reliability is recorded from there.
         points_ahead: Keep vertical motion over the horizon, which takes 20 kB a point and forecast.
+
+    Returns:
+        Every forecast that was issued, for `score`.
+
+    Example:
+        >>> trial = read_trial(records / 'morro_buoy.csv').between(0.0, 20.0)
+        >>> run = run_through(trial, ForecasterSettings(forecast_rate=1.0))
+        >>> run.steps[-1].forecast.axes['pitch'].angle.shape
+        (6,)
     """
     now = clock or (lambda: math.nan)
     pipeline = ForecastPipeline(PipelineSettings() if settings is None else PipelineSettings(forecaster=settings))

@@ -10,6 +10,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.vertical import EDGE
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability, quantity_at
 from swath_sysid.common.advice import Advice
@@ -31,6 +32,7 @@ _REPLICATES = 2000
 _SELDOM = 2.0  #: Standard deviations: passed so rarely that staying below for some seconds is uncertain.
 _MIN_LIMIT = 1e-4
 _MIN_WARMUP = 30.0  #: s from which limits of quiescence can be taken.
+_LONGEST_WARMUP = 600.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,16 @@ class QuantitySkill:
 
 @dataclass(frozen=True)
 class Skill:
-    """Scores of a record."""
+    """Scores of a record.
+
+    Example:
+        >>> trial = read_trial(records / 'morro_buoy.csv').between(0.0, 60.0)
+        >>> skill = score(trial, run_through(trial, ForecasterSettings(leads=(1.0,), forecast_rate=2.0)))
+        >>> sorted(skill.axes), skill.warmup
+        (['pitch', 'roll'], 20)
+        >>> skill.axes['roll'].coverage.shape  # of the 50, 90 and 99 % intervals, by lead
+        (1, 3)
+    """
 
     leads: np.ndarray  #: (L,); s.
     axes: dict[str, QuantitySkill]
@@ -67,6 +78,11 @@ class Skill:
     quiescence_limits: QuiescenceLimits | None = None
     advice: tuple[Advice, ...] = ()
     points: dict[str, dict[str, QuantitySkill]] = field(default_factory=dict)  #: By point and `POINT_MOTION`.
+
+
+def usual_warmup(trial: Trial) -> float:
+    """Seconds at the start of a record that are not scored: 600, or a third of a shorter one."""
+    return min(_LONGEST_WARMUP, round(float(trial.time[-1] - trial.time[0]) / 3.0))
 
 
 def usual_limits(trial: Trial, limits: QuiescenceLimits, warmup: float) -> QuiescenceLimits | None:
@@ -89,9 +105,9 @@ def usual_limits(trial: Trial, limits: QuiescenceLimits, warmup: float) -> Quies
 def score(
     trial: Trial,
     run: Run,
-    leads: Sequence[float] | np.ndarray,
-    warmup: float,
-    window: float,
+    leads: Sequence[float] | np.ndarray | None = None,
+    warmup: float | None = None,
+    window: float = ForecasterSettings.window,
     until: float | None = None,
     seed: int = 0,
     points: Sequence[Point] = (),
@@ -104,18 +120,32 @@ def score(
     Args:
         trial: The whole record.
         run: Through that record.
-        leads: s, of those that the forecasts are for.
-        warmup: s from the record's start that are not scored.
+        leads: s, of those that the forecasts are for; by default all.
+        warmup: s from the record's start that are not scored; by default 600, or a third of a shorter record.
         window: s of past that the baselines learn from.
         until: s from the record's start; by default to its end.
         seed: Of the bootstrap.
         points: Of those whose vertical motion was forecast; it is scored by that of the whole record
             (`vertical_record`).
 
+    Returns:
+        Root mean square errors over the standard deviation of the motion by axis and lead, beside those of the
+        baselines, and the share of the intervals that held what came.
+
     Raises:
         InputError: The record has no angle, or no forecast was issued in time for one of the leads; with points, it
             does not show its vertical motion.
+
+    Example:
+        >>> trial = read_trial(records / 'morro_buoy.csv').between(0.0, 60.0)
+        >>> run = run_through(trial, ForecasterSettings(leads=(1.0, 2.0), forecast_rate=2.0))
+        >>> roll = score(trial, run).axes['roll']
+        >>> bool((roll.nrmse['forecast'] < roll.nrmse['persistence']).all())
+        True
     """
+    warmup = usual_warmup(trial) if warmup is None else warmup
+    if leads is None:
+        leads = run.steps[0].forecast.leads if run.steps else (math.inf,)
     leads = np.array(sorted({float(lead) for lead in leads}))
     axes, name = [axis for axis in AXES if axis in trial.channels], trial.source or 'the record'
     if not axes:

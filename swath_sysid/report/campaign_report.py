@@ -32,6 +32,7 @@ from swath_sysid.report.campaign_tables import (
     spread_statement,
     spread_table,
     trials_table,
+    verdict_table,
 )
 from swath_sysid.report.tables import sentence, table_as_csv
 
@@ -92,15 +93,16 @@ def campaign_tables(outcome: CampaignOutcome) -> list[Table]:
     tables = [conditions_table(outcome), trials_table(outcome), fits_table(outcome), coefficients_long_table(outcome)]
     for axis in outcome.axes:
         tables += _axis_tables(outcome, axis).values()
-        tables.append(errors_table(outcome, axis, every_equation=True))
+        if axis.is_compared:
+            tables.append(errors_table(outcome, axis, every_equation=True))
     return tables
 
 
 def _axis_tables(outcome: CampaignOutcome, axis: AxisOutcome):
     """The tables that the page shows of one axis, by name."""
+    compared = {objective: objective_table(outcome, axis, objective) for objective in axis.fits}
     tables = {
-        'ranking': ranking_table(axis),
-        **{objective: objective_table(outcome, axis, objective) for objective in axis.fits},
+        **({'ranking': ranking_table(axis), **compared} if axis.is_compared else {'verdicts': verdict_table(axis)}),
         'ratios': coefficient_table(outcome, axis),
         'repeats': spread_table(outcome, axis),
         'errors': errors_table(outcome, axis),
@@ -122,11 +124,12 @@ def _in_short(outcome: CampaignOutcome):
         )
         lines = [f'{sentence(a.message)}.' for a in axis.ranking.findings]
         lines += [spread_statement(axis)] if axis.spreads else []
-        lines += [
-            f'{objective.capitalize()} objective: {noise_statement(axis.records, fits, axis.best)}'
-            for objective, fits in axis.fits.items()
-        ]
-        lines.append(_order_statement(axis))
+        if axis.is_compared:
+            lines += [
+                f'{objective.capitalize()} objective: {noise_statement(axis.records, fits, axis.best)}'
+                for objective, fits in axis.fits.items()
+            ]
+            lines.append(_order_statement(axis))
         parts.append(bullets(lines))
     return parts
 
@@ -151,12 +154,10 @@ def _axis_sections(outcome: CampaignOutcome, axis: AxisOutcome, drawings: dict[s
     found['peaks'] = replace(peaks, note=note, rows=tuple(row for row in peaks.rows if row[0] in best))
     tables = {name: table_as_html(table) for name, table in found.items()}
     shown = {kind: figures(items) for kind, items in drawings.items()}
-    marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
     related = 'Ratios whose correlation is beyond 0.95 cannot be distinguished: use them together only.'
     extinction = [tables[name] for name in ('damping', 'extinction', 'peaks')]
-    compared = [tables[objective] for objective in axis.fits]
     return (
-        ('equations', 'Which equation', [tables['ranking'], paragraph(marks, 'note'), *compared]),
+        _equation_section(axis, tables),
         ('decays', 'Decays', [shown['decays']]),
         ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], tables['repeats']]),
         ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
@@ -166,6 +167,14 @@ def _axis_sections(outcome: CampaignOutcome, axis: AxisOutcome, drawings: dict[s
         ('records', 'Every record', [shown['records']]),
         ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),
     )
+
+
+def _equation_section(axis: AxisOutcome, tables: dict[str, str]):
+    if not axis.is_compared:
+        return 'verdicts', 'Verdicts', [tables['verdicts']]
+    marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
+    compared = [tables[objective] for objective in axis.fits]
+    return 'equations', 'Which equation', [tables['ranking'], paragraph(marks, 'note'), *compared]
 
 
 def _warnings(outcome: CampaignOutcome):

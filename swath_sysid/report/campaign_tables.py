@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
 from swath_sysid.campaign.evaluation import beyond_noise, noise_statement, term_values, tied_best
 from swath_sysid.report.tables import Column, Table, digits, percent
 
 if TYPE_CHECKING:
-    from swath_sysid.campaign.evaluation import Condition, Record
+    from swath_sysid.campaign.evaluation import Condition, FitSummary, Record
     from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome, TrialOutcome
 
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
@@ -198,6 +199,33 @@ def ranking_table(axis: AxisOutcome) -> Table:
     )
     table.marks[axis.ranking.ranked.index(axis.ranking.choice), 0] = 'best'
     return table
+
+
+def verdict_table(axis: AxisOutcome) -> Table:
+    """What each fit of the one equation is good for: of all records of a draft together, and of each record."""
+    items = [
+        *((f'all at {loading:g}', fit) for loading, (fit,) in axis.by_draft.items()),
+        *((record.name, fit) for record, (fit,) in zip(axis.records, axis.fits['simulation'], strict=True)),
+    ]
+    table = Table.of(
+        f'verdicts_{axis.axis}',
+        f'Verdicts, {axis.axis}',
+        f'Of {axis.ranking.choice.equation}, by all records of a draft together and by each record alone. A record '
+        'that is not adequate where all together are differs from the others: look at its residual.',
+        items,
+        ('fit of', lambda item: item[0]),
+        ('verdict', lambda item: item[1].judged.level),
+        ('error of the next release', lambda item: item[1].judged.motion_error, percent),
+        ('why', lambda item: _cause(item[1])),
+    )
+    table.marks.update({(k, 1): 'beyond' for k, (_, fit) in enumerate(items) if fit.judged.level != ADEQUATE})
+    return table
+
+
+def _cause(fit: FitSummary):
+    if fit.judged.code != 'absent-term':
+        return fit.judged.sentence
+    return f'the motion shows {fit.absent_term}, which {fit.equation} lacks: its other ratios bend to make up for it'
 
 
 def _ratio_columns(terms: Iterable[str], pair: Callable[[Any, str], tuple[float, float]]):

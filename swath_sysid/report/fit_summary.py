@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from swath_sysid.attitude.hull.catalogue import published_alike
+from swath_sysid.attitude.hull.catalogue import published_alike, told
 from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RATIO_UNITS
 from swath_sysid.attitude.identification.uncertainty import known_together
@@ -16,7 +16,6 @@ from swath_sysid.formats.plain_data import finite_or_none
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from swath_sysid.attitude.hull.decay_model import DecayModel
     from swath_sysid.attitude.identification.identify import Identification
     from swath_sysid.attitude.identification.selection import Comparison
     from swath_sysid.common.advice import Advice
@@ -71,7 +70,7 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
     """Lines for a reader."""
     model = identification.model
     lines = [
-        f'{model.axis}: {model.equation.name}{_alike(model)}, {len(identification.records)} record(s)',
+        f'{model.axis}: {told(model.equation, model.axis)}, {len(identification.records)} record(s)',
         f'  {identification.verdict}',
     ]
     lines += [
@@ -95,11 +94,6 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
         form = to_published(model, inertia)
         lines.append('  published form: ' + ', '.join(f'{name} {value:.6g}' for name, value in vars(form).items()))
     return lines
-
-
-def _alike(model: DecayModel):
-    published = published_alike(model.equation, model.axis)
-    return f' (the terms of {" and ".join(published)})' if published else ''
 
 
 def _together(identification: Identification) -> tuple[tuple[str, ...], ...]:

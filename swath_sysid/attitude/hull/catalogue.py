@@ -98,6 +98,12 @@ def published_alike(equation: Equation, axis: str) -> tuple[str, ...]:
     return () if equation.name in EQUATIONS else tuple(alike)
 
 
+def told(equation: Equation, axis: str) -> str:
+    """Its name, and beside a composition the published equations that have its terms."""
+    alike = published_alike(equation, axis)
+    return f'{equation.name} (the terms of {" and ".join(alike)})' if alike else equation.name
+
+
 def equations_of_axis(axis: str) -> tuple[Equation, ...]:
     """The equations compared by default for ``roll`` or ``pitch``, one for each set of terms."""
     distinct: dict[tuple[str, ...], Equation] = {}
@@ -204,10 +210,22 @@ PUBLISHED_HULLS = {
 
 
 def hull_named(name: str) -> PublishedHull:
-    """The published hull of that name.
+    """A hull whose coefficients were published, by name.
+
+    Args:
+        name: ``swath-pitch`` (nine-equation study of the pitch of a SWATH), ``swath-roll`` (roll of a SWATH),
+            ``hydrofoil-pitch`` (planing hydrofoil craft) or ``swath-usv-pitch`` (SWATH-USV).
+
+    Returns:
+        Its model, the coefficients as printed, and the sensor noise of the study's records.
 
     Raises:
-        InputError: No such hull.
+        InputError: There is no such hull; the sentence lists them.
+
+    Example:
+        >>> hull = hull_named('swath-roll')
+        >>> hull.axis, round(hull.model.natural_period, 2)
+        ('roll', 2.52)
     """
     check_choice(name, PUBLISHED_HULLS, 'hull')
     return PUBLISHED_HULLS[name]

@@ -37,7 +37,18 @@ class HullPosterior:
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """An identified model, its uncertainty, where it is valid and where it came from."""
+    """An identified model, its uncertainty, where it is valid and where it came from.
+
+    Raises:
+        InputError: The covariance has another shape than the model's terms ask for.
+
+    Example:
+        A published hull is taken as exact:
+
+        >>> identified = IdentifiedModel.exactly(hull_named('swath-roll').model)
+        >>> identified.model.axis, identified.std['b1']
+        ('roll', 0.0)
+    """
 
     model: DecayModel
     covariance: np.ndarray  #: (n, n); Of the ratios of ``model.equation.terms``, in their order.

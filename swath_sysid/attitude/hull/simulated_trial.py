@@ -32,9 +32,9 @@ def simulated_trial(
     model: DecayModel,
     initial_angle: float,
     duration: float,
-    rate_hz: float,
-    noise: SensorNoise,
-    seed: int,
+    rate_hz: float = 100.0,
+    noise: SensorNoise = SensorNoise(),  # noqa: B008 - frozen
+    seed: int = 1,
     hold: float = 0.0,
 ) -> Trial:
     """A free decay, released at rest from an initial angle, at even samples.
@@ -43,8 +43,8 @@ def simulated_trial(
         model: Of the hull.
         initial_angle: From trim, rad.
         duration: From release, s.
-        rate_hz: Samples a second.
-        noise: Of the sensor.
+        rate_hz: Samples per second.
+        noise: Of the sensor, standard deviations; by default about that of the SWATH pitch trials.
         seed: Of the noise.
         hold: Seconds for which the craft is held at the initial angle first.
 
@@ -53,6 +53,11 @@ def simulated_trial(
 
     Raises:
         InputError: Too few or too many samples, or the motion runs away from that angle.
+
+    Example:
+        >>> trial = simulated_trial(hull_named('swath-roll').model, initial_angle=0.1, duration=15.0)
+        >>> trial.time.size, sorted(trial.channels)[-4:]
+        (1500, ['pitch', 'pitch_rate', 'roll', 'roll_rate'])
     """
     if not (duration > 0.0 and rate_hz > 0.0 and hold >= 0.0):
         raise InputError('duration and rate must be greater than zero, hold not negative', 'times-of-trial')

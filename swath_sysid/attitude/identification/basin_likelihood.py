@@ -16,7 +16,7 @@ from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring
 from swath_sysid.attitude.identification.innovations import innovations
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.scaling import Scales
-from swath_sysid.attitude.identification.scoring import Evaluation, scoring
+from swath_sysid.attitude.identification.scoring import Evaluation, scoring, search_each
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
@@ -43,17 +43,15 @@ BASIN_PRIORS = (
 )
 #: Of the disturbance, as its prior: the first two from the first estimate, the last two from a linear hull as well.
 STARTING_LEVELS = 0.003, 0.05, 0.3
-UNLIKELY = 4.0  #: Negative log posterior above the least from which another optimum is left out;
-SAME_MODE = 0.5  #: standard deviations of each ratio within which two are one;
+#: Logarithms of the disturbance's level and frequency, as in `BASIN_PRIORS`, over which the posterior is summed.
+DISTURBANCES = np.arange(-11.0, 2.5), np.linspace(-0.8, 0.8, 9)
+UNLIKELY = 3.0  #: Logarithm of the probability below the largest from which no neighbour on that grid is looked at.
+SAME_MODE = 0.5  #: Standard deviations of each ratio within which two optima are one;
 SAME_COST = 1.0  #: negative log posterior above an optimum from which a search that passes it may still go elsewhere.
 LOG_LIMITS = 7.0
 LARGEST_SHAPE = 0.9  #: Damping and spread of the disturbance stay below this.
 MIN_NOISE = 1e-4  #: Of the amplitude: white noise where third differences show none.
 PERTURBATION = 1e-5
-HESSIAN_STEP = 0.05  #: Standard deviations of a parameter over which the gradient's change is taken.
-#: Of the posterior along any mixture of the basin's parameters, over that of the prior: where the likelihood bends away
-#: from its maximum it says no less than this about them.
-LEAST_CURVATURE = 0.5
 INTERVAL = 0.95
 NORMAL = float(ndtri(0.5 * (1.0 + INTERVAL)))
 
@@ -101,7 +99,7 @@ class BasinFit:
     basin: np.ndarray  #: (11,); See `innovations`.
     states: np.ndarray  #: (M, 3); Angle from trim, rad, rate, rad/s, and trim, rad, in the middle of each first block.
     trim_std: float  #: rad; root mean square over the records.
-    log_likelihood: float  #: Less the prior's cost.
+    log_likelihood: float  #: At the optimum, less the prior's cost.
     #: tuple of (N, 2); Innovations over their standard deviations, of each record; NaN where nothing was read.
     normalised: tuple
 
@@ -167,6 +165,7 @@ class BasinLikelihood:
             [self.ratio_prior, [s for _, _, s in BASIN_PRIORS], np.full(3 * m, STATE_PRIOR)]
         )
         self._shared = n + len(BASIN_PRIORS)
+        self._disturbance = np.array([n, n + 1])  # level and frequency
         self.lowest = np.full(self._prior_mean.size, -np.inf)
         self.lowest[:n][self._bounded] = 0.0
 
@@ -326,7 +325,7 @@ class BasinLikelihood:
         return starts
 
     def described(self, optima: Sequence[Evaluation]) -> BasinFit:
-        """The first of some optima, a `BasinFit`: the others widen its intervals where they are about as likely.
+        """The mean of the posterior about some optima, and how well it is known.
 
         Args:
             optima: At least one, the most likely first.
@@ -354,67 +353,69 @@ class BasinLikelihood:
         )
 
     def _posterior(self, optima: Sequence[Evaluation]):
-        """Parameters and their covariance, of some optima by cost: about the first, others count by their share.
+        """Mean (p,) and covariance of the parameters: a mixture over levels and frequencies of the disturbance.
 
-        Each has the probability of a Gaussian of its height and covariance (Laplace's approximation).
+        Few records determine both, and what the ratios are and how well they are known changes with them: a moment at
+        resonance moves the craft as another stiffness would. For each pair the other parameters have the probability of
+        a Gaussian of its height and covariance (Rue, Martino and Chopin 2009).
         """
-        best, n = optima[0], self.term_count
-        modes: list[tuple] = []
-        for optimum in optima:
-            if optimum.cost > best.cost + UNLIKELY:
-                break
-            if any(
-                np.all(np.abs(optimum.z - at)[:n] < SAME_MODE * np.sqrt(np.diag(covariance)[:n]))
-                for at, _, covariance, _ in modes
-            ):
-                continue
-            z, covariance = self._restricted(optimum)
-            weight = np.exp(best.cost - optimum.cost + 0.5 * np.linalg.slogdet(covariance)[1])
-            modes.append((optimum.z, z, covariance, weight))
-        first, total = modes[0][1], sum(weight for *_, weight in modes)
-        return first, sum(
-            weight / total * (covariance + np.outer(z - first, z - first)) for _, z, covariance, weight in modes
-        )
-
-    def _restricted(self, optimum: Evaluation):
-        """Parameters near an optimum and their covariance, which count that the ratios and states were fitted, too.
-
-        Fitted together, the basin's parameters explain what the ratios and states have already explained: its motion
-        comes out too small and too narrow. Their restricted likelihood (Patterson and Thompson 1971) takes that out;
-        one step of Newton's leads there from the optimum, as far as the record and not the prior has determined them.
-
-        The expected information has nothing that ties a mean to a variance; what another level or spectrum of the
-        disturbance would make of the ratios is in the observed one (Efron and Hinkley 1978).
-        """
-        basin = np.arange(self.term_count, self._shared)
-        others = np.setdiff1d(np.arange(optimum.z.size), basin)
+        others = np.setdiff1d(np.arange(self._prior_mean.size), self._disturbance)
+        nodes = self._over_disturbances(optima)
+        heights = np.array([self._height(each) for each in nodes])
+        weights = np.exp(heights - heights.max())
+        weights /= weights.sum()
+        points = np.array([each.z for each in nodes])
+        mean = weights @ points
+        covariance = (weights * (points - mean).T) @ (points - mean)
         block = np.ix_(others, others)
-        steps = HESSIAN_STEP / np.sqrt(np.diag(optimum.information)[basin])
-        moved = np.tile(optimum.z, (basin.size, 1))
-        moved[np.arange(basin.size), basin] += steps
-        found = self.evaluate(moved)
-        if not all(each.is_finite for each in found):
-            return optimum.z, np.linalg.inv(optimum.information)
-        observed = np.array([each.gradient - optimum.gradient for each in found]).T / steps
-        ties = np.linalg.solve(optimum.information[block], observed[others])
-        scale = self._prior_std[basin]
-        own = 0.5 * (observed[basin] + observed[basin].T) - observed[others].T @ ties
-        curvature, directions = np.linalg.eigh(own * np.outer(scale, scale))
-        directions *= scale[:, None]
-        variances = 1.0 / np.maximum(curvature, LEAST_CURVATURE)
-        of_basin = directions * variances @ directions.T
-        logarithms = [np.linalg.slogdet(each.information[block])[1] for each in (optimum, *found)]
-        slopes = 0.5 * (np.array(logarithms[1:]) - logarithms[0]) / steps
-        by_record = np.maximum(1.0 - variances, 0.0)
-        start = optimum.z.copy()
-        start[basin] -= directions * variances * by_record @ (directions.T @ slopes)
-        best = (self.minimise([start], held=basin) or [optimum])[0]
-        covariance = np.empty((start.size, start.size))
-        covariance[np.ix_(basin, basin)] = of_basin
-        covariance[block] = np.linalg.inv(best.information[block]) + ties @ of_basin @ ties.T
-        covariance[np.ix_(others, basin)] = -ties @ of_basin
-        covariance[np.ix_(basin, others)] = covariance[np.ix_(others, basin)].T
-        return best.z, covariance
+        covariance[block] += sum(w * np.linalg.inv(e.information[block]) for w, e in zip(weights, nodes, strict=True))
+        return mean, covariance
+
+    def _over_disturbances(self, optima: Sequence[Evaluation]):
+        """The optima at fixed levels and frequencies of the disturbance, from some optima on while they are likely."""
+        frontier = {self._nearest(optimum): optimum for optimum in reversed(optima)}
+        nodes: dict[tuple[int, ...], Evaluation] = {}
+        likely = -np.inf
+        while frontier:
+            found = self._at_disturbances(frontier)
+            nodes |= found
+            heights = {cell: self._height(node) for cell, node in found.items() if node.is_finite}
+            likely = max([likely, *heights.values()])
+            frontier = {
+                neighbour: nodes[cell]
+                for cell, height in heights.items()
+                if height > likely - UNLIKELY
+                for neighbour in _neighbours(cell)
+                if neighbour not in nodes
+            }
+        return [node for node in nodes.values() if node.is_finite] or list(optima[:1])
+
+    def _nearest(self, point: Evaluation):
+        """The cell of the grid of `DISTURBANCES` that is nearest to a point."""
+        own = point.z[self._disturbance]
+        return tuple(int(np.argmin(np.abs(grid - value))) for grid, value in zip(DISTURBANCES, own, strict=True))
+
+    def _at_disturbances(self, starts: dict[tuple[int, ...], Evaluation]):
+        """The optimum at each cell of the grid, from where it is to start."""
+        held = np.isin(np.arange(self._prior_mean.size), self._disturbance)
+        points = [start.z.copy() for start in starts.values()]
+        for point, cell in zip(points, starts, strict=True):
+            point[held] = [grid[k] for grid, k in zip(DISTURBANCES, cell, strict=True)]
+        highest = np.full(held.size, np.inf)
+        found = search_each(self.evaluate, points, self.lowest, highest, [held] * len(points))
+        return dict(zip(starts, found, strict=True))
+
+    def _height(self, node: Evaluation):
+        """Logarithm of the probability of a level and a frequency, but for what is the same for all."""
+        others = np.setdiff1d(np.arange(node.z.size), self._disturbance)
+        return -node.cost - 0.5 * np.linalg.slogdet(node.information[np.ix_(others, others)])[1]
+
+
+def _neighbours(cell: tuple[int, ...]):
+    """Cells of the grid of `DISTURBANCES` beside one."""
+    level, frequency = cell
+    beside = (level - 1, frequency), (level + 1, frequency), (level, frequency - 1), (level, frequency + 1)
+    return [each for each in beside if all(0 <= k < grid.size for k, grid in zip(each, DISTURBANCES, strict=True))]
 
 
 def interval(value: float, std: float, bounded: bool) -> np.ndarray:

@@ -1,7 +1,7 @@
 """What is identified where no equation is named: the general hull, pruned on the records themselves."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,8 +23,6 @@ class PrunedHull:
     equation: Equation  #: Named by its terms.
     parameters: np.ndarray  #: Of `MotionFit`, dimensionless.
     basin: BasinFit | None  #: None where least squares has found it.
-    share: float  #: See `Pruned`.
-    spread: np.ndarray  #: (n, n); see `Pruned`, of the ratios.
     posterior: HullPosterior  #: Of every term.
 
 
@@ -54,31 +52,24 @@ def pruned_hull(problem: Problem, ratios: np.ndarray, states: Sequence[InitialSt
 def _by_basin(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]):
     """None where the likelihood's motion, unlike the filter's, runs away."""
 
-    def likelihood_of(equation: Equation):
-        prior = weak_prior(equation, _decayed_to(problem))
-        record = problem.observed, problem.states
-        return BasinLikelihood(*record, equation, problem.scales, problem.friction_rate, prior)
-
-    general = likelihood_of(GENERAL_HULL)
+    prior = weak_prior(GENERAL_HULL, _decayed_to(problem))
+    record = problem.observed, problem.states
+    general = BasinLikelihood(*record, GENERAL_HULL, problem.scales, problem.friction_rate, prior)
     optima = general.minimise(general.starts(ratios, states))
     if not optima:
         return None
     pruned = prune(general, optima[0])
     equation = _kept(GENERAL_HULL, pruned)
-    small = likelihood_of(equation)
-    optima_kept = small.minimise([pruned.optimum.z[_with_the_rest(pruned)]])
-    if not optima_kept:
-        return None
-    basin = small.described(optima_kept)
+    left, _, _ = general.unpack(pruned.optimum.z)
     fit = motion_fit(problem, equation)
-    parameters = fit.pack(basin.ratios, states)
+    parameters = fit.pack(left, states)
     if not all(np.isfinite(channel).all() for pair in fit.simulated(parameters) for channel in pair):
         return None
-    every = general.described(general.minimise([optima[0].z, pruned.optimum.z]))
+    every = general.described(general.minimise([*(each.z for each in optima), pruned.optimum.z]))
     posterior = HullPosterior(GENERAL_HULL, every.ratios[GENERAL_HULL.indices], every.covariance)
-    return PrunedHull(
-        equation, fit.refine_states(parameters), basin, pruned.share, _spread(problem, equation, pruned), posterior
-    )
+    kept = np.ix_(pruned.kept, pruned.kept)
+    basin = replace(every, ratios=left, covariance=every.covariance[kept], intervals=every.intervals[pruned.kept])
+    return PrunedHull(equation, fit.refine_states(parameters), basin, posterior)
 
 
 def _by_residuals(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]):
@@ -108,18 +99,13 @@ def _by_residuals(problem: Problem, ratios: np.ndarray, states: Sequence[Initial
     posterior = HullPosterior(complete, every.z[of_terms] * units, covariance * np.outer(units, units))
     equation = _kept(general, pruned)
     parameters = pruned.optimum.z[_with_the_rest(pruned)]
-    return PrunedHull(equation, parameters, None, pruned.share, _spread(problem, equation, pruned), posterior)
+    return PrunedHull(equation, parameters, None, posterior)
 
 
 def _decayed_to(problem: Problem):
     """The last amplitude of the record that decays least, over the first."""
     unit = problem.scales.rate if problem.motions[0].angle is None else problem.scales.amplitude
     return min(1.0, max(s.final_amplitude for s in problem.segments) / unit)
-
-
-def _spread(problem: Problem, equation: Equation, pruned: Pruned):
-    units = problem.scales.ratio_units[equation.indices]
-    return pruned.spread * np.outer(units, units)
 
 
 def _kept(equation: Equation, pruned: Pruned):

@@ -35,7 +35,13 @@ LEAST_RIGHTING = 0.3
 
 @dataclass(frozen=True)
 class Verdict:
-    """A judgement of a fit."""
+    """A judgement of a fit.
+
+    Example:
+        >>> verdict = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')]).verdict
+        >>> verdict.level, verdict.motion_error < 0.05
+        ('adequate', True)
+    """
 
     level: str  #: ``adequate``, ``doubtful`` or ``rejected``.
     code: str  #: The cause, kebab-case.

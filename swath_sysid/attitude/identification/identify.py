@@ -18,7 +18,7 @@ from swath_sysid.attitude.identification.absent_terms import (
     lacks_terms,
 )
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
-from swath_sysid.attitude.identification.default_hull import PrunedHull, pruned_hull, suits_likelihood
+from swath_sysid.attitude.identification.default_hull import pruned_hull, suits_likelihood
 from swath_sysid.attitude.identification.fit_quality import Verdict, judge
 from swath_sysid.attitude.identification.motion_fit import (
     SEARCH_STEPS_PER_PERIOD,
@@ -69,14 +69,23 @@ ONE_STEP_BIASED = Advice(
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """What to fit and how."""
+    """What to fit and how.
+
+    Raises:
+        InputError: There is no such equation or objective, or the bounds are in the wrong order.
+
+    Example:
+        >>> settings = IdentificationSettings(equation='odd-cubic', start=5.0, end=60.0)
+        >>> settings.chosen_equation.terms
+        ('b1', 'b2', 'r1', 'r3')
+    """
 
     #: A name that `equation_named` takes; ``auto``: the general hull, pruned to the terms that the records show.
     equation: str = AUTO
     objective: str = 'simulation'  #: ``simulation`` or ``one-step``.
     search: SearchSettings = field(default_factory=SearchSettings)
-    start: float | None = None  #: Start of the decay in the record's time, s.
-    end: float | None = None  #: End of the decay in the record's time, s.
+    start: float | None = None  #: Of the decay in the record's time, s; None: it is found.
+    end: float | None = None  #: Of the decay in the record's time, s; None: it is found.
 
     def __post_init__(self):
         if self.objective not in OBJECTIVES:
@@ -101,8 +110,8 @@ class RecordFit:
     motion: AxisMotion  #: The free decay.
     segment: DecaySegment
     state: InitialState
-    angle: np.ndarray  #: (N,); Simulated, rad and rad/s.
-    rate: np.ndarray  #: (N,); Simulated, rad and rad/s.
+    angle: np.ndarray  #: (N,); Simulated, rad.
+    rate: np.ndarray  #: (N,); Simulated, rad/s.
 
     @property
     def residual(self) -> np.ndarray:
@@ -112,7 +121,16 @@ class RecordFit:
 
 @dataclass(frozen=True)
 class Identification:
-    """An identified model and what must be known to use it."""
+    """An identified model and what must be known to use it.
+
+    Example:
+        >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')])
+        >>> f'{found.damping_ratio:.4f} of critical, R2 {found.r2:.3f}'
+        '0.0050 of critical, R2 1.000'
+        >>> fit = found.records[0]  # measured and simulated motion of the first record
+        >>> fit.angle.shape == fit.motion.time.shape
+        True
+    """
 
     model: DecayModel
     covariance: np.ndarray  #: (n, n); Of the ratios of the model's terms, in their order.
@@ -123,8 +141,8 @@ class Identification:
     #: Root mean square of the weighted residuals (simulation), or F in rad/s (one-step), at its own optimum.
     objective_value: float
     r2: float  #: Share of the variance of the measured motion that the simulated one explains.
-    rmse: float | None  #: rad and rad/s; None where not measured.
-    rate_rmse: float | None  #: rad and rad/s; None where not measured.
+    rmse: float | None  #: Of the angle, rad; None where not measured.
+    rate_rmse: float | None  #: Of the rate, rad/s; None where not measured.
     samples: int  #: Measured values, angles and rates.
     effective_samples: float  #: Independent samples that would leave the same uncertainty.
     bands: AmplitudeBands  #: Over the amplitudes seen.
@@ -132,9 +150,9 @@ class Identification:
     search: SearchResult
     problem: Problem
     settings: IdentificationSettings
-    basin: BasinFit | None  #: None where the ratios are those of least squares: see `refined_in_basin`.
+    basin: BasinFit | None  #: Fit of the likelihood; None where the ratios are those of least squares.
     advice: tuple[Advice, ...]
-    log_likelihood: float | None = None  #: At its optimum; None where it does not suit, see `suits_likelihood`.
+    log_likelihood: float | None = None  #: At its optimum; None where the likelihood does not suit the record.
     absent_term: AbsentTerm | None = None  #: That the equation lacks and the motion shows most.
     posterior: HullPosterior | None = None  #: Of every term, those pruned included; None where the equation was named.
 
@@ -211,15 +229,26 @@ def identify(
 ) -> Identification:
     """Identify the decay model of one axis from one or several records.
 
+    A genetic search finds the start, and least squares on the simulated motion refines it; where the equation has the
+    terms that the motion shows, a likelihood that knows of the basin's own motion refines it further.
+
     Args:
-        motions: Whole records: the free decay in each is found, unless the settings give its bounds.
+        motions: Whole records, all of one axis: the free decay in each is found, unless the settings give its bounds.
         settings: What to fit and how.
         progress: Called with 0 to 1.
         should_cancel: Asked often; True raises `Cancelled`.
 
+    Returns:
+        The model with its uncertainty; its ``verdict`` tells whether it can be used.
+
     Raises:
         InputError: The records cannot be used; the sentence says why.
-        Cancelled:
+        Cancelled: ``should_cancel`` said so.
+
+    Example:
+        >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')])
+        >>> f'{found.model.natural_period:.2f} s, {found.verdict.level}'
+        '2.55 s, adequate'
     """
     problem = prepare(motions, settings.start, settings.end)
     return identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
@@ -255,20 +284,22 @@ def identify_problem(
         hull = pruned_hull(problem, *fit.unpack(parameters))
         fit = motion_fit(problem, hull.equation)
         concluded = conclude(problem, settings, hull.equation, fit, hull.parameters, found, hull.basin)
-        identified = _with_open_choice(concluded, hull)
+        identified = _with_every_term(concluded, hull.posterior)
     else:
         identified = refined_in_basin(conclude(problem, settings, equation, fit, parameters, found))
     report(1.0)
     return identified
 
 
-def _with_open_choice(found: Identification, hull: PrunedHull):
-    """The fit of a pruned hull, with the uncertainty of the choice of its terms."""
-    covariance = hull.share * found.covariance + hull.spread
+def _with_every_term(found: Identification, posterior: HullPosterior):
+    """The fit of a pruned hull, with the uncertainty from the terms that were pruned."""
+    places = [posterior.equation.terms.index(name) for name in found.model.equation.terms]
+    away = found.model.ratios[found.model.equation.indices] - posterior.ratios[places]
+    covariance = posterior.covariance[np.ix_(places, places)] + np.outer(away, away)
     terms = zip(found.model.terms.items(), np.sqrt(np.diag(covariance)), strict=True)
     intervals = {name: tuple(interval(value, std, name in DAMPING_NAMES).tolist()) for (name, value), std in terms}
     bands = amplitude_bands(found.model, covariance, found.bands.curves.amplitude)
-    return replace(found, covariance=covariance, intervals=intervals, bands=bands, posterior=hull.posterior)
+    return replace(found, covariance=covariance, intervals=intervals, bands=bands, posterior=posterior)
 
 
 def refit_from(

@@ -1,6 +1,6 @@
 """One general hull, pruned: every term with a weak prior, then the terms that the motion does not need go, one by one.
 
-A nonlinear term has a Gaussian prior of half the linear one at the largest amplitude: restoring against the linear
+A nonlinear term has a Gaussian prior of the linear one at the largest amplitude: restoring against the linear
 stiffness, damping, which only takes energy, against critical damping. Dry friction has the restoring moment at the
 smallest amplitude: more would have held the craft there. A term goes where the evidence rises without it
 (MacKay 1992), by Laplace's approximation about the optimum; each hull is refitted from the optimum before.
@@ -21,7 +21,7 @@ from swath_sysid.attitude.identification.scoring import Evaluation, search_each
 LINEAR_PRIOR = 4.0
 #: Of a nonlinear one, in parts of the linear restoring moment at the largest amplitude: critical damping makes twice
 #: that moment.
-RESTORING_PRIOR, DAMPING_PRIOR = 0.5, 1.0
+RESTORING_PRIOR, DAMPING_PRIOR = 1.0, 2.0
 LINEAR = 'b1', 'r1'  #: Terms that stay.
 
 
@@ -42,8 +42,6 @@ class Pruned:
 
     kept: np.ndarray  #: (n,); mask of the terms.
     optimum: Evaluation  #: Without the other terms, which are zero.
-    share: float  #: Probability of this hull among those that were tried.
-    spread: np.ndarray  #: (k, k); what the others add to the covariance of the kept dimensionless ratios.
 
 
 def weak_prior(equation: Equation, decayed_to: float) -> np.ndarray:
@@ -69,42 +67,21 @@ def prune(posterior: LogPosterior, complete: Evaluation) -> Pruned:
     stays = np.array([name in LINEAR for name in terms])
     kept, best = np.ones(len(terms), dtype=bool), complete
     highest = np.full(complete.z.size, np.inf)
-    tried = [(log_evidence(posterior, complete, kept), kept, complete)]
     while True:
         # evidence rises without a term that a bound holds: its likelihood falls from there, and the prior is weak
         kept &= stays | (best.z[: len(terms)] > posterior.lowest[: len(terms)])
         candidates = np.flatnonzero(kept & ~stays)
         if not candidates.size:
-            return _pruned(kept, best, tried)
+            return Pruned(kept, best)
         masks = [kept & (np.arange(len(terms)) != place) for place in candidates]
         held = [np.r_[~mask, np.zeros(highest.size - len(terms), dtype=bool)] for mask in masks]
         starts = [_without(best, int(place), ~_free(kept, best)) for place in candidates]
         found = search_each(posterior.evaluate, starts, posterior.lowest, highest, held)
         smaller = [(log_evidence(posterior, e, mask), mask, e) for e, mask in zip(found, masks, strict=True)]
-        tried += smaller
         evidence, mask, optimum = max(smaller, key=lambda hull: hull[0])
         if not evidence > log_evidence(posterior, best, kept):
-            return _pruned(kept, best, tried)
+            return Pruned(kept, best)
         kept, best = mask, optimum
-
-
-def _pruned(kept: np.ndarray, best: Evaluation, tried: list[tuple[float, np.ndarray, Evaluation]]):
-    """With what the choice of the terms leaves open: the moments of a mixture about the chosen hull (Hoeting 1999)."""
-    hulls = {tuple(mask): (evidence, optimum) for evidence, mask, optimum in tried if np.isfinite(evidence)}
-    largest = max((evidence for evidence, _ in hulls.values()), default=0.0)
-    total, share, spread = 0.0, 0.0, np.zeros((kept.sum(), kept.sum()))
-    for mask, (evidence, optimum) in hulls.items():
-        weight = np.exp(evidence - largest)
-        total += weight
-        if mask == tuple(kept):
-            share = weight
-            continue
-        free = np.flatnonzero(_free(np.array(mask), optimum))
-        covariance = np.zeros_like(optimum.information)
-        covariance[np.ix_(free, free)] = np.linalg.inv(optimum.information[np.ix_(free, free)])
-        away = (optimum.z - best.z)[: kept.size][kept]
-        spread += weight * (covariance[: kept.size, : kept.size][np.ix_(kept, kept)] + np.outer(away, away))
-    return Pruned(kept, best, share / total, spread / total) if share else Pruned(kept, best, 1.0, 0.0 * spread)
 
 
 def log_evidence(posterior: LogPosterior, optimum: Evaluation, kept: np.ndarray) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
 from swath_sysid.attitude.identification.motion_fit import MotionFit
+from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
 from swath_sysid.attitude.identification.scoring import Evaluation, search_each
 
 
@@ -17,14 +18,16 @@ class ResidualPosterior:
     """Negative log posterior of an equation's dimensionless ratios and the initial states of records.
 
     ``variance`` is that of the weighted residuals times samples per independent one; ``ratio_prior`` (n,) holds prior
-    standard deviations, about zero but for the linear stiffness about one.
+    standard deviations, about zero but for the linear stiffness about one. States have that of a linear term.
     """
 
     def __init__(self, fit: MotionFit, equation: Equation, variance: float, ratio_prior: np.ndarray, size: int) -> None:
         self.equation, self.ratio_prior = equation, ratio_prior
         self._fit, self._variance = fit, variance
         n = ratio_prior.size
-        self._weight = np.r_[ratio_prior**-2, np.zeros(size - n)]
+        self._weight = np.r_[
+            ratio_prior**-2, np.full(size - n, LINEAR_PRIOR**-2)
+        ]  # rates alone say nothing of the trim
         self._mean = np.r_[[float(name == 'r1') for name in equation.terms], np.zeros(size - n)]
         self.lowest = np.full(size, -np.inf)
         self.lowest[:n][[name in DAMPING_NAMES for name in equation.terms]] = 0.0

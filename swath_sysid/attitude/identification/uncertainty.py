@@ -86,27 +86,37 @@ def release_error(model: DecayModel, posterior: HullPosterior, trim_std: float, 
     `UPPER_PART` of hulls drawn from the posterior, without those of negative damping, are nearer to the model. A NaN
     ``trim_std``, rad, is ignored. Infinite where most hulls do not return, or the posterior is not finite.
     """
+    _, motion = drawn_releases(model, posterior, trim_std, start, scales)
+    if motion.shape[1] < 2:
+        return float('inf')
+    with np.errstate(over='ignore', invalid='ignore'):
+        error = np.sqrt(np.mean((motion[:, :-1] - motion[:, -1:]) ** 2, axis=0) / np.mean(motion[:, -1] ** 2))
+    return float(np.quantile(np.where(np.isfinite(error), error, np.inf), UPPER_PART, method='higher'))
+
+
+def drawn_releases(
+    model: DecayModel, posterior: HullPosterior, trim_std: float, start: float, scales: Scales
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times (T,), s, and angles (T, up to `DRAWS` + 1), rad from trim, of the next release; the model's last.
+
+    The others are of hulls drawn from the posterior; arguments as of `release_error`.
+    """
     active = tuple(a or b for a, b in zip(posterior.equation.active, model.equation.active, strict=True))
     hulls, trim = _drawn(posterior, active, model.friction_rate, scales.rate)
-    count = hulls.shape[1]
-    if not count:
-        return float('inf')
-    trim = np.append(np.nan_to_num(trim_std) * trim[:count], 0.0)
+    trim = np.append(np.nan_to_num(trim_std) * trim[: hulls.shape[1]], 0.0)
     step = longest_step(model, start)
     steps = int(np.ceil(RELEASE_PERIODS * 2.0 * np.pi / scales.frequency / step))
     with np.errstate(over='ignore', invalid='ignore'):
         angles, _, _ = runge_kutta_population(
             start - trim,
-            np.zeros(count + 1),
+            np.zeros(trim.size),
             np.column_stack([hulls, model.ratios]),
             active,
             model.friction_rate,
             step,
             steps,
         )
-        motion = angles + trim
-        error = np.sqrt(np.mean((motion[:, :-1] - motion[:, -1:]) ** 2, axis=0) / np.mean(motion[:, -1] ** 2))
-    return float(np.quantile(np.where(np.isfinite(error), error, np.inf), UPPER_PART, method='higher'))
+    return step * np.arange(len(angles)), angles + trim
 
 
 def _drawn(posterior: HullPosterior, active: Sequence[bool], friction_rate: float, largest_rate: float):

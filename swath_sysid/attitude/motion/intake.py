@@ -46,15 +46,25 @@ LARGEST_PITCH = radians(80.0)  #: Beyond it roll and yaw can hardly be separated
 
 
 class ImuReading(NamedTuple):
-    """An IMU message as plain numbers, in the axes of the sensor."""
+    """An IMU message as plain numbers, in the axes of the sensor; see sensor_msgs/Imu.
+
+    Example:
+        A sensor that reports no covariances, at rest and level:
+
+        >>> unknown = [0.0] * 9
+        >>> reading = ImuReading(0, (0, 0, 0, 1), unknown, (0, 0, 0), unknown, (0, 0, 9.81), unknown)
+        >>> ForecastPipeline().add(reading).used
+        True
+    """
 
     stamp_ns: int  #: header.stamp.
     orientation: Sequence[float]  #: Quaternion x, y, z, w.
-    orientation_covariance: Sequence[float]  #: rad^2, by rows; first -1: no orientation; all zero: unknown.
-    rates: Sequence[float]  #: rad/s.
-    rates_covariance: Sequence[float]
-    force: Sequence[float]  #: Specific force, m/s^2.
-    force_covariance: Sequence[float]
+    #: rad^2, by rows; -1 in the first place: no orientation; all zero: unknown.
+    orientation_covariance: Sequence[float]
+    rates: Sequence[float]  #: Angular velocity x, y, z, rad/s.
+    rates_covariance: Sequence[float]  #: rad^2/s^2, likewise.
+    force: Sequence[float]  #: Specific force x, y, z, m/s^2.
+    force_covariance: Sequence[float]  #: m^2/s^4, likewise.
 
 
 class CraftSample(NamedTuple):

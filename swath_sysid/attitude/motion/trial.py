@@ -75,6 +75,18 @@ class Trial:
     (body axes x forward, y port, z up; the yaw rate is positive to port); accelerations are
     specific force in body axes, so that a craft at rest reads about +9.81 m/s^2 on z; heave is
     positive up.
+
+    Example:
+        A trial is read from a file, or made from arrays:
+
+        >>> time = np.arange(0.0, 10.0, 0.02)
+        >>> trial = Trial(time, roll=0.1 * np.exp(-0.1 * time) * np.cos(2.0 * time))
+        >>> trial.axes
+        ('roll',)
+        >>> trial.between(2.0, 4.0).time.size
+        101
+        >>> trial.axis('roll').duration
+        9.98
     """
 
     time: np.ndarray  #: (N,); Seconds, strictly increasing.

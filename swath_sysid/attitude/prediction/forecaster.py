@@ -102,17 +102,26 @@ _MIN_ACTIVITY = 1e-4
 
 @dataclass(frozen=True)
 class ForecasterSettings:
-    """What is forecast, and how the sea is learnt."""
+    """What is forecast, and how the sea is learnt.
+
+    Raises:
+        InputError: The leads do not increase, a time is not positive, or the horizon is shorter than its step or the
+            duration of quiescence.
+
+    Example:
+        >>> ForecasterSettings(leads=(1.0, 2.0), forecast_rate=2.0).horizon
+        5.0
+    """
 
     #: s, increasing; the leads that are scored and calibrated.
     leads: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
     horizon: float = 5.0  #: s.
     horizon_step: float = 0.1  #: s.
-    forecast_rate: float = 10.0  #: Forecasts per second, at most one per sample.
-    window: float = 1200.0  #: s; past from which the sea is learnt.
+    forecast_rate: float = 10.0  #: Forecasts per second (never more often than samples come).
+    window: float = 1200.0  #: s; the past that the sea is learnt from.
     first_refit: float = 8.0  #: s; when the sea is first learnt.
-    refit_interval: float = 5.0  #: s; least time between fits.
-    refit_delay: float = 0.5  #: s from a request's stamp to the use of its fit.
+    refit_interval: float = 5.0  #: s; the least time between fits.
+    refit_delay: float = 0.5  #: s from a request's stamp to its fit's use: the time that the background has for it.
     hull: HullFilterSettings = HullFilterSettings()
     quiescence: QuiescenceLimits | None = None  #: Limits whose probability of being kept is forecast; None: it is not.
     points: tuple[Point, ...] = ()  #: Where vertical motion is forecast, too.

@@ -47,7 +47,27 @@ class SeaFit:
 
 
 def fit_sea(request: SeaRequest) -> SeaFit:
-    """Identify the waves from a short and a long past, each axis alone, and each hull's exciting moment."""
+    """Identify the waves from a short and a long past, each axis alone, and the exciting moment of each hull.
+
+    The waves are a state space in innovations form by canonical variate analysis. Live callers fit in the
+    background: a sample does not wait for it.
+
+    Args:
+        request: The past to learn from, of a `PipelineStep`.
+
+    Returns:
+        For `ForecastPipeline.install`; empty where the past does not suffice.
+
+    Example:
+        >>> pipeline, fits = ForecastPipeline(), 0
+        >>> for sample in samples_of(read_trial(records / 'morro_buoy.csv').between(0.0, 20.0)):
+        ...     step = pipeline.add_sample(sample)
+        ...     if step.sea_request is not None:
+        ...         pipeline.install(fit_sea(step.sea_request))
+        ...         fits += 1
+        >>> fits > 0
+        True
+    """
     past, names, step = request.values, request.names, request.step
     waves = {
         SHORT_MEMORY: identify(past[-round(SHORT / step) :], names, step),

@@ -16,7 +16,7 @@ from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification, identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 STEP_S = 0.2
@@ -156,7 +156,7 @@ def _ours(content: dict, runs: dict, towed: dict[str, float]):
         fixed={**content['thrust'], **towed},
         current='none',
     )
-    identification, validation = prepare_all(trials)
+    identification, validation = prepare_runs(trials)
     return identify_manoeuvring([identification], settings, [validation])
 
 

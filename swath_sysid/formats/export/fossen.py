@@ -107,7 +107,21 @@ def _matlab_matrix(rows: Iterable[Sequence[str]]) -> str:
 
 
 def fossen(model: ManoeuvringModel, language: str = PYTHON, function: str = 'craft') -> Export:
-    """Text of a manoeuvring model in one of `LANGUAGES`; a MATLAB function bears the name of its file."""
+    """A manoeuvring model as the matrices M, C and D and the thrust, in Fossen's axes (x forward, y starboard, z down).
+
+    Args:
+        model: As identified.
+        language: ``python``, a module, or ``matlab``, a function.
+        function: Name of the MATLAB function, which is that of its file.
+
+    Returns:
+        The text, and advice on what the form cannot express.
+
+    Example:
+        >>> export = fossen(read_manoeuvring_model('wamv.yaml').model)
+        >>> 'import numpy as np' in export.text
+        True
+    """
     advice = losses(model, EXPRESSIBLE, "Fossen's form")
     east, north = model.current
     head = [

@@ -67,7 +67,19 @@ CRESTS = 3  #: Compared crests after the release.
 
 
 def gazebo(model: ManoeuvringModel) -> Export:
-    """SDF of a manoeuvring model."""
+    """A manoeuvring model as SDF of the plugins Hydrodynamics and Thruster of gz-sim, Garden or later.
+
+    Args:
+        model: As identified.
+
+    Returns:
+        The text, and advice on what gz-sim cannot express, with how far standard tests differ because of it.
+
+    Example:
+        >>> export = gazebo(read_manoeuvring_model('wamv.yaml').model)
+        >>> 'gz::sim::systems::Hydrodynamics' in export.text
+        True
+    """
     advice = losses(model, EXPRESSIBLE, "gz-sim's Hydrodynamics")
     # what a centre of gravity ahead of the frame adds has the form of added mass with its Coriolis forces
     moment = model['m'] * model['x_G']

@@ -19,10 +19,21 @@ RISE = 1.0 - math.exp(-1.0)
 
 
 def nav2(model: ManoeuvringModel) -> Export:
-    """Parameters of Nav2 and a table of what the craft does, as an `Export`.
+    """Parameters of Nav2's MPPI controller and velocity smoother, from what the craft does in simulation.
+
+    Args:
+        model: As identified.
+
+    Returns:
+        The text (YAML), a table of what the craft does at three speeds included, and advice.
 
     Raises:
         InputError: The craft does not move ahead, turn or stop in the simulation.
+
+    Example:
+        >>> export = nav2(read_manoeuvring_model('wamv.yaml').model)
+        >>> 'vx_max' in export.text
+        True
     """
     full = model.largest_input
     rows = [_row(model, share) for share in SHARES]

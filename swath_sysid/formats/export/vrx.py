@@ -32,7 +32,19 @@ ELEMENTS = {
 
 
 def vrx(model: ManoeuvringModel) -> Export:
-    """The plugin's SDF for a manoeuvring model, as an `Export`."""
+    """A manoeuvring model as SDF of the plugin SimpleHydrodynamics of VRX.
+
+    Args:
+        model: As identified.
+
+    Returns:
+        The text, and advice on what the plugin cannot express, with how far standard tests differ because of it.
+
+    Example:
+        >>> export = vrx(read_manoeuvring_model('wamv.yaml').model)
+        >>> '<xUU>' in export.text
+        True
+    """
     implied = {'Xvr': -model['Xu_dot'], 'Yur': model['Yv_dot']}
     advice = (*losses(model, ELEMENTS, "VRX's SimpleHydrodynamics", **implied), *added_mass_advice(model))
     if any(model.current):

@@ -72,10 +72,10 @@ class ManoeuvringIdentification:
     fixed: dict[str, float]  #: Given or assumed parameters.
     prime_units: PrimeUnits
     noise: np.ndarray  #: (3,); Residual standard deviation of surge, sway, yaw rate.
-    identification: Scores
-    validation: Scores | None
-    identified_on: tuple
-    validated_on: tuple
+    identification: Scores  #: On the runs that it was fitted to.
+    validation: Scores | None  #: On the runs kept out of the fit; None: there were none.
+    identified_on: tuple  #: The runs that it was fitted to.
+    validated_on: tuple  #: The runs kept out of the fit.
     stability: StabilityCheck
     rejected: dict[str, str]  #: Rejected terms and why.
     currents: np.ndarray  #: (R, 2); East and north, m/s, of each run of the identification.
@@ -96,22 +96,32 @@ def identify_manoeuvring(
     progress: Callable[[float], object] | None = None,
     should_cancel: Callable[[], bool] | None = None,
 ) -> ManoeuvringIdentification:
-    """Identify a craft from its runs.
+    """Identify the manoeuvring model of a twin-thruster craft from its runs.
 
     Linear regression and a genetic search give the start; multiple shooting refines it; terms are
     added while they are worth it and the craft stays stable.
 
     Args:
-        runs: Of one craft.
+        runs: Of one craft, as `prepare_runs` gives them.
         settings: What is given, fixed and searched.
         validation: Kept out of the fit and scored; by default a third of the runs, where there are three or more.
             Empty: none.
         progress: Called with the share of the work done, 0 to 1.
         should_cancel: Asked between steps.
 
+    Returns:
+        The model, its derivatives with their uncertainty, and how well it simulates the runs.
+
     Raises:
         InputError: The runs cannot be used together, or excite nothing.
         Cancelled: ``should_cancel`` said so.
+
+    Example:
+        >>> runs = prepare_runs([read_manoeuvring_csv('runs/zigzag_20.csv'), read_manoeuvring_csv('runs/mixed.csv')])
+        >>> settings = ManoeuvringSettings(mass=180.0, terms=('Xu', 'Xuu', 'Yv', 'Nr'), generations=0)
+        >>> found = identify_manoeuvring(runs, settings)
+        >>> found.identification.r2['yaw_rate'] > 0.95
+        True
     """
     settings = settings or ManoeuvringSettings()
     if not runs:

@@ -12,7 +12,16 @@ HIGHEST_GENERATIONS = 1000
 
 @dataclass(frozen=True)
 class ManoeuvringSettings:
-    """Settings of `identify_manoeuvring`."""
+    """Settings of `identify_manoeuvring`.
+
+    Raises:
+        InputError: A value is not positive, or there is no such parameter or choice; the sentence names it.
+
+    Example:
+        >>> settings = ManoeuvringSettings(mass=180.0, lever=1.03, fixed={'Xu_dot': -18.0})
+        >>> settings.window
+        20.0
+    """
 
     mass: float | None = None  #: kg, cargo included.
     inertia: float | None = None  #: Yaw inertia without added inertia, kg m^2.

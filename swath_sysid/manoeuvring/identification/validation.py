@@ -44,8 +44,8 @@ class Scores:
     rmse: dict[str, float]  #: m/s and rad/s; NaN where not measured.
     position_error: dict[float, float]  #: Root mean square by lead, m; NaN where all windows are shorter.
     heading_error: dict[float, float]  #: rad.
-    windows: int
-    diverged: int
+    windows: int  #: How many there are.
+    diverged: int  #: How many of them ran away.
 
 
 def simulate_windows(

@@ -23,17 +23,32 @@ from swath_sysid.manoeuvring.motion.trial import CHANNELS, POSE, ManoeuvringTria
 
 
 def prepare(trial: ManoeuvringTrial, gap_means_zero: bool = False, step: float | None = None) -> Run:
-    """Make one trial ready for identification; see `prepare_all`."""
-    return prepare_all([trial], gap_means_zero, step)[0]
+    """Make one trial ready for identification; see `prepare_runs`."""
+    return prepare_runs([trial], gap_means_zero, step)[0]
 
 
-def prepare_all(
+def prepare_runs(
     trials: Sequence[ManoeuvringTrial], gap_means_zero: bool = False, step: float | None = None
 ) -> list[Run]:
     """Make trials of one craft ready for identification, in steps of the records, or of ``USUAL_STEP``, s.
 
-    Reversed, swapped and constant channels and a misaligned compass are found over all trials together. With
-    ``gap_means_zero`` the thrust is zero where there are no commands.
+    Reversed and swapped channels, constant ones and a compass askew are found over all trials together.
+
+    Args:
+        trials: As read, of forces or of normalised commands.
+        gap_means_zero: Commands are published only while driving: where there are none the thrust is zero.
+        step: s, of all runs; by default that of the records, if it is near ``USUAL_STEP``.
+
+    Returns:
+        One run for each trial, in even steps, with advice on what was set right.
+
+    Raises:
+        InputError: Too few samples, no thrust, or neither speed nor yaw rate in one of them.
+
+    Example:
+        >>> runs = prepare_runs([read_manoeuvring_csv('runs/zigzag_20.csv'), read_manoeuvring_csv('runs/mixed.csv')])
+        >>> [run.step for run in runs]
+        [0.1, 0.1]
     """
     advice = [list(trial.advice) for trial in trials]
     trials = without_constant([cleaned(t, a) for t, a in zip(trials, advice, strict=True)], advice)

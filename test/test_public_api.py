@@ -1,0 +1,111 @@
+"""The public names: what importing them loads, that their examples run, and that the page of reference lists them."""
+
+import doctest
+import importlib
+import inspect
+import json
+import re
+from pathlib import Path
+
+import pytest
+from hostile_models import manoeuvring_text
+from test_light import loaded_by
+
+import swath_sysid
+from swath_sysid.formats.manoeuvring_csv import write_manoeuvring_csv
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = (ROOT / 'docs' / 'api.rst').read_text(encoding='utf-8')
+DOCUMENTED = re.findall(r'^\.\. auto(?:class|function):: swath_sysid\.(.+)$', PAGE, re.MULTILINE)
+
+
+@pytest.fixture(scope='module')
+def folder_of_examples(tmp_path_factory):
+    """What the commands on the page write: two runs of the programme, and a model."""
+    folder = tmp_path_factory.mktemp('examples')
+    (folder / 'runs').mkdir()
+    craft = preset('wamv-vrx-new')
+    for seed, name in enumerate(('zigzag_20', 'mixed')):
+        manoeuvre = with_noise(trial_programme(craft)[name], SensorNoise(), seed)
+        write_manoeuvring_csv(folder / 'runs' / f'{name}.csv', manoeuvre, craft)
+    (folder / 'wamv.yaml').write_text(manoeuvring_text(), encoding='utf-8')
+    return folder
+
+
+@pytest.fixture(scope='module')
+def first_lines():
+    """What the page's own examples define, for those of the names."""
+    names = {}
+    example = doctest.DocTestParser().get_doctest(PAGE, names, 'docs/api.rst', None, 0)
+    assert doctest.DocTestRunner().run(example, clear_globs=False).failed == 0
+    return example.globs
+
+
+@pytest.mark.parametrize('name', swath_sysid.__all__)
+def test_every_public_name_has_an_example_that_runs(name, first_lines, folder_of_examples, monkeypatch):
+    monkeypatch.chdir(folder_of_examples)
+    documented = getattr(swath_sysid, name)
+    (example,) = doctest.DocTestFinder(recurse=False).find(documented, name, globs=first_lines)
+    assert example.examples
+    told = []
+    assert doctest.DocTestRunner().run(example, out=told.append).failed == 0, ''.join(told)
+
+
+def test_every_parameter_and_result_of_a_public_function_is_explained():
+    functions = {name: f for name in swath_sysid.__all__ if inspect.isfunction(f := getattr(swath_sysid, name))}
+    for name, function in functions.items():
+        missing = [p for p in inspect.signature(function).parameters if f'\n        {p}: ' not in function.__doc__]
+        assert missing == [], name
+        gives = inspect.signature(function).return_annotation is not None
+        assert not gives or re.search(r'\n    (Returns|Yields):\n', function.__doc__), name
+
+
+def test_the_page_of_reference_lists_the_public_names_and_what_they_give():
+    public = [name for name in DOCUMENTED if '.' not in name]
+    assert sorted(public) == sorted(swath_sysid.__all__)
+    assert len(set(DOCUMENTED)) == len(DOCUMENTED)
+    for name in set(DOCUMENTED) - set(public):
+        module, _, result = name.rpartition('.')
+        assert getattr(importlib.import_module(f'swath_sysid.{module}'), result).__doc__
+
+
+def test_type_checkers_see_the_public_names_too():
+    text = Path(swath_sysid.__file__).read_text(encoding='utf-8')
+    assert sorted(re.findall(r'^    from swath_sysid\.\S+ import (\w+) as \1$', text, re.MULTILINE)) == sorted(
+        swath_sysid.__all__
+    )
+
+
+def test_importing_the_package_loads_none_of_it():
+    """Every process of ours imports it first, the command line's help among them."""
+    loaded = loaded_by('swath_sysid')
+    assert {name for name in loaded if name.startswith('swath_sysid.')} == set()
+    assert loaded & {'numpy', 'typing', 'dataclasses', 'inspect'} <= loaded_by('os')
+
+
+def test_a_name_that_there_is_not_is_reported_as_python_does():
+    assert set(swath_sysid.__all__) < set(dir(swath_sysid))
+    with pytest.raises(AttributeError, match="module 'swath_sysid' has no attribute 'forcast'"):
+        _ = swath_sysid.forcast
+
+
+@pytest.mark.long
+def test_the_notebook_runs(monkeypatch, capsys):
+    import matplotlib
+
+    matplotlib.use('Agg')
+    drawn = []
+    monkeypatch.setattr('matplotlib.pyplot.show', lambda: drawn.append(len(matplotlib.pyplot.gca().lines)))
+    cells = json.loads((ROOT / 'examples' / 'first_forecast.ipynb').read_text(encoding='utf-8'))['cells']
+    code = [''.join(cell['source']) for cell in cells if cell['cell_type'] == 'code']
+    names = {}
+    for cell in code:
+        exec(cell, names)
+        matplotlib.pyplot.close('all')
+    assert drawn == [2, 2]
+    roll = names['skill'].axes['roll']
+    assert (roll.ratio < 1.0).all() and '1 s ahead' in capsys.readouterr().out
+    assert names['found'].verdict.level == 'adequate'
+    assert sum(bool(line.strip()) for cell in code for line in cell.splitlines()) <= 40
