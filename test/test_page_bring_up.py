@@ -250,7 +250,7 @@ def test_a_model_that_stays_is_said_to_stay(identified):
     tank._identifier.end(False, 'pitch: not published, the current model explains the window as well')
     tank.send(1.0)
     assert tank.guidances[-1].step == JUDGE
-    stays = 'The model from before stays: not published, the current model explains the window as well.'
+    stays = 'The previous model stays: not published, the current model explains the window as well.'
     assert stays in tank.guidances[-1].cure
 
 

@@ -138,7 +138,7 @@ def test_a_model_whose_motion_runs_away_is_told():
 
 
 def test_calm_is_counted_from_now(tank):
-    assert calm_words(tank.record) == 'No forecast of calm yet.'
+    assert calm_words(tank.record) == 'No calm window forecast yet.'
     tank.record.quiescence, tank.record.calm = 0.25, (tank.record.stamp + 1.0, tank.record.stamp + 4.0, 0.93)
     assert calm_words(tank.record).endswith('probability of 25 %. Calm from 1.0 to 4.0 s from now (93 %).')
     tank.record.limits = QuiescenceLimits(roll=np.radians(3.0), duration=5.0)

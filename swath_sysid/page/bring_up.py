@@ -37,8 +37,8 @@ LONGEST_UNREST = 20.0  #: s without rest after which waves are blamed.
 PATIENCE_S = 10.0  #: s from the end of a decay within which the identification starts.
 
 NO_DECAY = (
-    'let go at once instead of lowering it, and keep hands and lines off; a hull that does not swing by itself has no '
-    'period to identify'
+    'let go at once instead of lowering it, and keep hands and lines off; a hull that does not oscillate by itself has '
+    'no period to identify'
 )
 
 
@@ -101,7 +101,7 @@ def _silent_sensor(facts: Facts) -> Guidance | None:
     worst = max(reports, key=lambda report: report.level, default=None)
     if worst is not None and worst.level == ERROR:
         fault = 'silence' if facts.value('predictor: imu', 'received') else 'no-sensor'
-        return Guidance(SENSOR, 'Nothing comes from the sensor.', fault, worst.message)
+        return Guidance(SENSOR, 'No samples arrive from the sensor.', fault, worst.message)
     if facts.silence == float('inf'):
         return Guidance(SENSOR, 'Waiting for the first sample of the sensor.')
     return None
@@ -111,7 +111,7 @@ def _slow_sensor(facts: Facts) -> Guidance | None:
     rate = facts.value('predictor: imu', 'rate_hz')
     if not 0.0 < rate < LOWEST_RATE:
         return None
-    sentence = f'The sensor gives {rate:.1f} samples a second, too few to see a craft roll.'
+    sentence = f'The sensor gives {rate:.1f} samples per second, too few to see a craft roll.'
     return Guidance(SENSOR, sentence, 'low-rate', 'have its driver publish at 20 Hz or more')
 
 
@@ -231,7 +231,7 @@ class BringUp:
         if self._newest - self._released_at < PATIENCE_S:
             return Guidance(IDENTIFY, f'{found} Waiting for the identification.')
         cure = 'press Identify (auto_identify or auto_detect_decay of the nodes may be off)'
-        return Guidance(IDENTIFY, f'{found} No identification began.', 'not-noticed', cure, 'identify')
+        return Guidance(IDENTIFY, f'{found} No identification started.', 'not-noticed', cure, 'identify')
 
     def _unrest(self, facts: Facts) -> Guidance | None:
         """Guidance until the craft is at rest for the first time."""
@@ -309,7 +309,7 @@ def judgement(models: Sequence[IdentifiedModel], stays: str) -> Guidance:
     ``stays`` is the reason why it stays although another release was identified.
     """
     level, cure = verdict_of(models[-1])
-    sentence, remark = f'{described(models[-1])}.', stays and f' The model from before stays: {stays}.'
+    sentence, remark = f'{described(models[-1])}.', stays and f' The previous model stays: {stays}.'
     if level != ADEQUATE:
         return Guidance(JUDGE, sentence, level, f'{cure}.{remark}', 'restart')
     added = remark or gain(models)

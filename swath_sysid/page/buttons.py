@@ -9,9 +9,9 @@ BUTTONS = {
     'identify': ('Identify', 'fit a model to the last minute of motion now'),
     'accept': ('Accept', 'keep this model: further motion is not fitted by itself any more'),
     'save': ('Save', 'write the model to a file on the machine of the page'),
-    'restart': ('Release again', 'begin with the rest before a push'),
+    'restart': ('Release again', 'start again with the rest before a push'),
     'refine': ('Refine', 'let further releases refine the model again'),
-    'rollback': ('Rollback', 'return to the model before; asks first'),
+    'rollback': ('Rollback', 'return to the previous model; asks first'),
     'record': ('Record', 'write every topic to a bag on the machine of the page; once more ends it'),
 }
 
@@ -42,4 +42,4 @@ def rollback_question(facts: Facts, folder: str) -> str:
     goes = '' if facts.model is None else f' {described(facts.model)} goes.'
     last = facts.value(IDENTIFICATION, 'rollbacks_kept') <= 1.0
     left = ' No other model is kept: forecasts may then do without one.' if last else ''
-    return f'Return to the model before?{goes}{left} The model of now is saved first, in {folder}.'
+    return f'Return to the previous model?{goes}{left} The current model is saved first, in {folder}.'

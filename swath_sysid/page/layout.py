@@ -103,7 +103,7 @@ def _pressed(desk: Desk) -> Callable[[str], None]:
         question = _text('text-body1', 'rollback-question')
         with ui.row().classes('self-end gap-2'):
             ui.button('Keep this model', on_click=dialog.close).props('no-caps flat data-name=keep')
-            back = ui.button('Return to the model before', on_click=dialog.close)
+            back = ui.button('Return to the previous model', on_click=dialog.close)
             back.on_click(lambda: desk.press('rollback')).props('no-caps unelevated data-name=go-back')
 
     def press(name: str) -> None:
@@ -139,7 +139,7 @@ class _Button:
 
 
 def _release() -> Update:
-    with _card('The last free decay, and the model over it'):
+    with _card('The last free decay and the model'):
         words = _text('text-body2', 'release', 1)
         chart = ui.echart(release_options()).classes('w-full h-64').props('data-name=release-chart')
 

@@ -149,7 +149,7 @@ def calm_words(record: LiveRecord) -> str:
                 f'Calm from {max(begin - record.stamp, 0.0):.1f} to {end - record.stamp:.1f} s from now '
                 f'({100 * probability:.0f} %).'
             )
-    return ' '.join(words or ['No forecast of calm yet.']) + limits_in_words(record.limits)
+    return ' '.join(words or ['No calm window forecast yet.']) + limits_in_words(record.limits)
 
 
 def limits_in_words(limits: QuiescenceLimits | None) -> str:

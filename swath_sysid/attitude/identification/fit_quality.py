@@ -143,21 +143,21 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
         yield (
             DOUBTFUL,
             'few-samples',
-            f'only {usable:.0%} of the recorded rows have a time of their own: write the time with more digits',
+            f'only {usable:.0%} of the recorded rows have a distinct time: write the time with more digits',
         )
     swings = 2.0 * np.pi / found.problem.scales.frequency
     if not 1.0 / LARGEST_PERIOD_RATIO < found.model.natural_period / swings < LARGEST_PERIOD_RATIO:
         yield (
             DOUBTFUL,
             'implausible-period',
-            f'the natural period came out as {found.model.natural_period:.3g} s where the craft swings in '
+            f'the natural period came out as {found.model.natural_period:.3g} s, but the craft oscillates with '
             f'{swings:.3g} s: choose the decay by its start and end, or release the craft again in still water',
         )
     start = largest_release(found)
     righting = -float(found.model.acceleration(found.model.trim + start, 0.0)) / start
     brief = any(r.segment.beginning == 'pushed' and r.segment.cycles < 1.0 for r in found.records)
     if brief or not righting >= LEAST_RIGHTING * found.model.natural_frequency**2:
-        seen = 'less than one swing was seen' if brief else 'it hardly sped up at first'
+        seen = 'less than one oscillation was recorded' if brief else 'it hardly accelerated at first'
         yield (
             DOUBTFUL,
             'no-release',
@@ -170,8 +170,8 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
             DOUBTFUL,
             'absent-term',
             f'{found.model.equation.name} lacks a term that the motion shows ({absent.name}, '
-            f'{absent.significance:.0f} standard deviations from zero), and its other coefficients bend to make '
-            f'up for it: add {absent.name}, or name no equation',
+            f'{absent.significance:.0f} standard deviations from zero), which biases its other '
+            f'coefficients: add {absent.name}, or name no equation',
         )
 
 

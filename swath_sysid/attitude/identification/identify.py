@@ -292,7 +292,7 @@ def identify_problem(
 
 
 def _with_every_term(found: Identification, posterior: HullPosterior):
-    """The fit of a pruned hull, only as certain as the terms that were pruned leave it."""
+    """The fit of a pruned hull, with the uncertainty from the terms that were pruned."""
     places = [posterior.equation.terms.index(name) for name in found.model.equation.terms]
     away = found.model.ratios[found.model.equation.indices] - posterior.ratios[places]
     covariance = posterior.covariance[np.ix_(places, places)] + np.outer(away, away)

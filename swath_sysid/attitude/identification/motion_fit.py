@@ -61,7 +61,6 @@ class MotionFit:
         self._equation = equation
         self._noise = noise
         self._friction_rate = friction_rate
-        self._scales = scales
         self._terms = equation.indices
         self._units = scales.ratio_units[self._terms]
         self._state_units = np.array([scales.amplitude, scales.rate, scales.amplitude])

@@ -55,11 +55,6 @@ class OneStepObjective:
         ratios[used] = solved.x / scale
         return ratios
 
-    def information(self, equation: Equation) -> np.ndarray:
-        """Inverse covariance of the ratios per unit variance of the step error, shape (n, n)."""
-        columns = self.triangle[:, equation.indices]
-        return columns.T @ columns
-
 
 def _steps(motion: AxisMotion, trim: float, friction_rate: float):
     """Rows of the nine terms' Euler steps (to be added, times their ratio) and the measured step."""

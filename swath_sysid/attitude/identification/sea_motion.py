@@ -157,7 +157,9 @@ def sea_motion(motion: AxisMotion) -> SeaMotion:
     inside = slice(edge, -edge)
     x = (x + line)[inside]
     if x.size < 32:
-        raise InputError(f'the {motion.axis} holds hardly a swing of {2 * np.pi / peak:.3g} s: record longer')
+        raise InputError(
+            f'the {motion.axis} record is too short for its period of {2 * np.pi / peak:.3g} s: record longer'
+        )
     mean = float(x.mean()) if angle is not None else float('nan')
     return SeaMotion(
         float(even[0] + edge * step),
@@ -234,7 +236,7 @@ def _reach(
     if highest < MIN_REACH * peak:
         raise InputError(
             f'the motion is known only up to {highest / (2 * np.pi):.3g} Hz, its peak is at '
-            f'{peak / (2 * np.pi):.3g} Hz: record at ten samples a wave or more, with a quieter sensor'
+            f'{peak / (2 * np.pi):.3g} Hz: record at ten samples per wave or more, with a quieter sensor'
         )
     return peak, highest
 

@@ -97,11 +97,9 @@ def release_error(model: DecayModel, posterior: HullPosterior, trim_std: float, 
 def drawn_releases(
     model: DecayModel, posterior: HullPosterior, trim_std: float, start: float, scales: Scales
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The next release as hulls drawn from the posterior make it; arguments as of `release_error`.
+    """Times (T,), s, and angles (T, up to `DRAWS` + 1), rad from trim, of the next release; the model's last.
 
-    Returns:
-        time: (T,); s.
-        angle: (T, up to `DRAWS` + 1); rad from the model's trim, the motion of the model last.
+    The others are of hulls drawn from the posterior; arguments as of `release_error`.
     """
     active = tuple(a or b for a, b in zip(posterior.equation.active, model.equation.active, strict=True))
     hulls, trim = _drawn(posterior, active, model.friction_rate, scales.rate)
