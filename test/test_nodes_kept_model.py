@@ -30,7 +30,7 @@ def restarted(path):
 
 def took(refitter, models):
     """A refit found these."""
-    refitter._history.append(refitter.models)
+    refitter._history.append((refitter.models, refitter.decays))
     refitter.models = models
 
 
