@@ -38,7 +38,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         help='the record is motion in waves: natural period and equivalent linear damping (default: where it holds no '
         'free decay and swings from beginning to end)',
     )
-    kind.add_argument('--decay', action='store_true', help='the records are free decays, whatever they look like')
+    kind.add_argument(
+        '--decay',
+        action='store_true',
+        help='do not look for motion in waves: a record without a free decay is an error',
+    )
     parser.add_argument(
         '--equation',
         metavar='NAME',
