@@ -11,7 +11,7 @@ import pytest
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.attitude.identification.fit_quality import ADEQUATE, DOUBTFUL, REJECTED, judge, posterior_error
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE, DOUBTFUL, REJECTED, judge, posterior_errors
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
 from swath_sysid.attitude.motion.assembly import assemble_trial
 from swath_sysid.cli.main import main
@@ -110,8 +110,8 @@ def test_the_error_of_the_next_release_is_that_of_its_period(found):
     # 90 % of a Gaussian lie within 1.645 of its standard deviations
     sides = [np.std(motion(stiffness + s * 1.645 * std) - motion(stiffness)) for s in (-1.0, 1.0)]
     expected = np.mean(sides) / np.sqrt(np.mean(motion(stiffness) ** 2))
-    assert posterior_error(linear) == pytest.approx(expected, rel=0.15)
-    trim = posterior_error(replace(linear, covariance=np.zeros((2, 2)), trim_std=scales.amplitude / 20.0))
+    assert posterior_errors(linear)[0] == pytest.approx(expected, rel=0.15)
+    trim, _ = posterior_errors(replace(linear, covariance=np.zeros((2, 2)), trim_std=scales.amplitude / 20.0))
     assert trim == pytest.approx(
         1.645 / 20.0 * np.sqrt(np.mean((1.0 - motion(stiffness)) ** 2) / np.mean(motion(stiffness) ** 2)), rel=0.15
     )

@@ -38,7 +38,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         help='treat the record as motion in waves, and identify natural period and equivalent linear damping (default: '
         'if it has no free decay and oscillates from start to end)',
     )
-    kind.add_argument('--decay', action='store_true', help='treat the records as free decays, without checking')
+    kind.add_argument(
+        '--decay',
+        action='store_true',
+        help='do not look for motion in waves: a record without a free decay is an error',
+    )
     parser.add_argument(
         '--equation',
         metavar='NAME',

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.formats.untrusted_yaml import plain_content, text_of
 from swath_sysid.start import verb_command
@@ -97,6 +98,8 @@ def ros_arguments(arguments: Namespace) -> list[str]:
         if path.exists():
             # a node would go on without it, and the user at the command line would not notice
             _read_model(node, path)
+        else:
+            check_outputs([Output('--model', path)])
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']
     given += remappings(arguments)

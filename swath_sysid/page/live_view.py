@@ -105,7 +105,7 @@ def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[
     chart: dict[str, list] = {name: [] for name in ('period', 'damping', 'measured_period', 'measured_damping')}
     if model is not None:
         amplitude = np.linspace(*amplitudes(model), AMPLITUDES)
-        bands = amplitude_bands(model.model, model.covariance, amplitude)
+        bands = amplitude_bands(model.model, model.covariance, amplitude, model.posterior)
         period = 2.0 * np.pi / bands.curves.frequency
         spread = 2.0 * period * bands.frequency_std / bands.curves.frequency
         damping, wide, degrees = bands.curves.damping_ratio, 2.0 * bands.damping_ratio_std, np.degrees(amplitude)

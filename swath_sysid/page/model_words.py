@@ -26,7 +26,7 @@ def amplitudes(model: IdentifiedModel) -> tuple[float, float]:
 def reference(model: IdentifiedModel) -> tuple[float, AmplitudeBands]:
     """Geometric mean of those amplitudes, rad, and the curves there."""
     amplitude = float(np.sqrt(np.prod(amplitudes(model))))
-    return amplitude, amplitude_bands(model.model, model.covariance, np.array([amplitude]))
+    return amplitude, amplitude_bands(model.model, model.covariance, np.array([amplitude]), model.posterior)
 
 
 def described(model: IdentifiedModel) -> str:

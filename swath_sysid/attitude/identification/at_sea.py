@@ -595,7 +595,7 @@ def _advice(
         found.append(
             Advice(
                 'sea-hides-hull',
-                f'the sea (peak period {peak_period:.3g} s) says little of the hull (period to '
+                f'the exciting moment (peak period {peak_period:.3g} s) says little of the hull (period to '
                 f'{100 * period_spread:.1f} %, damping to {100 * damping_spread:.0f} %): record longer than '
                 f'{sea.duration / 60:.0f} minutes, on another heading or in another sea, or record a free decay in '
                 'still water',

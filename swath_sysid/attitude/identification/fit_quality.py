@@ -8,6 +8,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.identification.uncertainty import release_error
+from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.time_base import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
@@ -67,12 +68,18 @@ class Verdict:
 
 def judge(found: 'Identification') -> Verdict:
     """Judge a fit, the gravest cause first."""
-    uncertain, swing = posterior_error(found), residual_autocorrelation(found)
+    (same_side, other_side), swing = posterior_errors(found), residual_autocorrelation(found)
+    uncertain = max(same_side, other_side) if other_side <= ADEQUATE_ERROR else same_side
     angle, rate = (unexplained_share(found, quantity) for quantity in ('angle', 'rate'))
     # a gyro may drift and an angle lag without a fault of the model, as long as little of the rate is left
     unexplained = max(angle, rate) if found.rmse is None or not rate <= LARGEST_UNEXPLAINED else angle
     error = float(np.hypot(uncertain, unexplained))
-    causes = [*_contradictions(found, unexplained), *_errors(uncertain, unexplained), *_doubts(found)]
+    causes = [
+        *_contradictions(found, unexplained),
+        *_errors(uncertain, unexplained),
+        *_doubts(found),
+        *_one_sided(other_side),
+    ]
     for level in (REJECTED, DOUBTFUL):
         for graveness, code, sentence in causes:
             if graveness == level:
@@ -116,7 +123,7 @@ def _contradictions(found: 'Identification', unexplained: float) -> Iterator[tup
 def _poor_fit(unexplained: float) -> str:
     return (
         f'{min(unexplained, 1.0):.0%} of the motion is neither explained by the fit nor white noise: release the craft '
-        'in still water, or check units, signs and times of the columns and the start and end of the decay'
+        'in still water, name no equation, or check units, signs and times of the columns and the bounds of the decay'
     )
 
 
@@ -156,7 +163,8 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
     start = largest_release(found)
     righting = -float(found.model.acceleration(found.model.trim + start, 0.0)) / start
     brief = any(r.segment.beginning == 'pushed' and r.segment.cycles < 1.0 for r in found.records)
-    if brief or not righting >= LEAST_RIGHTING * found.model.natural_frequency**2:
+    few = all(r.segment.cycles < MIN_CYCLES for r in found.records)
+    if brief or (few and not righting >= LEAST_RIGHTING * found.model.natural_frequency**2):
         seen = 'less than one oscillation was recorded' if brief else 'it hardly accelerated at first'
         yield (
             DOUBTFUL,
@@ -175,17 +183,31 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
         )
 
 
+def _one_sided(other_side: float) -> Iterator[tuple[str, str, str]]:
+    if not other_side <= ADEQUATE_ERROR:
+        size = f'by {other_side:.0%} of it' if other_side < 1.0 else 'altogether'
+        yield (
+            DOUBTFUL,
+            'one-sided',
+            f'the record shows the motion to one side only, and a release to the other may be forecast off {size}: '
+            'release the craft from the other side, too',
+        )
+
+
 def largest_release(found: 'Identification') -> float:
     """The largest amplitude seen, rad from trim, to the side on which that record begins."""
     return float(np.copysign(found.problem.scales.amplitude, max((r.state.x for r in found.records), key=abs)))
 
 
-def posterior_error(found: 'Identification') -> float:
-    """The `release_error` of a fit from the largest amplitude seen."""
+def posterior_errors(found: 'Identification') -> tuple[float, float]:
+    """The `release_error` of a fit from the largest amplitude seen: to the same side, and to the other."""
     model, scales = found.model, found.problem.scales
     start = largest_release(found)
     own = HullPosterior(model.equation, model.ratios[model.equation.indices], found.covariance)
-    return release_error(model, found.posterior or own, found.trim_std, start, scales)
+    same, other = (
+        release_error(model, found.posterior or own, found.trim_std, side, scales) for side in (start, -start)
+    )
+    return same, other
 
 
 def unexplained_share(found: 'Identification', quantity: str) -> float:

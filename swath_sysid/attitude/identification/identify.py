@@ -298,8 +298,10 @@ def _with_every_term(found: Identification, posterior: HullPosterior):
     covariance = posterior.covariance[np.ix_(places, places)] + np.outer(away, away)
     terms = zip(found.model.terms.items(), np.sqrt(np.diag(covariance)), strict=True)
     intervals = {name: tuple(interval(value, std, name in DAMPING_NAMES).tolist()) for (name, value), std in terms}
-    bands = amplitude_bands(found.model, covariance, found.bands.curves.amplitude)
-    return replace(found, covariance=covariance, intervals=intervals, bands=bands, posterior=posterior)
+    bands = amplitude_bands(found.model, covariance, found.bands.curves.amplitude, posterior)
+    # which damping terms few cycles show has been decided
+    advice = tuple(each for each in found.advice if each.code != 'too-few-cycles')
+    return replace(found, covariance=covariance, intervals=intervals, bands=bands, posterior=posterior, advice=advice)
 
 
 def refit_from(

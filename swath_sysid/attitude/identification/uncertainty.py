@@ -53,16 +53,24 @@ class AmplitudeBands:
         return period, damping, period * stds[0] / frequency, stds[1]
 
 
-def amplitude_bands(model: DecayModel, covariance: np.ndarray, amplitude: np.ndarray) -> AmplitudeBands:
-    """Curves against amplitude (A,), rad, with standard deviations by the covariance (n, n) of the model's ratios."""
+def amplitude_bands(
+    model: DecayModel, covariance: np.ndarray, amplitude: np.ndarray, posterior: HullPosterior | None = None
+) -> AmplitudeBands:
+    """Curves against amplitude (A,), rad, with standard deviations by the covariance (n, n) of the model's ratios.
+
+    Those of a pruned hull come from the posterior of every term, about which its own curves are off by what was pruned.
+    """
     curves = amplitude_curves(model.ratios, amplitude, model.friction_rate)
-    std = np.sqrt(np.diag(covariance))
+    known = posterior or HullPosterior(model.equation, model.ratios[model.equation.indices], covariance)
+    complete = np.zeros(len(TERM_NAMES))
+    complete[known.equation.indices] = known.ratios
+    mean = amplitude_curves(complete, amplitude, model.friction_rate)
     slopes = []
-    for index, spread in zip(model.equation.indices, std, strict=True):
-        step = RELATIVE_STEP * max(abs(model.ratios[index]), spread) or RELATIVE_STEP
+    for index, spread in zip(known.equation.indices, np.sqrt(np.diag(known.covariance)), strict=True):
+        step = RELATIVE_STEP * max(abs(complete[index]), spread) or RELATIVE_STEP
         sides = []
         for sign in (1.0, -1.0):
-            ratios = model.ratios.copy()
+            ratios = complete.copy()
             ratios[index] += sign * step
             sides.append(amplitude_curves(ratios, amplitude, model.friction_rate))
         slopes.append(
@@ -71,8 +79,12 @@ def amplitude_bands(model: DecayModel, covariance: np.ndarray, amplitude: np.nda
                 (sides[0].damping_ratio - sides[1].damping_ratio) / (2 * step),
             ]
         )
-    frequency, damping = np.moveaxis(np.array(slopes), 1, 0)
-    return AmplitudeBands(curves, _spread(frequency, covariance), _spread(damping, covariance))
+    frequency, damping = (_spread(each, known.covariance) for each in np.moveaxis(np.array(slopes), 1, 0))
+    return AmplitudeBands(
+        curves,
+        np.hypot(frequency, mean.frequency - curves.frequency),
+        np.hypot(damping, mean.damping_ratio - curves.damping_ratio),
+    )
 
 
 def _spread(slopes: np.ndarray, covariance: np.ndarray):
