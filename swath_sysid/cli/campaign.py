@@ -27,16 +27,18 @@ PLAIN_STEP_S = 5.0
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The manifest, or the folder to make one for; output and workers."""
-    parser.add_argument('manifest', nargs='?', metavar='MANIFEST.yaml', help='what was tried and what to fit')
+    parser.add_argument('manifest', nargs='?', metavar='MANIFEST.yaml', help='lists the trials and what to fit')
     parser.add_argument(
         '--new', metavar='DIR', help=f'write a commented manifest for the trials in a folder (DIR/{MANIFEST})'
     )
     parser.add_argument('--output', metavar='DIR', help='folder of the report; with --new, the file of the manifest')
-    parser.add_argument('--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one a core)')
-    parser.add_argument('--scheduler', metavar='ADDRESS', help='let the Dask scheduler at this address do the work')
+    parser.add_argument(
+        '--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one per core)'
+    )
+    parser.add_argument('--scheduler', metavar='ADDRESS', help='run the fits on the Dask scheduler at this address')
     parser.epilog = (
-        'Stopped or killed, the same command goes on from the finished fits. Exit code 0: all was used; 1: done, but '
-        'something was left out, and is named; 2: nothing could be done.'
+        'If it is stopped or killed, the same command continues from the finished fits. Exit code 0: everything was '
+        'used; 1: done, but something was left out, which is reported; 2: nothing could be done.'
     )
 
 

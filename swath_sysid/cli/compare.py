@@ -26,11 +26,15 @@ from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
 def add_arguments(parser: ArgumentParser) -> None:
     """Records, equations, search, output."""
     add_source_arguments(parser)
-    parser.add_argument('--equations', metavar='NAME,NAME', help='default: all published for the axis, and our own')
+    parser.add_argument(
+        '--equations', metavar='NAME,NAME', help='equations to compare (default: all of the catalogue for the axis)'
+    )
     add_search_arguments(parser)
-    parser.add_argument('--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one a core)')
-    parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file of the choice')
-    parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the choice')
+    parser.add_argument(
+        '--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one per core)'
+    )
+    parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file of the chosen equation')
+    parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the chosen fit')
     add_force_argument(parser)
 
 

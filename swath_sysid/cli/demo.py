@@ -65,16 +65,16 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--only',
         choices=(SEA, RELEASE),
-        help='the forecast of a measured sea, which needs no ROS, or the simulated release (default: both)',
+        help='only the forecast of measured waves, which needs no ROS, or only the simulated release (default: both)',
     )
-    parser.add_argument('--axis', choices=AXES, help='default: that of the hull, else roll')
-    parser.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)} (default: one of the axis)')
-    parser.add_argument('--keep-running', action='store_true', help='go on releasing the craft until Ctrl-C')
+    parser.add_argument('--axis', choices=AXES, help='axis (default: that of the hull, else roll)')
+    parser.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)} (default: one for the axis)')
+    parser.add_argument('--keep-running', action='store_true', help='keep releasing the craft until Ctrl-C')
     parser.add_argument(
         '--output', default='.', metavar='DIR', help='folder of sea.png, demo.png and demo.log (default: here)'
     )
     parser.add_argument('--domain', type=int, metavar='ID', help='ROS domain (default: a random one from 1 to 100)')
-    parser.add_argument('--seed', type=int, default=1, help='of the sensor noise (default: %(default)s)')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the sensor noise (default: %(default)s)')
 
 
 def run(arguments: Namespace) -> int:

@@ -27,8 +27,8 @@ targets:
   nav2            parameters of the MPPI controller and the velocity smoother, and what the craft does at three speeds
   fossen          M, C, D and the thrust in Fossen's axes, as a Python module or a MATLAB function
 
-What a target cannot express is named in the file and on the terminal, with how far a turning circle and a zig-zag, or a
-decay, differ because of it. Roll and pitch models go to gazebo and fossen.
+The file and the terminal list what a target cannot express, and how far a turning circle and a zig-zag, or a decay,
+differ because of it. Roll and pitch models can be exported to gazebo and fossen.
 """
 
 
@@ -37,18 +37,20 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.epilog = TARGETS_IN_WORDS
     parser.add_argument('model', metavar='MODEL.yaml', help='model file of manoeuvre identify, or of identify')
-    parser.add_argument('--to', required=True, choices=TARGETS, help='what is to read it, see below')
+    parser.add_argument('--to', required=True, choices=TARGETS, help='target program, see below')
     parser.add_argument(
-        '--language', choices=LANGUAGES, help='of fossen; without it matlab where the output ends in .m, else python'
+        '--language',
+        choices=LANGUAGES,
+        help='language for fossen (default: matlab if the output ends in .m, else python)',
     )
     parser.add_argument(
         '--inertia',
         action='append',
         default=[],
         metavar='AXIS=KG_M2',
-        help='of roll and pitch models, with added inertia: roll=0.08',
+        help='inertia for roll and pitch models, with added inertia: roll=0.08',
     )
-    parser.add_argument('--output', metavar='FILE', help='write it there instead of printing it')
+    parser.add_argument('--output', metavar='FILE', help='write to this file instead of the terminal')
 
 
 def run(arguments: Namespace) -> int:

@@ -33,7 +33,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The record, the model, the leads, and the form of the output."""
     parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
     parser.add_argument('--axis', choices=AXES, help='score this axis only (default: all measured)')
-    parser.add_argument('--model', metavar='MODEL.yaml', help='the identified hull')
+    parser.add_argument('--model', metavar='MODEL.yaml', help='model file of the identified hull')
     add_setting(parser, '--leads', 'predictor', 'leads_s', meaning='leads that are scored')
     parser.add_argument(
         '--warmup',
@@ -60,13 +60,15 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--quiet-deg',
         type=_limits,
         metavar='ROLL,PITCH',
-        help='limits whose probability of being kept is scored (default: two standard deviations of the warm-up; '
-        '0: any)',
+        help='limits of quiescence, whose probability is scored (default: two standard deviations of the warm-up; '
+        '0: no limit)',
     )
     parser.add_argument(
-        '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='the same of the rates (default: any)'
+        '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='limits of the rates (default: no limit)'
     )
-    add_setting(parser, '--quiet-for', 'predictor', 'quiet_for_s', default=5.0, meaning='for this long')
+    add_setting(
+        parser, '--quiet-for', 'predictor', 'quiet_for_s', default=5.0, meaning='how long the limits must be kept'
+    )
     parser.add_argument(
         '--point',
         type=_point,
@@ -74,8 +76,8 @@ def add_arguments(parser: ArgumentParser) -> None:
         default=[],
         metavar='NAME:x,y,z',
         dest='points',
-        help='forecast and score vertical motion at a point of the craft, m forward, to port and up from the sensor, '
-        'and at the sensor; the reference is the integral of the whole record without phase error '
+        help='forecast and score vertical motion at the sensor and at a point of the craft, m forward, to port and up '
+        'from the sensor; the reference is the integral of the whole record without phase error '
         '(repeat for more points)',
     )
     parser.add_argument('--json', action='store_true', help='print one JSON object')

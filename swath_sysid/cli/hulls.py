@@ -23,7 +23,7 @@ def add_hull_arguments(parser: ArgumentParser) -> None:
         action='append',
         default=[],
         metavar='NAME=VALUE',
-        help='ratio to inertia, with --equation, for example r1=10.1; repeat it (default: those of a published hull)',
+        help='ratio to inertia, with --equation, for example r1=10.1; may be repeated (default: a published hull)',
     )
     parser.add_argument('--axis', choices=('roll', 'pitch'), help='axis, with --equation or a model file of both axes')
 

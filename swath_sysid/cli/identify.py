@@ -35,8 +35,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     kind.add_argument(
         '--at-sea',
         action='store_true',
-        help='the record is motion in waves: natural period and equivalent linear damping (default: where it holds no '
-        'free decay and swings from beginning to end)',
+        help='treat the record as motion in waves, and identify natural period and equivalent linear damping (default: '
+        'if it has no free decay and oscillates from start to end)',
     )
     kind.add_argument(
         '--decay',
@@ -46,9 +46,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--equation',
         metavar='NAME',
-        help="published equation, composition like b1,b2|r1,r3, either with +friction; 'auto' (the default): every "
-        'smooth term with a weak prior, and dry friction where only angles were measured, then those that the records '
-        'do not show are left out',
+        help="a published equation or a composition like b1,b2|r1,r3, either with +friction; 'auto' (the default): one "
+        'general hull, with dry friction where angle or rate was not measured, pruned to the terms for which the '
+        'records give evidence',
     )
     add_search_arguments(parser)
     add_tank_arguments(parser)
@@ -59,12 +59,10 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def add_force_argument(parser: ArgumentParser) -> None:
     """``--force``, and what the exit codes mean; shared with compare."""
-    parser.add_argument(
-        '--force', action='store_true', help='write the model even where the fit explains too little of the motion'
-    )
+    parser.add_argument('--force', action='store_true', help='write the model even if the fit is rejected')
     parser.epilog = (
-        'Exit code 0: done; 1: the result was printed, but explains too little of the motion: no model was written '
-        '(--force writes it); 2: the input cannot be used, and one sentence says why.'
+        'Exit code 0: done; 1: the fit was printed but rejected, so no model was written (--force writes it); 2: the '
+        'input cannot be used, and one sentence says why.'
     )
 
 

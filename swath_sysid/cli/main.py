@@ -15,23 +15,23 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import with_flags
 
 VERBS = {
-    'identify': 'from decay records to a hull model',
+    'identify': 'identify a hull model from decays, or from motion in waves',
     'compare': 'fit many equations and choose the simplest adequate one',
-    'simulate': 'a trial with known truth, as an IMU would have recorded it',
-    'campaign': 'a whole trial matrix: tables, figures and a model that depends on the draft',
-    'paper': 'a published study repeated, printed and obtained values side by side',
-    'scale': "a model at another scale, by Froude's law",
+    'simulate': 'simulate a trial with known truth, as an IMU would have recorded it',
+    'campaign': 'process a whole trial matrix into tables, figures and a model scheduled on draft',
+    'paper': 'repeat a published study, with printed and obtained values side by side',
+    'scale': "convert a model to another scale, by Froude's law",
     'manoeuvre': 'identify, forecast and simulate a twin-thruster craft in surge, sway and yaw',
-    'export': 'an identified model for Gazebo, VRX, Nav2 or in the form of Fossen',
-    'forecast': 'how well the predictor forecasts a record, compared with its baselines',
-    'sea': "height, periods and axis of the waves, from the craft's own motion",
-    'inspect': 'what is in a record: rates, gaps, decays, quality',
-    'play-through': 'what the nodes would have published on a record, as fast as the machine can',
-    'run': 'imu_buffer, identifier and predictor in one process',
-    'page': 'the nodes in a browser: health, forecasts, a guided bring-up',
+    'export': "export an identified model to Gazebo, VRX, Nav2 or Fossen's form",
+    'forecast': 'score the forecasts of a record against baselines',
+    'sea': "estimate height, periods and axis of the waves from the craft's own motion",
+    'inspect': 'show what is in a record: sample rates, gaps, decays, quality',
+    'play-through': 'write what the nodes would publish for a record, as fast as the machine can',
+    'run': 'run imu_buffer, identifier and predictor in one process',
+    'page': 'show the nodes in a browser: health, forecasts, a guided bring-up',
     'replay': 'publish the topics of a bag over ROS',
     'record': 'record the topics of these nodes to a bag',
-    'demo': 'a measured sea forecast, then a simulated craft, the nodes, and forecasts that sharpen',
+    'demo': 'forecast measured waves, then identify and forecast a simulated craft with the nodes',
 }
 EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130

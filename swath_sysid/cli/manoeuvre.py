@@ -58,13 +58,13 @@ PREDICTOR = 'manoeuvring_predictor'
 def add_arguments(parser: ArgumentParser) -> None:
     """The sub-verbs and their arguments."""
     verbs = parser.add_subparsers(dest='task', metavar='TASK', required=True)
-    _add_identify(verbs.add_parser('identify', help='from runs to a manoeuvring model'))
+    _add_identify(verbs.add_parser('identify', help='identify a manoeuvring model from runs'))
     _add_forecast(verbs.add_parser('forecast', help='score forecasts of runs by lead'))
-    _add_simulate(verbs.add_parser('simulate', help='standard tests and simulated trials'))
-    programme = verbs.add_parser('programme', help='runs to drive, and what is missing from runs already driven')
+    _add_simulate(verbs.add_parser('simulate', help='simulate standard tests and trials'))
+    programme = verbs.add_parser('programme', help='list runs to drive, and what existing runs lack')
     add_run_arguments(programme, '*')
     programme.add_argument('--json', action='store_true', help='print one JSON object')
-    _add_play_through(verbs.add_parser('play-through', help='what manoeuvring_predictor would have published on a bag'))
+    _add_play_through(verbs.add_parser('play-through', help='write what manoeuvring_predictor would publish for a bag'))
 
 
 def run(arguments: Namespace) -> int:
@@ -89,16 +89,18 @@ def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
         'and starboard_command, -1 to 1; or port_pwm_us and starboard_pwm_us), and any of surge_m_s, sway_m_s, '
         'yaw_rate_rad_s, heading_deg, x_m, y_m',
     )
-    parser.add_argument('--frame', choices=FRAMES, help='of yaw, sway and position (default: as the file states)')
+    parser.add_argument('--frame', choices=FRAMES, help='frame of yaw, sway and position (default: as the file states)')
     parser.add_argument(
         '--gap-means-zero',
         action='store_true',
-        help='commands are published only while driving: where there are none the thrust is zero',
+        help='treat gaps in the commands as zero thrust, if commands are published only while driving',
     )
-    parser.add_argument('--thrust-input', choices=INPUTS, help='of a bag: forces in N, or commands (default: found)')
+    parser.add_argument(
+        '--thrust-input', choices=INPUTS, help='thrust in a bag: forces in N, or commands (default: detected)'
+    )
     parser.add_argument('--odometry-topic', metavar='TOPIC')
     parser.add_argument('--imu-topic', metavar='TOPIC')
-    parser.add_argument('--port-topic', metavar='TOPIC', help='thrust of the port thruster')
+    parser.add_argument('--port-topic', metavar='TOPIC', help='topic of the port thruster')
     parser.add_argument('--starboard-topic', metavar='TOPIC')
 
 
@@ -129,7 +131,7 @@ def _add_identify(parser: ArgumentParser) -> None:
     parser.epilog = 'names for --terms, --fix and --towards, with their units:\n' + '\n'.join(terms_in_words())
     add_run_arguments(parser)
     parser.add_argument(
-        '--validate', nargs='+', metavar='RUN', help='runs kept out of the fit (default: a third, of three or more)'
+        '--validate', nargs='+', metavar='RUN', help='runs held out of the fit (default: a third of three or more runs)'
     )
     parser.add_argument('--no-validation', action='store_true', help='identify from all runs')
     add_setting(parser, '--mass', 'manoeuvring_identifier', 'mass_kg')
@@ -138,10 +140,12 @@ def _add_identify(parser: ArgumentParser) -> None:
         '--thrust-per-command', type=finite, metavar='N', help='thrust of one thruster at full command ahead'
     )
     add_setting(parser, '--lever', 'manoeuvring_identifier', 'lever_m')
-    parser.add_argument('--length', type=finite, metavar='M', help='of the hulls, for the prime system')
-    parser.add_argument('--terms', metavar='A,B,..', help='exactly these parameters (default: the simplest adequate)')
+    parser.add_argument('--length', type=finite, metavar='M', help='length of the hulls, for the prime system')
     parser.add_argument(
-        '--fix', action='append', default=[], metavar='NAME=VALUE', help='a known parameter, as listed below'
+        '--terms', metavar='A,B,..', help='fit exactly these parameters (default: the simplest adequate set)'
+    )
+    parser.add_argument(
+        '--fix', action='append', default=[], metavar='NAME=VALUE', help='fix a known parameter, listed below'
     )
     parser.add_argument(
         '--towards',
@@ -154,15 +158,21 @@ def _add_identify(parser: ArgumentParser) -> None:
         '--current',
         choices=CURRENT_CHOICES,
         default=CURRENT_CHOICES[0],
-        help='auto: one for each run where the heading is known; shared: one for all; none (default: %(default)s)',
+        help='auto: one per run if the heading is known; shared: one for all runs; none (default: %(default)s)',
     )
     parser.add_argument(
-        '--window', type=finite, default=20.0, metavar='S', help='of free simulation (default: %(default)s)'
+        '--window', type=finite, default=20.0, metavar='S', help='length of a free simulation (default: %(default)s)'
     )
     parser.add_argument(
-        '--generations', type=int, default=15, metavar='N', help='of the search for a start (default: %(default)s)'
+        '--generations',
+        type=int,
+        default=15,
+        metavar='N',
+        help='generations of the initial search (default: %(default)s)',
     )
-    parser.add_argument('--population', type=int, default=24, metavar='N', help='of that search (default: %(default)s)')
+    parser.add_argument(
+        '--population', type=int, default=24, metavar='N', help='candidates per generation (default: %(default)s)'
+    )
     parser.add_argument('--seed', type=int, default=1, metavar='N', help='default: %(default)s')
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
     parser.add_argument('--plot', metavar='DIR', help='write the pictures into this folder')
@@ -284,7 +294,7 @@ def _add_forecast(parser: ArgumentParser) -> None:
         nargs='+',
         metavar='RUN',
         default=[],
-        help='runs that the ARX is fitted to (default: the other runs, or the first half of a single one)',
+        help='runs to fit the ARX baseline to (default: the other runs, or the first half of a single one)',
     )
     parser.add_argument(
         '--future',
@@ -314,7 +324,7 @@ def _forecast(arguments: Namespace):
 
 def _add_play_through(parser: ArgumentParser) -> None:
     add_run_arguments(parser)
-    parser.add_argument('--model', metavar='MODEL.yaml', help='without: steady motion')
+    parser.add_argument('--model', metavar='MODEL.yaml', help='model file (default: forecasts assume steady motion)')
     parser.add_argument('--output', required=True, metavar='OUT.mcap')
     add_setting(parser, '--rate', PREDICTOR, 'forecast_rate_hz')
     add_setting(parser, '--leads', PREDICTOR, 'leads_s')
@@ -343,7 +353,7 @@ def _add_simulate(parser: ArgumentParser) -> None:
         '--test',
         choices=(*TESTS, PROGRAMME),
         required=True,
-        help='a standard test, or a whole programme of trials to identify from',
+        help='a standard test, or a whole programme of trials for identification',
     )
     parser.add_argument('--base', type=finite, default=0.6, metavar='SHARE', help='mean input (default: %(default)s)')
     parser.add_argument(
@@ -353,13 +363,17 @@ def _add_simulate(parser: ArgumentParser) -> None:
         metavar='SHARE',
         help='half the difference of the inputs, positive to starboard (default: %(default)s)',
     )
-    parser.add_argument('--angle-deg', type=finite, default=20.0, metavar='DEG', help='of the zig-zag')
-    parser.add_argument('--current', type=finite, nargs=2, metavar=('EAST', 'NORTH'), help='m/s; programme only')
+    parser.add_argument(
+        '--angle-deg', type=finite, default=20.0, metavar='DEG', help='angle of the zig-zag (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--current', type=finite, nargs=2, metavar=('EAST', 'NORTH'), help='current, m/s; programme only'
+    )
     parser.add_argument(
         '--command',
         nargs='*',
         metavar='NAME=VALUE',
-        help='drive by normalised commands: gain, dead_band, reverse_ratio, lag, delay, exponent, balance; programme '
+        help='drive with normalised commands: gain, dead_band, reverse_ratio, lag, delay, exponent, balance; programme '
         'only',
     )
     parser.add_argument(
@@ -367,11 +381,11 @@ def _add_simulate(parser: ArgumentParser) -> None:
         type=finite,
         nargs=2,
         metavar=('SPEED', 'YAW_RATE'),
-        help='standard deviations, m/s and rad/s (default of the programme: 0.05 0.005; of a test: none)',
+        help='standard deviations of the noise, m/s and rad/s (default: 0.05 0.005 for the programme, else none)',
     )
-    parser.add_argument('--seed', type=int, default=1, metavar='N', help='of the noise')
-    parser.add_argument('--output', metavar='FILE', help='.csv, .mcap, .db3; of the programme a folder')
-    parser.add_argument('--format', choices=('csv', 'mcap', 'db3'), default='csv', help='of the programme')
+    parser.add_argument('--seed', type=int, default=1, metavar='N', help='seed of the noise')
+    parser.add_argument('--output', metavar='FILE', help='.csv, .mcap or .db3 file; a folder for the programme')
+    parser.add_argument('--format', choices=('csv', 'mcap', 'db3'), default='csv', help='file format of the programme')
     parser.add_argument('--plot', metavar='FILE.png')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 

@@ -21,14 +21,20 @@ NICENESS = 10  #: Where the processor is short the nodes come first.
 def add_arguments(parser: ArgumentParser) -> None:
     """Where it listens, what it shows."""
     parser.add_argument(
-        '--host', default='localhost', help='address to listen on (default: %(default)s); any other asks for a token'
+        '--host', default='localhost', help='address to listen on (default: %(default)s); any other requires a token'
     )
-    parser.add_argument('--port', type=int, default=PORT, help='default: %(default)s; 0: one that is free')
-    parser.add_argument('--token', help='default: a new one, printed; the environment may give it as SWATH_SYSID_TOKEN')
-    parser.add_argument('--axis', choices=AXES, default=AXES[0], help='that is identified first (default: %(default)s)')
-    parser.add_argument('--manifest', metavar='FILE', help='campaign whose trials are listed')
+    parser.add_argument(
+        '--port', type=int, default=PORT, help='port to listen on (default: %(default)s; 0: any free port)'
+    )
+    parser.add_argument(
+        '--token',
+        help='access token (default: SWATH_SYSID_TOKEN of the environment, else none for localhost and a new one '
+        'otherwise)',
+    )
+    parser.add_argument('--axis', choices=AXES, default=AXES[0], help='axis to identify first (default: %(default)s)')
+    parser.add_argument('--manifest', metavar='FILE', help='manifest of a campaign whose trials are shown')
     parser.add_argument('--output', metavar='DIR', default='.', help='folder of saved models and bags (default: here)')
-    parser.add_argument('--namespace', metavar='NAME', help='of the nodes')
+    parser.add_argument('--namespace', metavar='NAME', help='namespace of the nodes')
     parser.add_argument('--imu-topic', metavar='TOPIC', help='topic of the sensor (default imu/data)')
 
 

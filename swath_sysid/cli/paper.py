@@ -19,8 +19,10 @@ from swath_sysid.report.paper_manoeuvring import manoeuvring_page
 def add_arguments(parser: ArgumentParser) -> None:
     """The study, the page, the processes."""
     parser.add_argument('study', choices=STUDIES)
-    parser.add_argument('--output', metavar='FILE.html', help='default: STUDY.html in this folder')
-    parser.add_argument('--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one a core)')
+    parser.add_argument('--output', metavar='FILE.html', help='report (default: STUDY.html in this folder)')
+    parser.add_argument(
+        '--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one per core)'
+    )
 
 
 def run(arguments: Namespace) -> int:

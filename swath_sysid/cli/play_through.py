@@ -35,16 +35,18 @@ PROGRESS_STEP = 2000
 def add_arguments(parser: ArgumentParser) -> None:
     """The record, the output, and what the nodes would be started with."""
     parser.add_argument('record', metavar='RECORD', help='rosbag2 bag, CSV file or MTi text export')
-    parser.add_argument('--output', required=True, metavar='OUT.mcap', help='bag of what the nodes publish')
+    parser.add_argument(
+        '--output', required=True, metavar='OUT.mcap', help='bag of the messages that the nodes would publish'
+    )
     parser.add_argument('--params', metavar='FILE', help='ROS parameter file of the nodes (default: their defaults)')
-    parser.add_argument('--model', metavar='FILE', help='model file known at the start (default: that of model_path)')
-    parser.add_argument('--topic', help='IMU topic, for bags that hold several')
+    parser.add_argument('--model', metavar='FILE', help='model file at the start (default: that of model_path)')
+    parser.add_argument('--topic', help='IMU topic, for bags with several')
     parser.add_argument(
         '--refit-delay',
         type=finite,
         default=0.0,
         metavar='S',
-        help='from a window to the model found in it; live it is 0.1 to 3 s (default: at the next sample)',
+        help='delay from a window to its model; 0.1 to 3 s on board (default: until the next sample)',
     )
     parser.add_argument('--with-imu', action='store_true', help='copy the IMU messages to the output as well')
 

@@ -11,10 +11,14 @@ from swath_sysid.formats.outputs import Output, check_outputs
 def add_arguments(parser: ArgumentParser) -> None:
     """The file."""
     parser.add_argument(
-        '--output', metavar='OUT.mcap', help='default: swath_sysid_DATE_TIME.mcap in the present folder'
+        '--output', metavar='OUT.mcap', help='bag (default: swath_sysid_DATE_TIME.mcap in the current folder)'
     )
     parser.add_argument(
-        '--topic', action='append', default=[], metavar='NAME', help='record this one too, full name; repeat it'
+        '--topic',
+        action='append',
+        default=[],
+        metavar='NAME',
+        help='also record this topic, by its full name; may be repeated',
     )
     parser.add_argument('--use-sim-time', action='store_true', help='time from /clock')
 

@@ -18,25 +18,27 @@ if TYPE_CHECKING:
 def add_arguments(parser: ArgumentParser) -> None:
     """The bag, and how fast it is replayed."""
     parser.add_argument('bag', metavar='BAG', help='rosbag2 bag: folder, .mcap or .db3')
-    parser.add_argument('--rate', type=finite, default=1.0, metavar='R', help='times real time (default: %(default)s)')
-    parser.add_argument('--loop', action='store_true', help='begin again at the end, until Ctrl-C')
+    parser.add_argument(
+        '--rate', type=finite, default=1.0, metavar='R', help='speed, as a multiple of real time (default: %(default)s)'
+    )
+    parser.add_argument('--loop', action='store_true', help='start again at the end, until Ctrl-C')
     parser.add_argument('--clock', action='store_true', help='publish /clock, for nodes with use_sim_time')
     parser.add_argument(
         '--wait-for',
         type=int,
         default=0,
         metavar='N',
-        help='begin when this many subscribe to the IMU, 2 for imu_buffer and predictor (default: when all that are '
-        'found are connected and discovery has had its 3.5 s)',
+        help='start when the IMU has this many subscribers, 2 for imu_buffer and predictor (default: when '
+        'all known subscribers are connected and none has appeared for 3.5 s)',
     )
     parser.add_argument(
-        '--wait', type=finite, default=15.0, metavar='S', help='the longest wait for them (default: %(default)s)'
+        '--wait', type=finite, default=15.0, metavar='S', help='longest wait for subscribers (default: %(default)s)'
     )
     parser.add_argument(
         '--in-step',
         action='store_true',
-        help='go no faster than predictor, started with `-p in_step:=true`, forecasts: with a large --rate as '
-        'fast as it can, with the same results',
+        help='never overtake a predictor started with `-p in_step:=true`; with a large --rate the replay is as fast as '
+        'the predictor, with the same results',
     )
 
 

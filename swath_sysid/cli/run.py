@@ -34,13 +34,15 @@ OPEN_TO_THE_SUBNET = (
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.add_argument('--only', choices=NODES, metavar='NODE', help=f'one node alone: {", ".join(NODES)}')
+    parser.add_argument('--only', choices=NODES, metavar='NODE', help=f'run a single node: {", ".join(NODES)}')
     parser.add_argument('--params-file', metavar='FILE', help='ROS parameter file for all nodes')
     parser.add_argument('--model', metavar='FILE', help='model file: read at the start, replaced by refits')
     parser.add_argument('--namespace', metavar='NAME', help='namespace of nodes and topics')
     parser.add_argument('--imu-topic', metavar='TOPIC', help='topic of the sensor (default imu/data)')
     parser.add_argument('--use-sim-time', action='store_true', help='time from /clock')
-    parser.add_argument('--page', action='store_true', help='show them in a browser too: see `swath-sysid page`')
+    parser.add_argument(
+        '--page', action='store_true', help='also show the nodes in a browser, as `swath-sysid page` does'
+    )
     parser.add_argument(
         '--ros-args', nargs=argparse.REMAINDER, default=[], metavar='...', help='any other arguments of ROS 2 nodes'
     )

@@ -15,7 +15,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--ratio',
         required=True,
         metavar='L',
-        help='length of the result over that of the model given: 25, or 1/25 for the way back',
+        help='length of the result divided by that of the given model: 25, or 1/25 for the reverse',
     )
     parser.add_argument('--output', required=True, metavar='FILE.yaml', help='write the scaled model file')
 

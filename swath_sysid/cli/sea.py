@@ -19,8 +19,10 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.epilog = ' '.join(f'{remark[0].upper()}{remark[1:]}.' for remark in REMARKS)
     parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
     add_reading_arguments(parser)
-    parser.add_argument('--start', type=finite, metavar='S', help="begin, in the record's time (default: its own)")
-    parser.add_argument('--end', type=finite, metavar='S', help='end (default: its own)')
+    parser.add_argument(
+        '--start', type=finite, metavar='S', help="start, in the record's time (default: start of the record)"
+    )
+    parser.add_argument('--end', type=finite, metavar='S', help='end (default: end of the record)')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the spectrum')
 

@@ -18,26 +18,30 @@ def add_arguments(parser: ArgumentParser) -> None:
     usual = SensorNoise()
     add_hull_arguments(parser)
     parser.add_argument(
-        '--initial-angle-deg', type=finite, required=True, metavar='A', help='released at rest from this angle'
+        '--initial-angle-deg', type=finite, required=True, metavar='A', help='angle of the release, from rest'
     )
     parser.add_argument(
-        '--duration', type=finite, default=15.0, metavar='S', help='after the release (default: %(default)s)'
+        '--duration', type=finite, default=15.0, metavar='S', help='time after the release (default: %(default)s)'
     )
     parser.add_argument(
-        '--rate', type=finite, default=100.0, metavar='HZ', help='samples a second (default: %(default)s)'
+        '--rate', type=finite, default=100.0, metavar='HZ', help='samples per second (default: %(default)s)'
     )
     parser.add_argument(
-        '--hold', type=finite, default=0.0, metavar='S', help='held at the angle first (default: %(default)s)'
+        '--hold',
+        type=finite,
+        default=0.0,
+        metavar='S',
+        help='time held at the angle before the release (default: %(default)s)',
     )
     parser.add_argument(
-        '--trim-deg', type=finite, default=0.0, metavar='A', help='angle of rest (default: %(default)s)'
+        '--trim-deg', type=finite, default=0.0, metavar='A', help='angle at rest (default: %(default)s)'
     )
     parser.add_argument('--angle-noise', type=finite, default=usual.angle, metavar='RAD', help='default: %(default)s')
     parser.add_argument(
         '--rate-noise',
         type=finite,
         metavar='RAD_S',
-        help=f'default: that of the trials of the study that the hull or equation is of, else {usual.rate}',
+        help=f'default: the rate noise of the study of the hull or equation, else {usual.rate}',
     )
     parser.add_argument(
         '--accel-noise', type=finite, default=usual.acceleration, metavar='M_S2', help='default: %(default)s'

@@ -36,17 +36,17 @@ def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
         nargs='+' if many else None,
         help='CSV file, rosbag2 bag (folder, .mcap or .db3) or MTi text export',
     )
-    parser.add_argument('--axis', help='roll or pitch (default: the one that moves more)')
+    parser.add_argument('--axis', help='roll or pitch (default: the axis that moves more)')
     add_reading_arguments(parser)
     parser.add_argument(
-        '--start', type=finite, metavar='S', help="begin of the decay, in the record's time (default: found)"
+        '--start', type=finite, metavar='S', help="start of the decay, in the record's time (default: detected)"
     )
-    parser.add_argument('--end', type=finite, metavar='S', help='end of the decay (default: found)')
+    parser.add_argument('--end', type=finite, metavar='S', help='end of the decay (default: detected)')
 
 
 def add_reading_arguments(parser: ArgumentParser) -> None:
     """How to read a record."""
-    parser.add_argument('--topic', help='IMU topic, for bags that hold several')
+    parser.add_argument('--topic', help='IMU topic, for bags with several')
     add_setting(parser, '--frame', 'predictor', 'frame', default=None)
 
 

@@ -18,15 +18,13 @@ def add_tank_arguments(parser: ArgumentParser) -> None:
         action='store_true',
         help='print peaks, logarithmic decrements, the extinction curve, and the damping with its expanded uncertainty',
     )
-    group.add_argument('--inertia', type=finite, metavar='I', help="inertia I', to print the published form too")
-    group.add_argument(
-        '--mass', type=finite, metavar='KG', help='with --metacentric-height: the inertia follows from both'
-    )
+    group.add_argument('--inertia', type=finite, metavar='I', help="inertia I', to print the published form as well")
+    group.add_argument('--mass', type=finite, metavar='KG', help='mass; with --metacentric-height it gives the inertia')
     group.add_argument(
         '--metacentric-height', type=finite, metavar='M', help='GM, transverse for roll, longitudinal for pitch'
     )
-    group.add_argument('--length', type=finite, metavar='M', help='for the damping of pitch without dimension')
-    group.add_argument('--breadth', type=finite, metavar='M', help='for the damping of roll without dimension')
+    group.add_argument('--length', type=finite, metavar='M', help='length, for dimensionless pitch damping')
+    group.add_argument('--breadth', type=finite, metavar='M', help='breadth, for dimensionless roll damping')
     group.add_argument(
         '--uncertainty',
         action='append',
