@@ -83,8 +83,8 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
     low, high = (math.degrees(a) for a in identification.amplitude_range)
     lines += [
         f'  trim {math.degrees(model.trim):.4f} deg +- {math.degrees(identification.trim_std):.2g}',
-        f'  natural period of small motions {model.natural_period:.4f} s, equivalent damping ratio {identification.damping_ratio:.4f} '
-        f'at {math.degrees(identification.reference_amplitude):.2f} deg',
+        f'  natural period of small motions {model.natural_period:.4f} s, equivalent damping ratio '
+        f'{identification.damping_ratio:.4f} at {math.degrees(identification.reference_amplitude):.2f} deg',
         f'  R2 {identification.r2:.6f}, {identification.objective} objective {identification.objective_value:.6g}, '
         f'{identification.effective_samples:.0f} effective of {identification.samples} samples',
         f'  valid from {low:.2f} to {high:.2f} deg; search ended by {identification.search.stop} after '
