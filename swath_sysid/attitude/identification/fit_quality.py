@@ -21,7 +21,7 @@ ADEQUATE, DOUBTFUL, REJECTED = 'adequate', 'doubtful', 'rejected'
 
 #: Relative error of the next release up to which a model is adequate, and from which a forecast of rest is as good.
 ADEQUATE_ERROR, REJECTED_ERROR = 0.1, 1.0
-LARGEST_UNEXPLAINED = 0.5  #: Largest share of the motion that a fit may leave.
+LARGEST_UNEXPLAINED = 0.5  #: Largest share of the motion that a fit may leave, or leave open to the other side.
 #: Autocorrelation of the residuals at one period above which they oscillate with the craft.
 SWINGING = 0.5
 #: Of `rate_mismatch`: above, a unit, sign or delay is wrong.
@@ -87,7 +87,8 @@ def judge(found: 'Identification') -> Verdict:
     left = f'; the fit leaves {unexplained:.1%} of the motion'
     if swing > SWINGING:
         left += f', which is not noise: it oscillates with the craft (autocorrelation {swing:+.2f} at one period)'
-    sentence = f'the next release should be forecast to within {error:.1%} of its motion{left}'
+    other = f' ({other_side:.0%} to the other side)' if other_side > ADEQUATE_ERROR else ''
+    sentence = f'the next release should be forecast to within {error:.1%} of its motion{other}{left}'
     return Verdict(ADEQUATE, 'adequate', sentence, error, swing)
 
 
@@ -184,7 +185,7 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
 
 
 def _one_sided(other_side: float) -> Iterator[tuple[str, str, str]]:
-    if not other_side <= ADEQUATE_ERROR:
+    if not other_side <= LARGEST_UNEXPLAINED:
         size = f'by {other_side:.0%} of it' if other_side < 1.0 else 'altogether'
         yield (
             DOUBTFUL,

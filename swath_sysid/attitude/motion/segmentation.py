@@ -249,7 +249,8 @@ def _free_falls(falls: Sequence[Fall]) -> list[Fall]:
 
 def _is_rhythmic(fall: Fall) -> bool:
     """Long enough to show a rhythm, which its first half cycle keeps, and truly falling."""
-    keeps_time = 1.0 / ASYMMETRY < fall.first_half / (0.5 * fall.period) < ASYMMETRY
+    usual = 0.5 * fall.period
+    keeps_time = usual < ASYMMETRY * fall.first_half and fall.first_half < ASYMMETRY * usual
     return fall.swings.size >= MIN_SWINGS and fall.is_suited and keeps_time and fall.decrement >= MIN_DECREMENT
 
 
