@@ -2,7 +2,7 @@
 
     python benchmark/small_computers.py --write docs/small_computers.md
 
-Each line is `swath-sysid run` with its workers, which hears a replayed simulated sea of two axes over ROS, with the
+Each line is `swath-sysid run` with its workers, subscribed to a replayed simulated sea of two axes over ROS, with the
 defaults or with `config/small.yaml`. Memory is the proportional set size of all its processes after that, and the most
 while `identifier/identify` fits the last minute, with what numba compiles in its cache; processor time is that of the
 second half; starting is the processor time until the sensor is heard. Libraries that other programs have loaded too

@@ -243,7 +243,7 @@ def identify(
 
     Raises:
         InputError: The records cannot be used; the sentence says why.
-        Cancelled: ``should_cancel`` said so.
+        Cancelled: ``should_cancel`` returned True.
 
     Example:
         >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')])

@@ -546,9 +546,9 @@ class Forecaster:
             mean[k], covariance[k] = space.at_steps() if age is None else space.forecast(leads, age)
         strained = [_PLACE[name] for name, space in self._spaces.items() if space.strain > HEALTHY_STRAIN]
         if strained:
-            vouched = self._hull_vouches()
+            trusted = self._hull_is_trusted()
             for k in strained:
-                mean[k][:, vouched[k]] = math.nan
+                mean[k][:, trusted[k]] = math.nan
         for place, hull in enumerate(self._hulls.values()):
             if hull.is_free:
                 # nothing acts: there is nothing else to know
@@ -558,7 +558,7 @@ class Forecaster:
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)
         return mean, covariance
 
-    def _hull_vouches(self):
+    def _hull_is_trusted(self):
         """Targets, by candidate, that an identified hull explains at present, and forecasts nearly as well."""
         level = np.log(np.maximum(self._blend.mean_square, 1e-300)).mean(axis=1)
         explains = [

@@ -114,7 +114,7 @@ def identify_manoeuvring(
 
     Raises:
         InputError: The runs cannot be used together, or excite nothing.
-        Cancelled: ``should_cancel`` said so.
+        Cancelled: ``should_cancel`` returned True.
 
     Example:
         >>> runs = prepare_runs([read_manoeuvring_csv('runs/zigzag_20.csv'), read_manoeuvring_csv('runs/mixed.csv')])
