@@ -386,3 +386,20 @@ def test_the_reading_of_a_long_record_is_shown_at_once(tmp_path, capsys, monkeyp
     path.write_text('time_s,roll_deg\n' + '\n'.join(f'{k / 100},{5 * np.sin(k / 50):.4f}' for k in range(2000)))
     assert main(['inspect', str(path)]) == 0
     assert capsys.readouterr().err.startswith(f'reading {path}: 0%\nreading {path}: 100%\n')
+
+
+@pytest.mark.parametrize(
+    ('header', 'meant'),
+    [
+        ('time_s,roll_deg,rol_rate_deg_s', 'roll_rate_deg_s'),
+        ('time_s,roll_deg,pich_deg', 'pitch_deg'),
+        ('time_s,roll_deg,gyro_x_rads', 'gyro_x_rad_s'),
+        ('time_s,roll_deg,temperature', None),
+        ('time_s,roll_deg,roll_rate_dps', None),
+        ('time_s,roll_deg,roll_deg_raw', None),
+    ],
+)
+def test_a_slip_in_the_name_of_a_column_is_reported(tmp_path, header, meant):
+    trial = read_csv(written(tmp_path, lines(header, TIME, 50 * ROLL, ROLL)))
+    assert codes(trial) == (['columns-misspelt'] if meant else [])
+    assert meant is None or f"'{header.split(',')[2]}': did you mean {meant}?" in trial.advice[0].message

@@ -52,6 +52,15 @@ def test_csv_round_trip(tmp_path, manoeuvres):
     assert np.array_equal(trial.port, manoeuvres['mixed'].port)
 
 
+def test_csv_with_dates_and_a_slip_in_a_name(tmp_path):
+    path = tmp_path / 'run.csv'
+    rows = ''.join(f'2026-05-01T12:00:0{k}.5Z,1,1,0.1,0\n' for k in range(9))
+    path.write_text('time,port_thrust_n,starboard_thrust_n,surge_m_s,headin_deg\n' + rows)
+    trial = read_manoeuvring_csv(path)
+    assert np.array_equal(trial.time, np.arange(9.0))
+    assert [a.code for a in trial.advice] == ['columns-misspelt'] and 'heading_deg' in trial.advice[0].message
+
+
 @pytest.mark.parametrize('name', ['run.mcap', 'run.db3', 'run'])
 def test_bag_round_trip(tmp_path, manoeuvres, name):
     path = tmp_path / name

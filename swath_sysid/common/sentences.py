@@ -19,6 +19,7 @@ SENTENCES = {
     'topics: record with one clock',
     'coarse-quantisation': 'the {quantity} is rounded to {step:.2g} {unit}, so the first amplitude has only '
     '{steps:.0f} steps: write more digits, or use a finer sensor',
+    'columns-misspelt': 'columns that are not read: {pairs}',
     'compass-misaligned': '{source}: the craft moves {offset:.1f} deg to {side} of its heading on straight courses, '
     'and heading and speeds were turned by that much; calibrate the compass',
     'constant-channel': '{source}: {name} never changes, as if it were not measured, and is taken as unknown; check '

@@ -15,14 +15,6 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 
-TIME_UNITS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
-ANGLE_UNITS = {'rad': 1.0, 'deg': np.pi / 180}
-RATE_UNITS = {'rad_s': 1.0, 'deg_s': np.pi / 180}
-LENGTH_UNITS = {'m': 1.0}
-PURE = {'': 1.0}  #: Units as the names of columns end in them, with their size in SI.
-
-EPOCH_SECONDS = 1e8  #: A time that begins beyond this counts from an epoch.
-
 COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
 BLOCK_BYTES = 1 << 22  #: How much text is parsed at once.
 HEAD_BYTES = 1 << 16  #: How much text is looked at to find the columns.
@@ -140,25 +132,6 @@ def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[s
         for start in range(0, values[0].size, LINES_AT_ONCE):
             rows = zip(*(column[start : start + LINES_AT_ONCE].tolist() for column in values), strict=True)
             file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
-
-
-def plain_name(name: str) -> str:
-    """``Roll rate [deg/s]`` as ``roll_rate_deg_s``."""
-    plain = name.lower().replace('°', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
-    plain = re.sub('[^a-z0-9]+', '_', plain).strip('_')
-    return re.sub('_(per|p)_', '_', plain)
-
-
-def known_columns(
-    quantities: Iterable[tuple[Sequence[str], str, Mapping[str, float]]],
-) -> dict[str, tuple[str, str, float]]:
-    """Every name that a column may have, to reading, unit and SI factor; quantities are names, reading and units."""
-    return {
-        f'{alias}_{unit}' if unit else alias: (reading, unit, scale)
-        for aliases, reading, units in quantities
-        for alias in aliases
-        for unit, scale in units.items()
-    }
 
 
 def remark_number(path: str | Path, remarks: Mapping[str, Any], key: str) -> float | None:
