@@ -91,7 +91,7 @@ def test_file_of_both_axes(tmp_path):
     [
         ('', 'is not a model file'),
         ('- 1', 'is not a model file'),
-        (edited(lambda c, a: c.pop('frame')), "field 'frame' is missing"),
+        (edited(lambda c, a: c.pop('frame')), "frame: 'None' must be"),
         (edited(lambda c, a: c.update(frame='NED')), "frame: 'NED'"),
         (edited(lambda c, a: c.update(axes={})), 'holds no axis'),
         (edited(lambda c, a: c['axes'].update(yaw={})), "no axis 'yaw'"),

@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import yaml
 
@@ -20,8 +20,8 @@ from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
-from swath_sysid.formats.fields import anything, built, number, one_of, one_or_more, record, refused, text, whole
 from swath_sysid.formats.input_files import existing
+from swath_sysid.formats.schema import anything, built, named, number, one_of, one_or_more, record, text, whole
 from swath_sysid.formats.untrusted_yaml import plain_content, shown, text_of
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
@@ -52,9 +52,10 @@ OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
 _NAME = text(1000)
 _NUMBER = number(-LARGEST, LARGEST)
 _POSITIVE = number(above=0.0, highest=LARGEST)
+Name = Annotated[str, _NAME]
+Positive = Annotated[float, _POSITIVE]
 #: What an entry may say.
-_TRIAL = record(
-    {},
+_TRIAL = named(
     {
         'file': _NAME,
         'pattern': _NAME,
@@ -76,21 +77,21 @@ _TRIAL = record(
 class Craft:
     """Particulars of the craft; what is not known is None. Mass and heights are those at the design draft."""
 
-    name: str = 'the craft'
-    length_m: float | None = None
-    beam_m: float | None = None
-    depth_m: float | None = None
-    draft_m: float | None = None  #: Design draft, to which draft factors refer.
-    displacement_kg: float | None = None
-    kg_m: float | None = None  #: Height of the centre of gravity above the keel.
-    gm_transverse_m: float | None = None
-    gm_longitudinal_m: float | None = None
-    gyradius_m: float | None = None
-    inertia_kg_m2: float | None = None  #: About the axis of the trials, with added inertia.
-    water_density_kg_m3: float | None = None
-    water_temperature_c: float | None = None
-    appendages: str | None = None
-    basin: str | None = None
+    name: Name = 'the craft'
+    length_m: Positive | None = None
+    beam_m: Positive | None = None
+    depth_m: Positive | None = None
+    draft_m: Positive | None = None  #: Design draft, to which draft factors refer.
+    displacement_kg: Positive | None = None
+    kg_m: Positive | None = None  #: Height of the centre of gravity above the keel.
+    gm_transverse_m: Positive | None = None
+    gm_longitudinal_m: Positive | None = None
+    gyradius_m: Positive | None = None
+    inertia_kg_m2: Positive | None = None  #: About the axis of the trials, with added inertia.
+    water_density_kg_m3: Positive | None = None
+    water_temperature_c: Annotated[float, _NUMBER] | None = None
+    appendages: Name | None = None
+    basin: Name | None = None
 
     def design_loading(self, quantity: str) -> float | None:
         """The loading at the design draft, in one of ``QUANTITIES``."""
@@ -101,12 +102,16 @@ class Craft:
 class PredictedDamping:
     """Equivalent damping predicted by other means, as N m s or as a ratio; loading or axis None: for any."""
 
-    method: str
-    amplitude_deg: float
-    damping_n_m_s: float | None = None
-    damping_ratio: float | None = None
-    loading: float | None = None
-    axis: str | None = None
+    method: Name
+    amplitude_deg: Positive
+    damping_n_m_s: Positive | None = None
+    damping_ratio: Positive | None = None
+    loading: Positive | None = None
+    axis: Annotated[str, one_of(AXES, 'axis')] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.damping_n_m_s is None) == (self.damping_ratio is None):
+            raise InputError('it needs damping_n_m_s or damping_ratio, and only one of them')
 
 
 @dataclass(frozen=True)
@@ -144,41 +149,10 @@ class Manifest:
     faults: tuple[str, ...] = ()  #: What was left out, and why.
 
 
-_CRAFT = record(
-    {},
-    {
-        **dict.fromkeys((f.name for f in fields(Craft)), _POSITIVE),
-        'water_temperature_c': _NUMBER,
-        **dict.fromkeys(('name', 'appendages', 'basin'), _NAME),
-    },
-)
-_UNCERTAINTY = record({}, {f.name: number(0.0, 1.0) for f in fields(TypeB)})
-_PREDICTION = record(
-    {'method': _NAME, 'amplitude_deg': _POSITIVE},
-    {
-        'damping_n_m_s': _POSITIVE,
-        'damping_ratio': _POSITIVE,
-        'loading': _POSITIVE,
-        'axis': one_of(AXES, 'axis'),
-    },
-)
-
-
-def _prediction(value: Any, where: str) -> PredictedDamping:
-    found = _PREDICTION(value, where)
-    if ('damping_n_m_s' in found) == ('damping_ratio' in found):
-        raise refused(where, ' needs damping_n_m_s or damping_ratio, and only one of them')
-    return PredictedDamping(**found)
-
-
 def _single(value: Any, where: str) -> Any:
     if isinstance(value, dict | list):
-        raise refused(where, ': one value is expected here, not a list or a mapping')
+        raise InputError(f'{where}: one value is expected here, not a list or a mapping')
     return shown(value) if isinstance(value, str) else value
-
-
-def _search(value: Any, where: str) -> SearchSettings:
-    return built(lambda: SearchSettings(**_SEARCH(value, where)), where)
 
 
 def _equation(value: Any, where: str) -> str:
@@ -186,20 +160,18 @@ def _equation(value: Any, where: str) -> str:
     return str(value)
 
 
-_SEARCH = record({}, {f.name: _single for f in fields(SearchSettings)})
 #: What a manifest may say beside its trials.
-_CAMPAIGN = record(
-    {},
+_CAMPAIGN = named(
     {
         'title': _NAME,
-        'craft': _CRAFT,
+        'craft': record(Craft),
         'axis': one_of(AXES, 'axis'),
         'equations': one_or_more(_equation),
         'objectives': one_or_more(one_of(OBJECTIVES, 'objective')),
-        'search': _search,
+        'search': record(SearchSettings, **{each.name: _single for each in fields(SearchSettings)}),
         'trials': anything,
-        'uncertainty': _UNCERTAINTY,
-        'predictions': one_or_more(_prediction),
+        'uncertainty': record(TypeB, **{each.name: number(0.0, 1.0) for each in fields(TypeB)}),
+        'predictions': one_or_more(record(PredictedDamping)),
     },
 )
 
@@ -227,7 +199,7 @@ def read_manifest(path: str | Path) -> Manifest:
     trials = _without_duplicates(trials, faults)
     if not trials:
         raise InputError(f'{path}: no trial is left to use: {"; ".join(faults[:SHOWN_FILES])}')
-    craft = Craft(**plain.get('craft', {}))
+    craft = plain.get('craft', Craft())
     # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
     objectives = {OBJECTIVES[0], *plain.get('objectives', ())}
     return Manifest(
@@ -237,7 +209,7 @@ def read_manifest(path: str | Path) -> Manifest:
         equations=tuple(dict.fromkeys(plain.get('equations', ()))),
         objectives=tuple(o for o in OBJECTIVES if o in objectives),
         search=plain.get('search', SearchSettings()),
-        uncertainty=TypeB(**plain.get('uncertainty', {})),
+        uncertainty=plain.get('uncertainty', TypeB()),
         predictions=tuple(plain.get('predictions', ())),
         faults=tuple(faults),
     )

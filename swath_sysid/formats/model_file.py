@@ -5,9 +5,10 @@
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -18,72 +19,87 @@ from swath_sysid.attitude.hull.scheduled_model import QUANTITIES, ScheduledModel
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.fields import (
-    ModelFormat,
-    anything,
-    built,
-    check_std,
-    covariance,
-    if_known,
-    list_of,
-    mapping,
-    metrics,
-    number,
-    one_of,
-    quantities_of,
-    record,
-    table_of,
-    text,
-)
+from swath_sysid.formats.model_format import ModelFormat, Stated, covariance, metrics, stated_of
+from swath_sysid.formats.schema import built, if_known, list_of, number, one_of, record, table_of
+from swath_sysid.formats.untrusted_yaml import text_of
 
-_AXIS = record(
-    {
-        'equation': text(),
-        'ratios': quantities_of(RATIO_UNITS, 'ratio'),
-        'covariance': anything,
-        'trim_rad': number(-math.pi, math.pi),
-        'trim_std_rad': if_known(number(lowest=0.0)),
-        'friction_rate_rad_s': number(above=0.0),
-        'valid_amplitude_rad': list_of(if_known(number(0.0, math.pi), math.inf), 2),
-        'metrics': metrics,
-        'provenance': mapping,
-    },
-    {'posterior': record({'ratios': quantities_of(RATIO_UNITS, 'ratio'), 'covariance': anything})},
-)
-_SCHEDULE = record(
-    {
-        'quantity': one_of(QUANTITIES),
-        'models': list_of(record({'loading': number(above=0.0), 'model': _AXIS})),
-    }
-)
-#: What a model file holds; null stands for what is not known.
+
+@dataclass(frozen=True)
+class _Ratios:
+    """Ratios to the inertia with their covariance, in the order of the file."""
+
+    ratios: Annotated[dict[str, Stated], stated_of(RATIO_UNITS, 'ratio')]
+    covariance: Any
+
+    @classmethod
+    def of(cls, names: Sequence[str], values: Sequence[float], matrix: np.ndarray) -> '_Ratios':
+        std = np.sqrt(np.diag(matrix)).tolist()
+        ratios = {n: Stated(float(v), s, RATIO_UNITS[n]) for n, v, s in zip(names, values, std, strict=True)}
+        return cls(ratios, matrix.tolist())
+
+    def equation(self, name: str, where: str) -> tuple[Equation, list[float], np.ndarray]:
+        """The equation, its ratios, and their covariance, both in the order of its terms."""
+        equation = built(lambda: Equation(name, tuple(self.ratios)), where)
+        matrix = covariance(self.covariance, tuple(self.ratios), self.ratios, where)
+        order = [tuple(self.ratios).index(term) for term in equation.terms]
+        return equation, [self.ratios[term].value for term in equation.terms], matrix[np.ix_(order, order)]
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """The model of one axis; null stands for what is not known."""
+
+    equation: str
+    ratios: Annotated[dict[str, Stated], stated_of(RATIO_UNITS, 'ratio')]
+    covariance: Any
+    trim_rad: Annotated[float, number(-math.pi, math.pi)]
+    trim_std_rad: Annotated[float, if_known(number(lowest=0.0))]
+    friction_rate_rad_s: Annotated[float, number(above=0.0)]
+    valid_amplitude_rad: Annotated[tuple[float, float], list_of(if_known(number(0.0, math.pi), math.inf), 2)]
+    metrics: Annotated[dict, metrics]
+    provenance: dict
+    posterior: _Ratios | None = None
+
+
+@dataclass(frozen=True)
+class _AtLoading:
+    loading: Annotated[float, number(above=0.0)]
+    model: _Axis
+
+
+@dataclass(frozen=True)
+class _Schedule:
+    quantity: Annotated[str, one_of(QUANTITIES)]
+    models: tuple[_AtLoading, ...]
+
+
+@dataclass(frozen=True)
+class _File:
+    axes: Annotated[dict[str, _Axis], table_of(dict.fromkeys(AXES, record(_Axis)), 'axis')]
+    schedule: Annotated[dict[str, _Schedule] | None, table_of(dict.fromkeys(AXES, record(_Schedule)), 'axis')] = None
+
+
 FORMAT = ModelFormat(
     'swath_sysid decay model',
     'body x forward, y port, z up; Euler angles yaw-pitch-roll (REP 103)',
+    _File,
     'identify again',
-    {'axes': table_of(AXES, 'axis', _AXIS)},
-    {'schedule': table_of(AXES, 'axis', _SCHEDULE)},
 )
 
 
-def model_to_yaml(models: Mapping[str, IdentifiedModel], **more: Any) -> str:
-    """Text of a model file that holds models by axis, and more fields."""
-    return FORMAT.text(axes={axis: _axis_to_plain(identified) for axis, identified in models.items()}, **more)
+def model_to_yaml(models: Mapping[str, IdentifiedModel]) -> str:
+    """Text of a model file that holds models by axis."""
+    return FORMAT.text(_File({axis: _axis_of(identified) for axis, identified in models.items()}))
 
 
 def scheduled_to_yaml(schedules: Mapping[str, ScheduledModel]) -> str:
     """Text of a model file that holds schedules by axis, and their middle models for readers without schedules."""
+    models = {axis: _axis_of(schedule.reference) for axis, schedule in schedules.items()}
     plain = {
-        axis: {
-            'quantity': schedule.quantity,
-            'models': [
-                {'loading': loading, 'model': _axis_to_plain(identified)}
-                for loading, identified in zip(schedule.loadings, schedule.models, strict=True)
-            ],
-        }
-        for axis, schedule in schedules.items()
+        axis: _Schedule(each.quantity, tuple(map(_AtLoading, each.loadings, map(_axis_of, each.models))))
+        for axis, each in schedules.items()
     }
-    return model_to_yaml({axis: schedule.reference for axis, schedule in schedules.items()}, schedule=plain)
+    return FORMAT.text(_File(models, plain))
 
 
 def model_from_yaml(text: str, source: str = 'the model') -> dict[str, IdentifiedModel]:
@@ -96,67 +112,61 @@ def description_from_yaml(
 ) -> tuple[dict[str, IdentifiedModel], dict[str, ScheduledModel]]:
     """Models and schedules (empty where there are none) by axis of any text; errors name the source and the field."""
     content = FORMAT.content(text, source)
-    axes, schedule = content['axes'], content.get('schedule', {})
-    if not axes:
+    if not content.axes:
         raise InputError(f"{source}: the field 'axes' holds no axis; give {' or '.join(AXES)}")
-    if schedule and set(schedule) != set(axes):
+    if content.schedule and set(content.schedule) != set(content.axes):
         raise InputError(f"{source}: the axes of 'schedule' and of 'axes' differ; give the same in both")
-    models = {axis: _identified(plain, axis, f'{source}, {axis}') for axis, plain in axes.items()}
-    return models, {axis: _scheduled(item, axis, f'{source}, schedule of {axis}') for axis, item in schedule.items()}
+    models = {axis: _identified(plain, axis, f'{source}, {axis}') for axis, plain in content.axes.items()}
+    return models, {
+        axis: _scheduled(item, axis, f'{source}, schedule of {axis}') for axis, item in (content.schedule or {}).items()
+    }
 
 
-def _scheduled(plain: dict, axis: str, where: str) -> ScheduledModel:
-    models = [
-        _identified(item['model'], axis, f'{where}, model {number}') for number, item in enumerate(plain['models'], 1)
-    ]
-    return built(
-        lambda: ScheduledModel(plain['quantity'], tuple(item['loading'] for item in plain['models']), tuple(models)),
-        where,
-    )
+def _scheduled(plain: _Schedule, axis: str, where: str) -> ScheduledModel:
+    models = [_identified(item.model, axis, f'{where}, model {k}') for k, item in enumerate(plain.models, 1)]
+    loadings = tuple(item.loading for item in plain.models)
+    return built(lambda: ScheduledModel(plain.quantity, loadings, tuple(models)), where)
 
 
-def _identified(plain: dict, axis: str, where: str) -> IdentifiedModel:
-    smallest, largest = plain['valid_amplitude_rad']
+def _identified(plain: _Axis, axis: str, where: str) -> IdentifiedModel:
+    smallest, largest = plain.valid_amplitude_rad
     if not smallest <= largest:
         raise InputError(f'{where}, valid_amplitude_rad: give the smallest and the largest amplitude, in this order')
-    model = built(lambda: _model_of(plain, axis), where)
+    equation, values, matrix = _Ratios(plain.ratios, plain.covariance).equation(plain.equation, where)
+    ratios = dict(zip(equation.terms, values, strict=True))
+    model = DecayModel.from_terms(
+        equation, ratios, trim=plain.trim_rad, friction_rate=plain.friction_rate_rad_s, axis=axis
+    )
+    built(lambda: check_physical(model), where)
+    posterior = None if plain.posterior is None else plain.posterior.equation('posterior', f'{where}, posterior')
     return IdentifiedModel(
         model,
-        _covariance(plain, model.equation, where),
-        plain['trim_std_rad'],
+        matrix,
+        plain.trim_std_rad,
         (smallest, largest),
-        plain['metrics'],
-        plain['provenance'],
-        _posterior(plain['posterior'], f'{where}, posterior') if 'posterior' in plain else None,
+        plain.metrics,
+        plain.provenance,
+        None if posterior is None else HullPosterior(posterior[0], np.array(posterior[1]), posterior[2]),
     )
 
 
-def _covariance(plain: dict, equation: Equation, where: str) -> np.ndarray:
-    """Rows in the file's order, to the order of the equation's terms."""
-    ratios = plain['ratios']
-    matrix = covariance(plain['covariance'], tuple(ratios), f'{where}, covariance')
-    check_std({name: ratio['std'] for name, ratio in ratios.items()}, np.diag(matrix), where)
-    order = [tuple(ratios).index(name) for name in equation.terms]
-    return matrix[np.ix_(order, order)]
-
-
-def _posterior(plain: dict, where: str) -> HullPosterior:
-    equation = built(lambda: Equation('posterior', tuple(plain['ratios'])), where)
-    ratios = [plain['ratios'][name]['value'] for name in equation.terms]
-    return HullPosterior(equation, np.array(ratios), _covariance(plain, equation, where))
-
-
-def _model_of(plain: dict, axis: str) -> DecayModel:
-    ratios = plain['ratios']
-    model = DecayModel.from_terms(
-        Equation(plain['equation'], tuple(ratios)),
-        {name: ratio['value'] for name, ratio in ratios.items()},
-        trim=plain['trim_rad'],
-        friction_rate=plain['friction_rate_rad_s'],
-        axis=axis,
+def _axis_of(identified: IdentifiedModel) -> _Axis:
+    model, posterior = identified.model, identified.posterior
+    ratios = _Ratios.of(tuple(model.terms), tuple(model.terms.values()), identified.covariance)
+    return _Axis(
+        equation=model.equation.name,
+        ratios=ratios.ratios,
+        covariance=ratios.covariance,
+        trim_rad=float(model.trim),
+        trim_std_rad=float(identified.trim_std),
+        friction_rate_rad_s=float(model.friction_rate),
+        valid_amplitude_rad=identified.amplitude_range,
+        metrics=identified.metrics,
+        provenance=identified.provenance,
+        posterior=None
+        if posterior is None
+        else _Ratios.of(posterior.equation.terms, posterior.ratios.tolist(), posterior.covariance),
     )
-    check_physical(model)
-    return model
 
 
 def write_model(path: str | Path, models: Mapping[str, IdentifiedModel]) -> None:
@@ -183,7 +193,7 @@ def write_scheduled(path: str | Path, schedules: Mapping[str, ScheduledModel]) -
 
 def read_description(path: str | Path) -> tuple[dict[str, IdentifiedModel], dict[str, ScheduledModel]]:
     """Read models and schedules of a model file; see `description_from_yaml`."""
-    return FORMAT.read(path, description_from_yaml)
+    return description_from_yaml(text_of(path), str(path))
 
 
 def read_model(path: str | Path) -> dict[str, IdentifiedModel]:
@@ -213,30 +223,3 @@ def ratios_as_data(identified: Any) -> dict[str, dict]:
         name: {'value': value, 'std': identified.std[name], 'unit': RATIO_UNITS[name]}
         for name, value in identified.model.terms.items()
     }
-
-
-def _axis_to_plain(identified: Any) -> dict:
-    model = identified.model
-    return {
-        'equation': model.equation.name,
-        'ratios': ratios_as_data(identified),
-        'covariance': identified.covariance.tolist(),
-        'trim_rad': float(model.trim),
-        'trim_std_rad': float(identified.trim_std),
-        'friction_rate_rad_s': float(model.friction_rate),
-        'valid_amplitude_rad': [float(a) for a in identified.amplitude_range],
-        'metrics': identified.metrics,
-        'provenance': identified.provenance,
-        **_posterior_to_plain(identified.posterior),
-    }
-
-
-def _posterior_to_plain(posterior: HullPosterior | None) -> dict[str, dict]:
-    if posterior is None:
-        return {}
-    names, std = posterior.equation.terms, np.sqrt(np.diag(posterior.covariance)).tolist()
-    ratios = {
-        name: {'value': float(value), 'std': spread, 'unit': RATIO_UNITS[name]}
-        for name, value, spread in zip(names, posterior.ratios, std, strict=True)
-    }
-    return {'posterior': {'ratios': ratios, 'covariance': posterior.covariance.tolist()}}
