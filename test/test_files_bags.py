@@ -15,7 +15,8 @@ from swath_sysid.attitude.motion.trial import CHANNELS, Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import bags
 from swath_sysid.formats import messages as layout
-from swath_sysid.formats.bags import IMU_TYPE, is_bag, read_bag, read_imu, write_imu_bag
+from swath_sysid.formats.bags import is_bag, read_bag, read_imu, write_imu_bag
+from swath_sysid.formats.topics import IMU
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 COUNT = 200
@@ -37,7 +38,7 @@ def imu(at, frame_id='imu', stamp=None, absent=()):
         f'{name}_covariance': np.array([-1.0 if name in absent else 0.0, *8 * [0.0]])
         for name in ('orientation', 'angular_velocity', 'linear_acceleration')
     }
-    return types[IMU_TYPE](
+    return types[IMU](
         header=types['std_msgs/msg/Header'](
             stamp=types['builtin_interfaces/msg/Time'](sec=seconds, nanosec=nanoseconds), frame_id=frame_id
         ),
@@ -55,14 +56,14 @@ def write_bag(folder, messages, storage='mcap', compression=None, extra=()):
         writer.set_compression(compression, CompressionFormat.ZSTD)
     with writer:
         connections = {
-            topic: writer.add_connection(topic, IMU_TYPE, typestore=STORE)
+            topic: writer.add_connection(topic, IMU, typestore=STORE)
             for topic in dict.fromkeys(topic for topic, _, _ in messages)
         }
         for topic, msgtype, message in extra:
             connection = writer.add_connection(topic, msgtype, typestore=STORE)
             writer.write(connection, 1, STORE.serialize_cdr(message, msgtype))
         for topic, received, message in messages:
-            raw = message if isinstance(message, bytes) else bytes(STORE.serialize_cdr(message, IMU_TYPE))
+            raw = message if isinstance(message, bytes) else bytes(STORE.serialize_cdr(message, IMU))
             writer.write(connections[topic], int(received), raw)
     return folder
 
@@ -136,8 +137,8 @@ def test_decoding_is_that_of_ros(tmp_path):
 
 
 def test_big_endian_messages_are_read():
-    little = bytes(STORE.serialize_cdr(imu(0), IMU_TYPE, little_endian=True))
-    big = bytes(STORE.serialize_cdr(imu(0), IMU_TYPE, little_endian=False))
+    little = bytes(STORE.serialize_cdr(imu(0), IMU, little_endian=True))
+    big = bytes(STORE.serialize_cdr(imu(0), IMU, little_endian=False))
     decoder = bags._ImuDecoder()
     decoder.add(0, little)
     decoder.add(1, big)
@@ -357,7 +358,7 @@ def test_written_bag_comes_back(tmp_path, name):
     assert record.stamps[0] == 1_700_000_000_000_000_005
     with AnyReader([path]) as reader:
         assert reader.message_count == 300
-        assert reader.topics['/hull/imu'].msgtype == IMU_TYPE
+        assert reader.topics['/hull/imu'].msgtype == IMU
     assert [each.name for each in tmp_path.iterdir()] == [name]
 
 

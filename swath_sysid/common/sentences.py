@@ -36,8 +36,7 @@ SENTENCES = {
     '{north:.3g} m/s north, is left out',
     'damaged-bag': '{path} is damaged ({reason}), and only its intact part was read; stop the recorder before its '
     'power is cut',
-    'damaged-messages': '{number} messages on {topic} are not of type {imu_type} and were left out: check the recorder',
-    'damaged-messages: run': '{path}: {number} messages cannot be read and were left out: check the recorder',
+    'damaged-messages': '{path}: {number} messages cannot be read and were left out: check the recorder',
     'disturbed-tail': 'the motion after {end:.1f} s was left out because its half-cycles or its period jump there, '
     'with {left:.0f} % of the first left: look at it, and give a later end if it belongs to the decay',
     'disturbed-tail: bounds': 'the motion before the given end seems free only until {found:.1f} s, where its '

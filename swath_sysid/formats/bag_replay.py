@@ -9,8 +9,7 @@ from rosbags.interfaces import QosDurability
 
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.bags import IMU_TYPE
-from swath_sysid.formats.topics import LATCHED_TOPICS
+from swath_sysid.formats.topics import IMU, LATCHED_TOPICS
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class RecordedTopic:
     @property
     def is_imu(self) -> bool:
         """Whether it holds IMU messages."""
-        return self.kind == IMU_TYPE
+        return self.kind == IMU
 
 
 def recorded_topics(readers: Sequence[Any]) -> dict[str, RecordedTopic]:

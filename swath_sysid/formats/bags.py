@@ -2,7 +2,7 @@
 
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,12 +29,12 @@ from swath_sysid.formats.messages import (
     ORIENTATION_COVARIANCE,
     RATES,
     RATES_COVARIANCE,
+    SECOND_NS,
     ImuMessage,
 )
 from swath_sysid.formats.output_bag import STORAGES, writing_bag
 from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC
 
-IMU_TYPE = IMU
 METADATA_FILE = 'metadata.yaml'
 #: First bytes of a storage file, and the ending it should have.
 MAGIC = {MCAP_MAGIC: '.mcap', b'SQLite format 3\0': '.db3'}
@@ -112,24 +112,19 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
     """
     path = Path(path)
     with opened_bag(path) as (readers, advice):
-        if advice and not any(c.msgtype == IMU_TYPE for reader in readers for c in reader.connections):
+        if advice and IMU not in {c.msgtype for reader in readers for c in reader.connections}:
             raise InputError(f'{path} is damaged and nothing of an IMU topic is left in it: record it again')
-        topic = _choose_topic(path, readers, topic)
+        topic = chosen_topic(path, readers, IMU, topic)
         decoder = _ImuDecoder()
-        for reader in readers:
-            connections = [c for c in reader.connections if c.topic == topic and c.msgtype == IMU_TYPE]
-            if connections:
-                try:
-                    for _, received, raw in reader.messages(connections):
-                        decoder.add(received, raw)
-                except Exception as error:  # the libraries raise whatever a broken byte leads them to
-                    advice.append(_damage(path, error))
+        for connection, time_ns, raw in intact_messages(path, readers, (topic,), advice):
+            if connection.msgtype == IMU:
+                decoder.add(time_ns, raw)
     stamps, received, values = decoder.arrays()
     if not stamps.size:
         problem = f' ({advice[-1].message})' if advice else ''
         raise InputError(f'{path} holds no readable message on {topic}{problem}: record it again')
     if decoder.damaged:
-        advice.append(Advice.of('damaged-messages', number=decoder.damaged, topic=topic, imu_type=IMU_TYPE))
+        advice.append(Advice.of('damaged-messages', path=path, number=decoder.damaged))
     order = np.argsort(received, kind='stable')
     if np.any(np.diff(order) != 1):
         stamps, received, values = stamps[order], received[order], values[order]
@@ -150,7 +145,7 @@ def write_imu_bag(
     sender = ImuMessage(frame_id)
     with writing_bag(path) as add:
         for stamp, values in zip(stamps.tolist(), imu_values(trial), strict=True):
-            add(topic, IMU_TYPE, stamp, sender.of_values(stamp, values))
+            add(topic, IMU, stamp, sender.of_values(stamp, values))
 
 
 def imu_values(trial: Trial) -> np.ndarray:
@@ -158,24 +153,17 @@ def imu_values(trial: Trial) -> np.ndarray:
 
     A missing angle or rate is zero; where a whole group is missing, its covariance says that it was not measured.
     """
-    count = trial.time.size
-    values = np.zeros((count, IMU_VALUES))
-
-    def known(channel: np.ndarray | None) -> np.ndarray:
-        return np.zeros(count) if channel is None else channel
-
-    roll, pitch, roll_rate, pitch_rate, yaw_rate = map(
-        known, (trial.roll, trial.pitch, trial.roll_rate, trial.pitch_rate, trial.yaw_rate)
-    )
-    turns, angles = (trial.roll_rate, trial.pitch_rate), (trial.roll, trial.pitch)
+    values = np.zeros((trial.time.size, IMU_VALUES))
+    angles, turns = (trial.roll, trial.pitch), (trial.roll_rate, trial.pitch_rate)
     forces = trial.accel_x, trial.accel_y, trial.accel_z
-    rates = body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
+    roll, pitch, *rates = (0.0 if channel is None else channel for channel in (*angles, *turns, trial.yaw_rate))
     for columns, covariance, parts, channels in (
-        (ORIENTATION, ORIENTATION_COVARIANCE, quaternion(roll, pitch, np.zeros(count)), angles),
-        (RATES, RATES_COVARIANCE, rates, turns),
-        (FORCE, FORCE_COVARIANCE, list(map(known, forces)), forces),
+        (ORIENTATION, ORIENTATION_COVARIANCE, quaternion(roll, pitch, 0.0), angles),
+        (RATES, RATES_COVARIANCE, body_rates(roll, pitch, *rates), turns),
+        (FORCE, FORCE_COVARIANCE, [0.0 if channel is None else channel for channel in forces], forces),
     ):
-        values[:, columns] = np.stack(parts, axis=1)
+        for place, part in zip(range(columns.start, columns.stop), parts, strict=True):
+            values[:, place] = part
         if all(channel is None for channel in channels):
             values[:, covariance.start] = NOT_MEASURED
     return values
@@ -188,7 +176,7 @@ class _ImuDecoder:
         self.frame_ids: dict[str, None] = {}
         self.damaged = 0
         self._waiting: list[tuple[int, Any]] = []
-        self._blocks: list[tuple[np.ndarray, ...]] = []
+        self._blocks = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, IMU_VALUES)))]
 
     def add(self, received: Any, raw: Any) -> None:
         # a broken database holds anything, also nothing
@@ -202,8 +190,7 @@ class _ImuDecoder:
     def arrays(self) -> tuple[np.ndarray, ...]:
         """Stamps, times of arrival, and values of all messages so far."""
         self._decode()
-        empty = np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, IMU_VALUES))
-        return tuple(np.concatenate(parts) for parts in zip(empty, *self._blocks, strict=True))
+        return tuple(np.concatenate(parts) for parts in zip(*self._blocks, strict=True))
 
     def _decode(self) -> None:
         alike = defaultdict(list)
@@ -216,10 +203,10 @@ class _ImuDecoder:
                 self.damaged += len(messages)
                 continue
             table = np.frombuffer(b''.join(raw for _, raw in messages), dtype=layout)
-            first = table['frame_id'][0]
-            ids = np.unique(table['frame_id']) if np.any(table['frame_id'] != first) else [first]
-            self.frame_ids.update(dict.fromkeys(frame_id.decode('utf-8', 'replace') for frame_id in ids))
-            stamps = table['sec'].astype(np.int64) * 1_000_000_000 + table['nanosec']
+            self.frame_ids.update(
+                dict.fromkeys(each.decode('utf-8', 'replace') for each in np.unique(table['frame_id']))
+            )
+            stamps = table['sec'].astype(np.int64) * SECOND_NS + table['nanosec']
             times = np.array([time for time, _ in messages], dtype=np.int64)
             self._blocks.append((stamps, times, table['values'].astype(float)))
 
@@ -253,27 +240,24 @@ def opened_bag(path: str | Path) -> Iterator[tuple[list[Any], list[Advice]]]:
 
 
 def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]:
-    files = _storage_files(path)
     problem = 'its metadata.yaml is missing'
     if (path / METADATA_FILE).is_file():
         try:
             return [stack.enter_context(Reader(path))], []
-        except Exception as error:  # as above
-            problem = str(error)
-    if not files:
-        raise InputError(
-            f'{path} is not a readable rosbag2 bag ({_reason(path, problem)}): give a bag folder, or '
-            f'a .mcap or .db3 file'
-        )
-    readers, advice = [], [_damage(path, problem)]
-    for file in files:
+        except Exception as error:  # the libraries raise whatever a broken byte leads them to
+            problem = _reason(path, error)
+    readers, advice = [], [Advice.of('damaged-bag', path=path, reason=problem)]
+    for file in _storage_files(path):
         try:
             opened, more = _open_storage(file, stack)
         except InputError as error:
-            advice.append(Advice('damaged-bag', str(error)))
-        else:
-            readers += opened
-            advice += more
+            opened, more = [], [Advice('damaged-bag', str(error))]
+        readers += opened
+        advice += more
+    if len(advice) == 1 and not readers:
+        raise InputError(
+            f'{path} is not a readable rosbag2 bag ({problem}): give a bag folder, or a .mcap or .db3 file'
+        )
     if not readers:
         raise InputError(advice[-1].message)
     return readers, advice
@@ -284,29 +268,28 @@ def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]
         kind = _storage_kind(path)
     if kind is None:
         raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
-    open_storage = Reader.STORAGE_PLUGINS[kind]
+
+    def opened(file: Path) -> list[Any]:
+        storage = Reader.STORAGE_PLUGINS[kind](file)
+        storage.open()
+        return [stack.enter_context(closing(storage))]
+
     try:
         if kind == '.mcap' and (damage := damage_of(path)):
             raise InputError(damage)
-        return [_opened(open_storage(path), stack)], []
+        return opened(path), []
     except Exception as error:  # as above
+        reason = _reason(path, error)
         if kind != '.mcap':
             raise InputError(
-                f'{path} is damaged ({_reason(path, error)}): recover it with the sqlite3 tool, as in '
-                f"sqlite3 OLD.db3 '.recover' | sqlite3 NEW.db3"
+                f"{path} is damaged ({reason}): recover it with sqlite3 OLD.db3 '.recover' | sqlite3 NEW.db3"
             ) from error
-        advice = [_damage(path, error)]
     try:
         mended = Path(stack.enter_context(tempfile.TemporaryDirectory())) / path.name
         copy_whole_records(path, mended)
-        return [_opened(open_storage(mended), stack)], advice
+        return opened(mended), [Advice.of('damaged-bag', path=path, reason=reason)]
     except Exception as error:  # as above
         raise InputError(f'{path} is damaged beyond reading ({_reason(path, error)}): record it again') from error
-
-
-def _opened(storage: Any, stack: ExitStack) -> Any:
-    storage.open()
-    return stack.enter_context(closing(storage))
 
 
 def _storage_files(folder: Path) -> list[Path]:
@@ -324,31 +307,38 @@ def _storage_kind(path: Path) -> str | None:
     return next((ending for magic, ending in MAGIC.items() if start.startswith(magic)), None)
 
 
-def _choose_topic(path: str | Path, readers: Sequence[Any], topic: str | None) -> str:
-    """The IMU topic to read."""
+def chosen_topic(path: str | Path, readers: Sequence[Any], kind: str, given: str | None, code: str = '') -> str:
+    """The topic of a type to read: that given, else the only one; errors have a code."""
     types = {c.topic: c.msgtype for reader in readers for c in reader.connections}
-    filled = {c.topic for reader in readers for c in reader.connections if c.msgcount and c.msgtype == IMU_TYPE}
-    imus = sorted(filled or (name for name, kind in types.items() if kind == IMU_TYPE))
+    filled = {c.topic for reader in readers for c in reader.connections if c.msgcount and c.msgtype == kind}
+    fitting = sorted(filled or (name for name, each in types.items() if each == kind))
     # our own recordings hold the forecasts beside the sensor
-    imus = [name for name in imus if f'/{LEADS}' not in name and not name.endswith(f'/{NEXT_TOPIC}')] or imus
-    listed = ', '.join(imus) or 'none'
-    if topic:
-        name = topic if topic.startswith('/') else f'/{topic}'
-        if types.get(name) == IMU_TYPE:
+    fitting = [name for name in fitting if f'/{LEADS}' not in name and not name.endswith(f'/{NEXT_TOPIC}')] or fitting
+    if given:
+        name = f'/{given.lstrip("/")}'
+        if types.get(name) == kind:
             return name
-        if name in types:
-            raise InputError(f'{path}: {name} is of type {types[name]}, not {IMU_TYPE}: choose an IMU topic ({listed})')
-        raise InputError(f'{path} holds no topic {name}: choose an IMU topic ({listed})')
-    if len(imus) == 1:
-        return imus[0]
-    if imus:
-        raise InputError(f'{path} holds {len(imus)} IMU topics: choose one of {listed}')
-    held = ', '.join(sorted(f'{name} ({kind})' for name, kind in types.items())) or 'none'
-    raise InputError(f'{path} holds no topic of type {IMU_TYPE} (topics in it: {held}): record one')
+        problem = f'{name} of type {types[name]}, not {kind}' if name in types else f'no topic {name}'
+        raise InputError(f'{path} holds {problem}: choose from {", ".join(fitting) or "none"}')
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        raise InputError(f'{path} holds {len(fitting)} topics of {kind}: choose one of {", ".join(fitting)}', code)
+    held = ', '.join(sorted(f'{name} ({each})' for name, each in types.items())) or 'none'
+    raise InputError(f'{path} holds no topic of type {kind} (topics in it: {held}): record one')
 
 
-def _damage(path: str | Path, error: object) -> Advice:
-    return Advice.of('damaged-bag', path=path, reason=_reason(path, error))
+def intact_messages(
+    path: str | Path, readers: Sequence[Any], topics: Collection[str], advice: list[Advice]
+) -> Iterator[tuple[Any, int, bytes]]:
+    """Connection, time of reception, ns, and bytes of the messages of topics; advice tells of what is damaged."""
+    for reader in readers:
+        connections = [c for c in reader.connections if c.topic in topics]
+        if connections:
+            try:
+                yield from reader.messages(connections)
+            except Exception as error:  # the libraries raise whatever a broken byte leads them to
+                advice.append(Advice.of('damaged-bag', path=path, reason=_reason(path, error)))
 
 
 def _reason(path: str | Path, error: object) -> str:

@@ -1,7 +1,8 @@
 """Rosbag2 records of manoeuvres: odometry, IMU, and thrusters as VRX names them or as a JointState."""
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,25 +12,26 @@ from swath_sysid.attitude.motion.attitude import quaternion
 from swath_sysid.attitude.motion.intake import NOT_MEASURED
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.bags import opened_bag
+from swath_sysid.formats.bags import chosen_topic, intact_messages, opened_bag
 from swath_sysid.formats.manoeuvring_messages import odometry_message, odometry_reading
 from swath_sysid.formats.messages import (
     FORCE_COVARIANCE,
     IMU_VALUES,
     ORIENTATION,
     RATES,
+    SECOND_NS,
     ImuMessage,
     number_message,
+    stamp_ns,
     typestore,
 )
 from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.topics import IMU, ODOMETRY
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
-from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, MEASURED, ManoeuvringTrial
 from swath_sysid.manoeuvring.motion.window import LARGEST_COMMAND
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState
 
-Table = dict[str, np.ndarray]
 Series = tuple[np.ndarray, np.ndarray]  #: Times, s, and values.
 
 JOINTS = 'sensor_msgs/msg/JointState'
@@ -37,7 +39,7 @@ NUMBERS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
 SIDES = {'port': re.compile(r'left|port', re.I), 'starboard': re.compile(r'right|starboard|stbd', re.I)}
 THRUSTER = re.compile('thrust|thruster|motor|cmd|command|prop|drive', re.I)
 
-MOTION = ('x', 'y', 'heading', 'surge', 'sway', 'yaw_rate')
+SEVERAL = 'several-topics'  #: The code of what is asked for by naming topics.
 
 CLOCKS_APART = 1.0  #: s by which header stamps may drift against times of arrival.
 SAME_TIME = 3  #: Decimals, s, within which two messages are simultaneous.
@@ -62,54 +64,42 @@ def read_manoeuvring_bag(
     """
     path = Path(path)
     with opened_bag(path) as (readers, advice):
-        advice = list(advice)
-        chosen = _choose(path, _topics_by_type(readers), odometry, imu, port, starboard)
-        tables = _read(path, readers, set(chosen.values()), advice)
-    pose = tables[chosen['odometry']]
-    offset = _clock_offset(pose, path, advice)
-    shifted = {topic: _times(table, offset) for topic, table in tables.items()}
-    sides, effort = _thrust(chosen, tables, shifted, path)
+        roles = {'odometry': chosen_topic(path, readers, ODOMETRY, odometry, SEVERAL)}
+        if imu or _topics(readers, IMU):
+            roles['imu'] = chosen_topic(path, readers, IMU, imu, SEVERAL)
+        roles |= _thruster_topics(path, readers, port, starboard)
+        tables = _read(path, readers, roles, advice)
+    offset = _clock_offset(tables['odometry'], path, advice)
+    series = {role: (_times(table, offset), table[:, 2:]) for role, table in tables.items()}
+    sides, effort = _thrust(series, path)
     time, left, right = _together(*sides)
-    most = max(np.max(np.abs(left), initial=0.0), np.max(np.abs(right), initial=0.0))
     if thrust_input is None:
+        most = max(np.max(np.abs(left), initial=0.0), np.max(np.abs(right), initial=0.0))
         thrust_input = FORCE if effort or most > LARGEST_COMMAND else COMMAND
         if thrust_input == COMMAND:
             advice.append(Advice.of('taken-as-commands', path=path))
-    motion = _motion(pose['values'], shifted[chosen['odometry']], path, advice)
-    series = {name: (shifted[chosen['odometry']], values) for name, values in motion.items()}
-    if 'imu' in chosen and tables[chosen['imu']]['values'].size:
-        series['yaw_rate'] = (shifted[chosen['imu']], tables[chosen['imu']]['values'][:, 0])
-    start = min(time[0], *(t[0] for t, _ in series.values()))
-    series = {name: (np.round(t - start, SAME_TIME), values) for name, (t, values) in series.items()}
-    time = np.round(time - start, SAME_TIME)
-    everything = np.unique(np.concatenate([time, *(t for t, _ in series.values())]))
-
-    def on_all(times: np.ndarray, values: np.ndarray) -> np.ndarray:
-        found = np.full(everything.size, np.nan)
-        found[np.searchsorted(everything, times)] = values
-        return found
-
-    channels: dict[str, Any] = {name: on_all(times, values) for name, (times, values) in series.items()}
+    stamps, pose = series['odometry']
+    channels = {name: (stamps, values) for name, values in _motion(pose, stamps, path, advice).items()}
+    if 'imu' in series:
+        channels['yaw_rate'] = series['imu'][0], series['imu'][1][:, 0]
+    channels |= {'port': (time, left), 'starboard': (time, right)}
+    start = min(times[0] for times, _ in channels.values() if times.size)
+    rounded = {name: np.round(times - start, SAME_TIME) for name, (times, _) in channels.items()}
+    everything = np.unique(np.concatenate(list(rounded.values())))
+    found: dict[str, Any] = {name: np.full(everything.size, np.nan) for name in channels}
+    for name, (_, values) in channels.items():
+        found[name][np.searchsorted(everything, rounded[name])] = values
     return ManoeuvringTrial(
-        everything,
-        on_all(time, left),
-        on_all(time, right),
-        thrust_input,
-        **channels,
-        frame='enu',
-        source=str(path),
-        advice=tuple(advice),
+        everything, thrust_input=thrust_input, **found, frame='enu', source=str(path), advice=tuple(advice)
     )
 
 
 def holds_manoeuvres(path: str | Path) -> tuple[bool, bool]:
     """Whether a bag holds odometry and thrust, and whether it holds an IMU."""
-    path = Path(path)
     with opened_bag(path) as (readers, _):
-        topics = _topics_by_type(readers)
-    numbers = set().union(*(topics.get(kind, set()) for kind in NUMBERS))
-    sides = all(any(p.search(t) and THRUSTER.search(t) for t in numbers) for p in SIDES.values())
-    return bool(topics.get(ODOMETRY) and (sides or topics.get(JOINTS))), bool(topics.get(IMU))
+        numbers = _topics(readers, *NUMBERS)
+        thrust = all(any(p.search(t) and THRUSTER.search(t) for t in numbers) for p in SIDES.values())
+        return bool(_topics(readers, ODOMETRY) and (thrust or _topics(readers, JOINTS))), bool(_topics(readers, IMU))
 
 
 def write_manoeuvring_bag(path: str | Path, manoeuvre: Manoeuvre, *, start_stamp_ns: int = 0) -> None:
@@ -125,7 +115,7 @@ def write_manoeuvring_bag(path: str | Path, manoeuvre: Manoeuvre, *, start_stamp
     with writing_bag(path) as add:
         for k, t in enumerate((m.time - m.time[0]).tolist()):
             stamp = int(start_stamp_ns) + round(t * 1e9)
-            motion = {name: float(getattr(m, name)[k]) for name in MOTION}
+            motion = {name: float(getattr(m, name)[k]) for name in MEASURED}
             state = ManoeuvreState(t, **motion, pose_covariance=unknown, twist_covariance=unknown)
             for topic, thrust in sides:
                 add(topic, NUMBERS[0], stamp, number_message(thrust[k]))
@@ -138,136 +128,93 @@ def write_manoeuvring_bag(path: str | Path, manoeuvre: Manoeuvre, *, start_stamp
             add('/wamv/sensors/imu/imu/data', IMU, stamp, imu.of_values(stamp, values))
 
 
-def _topics_by_type(readers: Sequence[Any]) -> dict[str, set[str]]:
-    topics: dict[str, set[str]] = {}
-    for connection in (connection for reader in readers for connection in reader.connections):
-        topics.setdefault(connection.msgtype, set()).add(connection.topic)
-    return topics
+def _topics(readers: Sequence[Any], *kinds: str) -> list[str]:
+    return sorted({c.topic for reader in readers for c in reader.connections if c.msgtype in kinds})
 
 
-def _choose(
-    path: str | Path,
-    topics: dict[str, set[str]],
-    odometry: str | None,
-    imu: str | None,
-    port: str | None,
-    starboard: str | None,
-) -> dict[str, str]:
-    """Topic of each role."""
-    chosen = {'odometry': _only(path, topics.get(ODOMETRY, set()), odometry, ODOMETRY)}
-    if imu or topics.get(IMU):
-        chosen['imu'] = _only(path, topics.get(IMU, set()), imu, IMU)
-    numbers = set().union(*(topics.get(kind, set()) for kind in NUMBERS))
-    for side, given in (('port', port), ('starboard', starboard)):
-        if given is not None:
-            if given not in numbers:
-                raise InputError(f'{path} has no topic {given} of {NUMBERS[0]}: it has {_listed(numbers)}')
-            chosen[side] = given
-            continue
-        found = [t for t in numbers if SIDES[side].search(t) and THRUSTER.search(t)]
+def _thruster_topics(path: Path, readers: Sequence[Any], *given: str | None) -> dict[str, str]:
+    """The topics of both sides, or of a JointState."""
+    numbers = _topics(readers, *NUMBERS)
+    chosen: dict[str, str] = {}
+    for (side, pattern), name in zip(SIDES.items(), given, strict=True):
+        if name is not None and name not in numbers:
+            raise InputError(f'{path} has no topic {name} of {NUMBERS[0]}: it has {", ".join(numbers) or "none"}')
+        found = [name] if name else [t for t in numbers if pattern.search(t) and THRUSTER.search(t)]
         # a thruster may have an angle topic (.../pos) beside its thrust
         found = [t for t in found if not re.search(r'(pos|angle|position)$', t)] or found
         if len(found) > 1:
             raise InputError(
-                f'{path} has several topics for the {side} thruster ({_listed(found)}): choose one', 'several-topics'
+                f'{path} has several topics for the {side} thruster ({", ".join(found)}): choose one', SEVERAL
             )
-        if found:
-            chosen[side] = found[0]
-    if 'port' in chosen and 'starboard' in chosen:
+        chosen |= dict.fromkeys([side] * len(found), *found)
+    if len(chosen) == len(SIDES):
         return chosen
-    if topics.get(JOINTS):
-        chosen = {k: v for k, v in chosen.items() if k in ('odometry', 'imu')}
-        chosen['joints'] = _only(path, topics[JOINTS], None, JOINTS)
-        return chosen
+    if _topics(readers, JOINTS):
+        return {'joints': chosen_topic(path, readers, JOINTS, None)}
     raise InputError(
         f'{path} has no thrust of both sides: looked for two topics of {NUMBERS[0]} with left or port and '
         f'right or starboard in their names, or one of {JOINTS}; name the topics',
-        'several-topics',
+        SEVERAL,
     )
 
 
-def _only(path: str | Path, topics: Collection[str], given: str | None, msgtype: str) -> str:
-    if given is not None:
-        if given not in topics:
-            raise InputError(f'{path} has no topic {given} of {msgtype}: it has {_listed(topics)}')
-        return given
-    if not topics:
-        raise InputError(f'{path} has no topic of {msgtype}: record one')
-    if len(topics) > 1:
-        raise InputError(f'{path} has several topics ({_listed(topics)}) of {msgtype}: choose one', 'several-topics')
-    return next(iter(topics))
-
-
-def _listed(topics: Collection[str]) -> str:
-    return ', '.join(sorted(topics)) or 'none'
-
-
-def _read(path: str | Path, readers: Sequence[Any], topics: Collection[str], advice: list[Advice]) -> dict[str, Table]:
-    """Stamps (NaN without a header), times of arrival, s, and numbers of the messages of some topics."""
+def _read(path: Path, readers: Sequence[Any], roles: dict[str, str], advice: list[Advice]) -> dict[str, np.ndarray]:
+    """By role the rows of its messages: stamp (NaN without a header) and time of arrival, s, and numbers."""
     store = typestore()
-    rows: dict[str, list[tuple]] = {topic: [] for topic in topics}
-    names: dict[str, list[int]] = {}
+    rows: dict[str, list[tuple]] = {topic: [] for topic in roles.values()}
     damaged = 0
-    for reader in readers:
-        connections = [c for c in reader.connections if c.topic in topics]
-        if not connections:
+    for connection, received, raw in intact_messages(path, readers, rows, advice):
+        try:
+            message = store.deserialize_cdr(raw, connection.msgtype)
+            numbers = _numbers(message, connection.msgtype)
+        except InputError:
+            raise
+        except Exception:  # the library raises whatever a broken byte leads it to; counted and reported below
+            damaged += 1
             continue
-        for connection, received, raw in reader.messages(connections):
-            try:
-                message = store.deserialize_cdr(raw, connection.msgtype)
-                numbers = _numbers(message, connection.msgtype, names)
-            except InputError:
-                raise
-            except Exception:  # the library raises whatever a broken byte leads it to; counted and reported below
-                damaged += 1
-                continue
-            header = getattr(message, 'header', None)
-            stamp = np.nan if header is None else header.stamp.sec + 1e-9 * header.stamp.nanosec
-            rows[connection.topic].append((stamp, 1e-9 * received, *numbers))
+        header = getattr(message, 'header', None)
+        stamp = np.nan if header is None else stamp_ns(header.stamp) / SECOND_NS
+        rows[connection.topic].append((stamp, received / SECOND_NS, *numbers))
     if damaged:
-        advice.append(Advice.of('damaged-messages: run', path=path, number=damaged))
-    tables = {}
-    for topic, found in rows.items():
-        if not found:
-            raise InputError(f'{path} holds no readable message on {topic}: record it again')
-        table = np.array(found, dtype=float)
-        tables[topic] = {'stamps': table[:, 0], 'received': table[:, 1], 'values': table[:, 2:]}
-    return tables
+        advice.append(Advice.of('damaged-messages', path=path, number=damaged))
+    empty = next((topic for topic, found in rows.items() if not found), None)
+    if empty is not None:
+        raise InputError(f'{path} holds no readable message on {empty}: record it again')
+    return {role: np.array(rows[topic], dtype=float) for role, topic in roles.items()}
 
 
-def _numbers(message: Any, msgtype: str, names: dict[str, list[int]]) -> tuple[float, ...]:
+def _numbers(message: Any, msgtype: str) -> tuple[float, ...]:
     if msgtype == ODOMETRY:
         reading = odometry_reading(message)
-        return tuple(getattr(reading, name) for name in MOTION)
+        return tuple(getattr(reading, name) for name in MEASURED)
     if msgtype == IMU:
         return (message.angular_velocity.z,)
     if msgtype == JOINTS:
-        places = names.get('joints')
-        if places is None:
-            places = names['joints'] = _joints(message)
-        source = message.effort if len(message.effort) == len(message.name) else message.velocity
-        return *(float(source[k]) for k in places), float(source is message.effort)
+        effort = len(message.effort) == len(message.name)
+        source = message.effort if effort else message.velocity
+        return *(float(source[k]) for k in _joints(tuple(message.name))), float(effort)
     return (float(message.data),)
 
 
-def _joints(message: Any) -> list[int]:
+@cache
+def _joints(names: tuple[str, ...]) -> list[int]:
     places = []
     for side, pattern in SIDES.items():
-        found = [k for k, name in enumerate(message.name) if pattern.search(name)]
+        found = [k for k, name in enumerate(names) if pattern.search(name)]
         if len(found) != 1:
-            held = ', '.join(message.name)
             raise InputError(
-                f'the joints {held} hold {len(found)} for the {side} thruster: record a JointState with '
+                f'the joints {", ".join(names)} hold {len(found)} for the {side} thruster: record a JointState with '
                 f'one joint per thruster, left or port and right or starboard'
             )
         places += found
     return places
 
 
-def _clock_offset(odometry: Table, path: str | Path, advice: list[Advice]) -> float | None:
+def _clock_offset(odometry: np.ndarray, path: Path, advice: list[Advice]) -> float | None:
     """Offset from times of arrival to header stamps, s; None: use arrival throughout."""
-    difference = odometry['stamps'] - odometry['received']
-    if not np.all(np.isfinite(difference)) or np.ptp(odometry['stamps']) == 0.0:
+    stamps, received = odometry[:, 0], odometry[:, 1]
+    difference = stamps - received
+    if not np.all(np.isfinite(difference)) or np.ptp(stamps) == 0.0:
         return None
     if np.ptp(difference) > CLOCKS_APART:
         advice.append(Advice.of('clocks-apart', path=path))
@@ -276,28 +223,22 @@ def _clock_offset(odometry: Table, path: str | Path, advice: list[Advice]) -> fl
     return float(np.quantile(difference, 0.9))
 
 
-def _times(table: Table, offset: float | None) -> np.ndarray:
+def _times(table: np.ndarray, offset: float | None) -> np.ndarray:
+    stamps, received = table[:, 0], table[:, 1]
     if offset is None:
-        return table['received']
-    stamps = table['stamps']
-    return stamps if np.all(np.isfinite(stamps)) else table['received'] + offset
+        return received
+    return stamps if np.all(np.isfinite(stamps)) else received + offset
 
 
-def _thrust(
-    chosen: dict[str, str], tables: dict[str, Table], times: dict[str, np.ndarray], path: str | Path
-) -> tuple[tuple[Series, Series], bool]:
-    if 'joints' in chosen:
-        table = tables[chosen['joints']]['values']
-        if table.shape[1] != 3:
-            raise InputError(f'{path}: {chosen["joints"]} holds neither effort nor velocity of two thrusters')
-        effort = bool(table[:, 2].all())
-        values = table[:, :2]
-        if not effort:
-            values = values / max(np.max(np.abs(values)), 1e-9)
-        clock = times[chosen['joints']]
-        return ((clock, values[:, 0]), (clock, values[:, 1])), effort
-    port, starboard = ((times[chosen[s]], tables[chosen[s]]['values'][:, 0]) for s in SIDES)
-    return (port, starboard), False
+def _thrust(series: dict[str, Series], path: Path) -> tuple[tuple[Series, Series], bool]:
+    """The series of both sides, and whether they are efforts."""
+    if 'joints' not in series:
+        port, starboard = ((series[side][0], series[side][1][:, 0]) for side in SIDES)
+        return (port, starboard), False
+    clock, table = series['joints']
+    effort = bool(table[:, 2].all())
+    values = table[:, :2] if effort else table[:, :2] / max(np.max(np.abs(table[:, :2])), 1e-9)
+    return ((clock, values[:, 0]), (clock, values[:, 1])), effort
 
 
 def _together(port: Series, starboard: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -316,7 +257,7 @@ def _together(port: Series, starboard: Series) -> tuple[np.ndarray, np.ndarray, 
 
 def _motion(values: np.ndarray, time: np.ndarray, path: str | Path, advice: list[Advice]) -> dict[str, np.ndarray]:
     """Channels of the odometry; a twist in world axes is turned into body axes."""
-    x, y, yaw, surge, sway, rate = values.T
+    surge, sway, rate, yaw, x, y = values.T
     span = max(1, round(TWIST_SPAN / max(float(np.median(np.diff(time))), 1e-6))) if time.size > 1 else 1
     if time.size > 4 * span and np.ptp(x) + np.ptp(y) > 2.0:
         cosine, sine = np.cos(yaw), np.sin(yaw)
