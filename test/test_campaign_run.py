@@ -85,7 +85,7 @@ def test_every_record_with_every_equation(done):
     assert len(axis.records) == 4 and axis.names == ('linear', 'swath-pitch-6')
     assert outcome.failures == () and outcome.kept == 0
     for objective in ('simulation', 'one-step'):
-        assert [[f.equation for f in fits] for fits in axis.fits[objective]] == [list(axis.names)] * 4
+        assert [[f.model.equation.name for f in fits] for fits in axis.fits[objective]] == [list(axis.names)] * 4
         assert [out_of_order(fits) for fits in axis.fits[objective]] == [()] * 4
     assert list(axis.by_draft) == [0.9, 1.1] and len(axis.best) == 2
     np.testing.assert_allclose(axis.schedule.ratio('r1'), [hull_at(f).terms['r1'] for f in DRAFTS], rtol=0.02)
@@ -372,7 +372,7 @@ def test_measured_trials(data_folder, tmp_path):
     )
     outcome = work_off(tmp_path, tmp_path / 'out')
     (axis,) = outcome.axes
-    assert len(axis.records) == 9 and axis.ranking.choice.equation == 'odd-cubic+friction'
+    assert len(axis.records) == 9 and axis.ranking.choice.name == 'odd-cubic+friction'
     assert [a.code for a in axis.ranking.findings] == ['friction-necessary']
     chosen = [fits[axis.choice] for fits in (*axis.fits['simulation'], *axis.by_draft.values())]
     assert min(f.ratio(term)[0] for f in chosen for term in ('b0', 'b1', 'b2')) >= 0.0
@@ -422,7 +422,7 @@ def test_without_an_equation_one_hull_is_told_with_its_verdicts(at_two_speeds):
     outcome, output = at_two_speeds
     resting, _ = outcome.axes
     (name,) = resting.names
-    assert set(equation_named(name).terms) == {t for (fit,) in resting.by_draft.values() for t in fit.terms}
+    assert set(equation_named(name).terms) == {t for (fit,) in resting.by_draft.values() for t in fit.model.terms}
     assert name in resting.ranking.reason and 'general hull' in resting.ranking.reason
     models = [identified for axis in outcome.axes for identified in axis.schedule.models]
     assert all(set(m.posterior.equation.terms) >= set(m.model.equation.terms) and m.verdict for m in models)

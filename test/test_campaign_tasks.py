@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.catalogue import composed, equation_named, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.forecast_check import (
     forecast_errors,
@@ -17,13 +18,12 @@ from swath_sysid.attitude.identification.forecast_check import (
     next_step,
     simulation_error,
 )
-from swath_sysid.attitude.identification.identify import IdentificationSettings
+from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.campaign.evaluation import (
     Condition,
-    FitSummary,
     Judgement,
     Record,
     best_repeats,
@@ -31,7 +31,7 @@ from swath_sysid.campaign.evaluation import (
     common_equation,
     fit_one,
     fit_together,
-    joined,
+    joint_problem,
     judge,
     noise_statement,
     out_of_order,
@@ -43,6 +43,7 @@ from swath_sysid.campaign.evaluation import (
     with_open_choice,
 )
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.plain import from_plain
 
 HULL = hull_named('swath-pitch').model
 NAMES = ('linear', 'swath-pitch-2', 'swath-pitch-1')
@@ -54,44 +55,73 @@ def trial(angle_deg, seed, noise=SensorNoise(), hull=HULL):  # noqa: B008 - froz
     return simulated_trial(hull, math.radians(angle_deg), 10.0, 50.0, noise, seed)
 
 
+def kept(plain, problem, settings):
+    """What a task gave, as it comes back from the store."""
+    return Identification.restored(json.loads(json.dumps(plain)), problem, settings)
+
+
+def settled(problem, fits):
+    return [kept(plain, problem, fit.settings) for plain, fit in zip(settle(problem, fits), fits, strict=True)]
+
+
+def fitted(problem, names):
+    """Fits of one problem with every equation, settled."""
+    each = [replace(SIMULATION, equation=name) for name in names]
+    return settled(problem, [kept(fit_one(problem, settings), problem, settings) for settings in each])
+
+
+def judged(fits, other):
+    return from_plain(tuple[Judgement, ...], json.loads(json.dumps(judge(fits, other))))
+
+
 @pytest.fixture(scope='module')
-def problems():
+def records():
     """Two repeats from 6 deg and one from 9 deg."""
-    return [prepare([trial(angle, seed).axis('pitch')]) for angle, seed in ((6, 1), (6, 2), (9, 3))]
+    motions = [(angle, trial(angle, seed).axis('pitch')) for angle, seed in ((6, 1), (6, 2), (9, 3))]
+    return [
+        Record(f'{k}', Condition('pitch', 1.0, angle), k % 2 + 1, motion, prepare([motion]))
+        for k, (angle, motion) in enumerate(motions)
+    ]
 
 
 @pytest.fixture(scope='module')
-def fits(problems):
-    return [settle(p, SIMULATION, [fit_one(p, replace(SIMULATION, equation=name)) for name in NAMES]) for p in problems]
+def fits(records):
+    return [fitted(r.problem, NAMES) for r in records]
 
 
-def records_of(problems):
-    conditions = [Condition('pitch', 1.0, 6.0), Condition('pitch', 1.0, 6.0), Condition('pitch', 1.0, 9.0)]
-    return [Record(f'{k}', c, k % 2 + 1, p) for k, (c, p) in enumerate(zip(conditions, problems, strict=True))]
+def with_terms(fit, **terms):
+    """The same fit with other ratios."""
+    model = fit.model
+    return replace(fit, model=DecayModel.from_terms(model.equation, model.terms | terms, trim=model.trim, axis='pitch'))
 
 
-def test_a_summary_is_the_model(fits):
-    summary = fits[0][1]
-    assert summary.model.terms == dict(zip(summary.terms, summary.ratios, strict=True))
-    kept = summary.identified_model({'software': 'test'})
-    assert kept.std == pytest.approx(dict(zip(summary.terms, summary.std, strict=True)))
-    assert kept.metrics['r2'] == summary.r2 and kept.provenance['software'] == 'test'
+def test_a_fit_comes_back_from_the_store_to_the_last_bit(fits):
+    fit = fits[0][1]
+    again = kept(fit.plain(), fit.problem, fit.settings)
+    assert again.plain() == fit.plain() and again.model == fit.model
+    assert (again.r2, again.rmse, again.rate_rmse, again.verdict) == (fit.r2, fit.rmse, fit.rate_rmse, fit.verdict)
+    assert again.identified_model({'software': 'test'}) == fit.identified_model({'software': 'test'})
 
 
-def test_settling_repairs_a_search_that_failed(problems, fits):
+def test_settling_repairs_a_search_that_failed(records, fits):
     small, large = fits[0][0], fits[0][1]
-    failed = replace(large, ratios=tuple(1.3 * r for r in large.ratios), objective_value=2.0 * small.objective_value)
+    wrong = with_terms(large, **{t: 1.3 * value for t, value in large.model.terms.items()})
+    failed = replace(wrong, objective_value=2.0 * small.objective_value)
     assert out_of_order((small, failed)) == (('swath-pitch-2', 'linear'),)
-    settled = settle(problems[0], SIMULATION, (small, failed))
-    assert out_of_order(settled) == () and settled[0] == small
-    assert settled[1].objective_value == pytest.approx(large.objective_value, rel=1e-6)
-    assert settled[1].stop == 'refined'
+    repaired = settled(records[0].problem, (small, failed))
+    assert out_of_order(repaired) == () and repaired[0].plain() == small.plain()
+    assert repaired[1].objective_value == pytest.approx(large.objective_value, rel=1e-6)
+    assert repaired[1].search.stop == 'refined'
 
 
-def test_together_is_better_known_than_alone(problems, fits):
-    both = joined(problems[:2])
-    assert both.scales.amplitude == max(p.scales.amplitude for p in problems[:2])
-    together = fit_together(both, SIMULATION, 'swath-pitch-2', [f[1] for f in fits[:2]])
+def together_of(records, fits, place):
+    problem = joint_problem(records)
+    return kept(fit_together(problem, [f[place] for f in fits]), problem, fits[0][place].settings)
+
+
+def test_together_is_better_known_than_alone(records, fits):
+    together = together_of(records[:2], fits[:2], 1)
+    assert together.problem.scales.amplitude == max(r.problem.scales.amplitude for r in records[:2])
     assert len(together.states) == 2
     for term in ('b1', 'r1'):
         value, std = together.ratio(term)
@@ -99,27 +129,16 @@ def test_together_is_better_known_than_alone(problems, fits):
         assert abs(value - HULL.terms[term]) < 4.0 * std
 
 
-def test_joining_is_what_preparing_both_records_gives():
-    motions = [trial(angle, 5).axis('pitch') for angle in (6, 9)]
-    one, both = prepare(motions), joined([prepare([m]) for m in motions])
-    assert both.scales == one.scales and both.noise == one.noise and both.friction_rate == one.friction_rate
-    assert [s.start for s in both.segments] == [s.start for s in one.segments]
-
-
-def test_judging_knows_the_truth_from_a_wrong_hull(problems, fits):
-    wrong = replace(
-        fits[0][1],
-        ratios=tuple(r * (1.2 if t == 'r1' else 1.0) for t, r in zip(fits[0][1].terms, fits[0][1].ratios, strict=True)),
-    )
-    right, bad = judge(problems[0], SIMULATION, (fits[0][1], wrong), problems[1])
+def test_judging_knows_the_truth_from_a_wrong_hull(records, fits):
+    fit = fits[0][1]
+    right, bad = judged((fit, with_terms(fit, r1=1.2 * fit.model.terms['r1'])), records[1].problem)
     assert right.simulation < 0.1 and right.held_out < 0.1
     assert bad.simulation > 3 * right.simulation and bad.held_out > 3 * right.held_out
     assert all(b > r for b, r in zip(bad.forecasts, right.forecasts, strict=True))
-    assert Judgement.from_plain(json.loads(json.dumps(right.plain()))) == right
 
 
-def test_a_lone_record_is_judged_on_its_second_half(problems, fits):
-    (found,) = judge(problems[2], SIMULATION, fits[2][:1], None)
+def test_a_lone_record_is_judged_on_its_second_half(fits):
+    (found,) = judged(fits[2][:1], None)
     assert 0.0 < found.held_out < 1.0
 
 
@@ -179,36 +198,29 @@ def test_a_runaway_simulation_is_infinitely_wrong():
     assert simulation_error(fleeing, InitialState(0.1, 0.0, 0.0), motion) > 1e6
 
 
-def test_the_best_repeat_is_the_best_explained(problems, fits):
-    records = records_of(problems)
-    spoilt = [tuple(replace(f, r2=f.r2 - 0.01) for f in fits[0]), *fits[1:]]
-    assert best_repeats(records, spoilt) == {records[0].condition: 1, records[2].condition: 2}
+def test_the_best_repeat_is_the_best_explained(records, fits):
+    worse = [with_terms(f, r1=1.05 * f.model.terms['r1']) for f in fits[0]]
+    assert best_repeats(records, [worse, *fits[1:]]) == {records[0].condition: 1, records[2].condition: 2}
 
 
-def test_differences_within_the_noise_are_told(fits, problems):
+def test_differences_within_the_noise_are_told(fits, records):
     linear, two, one = fits[2]
     within = beyond_noise((linear, two, replace(one, objective_value=two.objective_value * (1 - 1e-6))))
     assert within == (True, False, False)
-    records = records_of(problems)
     statement = noise_statement(records, [(f[1], f[2]) for f in fits], best_repeats(records, fits))
     assert 'no difference exceeds the noise' in statement and 'between repeats' in statement
 
 
-def test_ranking_takes_the_simplest_adequate(fits, problems):
-    together = fit_all_together(problems, fits)
-    judgements = [judge(p, SIMULATION, f, problems[0]) for p, f in zip(problems, fits, strict=True)]
+def test_ranking_takes_the_simplest_adequate(fits, records):
+    own = [together_of(records, fits, k) for k in range(len(NAMES))]
+    together = settled(own[0].problem, own)
+    judgements = [judged(f, records[0].problem) for f in fits]
     ranking = rank_campaign('pitch', [together], fits, judgements)
-    assert {r.equation for r in ranking.ranked} == set(NAMES)
-    assert ranking.choice.equation == 'swath-pitch-2' and 'swath-pitch-2' in ranking.reason
+    assert {r.name for r in ranking.ranked} == set(NAMES)
+    assert ranking.choice.name == 'swath-pitch-2' and 'swath-pitch-2' in ranking.reason
     assert ranking.findings == ()
     with pytest.raises(InputError, match='no equation could be fitted'):
         rank_campaign('pitch', [], [], [])
-
-
-def fit_all_together(problems, fits):
-    problem = joined(problems)
-    own = [fit_together(problem, SIMULATION, name, [f[k] for f in fits]) for k, name in enumerate(NAMES)]
-    return settle(problem, SIMULATION, own)
 
 
 def test_friction_is_found_and_said():
@@ -217,10 +229,9 @@ def test_friction_is_found_and_said():
     )
     quiet = SensorNoise(1e-4, 1e-3, 0.0)
     problem = prepare([trial(6, 1, quiet, model).axis('pitch')])
-    names = ('odd-cubic', 'odd-cubic+friction')
-    own = settle(problem, SIMULATION, [fit_one(problem, replace(SIMULATION, equation=name)) for name in names])
-    ranking = rank_campaign('pitch', [own], [own], [judge(problem, SIMULATION, own, None)])
-    assert ranking.choice.equation == 'odd-cubic+friction'
+    own = fitted(problem, ('odd-cubic', 'odd-cubic+friction'))
+    ranking = rank_campaign('pitch', [own], [own], [judged(own, None)])
+    assert ranking.choice.name == 'odd-cubic+friction'
     (finding,) = ranking.findings
     assert finding.code == 'friction-necessary' and 'quadratic damping' in finding.message
 
@@ -244,14 +255,20 @@ def test_the_schedule_holds_the_joint_fits(fits):
 
 def test_the_hull_of_all_drafts_has_the_terms_of_each(fits):
     linear, two, one = fits[0]
-    assert common_equation([linear, replace(two, terms=('b1', 'b2', 'r1', 'r3'))], True) == 'b1,b2|r1,r3'
-    rubbing = replace(linear, terms=('b0', 'b1', 'r1'))
+    assert common_equation([linear, of_terms(two, 'b1', 'b2', 'r1', 'r3')], True) == 'b1,b2|r1,r3'
+    rubbing = of_terms(linear, 'b0', 'b1', 'r1')
     assert common_equation([rubbing], True) == 'b0,b1|r1' and common_equation([rubbing], False) == 'b1|r1'
-    posterior = one.terms, one.ratios, one.covariance
+    equation = one.model.equation
+    posterior = HullPosterior(equation, one.model.ratios[equation.indices], one.covariance)
     pruned = replace(two, posterior=posterior)
     assert with_open_choice([two], pruned) == (pruned,)
-    assert with_open_choice([one], pruned) == (replace(one, posterior=posterior),)
-    assert FitSummary.from_plain(json.loads(json.dumps(pruned.plain()))) == pruned
+    (open_choice,) = with_open_choice([one], pruned)
+    assert open_choice.model is one.model and open_choice.posterior is posterior
+    assert kept(pruned.plain(), pruned.problem, pruned.settings).posterior == posterior
+
+
+def of_terms(fit, *terms):
+    return replace(fit, model=DecayModel.from_terms(composed(terms), dict.fromkeys(terms, 1.0), axis='pitch'))
 
 
 def test_equations_that_fit_alike_share_the_best(fits):

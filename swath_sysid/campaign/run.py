@@ -13,13 +13,12 @@ from typing import Any
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
-from swath_sysid.attitude.identification.identify import IdentificationSettings
+from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.problem import Problem, prepare
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.campaign.evaluation import (
     Condition,
-    FitSummary,
     Judgement,
     Ranking,
     Record,
@@ -28,7 +27,7 @@ from swath_sysid.campaign.evaluation import (
     common_equation,
     fit_one,
     fit_together,
-    joined,
+    joint_problem,
     judge,
     rank_campaign,
     schedule_of,
@@ -42,9 +41,10 @@ from swath_sysid.campaign.manifest import Craft, Manifest, TrialEntry
 from swath_sysid.campaign.result_store import ResultStore, key_of
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.plain import from_plain
 from swath_sysid.formats.reading import read_trial, source_hash
 
-RESULT_FORMAT = 2  #: Raised when earlier results can no longer be used.
+RESULT_FORMAT = 3  #: Raised when earlier results can no longer be used.
 POLL_S = 0.2
 ANGLE_STEP_DEG = 0.5  #: Resolution of an initial angle that is not given but taken from the decay.
 
@@ -99,7 +99,7 @@ class AxisOutcome:
     @property
     def choice(self) -> int:
         """Index of the chosen equation."""
-        return self.names.index(self.ranking.choice.equation)
+        return self.names.index(self.ranking.choice.name)
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> TrialOutc
     except Exception as error:  # noqa: BLE001 - one damaged file must not stop the others; its reason is reported
         return outcome.left_out(f'{type(error).__name__} while reading it: {error}')
     condition = Condition(entry.axis, loading, float(angle), entry.speed_m_s or 0.0)
-    record = Record(outcome.name, condition, entry.repeat or 0, problem)
+    record = Record(outcome.name, condition, entry.repeat or 0, trial.axis(entry.axis), problem)
     advice = tuple(dict.fromkeys((*trial.advice, *problem.advice)))
     return replace(outcome, sha256=sha256, record=record, advice=advice)
 
@@ -266,11 +266,9 @@ def _numbered(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
 
 
 def _timed(function: Callable, arguments: tuple) -> tuple[Any, float]:
-    """Result in plain data and the processor time that it took, s; runs in the worker."""
+    """Result, plain data, and the processor time that it took, s; runs in the worker."""
     began = time.process_time()
-    result = function(*arguments)
-    plain = [r.plain() for r in result] if isinstance(result, tuple) else result.plain()
-    return plain, time.process_time() - began
+    return function(*arguments), time.process_time() - began
 
 
 class _Work:
@@ -367,7 +365,7 @@ class _AxisPlan:
         self._ids = {str(record): _identity(t) for record, t in used}
         self._sources = {str(record): {'file': t.name, 'sha256': t.sha256} for record, t in used}
         self._names = list(manifest.equations)
-        self._pruned: dict[float, FitSummary] = {}
+        self._pruned: dict[float, Identification] = {}
         self.left_out: dict[str, str] = {}
 
     @property
@@ -406,10 +404,10 @@ class _AxisPlan:
             own = dict(zip(order, (only for (only,) in fits['simulation']), strict=True))
             joint = {k: only for k, (only,) in by_draft.items()}
             ranking = told_alone(ranking, joint, own, bool(self._manifest.equations))
-        choice = self._names.index(ranking.choice.equation)
+        choice = self._names.index(ranking.choice.name)
         schedule = schedule_of(
             list(by_draft.values()),
-            ranking.choice.equation,
+            ranking.choice.name,
             list(by_draft),
             quantity,
             [self._provenance(group) for group in self._drafts().values()],
@@ -457,10 +455,14 @@ class _AxisPlan:
             ids = [self._ids[str(r)] for r in group]
             key = key_of('prune', ids, GENERAL_HULL.terms, asdict(self._manifest.search))
             label = f'{_place_name(loading)}, {len(group)} records, which terms'
-            tasks[loading] = Task(key, label, fit_one, (joined([r.problem for r in group]), settings))
+            tasks[loading] = Task(key, label, fit_one, (joint_problem(group), settings))
         results = self._work.results(list(tasks.values()))
-        found = {place: results[task.key] for place, task in tasks.items() if task.key in results}
-        self._pruned = {place: FitSummary.from_plain(plain) for place, plain in found.items()}
+        found = {
+            place: Identification.restored(results[task.key], *task.arguments)
+            for place, task in tasks.items()
+            if task.key in results
+        }
+        self._pruned = found
         failed = [str(r) for r in self._records if r.condition.loading not in found]
         self.left_out |= dict.fromkeys(failed, 'the fit of all records of its draft failed; see the failures')
         self._records = [r for r in self._records if str(r) not in failed]
@@ -469,7 +471,7 @@ class _AxisPlan:
             self._names = [common_equation(self._pruned.values(), with_friction)]
 
     def _single_fits(self) -> dict:
-        """(record, objective, equation) to key and summary."""
+        """(record, objective, equation) to key and fit."""
         tasks = {
             (str(record), objective, name): Task(
                 self._fit_key(record, objective, name),
@@ -481,7 +483,7 @@ class _AxisPlan:
         }
         results = self._work.results(list(tasks.values()))
         return {
-            place: (task.key, FitSummary.from_plain(results[task.key]))
+            place: (task.key, Identification.restored(results[task.key], *task.arguments))
             for place, task in tasks.items()
             if task.key in results
         }
@@ -508,45 +510,48 @@ class _AxisPlan:
         return {place: results[task.key] for place, task in tasks.items()}
 
     def _in_order(self, tasks: dict[Any, Task]) -> dict:
-        """Place to key and summaries, in the order of the equations, of tasks that settle them."""
-        return {
-            place: (tasks[place].key, tuple(map(FitSummary.from_plain, plain)))
-            for place, plain in self._needed(tasks).items()
-        }
+        """Place to key and fits, in the order of the equations, of tasks that settle them."""
+        found = {}
+        for place, plain in self._needed(tasks).items():
+            problem, fits = tasks[place].arguments
+            settled = (
+                Identification.restored(each, problem, fit.settings) for each, fit in zip(plain, fits, strict=True)
+            )
+            found[place] = tasks[place].key, tuple(settled)
+        return found
 
     def _settled(self, single: dict) -> dict[str, dict]:
-        """Objective to record to key and summaries, in the order of the equations."""
+        """Objective to record to key and fits, in the order of the equations."""
         tasks = {}
         for record, objective in product(self._records, self._manifest.objectives):
-            kept = [single[str(record), objective, name] for name in self._names]
-            key = key_of('settle', [k for k, _ in kept])
-            arguments = (record.problem, self._settings(objective), tuple(s for _, s in kept))
-            tasks[objective, str(record)] = Task(key, f'{record}, nested equations, {objective}', settle, arguments)
+            keys, fits = zip(*(single[str(record), objective, name] for name in self._names), strict=True)
+            label = f'{record}, nested equations, {objective}'
+            tasks[objective, str(record)] = Task(key_of('settle', keys), label, settle, (record.problem, fits))
         found: dict[str, dict] = {}
         for (objective, record), settled in self._in_order(tasks).items():
             found.setdefault(objective, {})[record] = settled
         return found
 
     def _together(self, groups: dict[Any, list[Record]], simulated: dict) -> dict:
-        """Condition or draft to summaries, in the order of the equations."""
-        settings = self._settings('simulation')
+        """Condition or draft to fits, in the order of the equations."""
         several = {place: group for place, group in groups.items() if len(group) > 1}
-        problems = {place: joined([r.problem for r in group]) for place, group in several.items()}
+        problems = {place: joint_problem(group) for place, group in several.items()}
         tasks = {}
         for place, group in several.items():
-            kept = [simulated[str(r)] for r in group]
-            for index, name in enumerate(self._names):
-                key = key_of('together', name, [k for k, _ in kept])
-                arguments = (problems[place], settings, name, tuple(summaries[index] for _, summaries in kept))
+            keys, fits = zip(*(simulated[str(r)] for r in group), strict=True)
+            for name, starts in zip(self._names, zip(*fits, strict=True), strict=True):
                 label = f'{_place_name(place)}, {len(group)} records, {name}'
-                tasks[place, name] = Task(key, label, fit_together, arguments)
+                tasks[place, name] = Task(
+                    key_of('together', name, keys), label, fit_together, (problems[place], starts)
+                )
         results, orders = self._needed(tasks), {}
-        for place in several:
-            own = tuple(FitSummary.from_plain(results[place, name]) for name in self._names)
-            key = key_of('settle', [tasks[place, name].key for name in self._names])
-            orders[place] = Task(
-                key, f'{_place_name(place)}, nested equations', settle, (problems[place], settings, own)
+        for place, problem in problems.items():
+            own = tuple(
+                Identification.restored(results[place, name], problem, self._settings('simulation', name))
+                for name in self._names
             )
+            key = key_of('settle', [tasks[place, name].key for name in self._names])
+            orders[place] = Task(key, f'{_place_name(place)}, nested equations', settle, (problem, own))
         settled = self._in_order(orders)
         return {
             place: settled[place][1] if place in settled else simulated[str(group[0])][1]
@@ -559,23 +564,21 @@ class _AxisPlan:
         for group in self._conditions().values():
             for index, record in enumerate(group):
                 other = group[(index + 1) % len(group)] if len(group) > 1 else None
-                key, summaries = simulated[str(record)]
+                key, fits = simulated[str(record)]
                 tasks[str(record)] = Task(
                     key_of('judge', key, self._ids[str(other)] if other else None),
                     f'{record}, forecasts',
                     judge,
-                    (record.problem, self._settings('simulation'), summaries, other.problem if other else None),
+                    (fits, other.problem if other else None),
                 )
         found = self._needed(tasks)
-        return tuple(tuple(map(Judgement.from_plain, found[str(record)])) for record in self._records)
+        return tuple(from_plain(tuple[Judgement, ...], found[str(record)]) for record in self._records)
 
     def _provenance(self, group: Sequence[Record]) -> dict:
         return {
             'software': f'swath_sysid {__version__}',
             'campaign': self._manifest.title,
             'sources': [self._sources[str(r)] for r in group],
-            'segments_s': [[float(s.start), float(s.end)] for r in group for s in r.problem.segments],
-            'search': asdict(self._manifest.search),
         }
 
 

@@ -17,7 +17,7 @@ from swath_sysid.attitude.identification.extinction import (
     tank_quantities,
 )
 from swath_sysid.common.errors import InputError
-from swath_sysid.report.campaign_figures import STYLE, bands_of, legend_below, panel
+from swath_sysid.report.campaign_figures import STYLE, legend_below, panel
 from swath_sysid.report.campaign_page import Drawing
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.extinction_tables import (
@@ -32,7 +32,8 @@ from swath_sysid.report.figures import MEASURED, SERIES, two_std_band
 from swath_sysid.report.tables import Column, Table, digits
 
 if TYPE_CHECKING:
-    from swath_sysid.campaign.evaluation import Condition, FitSummary
+    from swath_sysid.attitude.identification.identify import Identification
+    from swath_sysid.campaign.evaluation import Condition
     from swath_sysid.campaign.manifest import PredictedDamping
     from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 
@@ -109,13 +110,11 @@ def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
     for condition, members, peaks, curve, fit, inertia, particulars in _conditions(outcome, axis):
         place = condition.loading, condition.initial_angle_deg
         labelled += [(axis.records[k].name, p) for k, p in zip(members, peaks, strict=True)]
-        at = float(np.sqrt(np.prod(fit.amplitude_range)))
-        repeats = [bands_of(axis.fits['simulation'][k][axis.choice]) for k in members]
-        found = tank_quantities(
-            axis.motion, bands_of(fit), at, inertia, particulars, outcome.manifest.uncertainty, repeats
-        )
+        at = fit.reference_amplitude
+        repeats = [axis.fits['simulation'][k][axis.choice].bands for k in members]
+        found = tank_quantities(axis.motion, fit.bands, at, inertia, particulars, outcome.manifest.uncertainty, repeats)
         damping += [(*place, math.degrees(at), *quantity_row(q)) for q in found]
-        terms = {name: fit.ratio(name) for name in fit.terms}
+        terms = {name: fit.ratio(name) for name in fit.model.terms}
         if curve is not None:
             curves += [(*place, *row) for row in curve_rows(curve, terms, inertia, particulars, axis.motion)]
     where = Column(LOADING_NAMES[outcome.quantity], digits(4)), Column('initial angle [deg]', digits(4))
@@ -179,7 +178,7 @@ def _damping_figure(outcome: CampaignOutcome, items: Sequence[tuple], title: str
     figure, axes = panel(title=title, xlabel=f'{axis.motion} mean amplitude [deg]', ylabel=ylabel)
     highest = 0.0
     for k, (condition, _, peaks, _, fit, inertia, _) in enumerate(items):
-        colour, bands = SERIES[k % len(SERIES)], bands_of(fit)
+        colour, bands = SERIES[k % len(SERIES)], fit.bands
         frequency = bands.curves.frequency
         factor = 2.0 * inertia * frequency if dimensional else np.ones_like(frequency)
         value, std = bands.curves.damping_ratio * factor, bands.damping_ratio_std * factor
@@ -209,9 +208,10 @@ def _damping_figure(outcome: CampaignOutcome, items: Sequence[tuple], title: str
     return figure
 
 
-def _predicted(prediction: PredictedDamping, fit: FitSummary, inertia: float | None, dimensional: bool):
+def _predicted(prediction: PredictedDamping, fit: Identification, inertia: float | None, dimensional: bool):
     """A prediction in the unit of the figure; None where the inertia that this takes is not known."""
-    frequency = float(np.interp(np.radians(prediction.amplitude_deg), fit.amplitude, fit.frequency))
+    curves = fit.bands.curves
+    frequency = float(np.interp(np.radians(prediction.amplitude_deg), curves.amplitude, curves.frequency))
     moment, ratio = prediction.damping_n_m_s, prediction.damping_ratio
     given = moment if dimensional else ratio
     if given is not None or inertia is None:

@@ -10,11 +10,8 @@ import matplotlib
 import numpy as np
 from matplotlib import rcsetup
 
-from swath_sysid.attitude.hull.amplitude import AmplitudeCurves
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
-from swath_sysid.campaign.evaluation import term_values
 from swath_sysid.common.covariance import correlation
 from swath_sysid.report.campaign_page import Drawing
 from swath_sysid.report.campaign_tables import LOADING_NAMES
@@ -34,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from swath_sysid.campaign.evaluation import Condition, FitSummary
+    from swath_sysid.campaign.evaluation import Condition
     from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 
 WIDTH, HEIGHT = 4.6, 3.1
@@ -66,12 +63,6 @@ def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
             'records': list(record_drawings(outcome, axis)),
             'correlations': list(correlation_drawings(outcome, axis)),
         }
-
-
-def bands_of(fit: FitSummary) -> AmplitudeBands:
-    """Frequency and damping over amplitude of a kept fit, with their standard deviations."""
-    curves = AmplitudeCurves(*map(np.array, (fit.amplitude, fit.frequency, fit.damping_ratio)))
-    return AmplitudeBands(curves, np.array(fit.frequency_std), np.array(fit.damping_ratio_std))
 
 
 def panel(**labels: str) -> tuple[Figure, Axes]:
@@ -193,7 +184,7 @@ def amplitude_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
     """Natural period and equivalent damping against amplitude, all conditions on one axis."""
     loadings = sorted({c.loading for c in axis.together})
     angles = sorted({c.initial_angle_deg for c in axis.together})
-    bands = {condition: bands_of(fits[axis.choice]) for condition, fits in sorted(axis.together.items())}
+    bands = {condition: fits[axis.choice].bands for condition, fits in sorted(axis.together.items())}
     for quantity, label in (('period', 'natural period [s]'), ('damping', 'equivalent damping ratio')):
         height = HEIGHT + 0.22 * math.ceil(len(axis.together) / 2)
         figure, axes = new_panel(WIDTH, height, xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
@@ -229,7 +220,7 @@ def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Dra
     """Every record with the identified motion and the residual."""
     for record, fits in zip(axis.records, axis.fits['simulation'], strict=True):
         fit, motion = fits[axis.choice], record.problem.motions[0]
-        state = fit.initial_states[0]
+        state = fit.states[0]
         angle, rate = simulate(fit.model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
         figure = new_figure(WIDTH, HEIGHT)
         above, below = map(quiet, figure.subplots(2, 1, sharex=True, height_ratios=(3, 1)))
@@ -247,8 +238,8 @@ def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterato
     """Correlations between the ratios of the chosen equation, a figure a draft."""
     for loading, fits in axis.by_draft.items():
         fit = fits[axis.choice]
-        terms = list(term_values(fit))
-        matrix = correlation(np.array(fit.covariance))
+        terms = list(fit.model.terms)
+        matrix = correlation(fit.covariance)
         figure = new_figure(3.4, 3.1)
         axes = figure.subplots()
         axes.pcolormesh(matrix[::-1], cmap='RdBu_r', vmin=-1.0, vmax=1.0, alpha=0.75, edgecolors='none')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,11 +11,11 @@ import numpy as np
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
-from swath_sysid.campaign.evaluation import beyond_noise, noise_statement, term_values, tied_best
+from swath_sysid.campaign.evaluation import beyond_noise, noise_statement, tied_best
 from swath_sysid.report.tables import Column, Table, digits, percent
 
 if TYPE_CHECKING:
-    from swath_sysid.campaign.evaluation import Condition, FitSummary, Record
+    from swath_sysid.campaign.evaluation import Condition, Record
     from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome, TrialOutcome
 
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
@@ -115,7 +116,7 @@ def fits_table(outcome: CampaignOutcome) -> Table:
     ]
 
     def of_fit(*names: tuple[str, str]):
-        return ((heading, lambda item, name=name: getattr(item[2], name)) for heading, name in names)
+        return ((heading, lambda item, of=attrgetter(name): of(item[2])) for heading, name in names)
 
     angle, loading, repeat = (column[:2] for column in _condition_columns(outcome))
     return Table.of(
@@ -130,20 +131,20 @@ def fits_table(outcome: CampaignOutcome) -> Table:
         repeat,
         ('objective', lambda item: item[1]),
         *of_fit(
-            ('equation', 'equation'),
+            ('equation', 'model.equation.name'),
             ('objective value', 'objective_value'),
             ('R2', 'r2'),
             ('RMSE [rad]', 'rmse'),
             ('rate RMSE [rad/s]', 'rate_rmse'),
             ('samples', 'samples'),
             ('effective samples', 'effective_samples'),
-            ('trim [rad]', 'trim'),
+            ('trim [rad]', 'model.trim'),
             ('trim std [rad]', 'trim_std'),
-            ('generations', 'generations'),
-            ('evaluations', 'evaluations'),
-            ('stop', 'stop'),
+            ('generations', 'search.generations'),
+            ('evaluations', 'search.evaluations'),
+            ('stop', 'search.stop'),
         ),
-        ('warnings', lambda item: ' '.join(code for code, _ in item[2].advice)),
+        ('warnings', lambda item: ' '.join(a.code for a in item[2].advice)),
     )
 
 
@@ -160,10 +161,10 @@ def coefficients_long_table(outcome: CampaignOutcome) -> Table:
             *(('draft', loading, None, None, own) for loading, own in axis.by_draft.items()),
         ]
         rows += [
-            (level, axis.axis, *where, fit.equation, term, *value_and_std, RATIO_UNITS[term])
+            (level, axis.axis, *where, fit.model.equation.name, term, *fit.ratio(term), RATIO_UNITS[term])
             for level, *where, own in groups
             for fit in own
-            for term, value_and_std in term_values(fit).items()
+            for term in fit.model.terms
         ]
     names = (
         'level',
@@ -189,8 +190,8 @@ def ranking_table(axis: AxisOutcome) -> Table:
         'Criterion: of one set of ratios a draft for all angles and repeats; 10 more is decisively worse. Held-out: '
         'error on another repeat (or the second half of a lone one) over the standard deviation of the motion.',
         axis.ranking.ranked,
-        ('equation', lambda r: r.equation),
-        ('terms', lambda r: ' '.join(r.terms)),
+        ('equation', lambda r: r.name),
+        ('terms', lambda r: ' '.join(r.equation.terms)),
         ('criterion above the best', lambda r: r.criterion - best, digits(4)),
         ('smallest R2', lambda r: r.r2, digits(6)),
         ('held-out error', lambda r: r.held_out, percent),
@@ -210,22 +211,16 @@ def verdict_table(axis: AxisOutcome) -> Table:
     table = Table.of(
         f'verdicts_{axis.axis}',
         f'Verdicts, {axis.axis}',
-        f'Of {axis.ranking.choice.equation}, by all records of a draft together and by each record alone. A record '
+        f'Of {axis.ranking.choice.name}, by all records of a draft together and by each record alone. A record '
         'that is not adequate where all together are differs from the others: look at its residual.',
         items,
         ('fit of', lambda item: item[0]),
-        ('verdict', lambda item: item[1].judged.level),
-        ('error of the next release', lambda item: item[1].judged.motion_error, percent),
-        ('why', lambda item: _cause(item[1])),
+        ('verdict', lambda item: item[1].verdict.level),
+        ('error of the next release', lambda item: item[1].verdict.motion_error, percent),
+        ('why', lambda item: item[1].verdict.sentence),
     )
-    table.marks.update({(k, 1): 'beyond' for k, (_, fit) in enumerate(items) if fit.judged.level != ADEQUATE})
+    table.marks.update({(k, 1): 'beyond' for k, (_, fit) in enumerate(items) if fit.verdict.level != ADEQUATE})
     return table
-
-
-def _cause(fit: FitSummary):
-    if fit.judged.code != 'absent-term':
-        return fit.judged.sentence
-    return f'the motion shows {fit.absent_term}, which {fit.equation} lacks: its other ratios bend to make up for it'
 
 
 def _ratio_columns(terms: Iterable[str], pair: Callable[[Any, str], tuple[float, float]]):
@@ -249,12 +244,12 @@ def coefficient_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     return Table.of(
         f'ratios_{axis.axis}',
         f'Ratios to inertia, {axis.axis}',
-        f'Of {axis.ranking.choice.equation}; the repeats of a condition fitted together, and all records of a draft '
+        f'Of {axis.ranking.choice.name}; the repeats of a condition fitted together, and all records of a draft '
         f'together.',
         items,
         (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(4)),
         ('initial angle [deg]', lambda item: item[1], lambda value: str(value) if value == 'all' else f'{value:.4g}'),
-        *_ratio_columns(term_values(items[0][2]), lambda item, term: item[2].ratio(term)),
+        *_ratio_columns(items[0][2].model.terms, lambda item, term: item[2].ratio(term)),
     )
 
 
@@ -299,7 +294,7 @@ def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bo
         for record, own in zip(axis.records, axis.judgements, strict=True)
         for judged in (own if every_equation else [own[axis.choice]])
     ]
-    name, title = f'errors_{axis.axis}', f'Errors of {axis.ranking.choice.equation}, {axis.axis}'
+    name, title = f'errors_{axis.axis}', f'Errors of {axis.ranking.choice.name}, {axis.axis}'
     return Table.of(
         f'errors_every_equation_{axis.axis}' if every_equation else name,
         'Errors' if every_equation else title,
@@ -323,7 +318,7 @@ def next_step_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     """The papers' check: ten samples of measured and next-step rate of one record."""
     index = axis.best[_design_condition(axis)]
     record, fit = axis.records[index], axis.fits['simulation'][index][axis.choice]
-    checked = next_step(fit.model.with_trim(fit.initial_states[0].trim), record.problem.motions[0])
+    checked = next_step(fit.model.with_trim(fit.states[0].trim), record.problem.motions[0])
     steady = np.convolve(np.abs(checked.measured), np.ones(CHECKED_SAMPLES), mode='valid')
     chosen = slice(first := int(np.argmax(steady)), first + CHECKED_SAMPLES)
     samples = np.transpose([checked.time[chosen], checked.measured[chosen], checked.predicted[chosen]]).tolist()

@@ -59,7 +59,7 @@ def _in_short(study: DecayStudy, wall_s: float):
     inside = [
         abs(value - r.hull.terms[t]) <= TWO_STD * std
         for r in records
-        for t, (value, std) in ((t, r.ours.ratio(t)) for t in r.ours.terms)
+        for t, (value, std) in ((t, r.ours.ratio(t)) for t in r.ours.model.terms)
         if std > 0.0
     ]
     printed = [min(v.values()) for v in p.printed_objective.values()]
@@ -132,7 +132,7 @@ def _limits(study: DecayStudy):
     if p.next_step:
         lines += _limits_of_the_check(study)
     weak = sorted(
-        {t for r in study.records for t in r.ours.terms if r.ours.ratio(t)[1] > 0.5 * abs(r.hull.terms[t])},
+        {t for r in study.records for t in r.ours.model.terms if r.ours.ratio(t)[1] > 0.5 * abs(r.hull.terms[t])},
         key=list(COEFFICIENTS).index,
     )
     if weak:

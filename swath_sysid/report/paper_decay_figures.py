@@ -49,7 +49,7 @@ def _decays(study: DecayStudy, spec: dict[str, Any]):
 
 def _motion(study: DecayStudy, spec: dict[str, Any]):
     record = study.at(spec['draft_factor'], spec['angle_deg'])
-    motion, state = record.problem.motions[0], record.ours.initial_states[0]
+    motion, state = record.problem.motions[0], record.ours.states[0]
     searched = record.hull.from_terms(
         equation_named(study.publication.chosen), study.chosen(record).genetic.ratios, axis=motion.axis
     )

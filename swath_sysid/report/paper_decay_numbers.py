@@ -29,7 +29,7 @@ def coefficient(study: DecayStudy, record: StudiedRecord, name: str, by: str) ->
     if name == "I'":
         return (study.chosen(record).genetic.inertia, float('nan')) if by == GENETIC else nothing
     if by == OURS:
-        terms = {t: record.ours.ratio(t) for t in record.ours.terms}
+        terms = {t: record.ours.ratio(t) for t in record.ours.model.terms}
     else:
         ratios = record.hull.terms if by == HULL else study.chosen(record).genetic.ratios
         terms = {t: (value, float('nan')) for t, value in ratios.items()}
@@ -87,5 +87,5 @@ def checked_models(study: DecayStudy) -> tuple[StudiedRecord, tuple]:
     """The record of the next-step check, and the ratios by the study's method and ours; None: an unchanged rate."""
     printed = printed_steps(study)
     record = study.at(printed.draft_factor, printed.angle_deg)
-    ours = dict(zip(record.ours.terms, record.ours.ratios, strict=True))
+    ours = record.ours.model.terms
     return record, (study.chosen(record).genetic.ratios, ours, None)

@@ -112,7 +112,7 @@ def _step_of_least_squares(found: 'Identification', equation: Equation, name: st
     """Gauss-Newton step of a term, and its standard deviation under autocorrelated residuals."""
     problem = found.problem
     fit = MotionFit(problem.motions, equation, problem.scales, problem.noise, problem.friction_rate)
-    parameters = fit.pack(found.model.ratios, [r.state for r in found.records])
+    parameters = fit.pack(found.model.ratios, found.states)
     residuals, jacobians = fit.residuals_and_jacobian(parameters)
     free = _free(found, equation, name, parameters.size)
     jacobians = [j[:, free] for j in jacobians]

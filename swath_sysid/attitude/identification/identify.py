@@ -1,9 +1,9 @@
 """From measured decays to a hull model: search, refine, and state the uncertainty."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Self, get_type_hints
 
 import numpy as np
 
@@ -46,6 +46,7 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.plain import as_plain, from_plain
 from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 
 OBJECTIVES = ('simulation', 'one-step')
@@ -135,31 +136,83 @@ class Identification:
     model: DecayModel
     covariance: np.ndarray  #: (n, n); Of the ratios of the model's terms, in their order.
     #: 95 % of each ratio in use; of a damping ratio that the record does not tell from zero, from zero up.
-    intervals: dict
+    intervals: dict[str, tuple[float, float]]
     trim_std: float  #: rad; NaN where no angle was measured.
-    objective: str
+    states: tuple[InitialState, ...]  #: Of each record.
     #: Root mean square of the weighted residuals (simulation), or F in rad/s (one-step), at its own optimum.
     objective_value: float
-    r2: float  #: Share of the variance of the measured motion that the simulated one explains.
-    rmse: float | None  #: Of the angle, rad; None where not measured.
-    rate_rmse: float | None  #: Of the rate, rad/s; None where not measured.
     samples: int  #: Measured values, angles and rates.
     effective_samples: float  #: Independent samples that would leave the same uncertainty.
-    bands: AmplitudeBands  #: Over the amplitudes seen.
-    records: tuple[RecordFit, ...]
     search: SearchResult
     problem: Problem
     settings: IdentificationSettings
-    basin: BasinFit | None  #: Fit of the likelihood; None where the ratios are those of least squares.
-    advice: tuple[Advice, ...]
+    basin: BasinFit | None = None  #: Fit of the likelihood; None where the ratios are those of least squares.
     log_likelihood: float | None = None  #: At its optimum; None where the likelihood does not suit the record.
     absent_term: AbsentTerm | None = None  #: That the equation lacks and the motion shows most.
     posterior: HullPosterior | None = None  #: Of every term, those pruned included; None where the equation was named.
+
+    @classmethod
+    def restored(cls, plain: dict, problem: Problem, settings: IdentificationSettings) -> Self:
+        """From what `plain` gave, with the problem that was solved."""
+        hints = get_type_hints(cls)
+        kept = {name: from_plain(hints[name], plain[name]) for name in KEPT}
+        return cls(problem=problem, settings=settings, **kept)
+
+    def plain(self) -> dict:
+        """All that the problem and the settings do not give again: lists, numbers and texts."""
+        return {name: as_plain(getattr(self, name)) for name in KEPT}
+
+    @cached_property
+    def records(self) -> tuple[RecordFit, ...]:
+        """Measured and simulated motion of each record."""
+        fit = motion_fit(self.problem, self.model.equation)
+        simulated = fit.simulated(fit.pack(self.model.ratios, self.states))
+        measured = zip(self.problem.motions, self.problem.segments, self.states, simulated, strict=True)
+        return tuple(RecordFit(motion, segment, state, *motions) for motion, segment, state, motions in measured)
+
+    @property
+    def objective(self) -> str:
+        """``simulation`` or ``one-step``."""
+        return self.settings.objective
+
+    @property
+    def advice(self) -> tuple[Advice, ...]:
+        """What the quality gates and the choice of the objective say."""
+        # which damping terms few cycles show has been decided where the hull was pruned
+        decided = () if self.posterior is None else ('too-few-cycles',)
+        found = tuple(each for each in self.problem.advice if each.code not in decided)
+        return (*found, ONE_STEP_BIASED) if self.objective == 'one-step' else found
+
+    @cached_property
+    def bands(self) -> AmplitudeBands:
+        """Over the amplitudes seen."""
+        amplitude = np.geomspace(*self.amplitude_range, CURVE_POINTS)
+        return amplitude_bands(self.model, self.covariance, amplitude, self.posterior)
+
+    @property
+    def r2(self) -> float:
+        """Share of the variance of the measured motion that the simulated one explains, of each about its own mean."""
+        error = sum(float(np.sum(r.residual**2)) for r in self.records)
+        return 1.0 - error / sum(float(np.sum((r.motion.primary - r.motion.primary.mean()) ** 2)) for r in self.records)
+
+    @property
+    def rmse(self) -> float | None:
+        """Of the angle, rad; None where not measured."""
+        return _rms([r.motion.angle - r.angle for r in self.records if r.motion.angle is not None])
+
+    @property
+    def rate_rmse(self) -> float | None:
+        """Of the rate, rad/s; None where not measured."""
+        return _rms([r.motion.rate - r.rate for r in self.records if r.motion.rate is not None])
 
     @property
     def std(self) -> dict[str, float]:
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    def ratio(self, term: str) -> tuple[float, float]:
+        """Value and standard deviation of one ratio in use."""
+        return self.model.terms[term], self.std[term]
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -195,7 +248,16 @@ class Identification:
             'stop': self.search.stop,
             'advice': [a.code for a in self.advice],
         }
-        metrics = {**fit_metrics(self), **self.verdict.metrics}
+        metrics = {
+            'r2': self.r2,
+            'rmse_rad': self.rmse,
+            'rate_rmse_rad_s': self.rate_rmse,
+            'objective': self.objective,
+            'objective_value': self.objective_value,
+            'samples': self.samples,
+            'effective_samples': self.effective_samples,
+            **self.verdict.metrics,
+        }
         return IdentifiedModel(
             self.model,
             self.covariance,
@@ -207,17 +269,8 @@ class Identification:
         )
 
 
-def fit_metrics(fit: Any) -> dict[str, float | str | None]:
-    """Goodness of fit as stored in model files, of any object with its attributes."""
-    return {
-        'r2': fit.r2,
-        'rmse_rad': fit.rmse,
-        'rate_rmse_rad_s': fit.rate_rmse,
-        'objective': fit.objective,
-        'objective_value': fit.objective_value,
-        'samples': fit.samples,
-        'effective_samples': fit.effective_samples,
-    }
+#: What an `Identification` holds beside its problem and settings.
+KEPT = tuple(each.name for each in fields(Identification) if each.name not in ('problem', 'settings', 'basin'))
 
 
 def identify(
@@ -298,10 +351,7 @@ def _with_every_term(found: Identification, posterior: HullPosterior):
     covariance = posterior.covariance[np.ix_(places, places)] + np.outer(away, away)
     terms = zip(found.model.terms.items(), np.sqrt(np.diag(covariance)), strict=True)
     intervals = {name: tuple(interval(value, std, name in DAMPING_NAMES).tolist()) for (name, value), std in terms}
-    bands = amplitude_bands(found.model, covariance, found.bands.curves.amplitude, posterior)
-    # which damping terms few cycles show has been decided
-    advice = tuple(each for each in found.advice if each.code != 'too-few-cycles')
-    return replace(found, covariance=covariance, intervals=intervals, bands=bands, posterior=posterior, advice=advice)
+    return replace(found, covariance=covariance, intervals=intervals, posterior=posterior)
 
 
 def refit_from(
@@ -330,7 +380,7 @@ def refined_in_basin(found: Identification) -> Identification:
         return found
     if not suits_likelihood(problem, equation):
         return replace(found, absent_term=absent_term(found))
-    states = [record.state for record in found.records]
+    states = found.states
     basin, lacking = fit_and_test(problem, equation, found.model.ratios, states)
     if basin is None:
         return replace(found, absent_term=absent_term(found))
@@ -458,43 +508,22 @@ def conclude(
     if settings.objective == 'one-step':
         objective_value = float(_one_step(problem)(ratios[None])[0])
     model = DecayModel(equation, ratios, float(np.mean([s.trim for s in states])), problem.friction_rate, problem.axis)
-    records = tuple(
-        RecordFit(motion, segment, state, *simulated)
-        for motion, segment, state, simulated in zip(
-            problem.motions, problem.segments, states, fit.simulated(parameters), strict=True
-        )
-    )
-    smallest, largest = amplitudes_seen(problem)
-    amplitude = np.geomspace(smallest, largest, CURVE_POINTS)
-    r2 = _explained(records)
     return Identification(
         model=model,
         covariance=ratio_covariance,
         intervals={name: (float(a), float(b)) for name, (a, b) in zip(equation.terms, intervals, strict=True)},
         trim_std=trim_std,
-        objective=settings.objective,
+        states=tuple(states),
         objective_value=objective_value,
-        r2=r2,
-        rmse=_rms([r.motion.angle - r.angle for r in records if r.motion.angle is not None]),
-        rate_rmse=_rms([r.motion.rate - r.rate for r in records if r.motion.rate is not None]),
         samples=sum(r.size for r in residuals),
         effective_samples=covariance.effective_samples,
-        bands=amplitude_bands(model, ratio_covariance, amplitude),
-        records=records,
         search=search,
         problem=problem,
         settings=settings,
         basin=basin,
         log_likelihood=None if basin is None else basin.log_likelihood,
-        advice=(*problem.advice, *((ONE_STEP_BIASED,) if settings.objective == 'one-step' else ())),
     )
 
 
 def _rms(parts: Sequence[np.ndarray]):
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else None
-
-
-def _explained(records: Sequence[RecordFit]):
-    """R^2 over all records, each about its own mean."""
-    error = sum(float(np.sum(r.residual**2)) for r in records)
-    return 1.0 - error / sum(float(np.sum((r.motion.primary - r.motion.primary.mean()) ** 2)) for r in records)

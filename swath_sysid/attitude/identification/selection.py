@@ -83,8 +83,7 @@ def compare(
             progress(len(fits), name)
 
     def refit(fit: Identification, better: Identification):
-        states = [r.state for r in better.records]
-        return refit_from(problem, fit.settings, fit.model.equation, better.model.ratios, states, fit.search)
+        return refit_from(problem, fit.settings, fit.model.equation, better.model.ratios, better.states, fit.search)
 
     return rank(enforce_nesting(fits, refit), held_out)
 
@@ -164,7 +163,7 @@ def held_out_error(problem: Problem, settings: IdentificationSettings) -> float:
     first = first_part(problem)
     found = identify_problem(first, settings)
     whole = motion_fit(problem, found.model.equation)
-    simulated = whole.simulated(whole.pack(found.model.ratios, [r.state for r in found.records]))
+    simulated = whole.simulated(whole.pack(found.model.ratios, found.states))
     error = spread = 0.0
     for motion, cut, (angle, rate) in zip(problem.motions, first.motions, simulated, strict=True):
         rest = slice(cut.size, None)

@@ -15,7 +15,7 @@ from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES
-from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, prepare
 from swath_sysid.attitude.identification.search import (
@@ -25,7 +25,6 @@ from swath_sysid.attitude.identification.search import (
     published_space,
     run_search,
 )
-from swath_sysid.campaign.evaluation import FitSummary
 from swath_sysid.campaign.papers.publication import DecayPublication, decay_publication
 
 DRAFT_FACTORS = (0.9, 1.0, 1.1)
@@ -77,7 +76,7 @@ class StudiedRecord:
     hull: DecayModel  #: The simulated one.
     problem: Problem
     searched: dict
-    ours: FitSummary  #: Of the chosen equation, by the simulated motion.
+    ours: Identification  #: Of the chosen equation, by the simulated motion.
 
 
 def hull_at(name: str, draft_factor: float) -> DecayModel:
@@ -100,7 +99,7 @@ def study_record(name: str, draft_factor: float, angle_deg: float, seed: int) ->
     repeat = int(np.argmin([_exact(p, chosen).value for p in problems]))
     problem = problems[repeat]
     searched = {e: _searched(problem, equation_named(e), name, seed) for e in publication.equations}
-    ours = FitSummary.of(identify_problem(problem, IdentificationSettings(publication.chosen)))
+    ours = identify_problem(problem, IdentificationSettings(publication.chosen))
     return StudiedRecord(draft_factor, angle_deg, repeat + 1, hull, problem, searched, ours)
 
 
