@@ -117,6 +117,13 @@ def test_the_error_of_the_next_release_is_that_of_its_period(found):
     )
 
 
+def with_records(found, records):
+    """The fit with other simulated motion than that of its model."""
+    other = replace(found)
+    vars(other)['records'] = records
+    return other
+
+
 @pytest.mark.parametrize(('scale', 'level'), [(1.0, ADEQUATE), (5.0, DOUBTFUL), (100.0, REJECTED)])
 def test_what_the_record_leaves_open_makes_the_verdict(found, scale, level):
     verdict = judge(replace(found, covariance=scale**2 * found.covariance))
@@ -134,7 +141,7 @@ def test_what_the_record_leaves_open_makes_the_verdict(found, scale, level):
 )
 def test_a_period_that_is_none_is_rejected(found, terms, code):
     model = DecayModel.from_terms(found.model.equation, terms)
-    verdict = judge(replace(found, model=model))
+    verdict = judge(with_records(replace(found, model=model), found.records))
     assert (verdict.level, verdict.code) == (REJECTED, code)
     assert 'nan' not in verdict.sentence and 'inf' not in verdict.sentence
     assert all(value is None or value == value for value in verdict.metrics.values())
@@ -169,7 +176,7 @@ def test_a_fraction_of_the_rows_is_never_adequate(found):
     motion = assemble_trial(stamped, {'pitch': TRUE.pitch, 'pitch_rate': TRUE.pitch_rate}).axis('pitch')
     assert motion.usable_share == pytest.approx(0.15, abs=0.02)
     records = tuple(replace(r, motion=replace(r.motion, usable_share=motion.usable_share)) for r in found.records)
-    verdict = judge(replace(found, records=records))
+    verdict = judge(with_records(found, records))
     assert (verdict.level, verdict.code) == (DOUBTFUL, 'few-samples')
 
 
