@@ -33,7 +33,7 @@ from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficien
 from swath_sysid.attitude.motion.window import COLUMNS  # noqa: E402
 from swath_sysid.formats.messages import window_table  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, read_model  # noqa: E402
-from swath_sysid.nodes.messages import time_message  # noqa: E402
+from swath_sysid.nodes.message_types import time_message  # noqa: E402
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, parameters_of  # noqa: E402
 
 pytestmark = pytest.mark.dds

@@ -24,7 +24,7 @@ from swath_sysid.formats.messages import (  # noqa: E402
     window_message,
     window_table,
 )
-from swath_sysid.nodes.messages import time_message  # noqa: E402
+from swath_sysid.nodes.message_types import time_message  # noqa: E402
 
 
 def a_table(rows=20):

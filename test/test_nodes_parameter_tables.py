@@ -20,8 +20,7 @@ from swath_sysid.manoeuvring.motion.window import THRUST_INPUTS
 from swath_sysid.nodes.parameters.files import configuration_file, markdown_table, values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.parameters.manoeuvring_identifier import manoeuvring_settings
-from swath_sysid.nodes.parameters.manoeuvring_predictor import manoeuvring_pipeline_settings
+from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_pipeline_settings, manoeuvring_settings
 from swath_sysid.nodes.parameters.predictor import pipeline_settings
 from swath_sysid.nodes.parameters.table import NODES, defaults, parameters_of, table_of
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings

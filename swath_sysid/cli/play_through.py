@@ -121,7 +121,7 @@ def run(arguments: Namespace) -> int:
 
 def _play_manoeuvres(arguments: Namespace):
     """What manoeuvring_predictor would have published: the bag holds odometry and thrust, and no IMU."""
-    from swath_sysid.nodes.parameters.manoeuvring_predictor import manoeuvring_pipeline_settings
+    from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_pipeline_settings
 
     values = values_from_file(arguments.params, 'manoeuvring_predictor')
     trial = read_manoeuvring_bag(arguments.record)

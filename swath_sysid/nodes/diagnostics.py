@@ -50,7 +50,7 @@ class DiagnosticsPublisher:
             logger.error(f'{report.name}: {report.message}')
 
 
-def tell_uncompiled(node: Node, health: Any, why: Advice | None) -> None:
+def report_uncompiled(node: Node, health: Any, why: Advice | None) -> None:
     """Log why fits take longer than they could, if so, and have a node's `health` report it."""
     if why is not None:
         health.uncompiled_because = why.message

@@ -10,9 +10,8 @@ from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
 from swath_sysid.common.accelerator import why_uncompiled
-from swath_sysid.common.advice import Advice
 from swath_sysid.common.stopping import Cancelled
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompiled
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.table import Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
@@ -29,12 +28,14 @@ Answer = tuple[bool, str]  #: Whether a model was published, and one line about 
 class IdentificationNode(Node):
     """Services ~/identify, ~/cancel and ~/rollback, ~/progress and diagnostics.
 
-    A derived node makes what its four overrides need, and then calls `serve`.
+    A derived node makes what its overrides need, and then calls `serve`.
     """
+
+    refitter: Any  #: A `Refitter` or `ManoeuvreRefitter`.
 
     def __init__(self, name: str, settings_of: Callable[[Values], Any]):
         super().__init__(name)
-        self.parameters = NodeParameters(self, name, settings_of, self.change)
+        self.parameters = NodeParameters(self, name, settings_of)
         self.health = IdentifierHealth()
         self._ended: Future | None = None
         self._has_asked = False
@@ -55,15 +56,12 @@ class IdentificationNode(Node):
         if not self.parameters['worker_idle_s']:
             self._ask_how_fast()
 
-    def change(self, settings: Any) -> None:
-        """Settings have changed; may be overridden."""
-
     async def identify(self) -> Answer:
         """Identify on the newest motion; to be overridden."""
         raise NotImplementedError
 
-    def rollback(self) -> Answer:
-        """Return to the model before; to be overridden."""
+    def replace_model(self) -> str:
+        """Publish the model of the refitter and save it, and remark where the previous one is; to be overridden."""
         raise NotImplementedError
 
     def reports(self) -> list[Report]:
@@ -85,10 +83,6 @@ class IdentificationNode(Node):
     def busy(self) -> bool:
         """Whether an identification is under way."""
         return self._ended is not None
-
-    def alone(self, work: Callable[[], Awaitable[Answer]]) -> Awaitable[Answer]:
-        """The answer of some work, which runs once for all callers meanwhile."""
-        return self._begun(work) if self._ended is None else self._ended
 
     def begin(self, work: Callable[[], Awaitable[Answer]]) -> None:
         """Start work that no caller waits for; not while other work runs."""
@@ -125,18 +119,15 @@ class IdentificationNode(Node):
         """Have the worker say, once, why its work takes longer than it could: numba is loaded there, not here."""
         if not self._has_asked:
             self._has_asked = True
-            self.worker.submit(why_uncompiled, (), self._on_how_fast)
-
-    def _on_how_fast(self, why: Advice | None, error: Exception | None) -> None:
-        self._has_asked = error is None
-        tell_uncompiled(self, self.health, why)
+            self.worker.submit(why_uncompiled, (), lambda why, error: report_uncompiled(self, self.health, why))
 
     def _on_progress(self, share: float) -> None:
         self.health.progress = share
         self._progress.publish(Float32(data=float(share)))
 
     async def _on_identify(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        answer = await self.alone(self.identify)
+        # one identification answers all callers that come meanwhile
+        answer = await (self._begun(self.identify) if self._ended is None else self._ended)
         await self._turns.wait()
         response.success, response.message = answer
         return response
@@ -151,5 +142,8 @@ class IdentificationNode(Node):
         return response
 
     def _on_rollback(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = (False, BUSY) if self.busy else self.rollback()
+        response.success, response.message = False, BUSY if self.busy else 'there is no model before this one'
+        if not self.busy and self.refitter.rollback():
+            remark = f'{self.refitter.steps_back} more are kept{self.replace_model()}'
+            response.success, response.message = True, f'back to {self.refitter.described}; {remark}'
         return response

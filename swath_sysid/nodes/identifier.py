@@ -5,16 +5,20 @@ from collections import deque
 from dataclasses import replace
 
 from rclpy.executors import SingleThreadedExecutor
+from std_msgs.msg import Float64MultiArray, String
 
 from swath_sysid import __version__
 from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
-from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit, warm_up
+from swath_sysid.attitude.identification.refit import Refitter, refit, warm_up
 from swath_sysid.attitude.motion.window import MotionTable
-from swath_sysid.formats.topics import WINDOW_TOPIC
+from swath_sysid.formats.messages import coefficients_message
+from swath_sysid.formats.model_file import model_to_yaml, read_model, write_model
+from swath_sysid.formats.topics import COEFFICIENTS_TOPIC, DESCRIPTION_TOPIC, WINDOW_TOPIC
 from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
-from swath_sysid.nodes.model_publisher import ModelPublisher
+from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.identifier import refit_settings
+from swath_sysid.nodes.qos import LATCHED, watched_publisher
 from swath_sysid.nodes.window_client import WindowClient
 from swath_sysid.pipeline.health import Report, stability_report
 from swath_sysid.pipeline.validity import verdict_values
@@ -27,14 +31,16 @@ class Identifier(IdentificationNode):
 
     def __init__(self) -> None:
         super().__init__('identifier', refit_settings)
-        self._models = ModelPublisher(self, self.parameters['model_path'], self.health)
-        self.refitter = Refitter(self.parameters.settings, self._models.known(), self._models.history())
+        self._file = ModelFile(self.parameters['model_path'], read_model, model_to_yaml, write_model, self.health)
+        self._description = watched_publisher(self, String, DESCRIPTION_TOPIC, LATCHED, self.health)
+        self._coefficients = watched_publisher(self, Float64MultiArray, COEFFICIENTS_TOPIC, LATCHED, self.health)
+        self.refitter = Refitter(self.parameters.settings, self._file.read() or {}, self._file.history())
         #: Windows with a decay that has not been fitted yet.
         self._noticed: deque[MotionTable] = deque(maxlen=MOST_DECAYS)
         self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window)
         self.serve(warm_up)
         if self.refitter.models:
-            self._models.publish(self.refitter.models)
+            self._publish()
         if self.parameters['identify_interval_s']:
             # of ROS time, which is the bag's under replay: as often in it as on board, however fast it is replayed
             self.create_timer(self.parameters['identify_interval_s'], self._identify_unasked)
@@ -43,20 +49,9 @@ class Identifier(IdentificationNode):
         if not self.busy:
             self.begin(lambda: self._refit_fresh(is_asked=False))
 
-    def change(self, settings: RefitSettings) -> None:
-        """Refit as set from now on."""
-        self.refitter.settings = settings
-
     async def identify(self) -> Answer:
         """Refit all axes on a fresh window."""
         return await self._refit_fresh(is_asked=True)
-
-    def rollback(self) -> Answer:
-        """Return to the model before."""
-        if not self.refitter.rollback():
-            return False, 'there is no model before this one'
-        remark = self._models.replace(self.refitter.models)
-        return True, f'back to {self.refitter.described}; {self.refitter.steps_back} more are kept{remark}'
 
     def reports(self) -> list[Report]:
         """The status of now."""
@@ -94,12 +89,23 @@ class Identifier(IdentificationNode):
 
     async def _refit(self, is_asked: bool, *fresh: MotionTable) -> Answer:
         origin = {'source': {'topic': WINDOW_TOPIC}, 'software': f'swath_sysid {__version__}'}
+        self.refitter.settings = self.parameters.settings
         request = self.refitter.request(*self._noticed, *fresh, is_asked=is_asked, **origin)
         self._noticed.clear()
         outcome, problem = await self.carried_out(refit, request)
         if problem or not self.refitter.take(outcome):
             return False, problem or outcome.message
-        return True, outcome.message + self._models.replace(self.refitter.models)
+        return True, outcome.message + self.replace_model()
+
+    def replace_model(self) -> str:
+        """Publish the models and save them; the remark of `ModelFile.keep`."""
+        self._publish()
+        return self._file.keep(self.refitter.models)
+
+    def _publish(self) -> None:
+        models = self.refitter.models
+        self._description.publish(String(data=model_to_yaml(models) if models else ''))
+        self._coefficients.publish(coefficients_message(models))
 
 
 def main(args: list[str] | None = None) -> int:

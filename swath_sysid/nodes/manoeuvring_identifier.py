@@ -25,7 +25,7 @@ from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.identification import Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
-from swath_sysid.nodes.parameters.manoeuvring_identifier import manoeuvring_settings
+from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_settings
 from swath_sysid.nodes.qos import LATCHED, SENSOR, THRUSTERS, watched_publisher, watched_subscription
 from swath_sysid.pipeline.health import OK, Report
 
@@ -57,14 +57,7 @@ class ManoeuvringIdentifier(IdentificationNode):
         outcome, problem = await self.carried_out(refit_manoeuvring, request)
         if problem or not self.refitter.take(outcome):
             return False, problem or outcome.message
-        return True, outcome.message + self._replace()
-
-    def rollback(self) -> Answer:
-        """Return to the model before."""
-        if not self.refitter.rollback():
-            return False, 'there is no manoeuvring model before this one'
-        left = self.refitter.steps_back
-        return True, f'back to the manoeuvring model before; {left} more are kept{self._replace()}'
+        return True, outcome.message + self.replace_model()
 
     def reports(self) -> list[Report]:
         """The statuses of now."""
@@ -87,7 +80,7 @@ class ManoeuvringIdentifier(IdentificationNode):
             trial, self.refitter.model, self.parameters.settings, self.parameters['least_improvement'], provenance
         )
 
-    def _replace(self) -> str:
+    def replace_model(self) -> str:
         """Publish the model and save it; the remark of `ModelFile.keep`."""
         self._publish()
         return self._file.keep(self.refitter.model)

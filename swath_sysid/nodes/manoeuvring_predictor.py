@@ -21,7 +21,7 @@ from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.manoeuvring_predictor import manoeuvring_pipeline_settings
+from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, SENSOR, THRUSTERS
 from swath_sysid.pipeline.health import Report
 from swath_sysid.pipeline.manoeuvring_health import ManoeuvringHealth

@@ -14,7 +14,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompiled
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.forecast_publishers import ForecastPublishers
 from swath_sysid.nodes.model_intake import ModelIntake
@@ -43,7 +43,7 @@ class Predictor(Node):
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         self.pipeline = ForecastPipeline(self.parameters.settings)
         self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
-        tell_uncompiled(self, self.health, uncompiled)
+        report_uncompiled(self, self.health, uncompiled)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self.parameters['in_step'])
         self._forecasts = ForecastPublishers(
             self,
@@ -54,7 +54,10 @@ class Predictor(Node):
         )
         self._described: tuple[dict, dict] = {}, {}
         self._published_loading: float | None = None
-        self._intake = ModelIntake(described, self._refuse_model)
+        # an empty text takes the models away
+        self._intake = ModelIntake(
+            lambda text: description_from_yaml(text, DESCRIPTION_TOPIC) if text else ({}, {}), self._refuse_model
+        )
         watched_subscription(
             self, String, DESCRIPTION_TOPIC, lambda message: self._intake.submit(message.data), LATCHED, self.health
         )
@@ -136,11 +139,6 @@ class Predictor(Node):
         self._take_models()
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
-
-
-def described(text: str) -> tuple[dict, dict]:
-    """Models and schedules of a message on model/description; an empty one takes the models away."""
-    return description_from_yaml(text, DESCRIPTION_TOPIC) if text else ({}, {})
 
 
 def main(args: list[str] | None = None) -> int:

@@ -1,6 +1,7 @@
 """Publishers and subscriptions with their QoS, and the count of incompatible ones."""
 
 from collections.abc import Callable
+from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -21,6 +22,8 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Connects with any publisher.
+
+BAG_DEPTH = 1000  #: So long a queue that a bag loses nothing.
 
 THRUSTERS = {'port': 'thrusters/left/thrust', 'starboard': 'thrusters/right/thrust'}
 
@@ -47,7 +50,16 @@ def waiting(subscription: Subscription, most: int) -> list:
     return messages
 
 
-def watched_publisher(node: Node, kind: type, topic: str, qos: QoSProfile | int, health: Reasons) -> Publisher:
+def bag_qos(is_latched: bool, is_reliable: bool = True, depth: int = BAG_DEPTH) -> QoSProfile:
+    """The QoS of topics from and to bags; a reliable publisher connects with every subscription."""
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def watched_publisher(node: Node, kind: Any, topic: str, qos: QoSProfile | int, health: Reasons) -> Publisher:
     """A publisher whose incompatible subscriptions are counted."""
     events = PublisherEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
     return node.create_publisher(kind, topic, qos, event_callbacks=events)

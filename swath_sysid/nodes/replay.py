@@ -5,21 +5,26 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+import rclpy
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Imu
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bag_replay import ReplaySettings, Timeline, merged_messages, recorded_topics
 from swath_sysid.formats.bags import opened_bag
-from swath_sysid.nodes.bag_topics import DEPTH, bag_qos, message_class
-from swath_sysid.nodes.messages import time_message
-from swath_sysid.nodes.step_keeping import StepKeeping
+from swath_sysid.formats.messages import SECOND_NS, raw_stamp_ns, stamp_ns
+from swath_sysid.formats.topics import NEXT_TOPIC
+from swath_sysid.nodes.message_types import message_class, time_message
+from swath_sysid.nodes.qos import BAG_DEPTH, NEWEST, bag_qos
 
 CLOCK_PERIOD = 0.01  #: s of wall clock between /clock messages.
 SETTLING = 0.5  #: s from the last connection to the first message: the other side may still be making it.
 DELIVERY = 5.0  #: s at most for messages that are on their way when the bag ends.
+AHEAD_NS = 2 * SECOND_NS  #: By which samples may be ahead of the forecasts: few enough to wait at the node.
+PATIENCE = 5.0  #: s from one forecast to the next: rejected samples bring none.
 DISCOVERY = 3.5  #: s in which a subscription that is there is found: mostly 0.2 s, now and then three.
 
 
@@ -45,7 +50,9 @@ class Replay(Node):
         except BaseException:
             self.destroy_node()
             raise
-        self._step = StepKeeping(self, should_stop) if settings.in_step else None
+        self._forecast_ns = 0
+        if settings.in_step:
+            self.create_subscription(Imu, NEXT_TOPIC, self._on_forecast, NEWEST)
         self._clock_outlet = self.create_publisher(Clock, '/clock', 10) if settings.clock else None
 
     def destroy_node(self) -> None:
@@ -55,7 +62,7 @@ class Replay(Node):
 
     def _outlet(self, topic: str, kind: type) -> Publisher:
         is_latched = self._recorded[topic].is_latched
-        return self.create_publisher(kind, topic, bag_qos(is_latched, depth=1 if is_latched else DEPTH))
+        return self.create_publisher(kind, topic, bag_qos(is_latched, depth=1 if is_latched else BAG_DEPTH))
 
     def wait_for_listeners(self) -> int:
         """Wait for as many subscribers as were set (else all): how many there are on the IMU or busiest topic."""
@@ -104,8 +111,8 @@ class Replay(Node):
             self._publish_clock(time_ns)
             self.outlets[topic].publish(raw)
             self.sent += 1
-            if self._step is not None and self._recorded[topic].is_imu:
-                self._step.wait(raw)
+            if self._replaying.in_step and self._recorded[topic].is_imu:
+                self._wait_for_forecast(raw)
 
     def _wait_for(self, time_ns: int, timeline: Timeline) -> bool:
         """Sleep until a message is due, publishing /clock meanwhile; False: stop."""
@@ -120,3 +127,15 @@ class Replay(Node):
         if self._clock_outlet is not None and now >= self._clock_published + CLOCK_PERIOD:
             self._clock_published = now
             self._clock_outlet.publish(Clock(clock=time_message(time_ns)))
+
+    def _on_forecast(self, message: Imu) -> None:
+        self._forecast_ns = stamp_ns(message.header.stamp)
+
+    def _wait_for_forecast(self, raw: bytes) -> None:
+        """Wait until the forecasts are near the stamp of a serialised sample."""
+        least_ns, deadline = raw_stamp_ns(raw) - AHEAD_NS, time.monotonic() + PATIENCE
+        while self._forecast_ns < least_ns and time.monotonic() < deadline and not self._should_stop():
+            before = self._forecast_ns
+            rclpy.spin_once(self, timeout_sec=0.05)
+            if self._forecast_ns > before:
+                deadline = time.monotonic() + PATIENCE

@@ -18,7 +18,7 @@ from swath_sysid.attitude.motion.attitude import body_rates, quaternion
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.executor_loop import events_executor, run
-from swath_sysid.nodes.messages import time_message
+from swath_sysid.nodes.message_types import time_message
 
 #: What a small attitude sensor shows at rest at 100 Hz; the published trials were noisier, up to five times.
 MEMS_NOISE = SensorNoise(angle=0.0005, rate=0.003, acceleration=0.02)

@@ -1,8 +1,15 @@
-"""From the parameters of manoeuvring_predictor to the settings of the core."""
+"""From the parameters of the manoeuvring nodes to the settings of the core."""
 
+from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilterSettings
 from swath_sysid.nodes.parameters.table import Values, check
+
+
+def manoeuvring_settings(values: Values) -> ManoeuvringSettings:
+    """Settings of manoeuvring_identifier's core; raises `InputError` where a value is not allowed."""
+    check('manoeuvring_identifier', values)
+    return ManoeuvringSettings(mass=values['mass_kg'] or None, lever=values['lever_m'] or None)
 
 
 def manoeuvring_pipeline_settings(values: Values) -> ManoeuvreOutlookSettings:
