@@ -272,6 +272,19 @@ def test_a_record_that_contradicts_itself_is_refused_with_its_cure(verb, trial_f
     assert not (tmp_path / 'm.yaml').exists()
 
 
+def test_a_forecast_of_slow_samples_says_which_leads_were_not_measured(tmp_path, capsys):
+    """The pitch of noise has no limit where roll alone is scored, and no flag begins with a digit."""
+    time = np.arange(240.0)
+    rows = zip(time, 5.0 * np.sin(time / 2.1) + np.sin(time / 1.7), 1e-3 * np.sin(7.0 * time), strict=True)
+    path = table(tmp_path / 'ship.csv', 'time_s,roll_deg,pitch_deg', rows)
+    assert main(['forecast', str(path), '--leads', '0.5,2', '--axis', 'roll']) == 0
+    out, err = capsys.readouterr()
+    assert '[leads-between-samples]' in err and 'motion 0.5 s ahead' in err
+    assert 'pitch' not in out and ' = VAR(60)' in out
+    assert main(['forecast', str(path), '--leads', '-1,2']) == 2
+    assert 'cannot be -1: give 0.01 to 120 s' in last_line(capsys.readouterr().err)
+
+
 def test_inspect_tells_what_contradicts_itself(trial_file, tmp_path, capsys):
     wrong = tmp_path / 'wrong.csv'
     wrong.write_text(trial_file.read_text().replace('# frame: flu', '# frame: frd'))

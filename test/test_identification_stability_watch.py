@@ -46,7 +46,7 @@ def test_nothing_is_cried_where_nothing_changes():
     alarms = 0
     for seed in range(100):
         _, said = watched(drawn(seed, 36, 36))
-        alarms += any(each is not None and each.warning for each in said)
+        alarms += any(each is not None and each.advice for each in said)
     assert alarms == 0
 
 
@@ -75,7 +75,7 @@ def test_a_known_height_makes_it_absolute():
 
 def test_one_freak_estimate_is_no_change():
     _, said = watched([4.0, 4.0, 4.0, 4.0, 4.4, 4.0, 4.0, 4.0], std=0.02)
-    assert not any(each is not None and each.warning for each in said)
+    assert not any(each is not None and each.advice for each in said)
 
 
 def test_a_higher_sea_explains_a_longer_period():
@@ -83,15 +83,15 @@ def test_a_higher_sea_explains_a_longer_period():
     periods = [4.0] * 6 + [4.15] * 6
     _, calm = watched(periods, std=0.02)
     _, rough = watched(periods, std=0.02, amplitudes=[0.07] * 6 + [0.21] * 6)
-    assert calm[-1].warning and not rough[-1].warning
+    assert calm[-1].advice and not rough[-1].advice
 
 
 def test_a_limit_warns_before_chance_is_ruled_out():
     periods = [4.0, 4.0, 4.0, 4.1, 4.1]
     _, plain = watched(periods)
     _, limited = watched([*periods, 4.1, 4.1], settings=StabilitySettings(limit=0.03))
-    assert plain[-1].warning == ''
-    assert limited[-1].changed_at is None and 'of what it was' in limited[-1].warning
+    assert plain[-1].advice == ()
+    assert limited[-1].changed_at is None and 'of its earlier value' in limited[-1].advice[0].message
 
 
 def test_motion_is_used_once_and_a_clock_that_is_set_back_begins_anew():

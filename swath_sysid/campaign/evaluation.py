@@ -302,10 +302,7 @@ def told_alone(
     others = [record for record, fit in by_record.items() if fit.verdict.level != ADEQUATE]
     if others:
         shown = f'{"; ".join(others[:SHOWN_RECORDS])}{"; ..." if len(others) > SHOWN_RECORDS else ""}'
-        words = (
-            f'{len(others)} of {len(by_record)} records by themselves are not adequate ({shown}): see their verdicts'
-        )
-        findings.append(Advice('record-not-adequate', words))
+        findings.append(Advice.of('record-not-adequate', number=len(others), records=len(by_record), names=shown))
     return replace(ranking, reason=reason, findings=tuple(findings))
 
 

@@ -17,7 +17,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.settings_flags import add_setting, finite, numbers
+from swath_sysid.cli.settings_flags import add_setting, finite, not_negative, numbers
 from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, read_record
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
@@ -37,7 +37,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_setting(parser, '--leads', 'predictor', 'leads_s', meaning='leads that are scored')
     parser.add_argument(
         '--warmup',
-        type=_not_negative,
+        type=not_negative,
         metavar='S',
         help='seconds at the start that are not scored (default: 600, or a third of a shorter record)',
     )
@@ -104,7 +104,7 @@ def run(arguments: Namespace) -> int:
     base = ForecasterSettings()
     quiet_for = arguments.quiet_for or base.horizon
     quiet = QuiescenceLimits(angles[0], angles[1], rates[0], rates[1], quiet_for)
-    limits = usual_limits(trial, quiet, warmup)
+    limits = usual_limits(trial, quiet, warmup, AXES if arguments.axis is None else (arguments.axis,))
     settings = replace(
         base,
         leads=arguments.leads,
@@ -188,8 +188,12 @@ def _table_of_leads(skill: Any, name: str) -> Table:
 
 
 def _add_methods(table: Table, nrmse: dict[str, Any]) -> None:
+    methods: dict[tuple, list[str]] = {}
     for method, values in nrmse.items():
-        table.add_row(LABELS[method], *map(_cell, values), style='bold' if method == FORECAST else '')
+        # where the record is short, VAR(60) is fitted with the order of VAR(40)
+        methods.setdefault(tuple(map(_cell, values)), []).append(method)
+    for cells, names in methods.items():
+        table.add_row(' = '.join(LABELS[name] for name in names), *cells, style='bold' if FORECAST in names else '')
 
 
 def _print_quiescence(console: Any, skill: Any) -> None:
@@ -203,7 +207,7 @@ def _print_quiescence(console: Any, skill: Any) -> None:
     )
     console.print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
-        f'(always stating its share: {found.brier_of_climate:.3f})'
+        f'(climatology: {found.brier_of_climate:.3f})'
     )
 
 
@@ -241,13 +245,6 @@ def _with_sensor(points: list[Point]) -> tuple[Point, ...]:
     if any(point.name == SENSOR.name and point != SENSOR for point in points):
         raise InputError(f"'{SENSOR.name}' is the sensor's own place, 0,0,0: give the point another name")
     return (SENSOR, *(point for point in points if point != SENSOR)) if points else ()
-
-
-def _not_negative(text: str):
-    value = finite(text)
-    if value < 0.0:
-        raise ArgumentTypeError('must not be negative')
-    return value
 
 
 def _positive(text: str):

@@ -19,6 +19,7 @@ from swath_sysid.cli.sources import EXIT_POOR_FIT, add_source_arguments, motions
 from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
@@ -96,7 +97,8 @@ def run(arguments: Namespace) -> int:
     inertia = particulars.inertia_of(found.model)
     tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
     write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict))
-    show_advice((*found.advice, *found.verdict.warnings))
+    # the lines of the result begin with the verdict
+    show_advice((*found.advice, *found.verdict.warnings) if arguments.json else found.advice)
     data = fit_as_data(found, time.perf_counter() - began, inertia)
     data |= {table.name: table_as_data(table) for table in tables}
     data |= warnings_as_data((*read_advice, *found.advice, *found.verdict.warnings))
@@ -115,7 +117,8 @@ def conclude_fit(arguments: Namespace, verdict: Verdict) -> int:
     if is_to_be_written(arguments, verdict):
         return 0
     if arguments.output:
-        print(f'{arguments.output} was not written: --force writes it nevertheless', file=sys.stderr)
+        sentence = f'{arguments.output} was not written; --force writes it nevertheless'
+        print(with_flags(verdict.code, sentence), file=sys.stderr)
     return EXIT_POOR_FIT
 
 

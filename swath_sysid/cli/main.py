@@ -5,10 +5,11 @@ when it is asked for.
 """
 
 import importlib
+import re
 import sys
 from argparse import ArgumentParser
 from types import ModuleType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from swath_sysid import __version__
 from swath_sysid.common.errors import InputError
@@ -39,6 +40,11 @@ EXIT_INTERRUPTED = 130
 
 class OneSentenceParser(ArgumentParser):
     """A parser whose errors are one sentence, as those of everything else."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        # no flag begins with a digit: -1,2 is a list, and its reader says what is wrong with it
+        self._negative_number_matcher = re.compile(r'-\.?\d')
 
     def error(self, message: str) -> NoReturn:
         """Leave the sentence to `main`."""

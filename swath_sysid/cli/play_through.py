@@ -9,9 +9,9 @@ from typing import Any
 
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.settings_flags import finite
-from swath_sysid.common.advice import Advice
-from swath_sysid.common.errors import InputError
+from swath_sysid.cli.settings_flags import not_negative
+from swath_sysid.common.advice import Advice, counted
+from swath_sysid.common.sentences import REASONS
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
@@ -25,7 +25,8 @@ from swath_sysid.nodes.parameters.files import values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
 from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
-from swath_sysid.nodes.parameters.table import ATTITUDE_NODES
+from swath_sysid.nodes.parameters.sensor import installation
+from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, Values
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 from swath_sysid.pipeline.played_health import PlayedHealth
 
@@ -43,7 +44,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--topic', help='IMU topic, for bags with several')
     parser.add_argument(
         '--refit-delay',
-        type=finite,
+        type=not_negative,
         default=0.0,
         metavar='S',
         help='delay from a window to its model; 0.1 to 3 s on board (default: until the next sample)',
@@ -53,8 +54,6 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Play the record through and write the output."""
-    if arguments.refit_delay < 0.0:
-        raise InputError('the refit delay must not be negative')
     check_outputs(
         [Output('--output', arguments.output, is_recording=True, endings=('mcap',))],
         [arguments.record, arguments.params, arguments.model],
@@ -62,30 +61,12 @@ def run(arguments: Namespace) -> int:
     manoeuvres, imu = holds_manoeuvres(arguments.record) if is_bag(arguments.record) else (False, True)
     if manoeuvres and not imu:
         return _play_manoeuvres(arguments)
-    buffer, identifier, predictor = (values_from_file(arguments.params, name) for name in ATTITUDE_NODES)
-    settings = PlayThroughSettings(
-        window_settings(buffer),
-        refit_settings(identifier),
-        pipeline_settings(predictor),
-        identifier['auto_identify'],
-        arguments.refit_delay,
-        {'topic': WINDOW_TOPIC},
-        identifier['identify_interval_s'],
-    )
-    installation = settings.forecasts.installation
-    readings = read_readings(
-        arguments.record, arguments.topic, frame=installation.frame, mounting=installation.mounting
-    )
-    if readings.in_craft_axes:
-        settings = replace(
-            settings,
-            window=replace(settings.window, installation=Installation()),
-            forecasts=replace(settings.forecasts, installation=Installation()),
-        )
-    pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
-    pipeline.window.record(buffer['record_at_start'])
-    periods = [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)]
-    health = PlayedHealth(pipeline, IMU_TOPIC, periods)
+    nodes = {name: values_from_file(arguments.params, name) for name in ATTITUDE_NODES}
+    predictor = nodes['predictor']
+    mount = installation(predictor)
+    readings = read_readings(arguments.record, arguments.topic, frame=mount.frame, mounting=mount.mounting)
+    pipeline = _pipeline_of(nodes, arguments, readings.in_craft_axes)
+    health = PlayedHealth(pipeline, IMU_TOPIC, [values['diagnostics_period_s'] for values in nodes.values()])
     verdicts = []
     frames = frames_at(predictor['frames_at_s'])
     # else the collector goes through all that is loaded again and again: 5 % of the time
@@ -111,12 +92,29 @@ def run(arguments: Namespace) -> int:
     for stamp_ns, verdict in verdicts:
         print(f'{(stamp_ns - int(readings.stamps[0])) / 1e9:.2f} s: {verdict}')
     stability = pipeline.refitter.stability.newest
-    if stability is not None and stability.warning:
-        show_advice([Advice('stability-changed', stability.warning)])
+    show_advice(() if stability is None else stability.advice)
     _report_counts(pipeline)
     published = ', '.join(f'{topic} {count}' for topic, count in bag.counts.items()) or 'nothing'
     print(f'{arguments.output}: from {len(readings)} messages {published}')
     return 0
+
+
+def _pipeline_of(nodes: dict[str, Values], arguments: Namespace, is_in_craft_axes: bool) -> PlayThrough:
+    """The nodes as their parameters set them; readings in the axes of the craft need no mounting."""
+    buffer, identifier, predictor = (nodes[name] for name in ATTITUDE_NODES)
+    mount = Installation() if is_in_craft_axes else installation(predictor)
+    settings = PlayThroughSettings(
+        replace(window_settings(buffer), installation=mount),
+        refit_settings(identifier),
+        replace(pipeline_settings(predictor), installation=mount),
+        identifier['auto_identify'],
+        arguments.refit_delay,
+        {'topic': WINDOW_TOPIC},
+        identifier['identify_interval_s'],
+    )
+    pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
+    pipeline.window.record(buffer['record_at_start'])
+    return pipeline
 
 
 def _play_manoeuvres(arguments: Namespace):
@@ -143,8 +141,7 @@ def _known_models(model: str | None, model_path: str):
 
 
 def _report_counts(pipeline: Any) -> None:
-    """What was counted by reason, on standard error."""
-    counts = {**pipeline.forecasts.counts, **pipeline.window.counts}
-    counted = ', '.join(f'{reason} {count}' for reason, count in counts.items() if count)
-    if counted:
-        print(f'counted: {counted}', file=sys.stderr)
+    """What was counted, by reason and with its meaning, on standard error."""
+    for reason, count in {**pipeline.forecasts.counts, **pipeline.window.counts}.items():
+        if count:
+            print(f'{reason} ({counted(count, "time")}): {REASONS[reason]}', file=sys.stderr)

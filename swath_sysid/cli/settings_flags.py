@@ -60,6 +60,14 @@ def finite(text: str) -> float:
     return value
 
 
+def not_negative(text: str) -> float:
+    """A finite number for argparse that is not below zero."""
+    value = finite(text)
+    if value < 0.0:
+        raise ArgumentTypeError('must not be negative')
+    return value
+
+
 def numbers(text: str) -> tuple[float, ...]:
     """Finite numbers for argparse, separated by commas."""
     try:

@@ -47,6 +47,8 @@ SENTENCES = {
     'with b0 = 0 unless such a rig is used there too',
     'empty-channel': 'no usable value in {channels}: left out; check that the sensor was set to send it',
     'empty-channel: run': '{source}: {name} holds no usable value and is left out',
+    'equivalent-linear': 'motion in waves shows only the equivalent linear damping at an amplitude of {amplitude:.2g} '
+    'deg, not how damping depends on amplitude: for larger motions record a free decay in still water',
     'forced-motion': '{name} oscillates from start to end (standard deviation {spread}) and never dies out, as in '
     'waves. At sea this gives the natural period, and the damping at its amplitude; for more, record a release in '
     'still water, or give start and end of a decay',
@@ -69,6 +71,7 @@ SENTENCES = {
     'and keep them out of the decay',
     'hardly-moves': "'{name}' swings by {swing:.2g} deg only: if it is in rad, call it '{other}'",
     'held-samples': '{source}: {name} changes only at every {usual:.0f}th sample: the repetitions are taken as missing',
+    'holds-decay': 'this record contains a free decay, which shows more about the hull: identify it as a decay',
     'identical-files': '{path} has the same content as {original} and is left out: it would count as a repeat that it '
     'is not',
     'inertia-includes-added': 'Iz includes added inertia, which free running cannot separate: give the inertia to see '
@@ -79,6 +82,8 @@ SENTENCES = {
     'the lag and give it',
     'late-start': 'the motion after the given start seems free only from {found:.1f} s on: give this as the start, '
     'unless the craft was free from {start:.1f} s',
+    'leads-between-samples': 'samples come every {interval:.3g} s, so motion {leads} s ahead was not measured but '
+    'interpolated, and the scores at these leads show too little error: give leads of {interval:.3g} s or more',
     'length-assumed': 'the length is taken as that of a WAM-V 16, {default_length:.2f} m: give it if you use the prime '
     'system',
     'lever-assumed': 'half the distance between the thrusters is taken as that of a WAM-V 16, {default_lever:.2f} m: '
@@ -102,6 +107,8 @@ SENTENCES = {
     'taken as {turn} deg minus what was recorded; give both in one frame',
     'mixed-frames: turned': '{source}: the heading is off the course by {turn} deg and was turned by that much: check '
     'from which axis heading and position are measured',
+    'model-contradicted': 'the motion shows {more} {quantity} than the {axis} model, beyond its uncertainty '
+    '({stds:+.1f} standard deviations): identify again',
     'model-doubtful': 'the {axis} model is {verdict}: {sentence}',
     'motion-simplified': 'Nav2 moves a craft along its heading at the commanded speed: this one drifts by up to '
     '{drift:.3g} deg and its speed changes by {change:+.0%} in the hardest turn at the highest speed',
@@ -123,6 +130,8 @@ SENTENCES = {
     'numba-disabled': 'NUMBA_DISABLE_JIT is set, so fits take longer than they could; unset it',
     'numba-fails': 'numba is installed but cannot be loaded ({error}), so fits take longer than they could; install '
     'versions of numba and numpy that fit each other, or remove numba',
+    'one-step-biased': 'the one-step objective is biased under measurement noise, and its damping is too large: use '
+    'the simulation objective for a model that forecasts',
     'out-of-order-stamps': '{rows} out of order left out: split the file if it holds two recordings, or a replay that '
     'looped',
     'outlier': '{name} {value:.3g} was rejected: expected {expected:.3g}',
@@ -130,6 +139,7 @@ SENTENCES = {
     'and less, so forecast errors may exceed their intervals; identify again after a release from a larger angle',
     'poor-simulation': 'free simulation explains little of the {label} runs ({channels}; r2): wind, waves, a wrong '
     'thrust or a reversed channel; look at the pictures',
+    'record-not-adequate': '{number} of {records} records are not adequate by themselves ({names}): see their verdicts',
     'repeated-stamps': '{rows} with the stamp of the previous row left out: if most are, write the time with more '
     'digits',
     'restoring-not-exported': '{axis}: gz-sim takes restoring from the Buoyancy plugin and the shape of the hull: '
@@ -142,6 +152,12 @@ SENTENCES = {
     'wider range, or release from a smaller angle',
     'scale-not-given': 'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass or '
     'the thrust of one thruster at full command',
+    'sea-hides-hull': 'the waves (peak period of the exciting moment {peak:.3g} s) show little of the hull: its period '
+    'is known to {period:.1f} %, its damping to {damping:.0f} %. Record longer than {minutes:.0f} minutes, on another '
+    'heading or in another sea, or record a free decay in still water',
+    'sea-not-fitted': 'no single sea explains the motion (misfit {misfit:.1f}; 1 is a good fit), so the uncertainty '
+    'was widened: look for swell beside wind waves, a mooring, a changing speed or a helm. Choose a stretch on a '
+    'steady course, or record a free decay in still water',
     'sensor-followed': '{name} jumped and stayed: the filter follows it; check the sensor',
     'several-decays': '{number} free decays were found, and the one with the most motion is used, from {start:.1f} to '
     '{end:.1f} s: give start and end to use another ({others})',
@@ -152,6 +168,9 @@ SENTENCES = {
     'remove them, or look for lost or broken packets',
     'spikes: run': '{source}: {number} values of {name} jump away for a moment and are left out: look at the sensor if '
     'they are many',
+    'stability-changed': 'the natural period of roll went from {before:.3g} to {now:.3g} s, so the metacentric height '
+    'is {share:.2f} ({low:.2f} to {high:.2f}) of its earlier value: look for added or shifted weight, and for water in '
+    'the hull',
     'strange-inertia': 'the craft responds to thrust as if its mass were {apparent:.4g} kg, not {mass:.4g} kg: check '
     'the mass and the scale of the thrust',
     'surge-inertia-assumed': 'thrust scale and added mass in surge cannot be separated with commands, so Xu_dot is '

@@ -87,10 +87,12 @@ def start(args: list[str] | None = None) -> int:
     parser.add_argument('--angle-deg', type=float, required=True)
     parser.add_argument('--seed', type=int, default=1)
     arguments, others = parser.parse_known_args(args)
-    settings = CraftSettings(
-        hull_named(arguments.hull).model, math.radians(arguments.angle_deg), noise=MEMS_NOISE, seed=arguments.seed
-    )
-    return run([(events_executor, [lambda: SimulatedCraftNode(settings)])], ['simulated_craft', *others])
+
+    def make_node() -> SimulatedCraftNode:
+        model, angle = hull_named(arguments.hull).model, math.radians(arguments.angle_deg)
+        return SimulatedCraftNode(CraftSettings(model, angle, noise=MEMS_NOISE, seed=arguments.seed))
+
+    return run([(events_executor, [make_node])], ['simulated_craft', *others])
 
 
 if __name__ == '__main__':

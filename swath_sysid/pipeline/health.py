@@ -318,7 +318,9 @@ def stability_report(watch: StabilityWatch) -> Report:
     found = watch.newest
     if found is None:
         return Report('stability', OK, 'too few estimates of the natural period yet', {'estimates': watch.count})
-    level, message = (WARN, found.warning) if found.warning else (OK, 'the natural period of roll has not changed')
+    level, message = OK, 'the natural period of roll has not changed'
+    for advice in found.advice:
+        level, message = WARN, advice.message
     return Report(
         'stability',
         level,

@@ -85,15 +85,17 @@ def usual_warmup(trial: Trial) -> float:
     return min(_LONGEST_WARMUP, round(float(trial.time[-1] - trial.time[0]) / 3.0))
 
 
-def usual_limits(trial: Trial, limits: QuiescenceLimits, warmup: float) -> QuiescenceLimits | None:
-    """Limits of quiescence to score: those given, else the angles that the craft seldom passed in the warm-up, s.
+def usual_limits(
+    trial: Trial, limits: QuiescenceLimits, warmup: float, axes: Sequence[str] = AXES
+) -> QuiescenceLimits | None:
+    """Limits of quiescence to score: those given, else the angles of axes seldom exceeded in the warm-up, s.
 
     None where none are given and the warm-up is too short.
     """
     if np.isfinite(limits.bounds(ATTITUDE)).any():
         return limits
     seen = trial.time < trial.time[0] + warmup
-    warm = {axis: trial.channels[axis][seen] for axis in AXES if axis in trial.channels}
+    warm = {axis: trial.channels[axis][seen] for axis in axes if axis in trial.channels}
     warm = {axis: angle for axis, angle in warm.items() if np.isfinite(angle).any()}
     if warmup < _MIN_WARMUP or not warm:
         return None
@@ -172,6 +174,10 @@ def score(
         missing = round(float(np.nan_to_num(results[axis].stood_in[FORECAST] * results[axis].counted).max()))
         if missing:
             advice.append(Advice.of('forecast-missing', missing=missing, axis=axis))
+    interval = float(np.diff(trial.time).min())
+    short = [f'{lead:g}' for lead in leads if lead < interval]
+    if short:
+        advice.append(Advice.of('leads-between-samples', leads=', '.join(short), interval=interval))
     vertical: dict[str, dict[str, QuantitySkill]] = {}
     if points:
         truth = vertical_record(trial, points)

@@ -62,6 +62,7 @@ def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
         f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
         *ratio_lines(found),
         f'  mean angle {math.degrees(model.trim):.2f} deg +- {math.degrees(found.trim_std):.2g}; '
-        f'excitation: {SEAS[found.sea]}, peak period {found.peak_period:.3g} s, '
-        f'misfit {found.misfit:.2f} (1: all is explained)',
+        f'waves: {SEAS[found.sea]}; misfit {found.misfit:.2f} (1: all is explained)',
+        f'  the exciting moment peaks at a period of {found.peak_period:.3g} s; it follows the slope of the waves, so '
+        'their height peaks at a longer one',
     ]

@@ -260,7 +260,7 @@ def _prepared(motion: AxisMotion):
     needed = (MIN_WAVES + 2.0 * EDGE_PERIODS) * period
     if sea.duration < MIN_WAVES * period:
         raise InputError(
-            f'the {motion.axis} holds {sea.duration:.0f} s of motion in waves with a peak period of {period:.3g} s, '
+            f'the {motion.axis} holds {sea.duration:.0f} s of motion in waves, whose spectrum peaks at {period:.3g} s: '
             f'too few waves to separate hull and sea: record at least {np.ceil(needed):.0f} s, better three times as '
             'long'
         )
@@ -575,39 +575,20 @@ def _advice(
     peak_period: float,
     amplitude: float,
 ):
-    degrees = np.degrees(amplitude)
-    found = [
-        Advice(
-            'equivalent-linear',
-            f'from motion in waves only the equivalent linear damping at an amplitude of {degrees:.2g} deg is known, '
-            'not how it depends on the amplitude: for larger motions record a free decay in still water',
-        )
-    ]
+    found = [Advice.of('equivalent-linear', amplitude=np.degrees(amplitude))]
     period_spread, damping_spread = np.sqrt(np.diag(covariance)) / (period, damping)
     if holds_decay:
-        found.append(
-            Advice(
-                'holds-decay',
-                'there is a free decay in this record, which says more about the hull: identify it as one',
-            )
-        )
+        found.append(Advice.of('holds-decay'))
     if period_spread > PERIOD_WANTED or damping_spread > DAMPING_WANTED:
         found.append(
-            Advice(
+            Advice.of(
                 'sea-hides-hull',
-                f'the exciting moment (peak period {peak_period:.3g} s) says little of the hull (period to '
-                f'{100 * period_spread:.1f} %, damping to {100 * damping_spread:.0f} %): record longer than '
-                f'{sea.duration / 60:.0f} minutes, on another heading or in another sea, or record a free decay in '
-                'still water',
+                peak=peak_period,
+                period=100 * period_spread,
+                damping=100 * damping_spread,
+                minutes=sea.duration / 60,
             )
         )
     if misfit > POOR_FIT:
-        found.append(
-            Advice(
-                'sea-not-fitted',
-                f'no single sea explains the motion (misfit {misfit:.1f} instead of 1; the uncertainty is widened for '
-                'it): swell beside wind waves, a mooring, a changing speed or a helm may be in it; give start and end '
-                'of a stretch on a steady course, or record a free decay in still water',
-            )
-        )
+        found.append(Advice.of('sea-not-fitted', misfit=misfit))
     return tuple(found)

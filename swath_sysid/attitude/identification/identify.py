@@ -61,11 +61,7 @@ MAX_PERIOD_CHANGE = 0.25
 #: Standard deviations from zero from which the least-squares stiffness is used to check the likelihood.
 CERTAIN_STDS = 2.0
 SEARCH_SHARE = 0.7
-ONE_STEP_BIASED = Advice(
-    'one-step-biased',
-    'the one-step objective is biased under measurement noise (damping too large): use the simulation objective for a '
-    'model to predict with',
-)
+ONE_STEP_BIASED = Advice.of('one-step-biased')
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swath_sysid.common.advice import Advice
+
 MIN_PART = 2  #: Estimates before and after a change: a single one may be an outlier.
 
 #: Standard deviations; chance reaches this in one run of a thousand with the two hundred steps of six hours.
@@ -54,7 +56,7 @@ class Stability:
     period_before: float  #: T0, s.
     period: float  #: T, s.
     changed_at: float | None = None  #: s; stamp of the first estimate after a change that is beyond chance.
-    warning: str = ''  #: One sentence; empty where there is nothing to warn of.
+    advice: tuple[Advice, ...] = ()  #: Empty where there is nothing to warn of.
     height: float = math.nan  #: GM, m; NaN unless it was known at the start.
 
 
@@ -101,20 +103,17 @@ class StabilityWatch:
         before, now = math.exp(largest.before), math.exp(largest.before + largest.change)
         known, limit = self.settings.known_height, self.settings.limit
         is_past_limit = 0.0 < limit < abs(relative - 1.0) and not interval[0] <= 1.0 <= interval[1]
-        warning = ''
+        advice: tuple[Advice, ...] = ()
         if is_beyond_chance or is_past_limit:
-            warning = (
-                f'the natural period of roll went from {before:.3g} to {now:.3g} s, so that the metacentric height is '
-                f'{relative:.2f} ({interval[0]:.2f} to {interval[1]:.2f}) of what it was: look for weight that was '
-                'added or has shifted, and for water in the hull'
-            )
+            low, high = interval
+            advice = (Advice.of('stability-changed', before=before, now=now, share=relative, low=low, high=high),)
         return Stability(
             relative,
             interval,
             before,
             now,
             float(stamp[largest.place]) if is_beyond_chance else None,
-            warning,
+            advice,
             known * relative if known else math.nan,
         )
 

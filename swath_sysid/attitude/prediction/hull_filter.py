@@ -476,14 +476,8 @@ class HullFilter:
             is_unlikely = abs(change) > CONTRADICTION * before
             is_much = abs(change) > max(MUCH[name], CONTRADICTION * now)
             if self.model is not None and (is_unlikely or is_much):
-                found.append(
-                    Advice(
-                        'model-contradicted',
-                        f'the motion shows {"more" if change > 0.0 else "less"} {name} than the {self.model.axis} '
-                        f'model has, and than its uncertainty allows ({change / before:+.1f} standard deviations): '
-                        'identify again',
-                    )
-                )
+                more, stds = 'more' if change > 0.0 else 'less', change / before
+                found.append(Advice.of('model-contradicted', more=more, quantity=name, axis=self.model.axis, stds=stds))
         return tuple(found)
 
     # -- the forecast ------------------------------------------------------------------------------------------

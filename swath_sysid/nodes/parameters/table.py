@@ -42,7 +42,7 @@ class NodeParameter:
             if self.choices and element not in self.choices:
                 return f"cannot be '{element}': choose from {self.allowed}"
             if self.range and not min(self.range) <= element <= max(self.range):
-                return f'cannot be {element}: give {self.allowed} {self.unit}'.rstrip()
+                return f'cannot be {element:g}: give {self.allowed} {self.unit}'.rstrip()
         return ''
 
 
