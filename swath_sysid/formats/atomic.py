@@ -2,15 +2,12 @@
 
 import os
 import shutil
-import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError
-
-KINDS = {stat.S_ISCHR: 'a device', stat.S_ISBLK: 'a device', stat.S_ISFIFO: 'a pipe', stat.S_ISSOCK: 'a socket'}
 
 
 @contextmanager
@@ -35,7 +32,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
         temporary = workshop / path.name
         yield temporary
         if temporary.is_file():
-            _flush_to_disk(temporary)
+            # a rename may outlive a power cut that the content does not
+            with open(temporary, 'rb+') as file:
+                os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError as error:
         raise InputError(f'cannot write {path}: {error.strerror or error}; choose another place') from error
@@ -50,11 +49,8 @@ def refuse_no_file(path: str | Path, option: str = '') -> str | Path:
         raise InputError(f'{shown} is a folder that exists already: choose another name, or remove it first')
     if not Path(path).name or str(path).endswith(os.sep):
         raise InputError(f"{option} '{path}' names no file: give one".strip())
-    if os.path.exists(path):
-        mode = os.stat(path).st_mode
-        for test, kind in KINDS.items():
-            if test(mode):
-                raise InputError(f'{shown} is {kind}: give the name of a file')
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise InputError(f'{shown} is a device, a pipe or a socket: give the name of a file')
     return path
 
 
@@ -62,9 +58,3 @@ def write_text(path: str | Path, text: str) -> None:
     """Write a text file in UTF-8, whole or not at all; see `replacing`."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding='utf-8')
-
-
-def _flush_to_disk(path: Path) -> None:
-    """Wait until the content is on the disk: a rename may outlive a power cut that the content does not."""
-    with open(path, 'rb+') as file:
-        os.fsync(file.fileno())

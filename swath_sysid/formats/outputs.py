@@ -1,6 +1,5 @@
 """Where results are to go, looked at before the work begins: what would destroy something is refused."""
 
-import errno
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -31,10 +30,17 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None]
     outputs = [output for output in outputs if output.path is not None]
     read = [Path(path) for path in inputs if path is not None and os.path.lexists(path)]
     for place, output in enumerate(outputs):
+        named = f'{output.option} {output.path}'
         _check_name(output)
-        _check_target(output)
+        if not output.is_folder:
+            refuse_no_file(output.path, output.option)
+        elif os.path.exists(output.path) and (not os.path.isdir(output.path) or _is_bag(output.path)):
+            raise InputError(f'{named} is not a folder, or is a rosbag2 bag: choose another name')
         for path in read:
-            _refuse_input(output, path)
+            if not output.is_folder and _are_same(output.path, path):
+                raise InputError(f'{named} is read by this command, and would be lost: choose another name')
+            if path.is_dir() and _is_bag(path) and _lies_in(output.path, path):
+                raise InputError(f'{named} lies in the bag {path}, which is read: choose a place outside of it')
         for other in outputs[:place]:
             if _are_same(output.path, other.path):
                 raise InputError(
@@ -42,17 +48,14 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None]
                 )
         _check_folder(output)
         if not (output.is_folder or output.is_recording) and _is_recording(output.path):
-            raise InputError(
-                f'{output.option} {output.path} is a recording, which it would replace: choose another name, or remove '
-                f'it first'
-            )
+            raise InputError(f'{named} is a recording, which it would replace: choose another name, or remove it first')
 
 
 def refuse_inputs_among(paths: Iterable[Path], inputs: Iterable[str | Path]) -> None:
     """Refuse to write files and folders of fixed names where one of them is, or holds, what is read."""
     for path in paths:
         for read in inputs:
-            if _are_same(path, read) or Path(os.path.realpath(path)) in Path(os.path.realpath(read)).parents:
+            if _are_same(path, read) or _lies_in(read, path):
                 raise InputError(
                     f'{read} is read and lies where {path} is to be written: choose another folder', 'output-over-input'
                 )
@@ -63,48 +66,15 @@ def _check_name(output: Output) -> None:
         raise InputError(f'{output.option} is empty: give a name')
     try:
         os.stat(output.path)
-    except ValueError as error:
-        raise InputError(f'{output.option} is not a file name ({error}): choose another') from error
-    except OSError as error:
-        if error.errno in (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.ENOTDIR):
-            shown = str(output.path)
-            shown = shown if len(shown) <= 80 else f'{shown[:80]}...'
-            raise InputError(f'cannot write {shown}: {error.strerror}; choose another name') from error
+    except FileNotFoundError:
+        pass
+    except (ValueError, OSError) as error:
+        shown = str(output.path)[:80]
+        raise InputError(f'cannot write {shown}: {getattr(error, "strerror", error)}; choose another name') from error
     if output.endings and Path(output.path).suffix.lower().lstrip('.') not in output.endings:
         raise InputError(
-            f"{output.option} cannot be written as '{output.path}': end the name in .{', .'.join(output.endings)}"
+            f"{output.option} cannot be written as '{output.path}': end the name in .{', '.join(output.endings)}"
         )
-
-
-def _is_bag(path: str | Path) -> bool:
-    from swath_sysid.formats.bags import is_bag
-
-    return is_bag(path)
-
-
-def _check_target(output: Output) -> None:
-    path = Path(output.path)
-    if output.is_folder:
-        if path.exists() and not path.is_dir():
-            raise InputError(f'{output.option} {path} is not a folder: choose another name')
-        if path.is_dir() and _is_bag(path):
-            raise InputError(f'{output.option} {path} is a rosbag2 bag: choose a folder of its own')
-        return
-    refuse_no_file(output.path, output.option)
-
-
-def _refuse_input(output: Output, path: Path) -> None:
-    if not output.is_folder and _are_same(output.path, path):
-        raise InputError(
-            f'{output.option} {output.path} is read by this command, and would be lost: choose another name'
-        )
-    if path.is_dir() and _is_bag(path):
-        bag = Path(os.path.realpath(path))
-        place = Path(os.path.realpath(output.path))
-        if bag == place or bag in place.parents:
-            raise InputError(
-                f'{output.option} {output.path} lies in the bag {path}, which is read: choose a place outside of it'
-            )
 
 
 def _check_folder(output: Output) -> None:
@@ -119,20 +89,27 @@ def _check_folder(output: Output) -> None:
         raise InputError(f'cannot write {output.path}: {folder} is not writable; choose another folder')
 
 
+def _is_bag(path: str | Path) -> bool:
+    from swath_sysid.formats.bags import is_bag
+
+    return is_bag(path)
+
+
 def _are_same(first: str | Path, second: str | Path) -> bool:
     both_exist = os.path.exists(first) and os.path.exists(second)
     return os.path.realpath(first) == os.path.realpath(second) or (both_exist and os.path.samefile(first, second))
 
 
+def _lies_in(path: str | Path, folder: str | Path) -> bool:
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+
+
 def _is_recording(path: str | Path) -> bool:
     """Whether a file that exists holds a recording: a storage file of a bag, or a table with a time."""
-    path = Path(path)
     try:
-        if not path.is_file():
+        if not os.path.isfile(path):
             return False
-        if _is_bag(path):
-            return True
-        names = [name.lower().lstrip('_ ') for name in read_head(path).names]
+        names = [] if _is_bag(path) else [name.lower().lstrip('_ ') for name in read_head(path).names]
     except (InputError, OSError):
         return False
-    return len(names) > 1 and any(name.startswith(TIME_WORDS) or name in ('t_s', 't_ms') for name in names)
+    return not names or len(names) > 1 and any(n.startswith(TIME_WORDS) or n in ('t_s', 't_ms') for n in names)
