@@ -89,7 +89,7 @@ class ForecastMessages:
             frames = list(self._transforms(step.forecast, step.next, step.heading[0], step.stamp_ns))
             yield FRAMES_TOPIC, serialised(make(TYPES[FRAMES_TOPIC], frames))
 
-    def _transforms(self, forecast: Forecast, now: AttitudeForecast, yaw: float, stamp_ns: int) -> Iterator[Any]:
+    def _transforms(self, forecast: Forecast, now: AttitudeForecast, yaw: float, stamp_ns: int) -> Iterator[tuple]:
         """From the level frame to the craft now and at the leads, all at the time of issue; the heading is left out."""
         x, y, z, w = now.orientation
         without_heading = multiply(quaternion(0.0, 0.0, -yaw), (x, y, z, w))
@@ -103,17 +103,8 @@ class ForecastMessages:
             heave = float(heaving[0].mean[place, 0]) if heaving else 0.0
             yield self._transform(frame_at(self.frame_id, lead), stamp_ns, heave, quaternion(roll, pitch, 0.0))
 
-    def _transform(self, child: str, stamp_ns: int, heave: float, orientation: Sequence[float]) -> Any:
-        return make(
-            'geometry_msgs/msg/TransformStamped',
-            header(stamp_ns, self._level),
-            child,
-            make(
-                'geometry_msgs/msg/Transform',
-                make('geometry_msgs/msg/Vector3', 0.0, 0.0, heave),
-                make('geometry_msgs/msg/Quaternion', *orientation),
-            ),
-        )
+    def _transform(self, child: str, stamp_ns: int, heave: float, orientation: Sequence[float]) -> tuple:
+        return header(stamp_ns, self._level), child, ((0.0, 0.0, heave), tuple(orientation))
 
     def _at_points(self, step: PipelineStep) -> Iterator[tuple[str, bytes]]:
         for point in step.points():
@@ -148,24 +139,13 @@ class ForecastMessages:
 
 
 def _odometry(v: np.ndarray, level: str, point: str) -> Any:
-    vector = 'geometry_msgs/msg/Vector3'
-    pose = make(
-        'geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', *v[:3]), make('geometry_msgs/msg/Quaternion', *v[3:7])
-    )
-    twist = make('geometry_msgs/msg/Twist', make(vector, *v[43:46]), make(vector, *v[46:49]))
-    return make(
-        ODOMETRY,
-        header(0, level),
-        point,
-        make('geometry_msgs/msg/PoseWithCovariance', pose, v[7:43]),
-        make('geometry_msgs/msg/TwistWithCovariance', twist, v[49:85]),
-    )
+    pose = (tuple(v[:3]), tuple(v[3:7])), v[7:43]
+    twist = (tuple(v[43:46]), tuple(v[46:49])), v[49:85]
+    return make(ODOMETRY, header(0, level), point, pose, twist)
 
 
 def _acceleration(v: np.ndarray, level: str, _: str) -> Any:
-    vector = 'geometry_msgs/msg/Vector3'
-    both = make('geometry_msgs/msg/Accel', make(vector, *v[:3]), make(vector, 0.0, 0.0, 0.0))
-    return make(ACCELERATION, header(0, level), make('geometry_msgs/msg/AccelWithCovariance', both, v[3:39]))
+    return make(ACCELERATION, header(0, level), ((tuple(v[:3]), (0.0, 0.0, 0.0)), v[3:39]))
 
 
 def _point_horizon(v: np.ndarray, level: str, leads_ns: Sequence[int]) -> Any:

@@ -19,39 +19,21 @@ def odometry_message(state: ManoeuvreState, frame_id: str, child_frame_id: str, 
     """The nav_msgs/Odometry of a state, stamp in ns, by default its own; heave, roll, pitch and their variance are
     zero.
     """
-    vector = 'geometry_msgs/msg/Vector3'
-    twist = make(
-        'geometry_msgs/msg/Twist',
-        make(vector, float(state.surge), float(state.sway), 0.0),
-        make(vector, 0.0, 0.0, float(state.yaw_rate)),
-    )
-    return serialised(
-        make(
-            ODOMETRY,
-            header(round(state.stamp * SECOND_NS) if stamp is None else stamp, frame_id),
-            child_frame_id,
-            make('geometry_msgs/msg/PoseWithCovariance', _pose(state), _of_six(state.pose_covariance)),
-            make('geometry_msgs/msg/TwistWithCovariance', twist, _of_six(state.twist_covariance)),
-        )
-    )
+    head = header(round(state.stamp * SECOND_NS) if stamp is None else stamp, frame_id)
+    twist = (float(state.surge), float(state.sway), 0.0), (0.0, 0.0, float(state.yaw_rate))
+    pose, twist_covariance = (_pose(state), _of_six(state.pose_covariance)), _of_six(state.twist_covariance)
+    return serialised(make(ODOMETRY, head, child_frame_id, pose, (twist, twist_covariance)))
 
 
 def path_message(path: Iterable[ManoeuvreState], stamp: float, frame_id: str) -> bytes:
     """The nav_msgs/Path of states, each pose with its own stamp."""
-    poses = [
-        make('geometry_msgs/msg/PoseStamped', header(round(state.stamp * SECOND_NS), frame_id), _pose(state))
-        for state in path
-    ]
+    poses = [(header(round(state.stamp * SECOND_NS), frame_id), _pose(state)) for state in path]
     return serialised(make(PATH, header(round(stamp * SECOND_NS), frame_id), poses))
 
 
-def _pose(state: ManoeuvreState) -> Any:
+def _pose(state: ManoeuvreState) -> tuple:
     half = 0.5 * state.heading
-    return make(
-        'geometry_msgs/msg/Pose',
-        make('geometry_msgs/msg/Point', float(state.x), float(state.y), 0.0),
-        make('geometry_msgs/msg/Quaternion', 0.0, 0.0, float(np.sin(half)), float(np.cos(half))),
-    )
+    return (float(state.x), float(state.y), 0.0), (0.0, 0.0, float(np.sin(half)), float(np.cos(half)))
 
 
 def _of_six(block: np.ndarray) -> np.ndarray:

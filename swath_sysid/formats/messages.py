@@ -52,15 +52,31 @@ def serialised(message: Any) -> bytes:
     return bytes(typestore().serialize_cdr(message, message.__msgtype__))
 
 
-def make(kind: str, *values: Any, **fields: Any) -> Any:
-    """A message of the `typestore`, from its fields in their order, or by name."""
-    return typestore().types[kind](*values, **fields)
+def make(kind: str, *values: Any) -> Any:
+    """A message of the `typestore` from its fields in their order; those that are messages too may be tuples."""
+    parts = []
+    for part, value in zip(_part_kinds(kind), values, strict=True):
+        if part and isinstance(value, list):
+            value = [make(part, *each) for each in value]
+        parts.append(make(part, *value) if part and isinstance(value, tuple) else value)
+    return typestore().types[kind](*parts)
 
 
-def header(stamp_ns: int, frame_id: str) -> Any:
-    """A std_msgs/Header."""
-    seconds, rest = divmod(int(stamp_ns), SECOND_NS)
-    return make('std_msgs/msg/Header', make('builtin_interfaces/msg/Time', seconds, rest), frame_id)
+@cache
+def _part_kinds(kind: str) -> tuple[str, ...]:
+    """The message type of each field or of its elements, empty for plain values."""
+    from rosbags.interfaces import Nodetype
+
+    kinds = []
+    for _, (node, what) in typestore().fielddefs[kind][1]:
+        node, what = what[0] if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (node, what)
+        kinds.append(what if node == Nodetype.NAME else '')
+    return tuple(kinds)
+
+
+def header(stamp_ns: int, frame_id: str) -> tuple:
+    """The fields of a std_msgs/Header."""
+    return divmod(int(stamp_ns), SECOND_NS), frame_id
 
 
 class Template:
@@ -95,16 +111,15 @@ class ImuMessage:
     """The sensor_msgs/Imu messages of one sender."""
 
     def __init__(self, frame_id: str) -> None:
-        vector = 'geometry_msgs/msg/Vector3'
         self._template = Template(
             lambda v: make(
                 IMU,
                 header(0, frame_id),
-                make('geometry_msgs/msg/Quaternion', *v[ORIENTATION]),
+                tuple(v[ORIENTATION]),
                 v[ORIENTATION_COVARIANCE],
-                make(vector, *v[RATES]),
+                tuple(v[RATES]),
                 v[RATES_COVARIANCE],
-                make(vector, *v[FORCE]),
+                tuple(v[FORCE]),
                 v[FORCE_COVARIANCE],
             ),
             IMU_VALUES,
@@ -171,11 +186,10 @@ def _horizon_template(columns: tuple[str, ...], leads_ns: tuple[int, ...], frame
 
 def trajectory_point(
     time_ns: int, positions: ArrayLike, velocities: ArrayLike = (), accelerations: ArrayLike = ()
-) -> Any:
-    """A trajectory_msgs/JointTrajectoryPoint without efforts."""
+) -> tuple:
+    """The fields of a trajectory_msgs/JointTrajectoryPoint without efforts."""
     arrays = [np.asarray(part, dtype=float) for part in (positions, velocities, accelerations, ())]
-    duration = make('builtin_interfaces/msg/Duration', *divmod(time_ns, SECOND_NS))
-    return make('trajectory_msgs/msg/JointTrajectoryPoint', *arrays, duration)
+    return *arrays, divmod(time_ns, SECOND_NS)
 
 
 def trajectory_values(message: Any) -> tuple[int, list[int], list[str], list[float]]:
@@ -192,22 +206,11 @@ def window_message(table: MotionTable, frame_id: str) -> bytes:
     """The sensor_msgs/PointCloud2 of a `MotionTable`: one row for each sample."""
     rows = np.column_stack([table.rows, _marks(table)]).astype('<f8')
     size = FLOAT64_BYTES * len(WINDOW_COLUMNS)
+    fields = [(name, FLOAT64_BYTES * place, FLOAT64, 1) for place, name in enumerate(WINDOW_COLUMNS)]
+    data, is_dense = rows.view(np.uint8).ravel(), bool(np.isfinite(rows).all())
+    head = header(table.stamp_ns, frame_id)
     return serialised(
-        make(
-            TYPES[WINDOW_TOPIC],
-            header=header(table.stamp_ns, frame_id),
-            height=1,
-            width=len(rows),
-            fields=[
-                make('sensor_msgs/msg/PointField', name, FLOAT64_BYTES * place, FLOAT64, 1)
-                for place, name in enumerate(WINDOW_COLUMNS)
-            ],
-            is_bigendian=False,
-            point_step=size,
-            row_step=size * len(rows),
-            data=rows.view(np.uint8).ravel(),
-            is_dense=bool(np.isfinite(rows).all()),
-        )
+        make(TYPES[WINDOW_TOPIC], head, 1, len(rows), fields, False, size, size * len(rows), data, is_dense)
     )
 
 
@@ -269,36 +272,14 @@ def number_message(value: float, kind: str = 'std_msgs/msg/Float64') -> bytes:
 def coefficients_message(models: Mapping[str, IdentifiedModel]) -> bytes:
     """The std_msgs/Float64MultiArray of models by axis, with the labels of rows and columns."""
     rows, values = coefficients(models)
-    dimension, columns = 'std_msgs/msg/MultiArrayDimension', len(COEFFICIENT_NAMES)
-    layout = make(
-        'std_msgs/msg/MultiArrayLayout',
-        [
-            make(dimension, ','.join(rows), len(rows), values.size),
-            make(dimension, ','.join(COEFFICIENT_NAMES), columns, columns),
-        ],
-        0,
-    )
-    return serialised(make('std_msgs/msg/Float64MultiArray', layout, values.ravel()))
+    columns = len(COEFFICIENT_NAMES)
+    dimensions = [(','.join(rows), len(rows), values.size), (','.join(COEFFICIENT_NAMES), columns, columns)]
+    return serialised(make('std_msgs/msg/Float64MultiArray', (dimensions, 0), values.ravel()))
 
 
 def diagnostics_message(
     stamp_ns: int, statuses: Iterable[tuple[int, str, str, Mapping[str, str]]], hardware_id: str = ''
 ) -> bytes:
     """A diagnostic_msgs/DiagnosticArray of level, name, message and values of each status, all of one hardware id."""
-    return serialised(
-        make(
-            'diagnostic_msgs/msg/DiagnosticArray',
-            header(stamp_ns, ''),
-            [
-                make(
-                    'diagnostic_msgs/msg/DiagnosticStatus',
-                    level,
-                    name,
-                    message,
-                    hardware_id,
-                    [make('diagnostic_msgs/msg/KeyValue', key, value) for key, value in values.items()],
-                )
-                for level, name, message, values in statuses
-            ],
-        )
-    )
+    plain = [(level, name, said, hardware_id, list(values.items())) for level, name, said, values in statuses]
+    return serialised(make('diagnostic_msgs/msg/DiagnosticArray', header(stamp_ns, ''), plain))
