@@ -367,7 +367,7 @@ def test_dates_are_a_time(tmp_path, form, name):
         (
             '# sample_rate_hz: -100\ntime_samples,roll_deg',
             np.arange(500),
-            "'sample_rate_hz: -100', which must be greater",
+            "'sample_rate_hz: -100.0', which must be greater",
         ),
         ('# sample_rate_hz: 0\ntime_samples,roll_deg', np.arange(500), 'must be greater than zero'),
     ],

@@ -11,7 +11,7 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import reading
-from swath_sysid.formats.tables import Progress, TableHead, listed_names, read_columns, read_head, remark_number, shown
+from swath_sysid.formats.tables import Progress, TableHead, listed_names, read_columns, read_head, shown
 
 #: Units as the names of columns end in them, with their size in SI.
 UNITS = {
@@ -86,7 +86,13 @@ class Table:
 
     def remark(self, key: str) -> float | None:
         """The number in a comment line, None where there is none."""
-        return remark_number(self.path, self.remarks, key)
+        said = self.remarks.get(key)
+        try:
+            return float(said.replace(',', '.')) if said else None
+        except ValueError as error:
+            raise InputError(
+                f"{self.path} says '{key}: {shown(str(said))}', which is not a number: correct that line"
+            ) from error
 
     @property
     def start(self) -> float:
@@ -105,7 +111,13 @@ class Table:
             # subtracted before the nanoseconds are added: a double resolves an epoch to 0.2 us only
             time = sum(further, time - self.start)
             return time - _first_finite(time)
-        return sum(further, time) / (self._sample_rate() if self.columns[0].unit == SAMPLES else 1.0)
+        rate = self.remark('sample_rate_hz') if self.columns[0].unit == SAMPLES else 1.0
+        if rate is None or not 0.0 < rate < np.inf:
+            raise InputError(
+                f"{self.path} numbers its samples and says 'sample_rate_hz: {rate}', which must be greater than zero: "
+                "put a line '# sample_rate_hz: 100' above the columns"
+            )
+        return sum(further, time) / rate
 
     def readings(self) -> dict[str, np.ndarray]:
         """Reading to values in SI units, of the first column of each; columns that contradict it are refused."""
@@ -121,16 +133,6 @@ class Table:
                 )
         del found['time']
         return found
-
-    def _sample_rate(self) -> float:
-        rate = self.remark('sample_rate_hz')
-        if rate is None or not 0.0 < rate < np.inf:
-            problem = 'states no rate' if rate is None else f"says 'sample_rate_hz: {rate:g}', which must be greater"
-            raise InputError(
-                f'{self.path} numbers its samples but {problem}{" than zero" if rate is not None else ""}: put a line '
-                "'# sample_rate_hz: 100' above the columns"
-            )
-        return rate
 
 
 def read_table(

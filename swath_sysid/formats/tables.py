@@ -27,14 +27,12 @@ TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text 
 
 QUOTED = re.compile(r'"([^"\n]*)"')
 
-LINES_AROUND = 3  #: Lines that are parsed cell by cell where one of them is damaged.
-AT_ROW = re.compile(r'at row (\d+)')  #: Where numpy found it.
+LINES_TOGETHER = 1000  #: Lines that are written at once, or parsed cell by cell where one of them is damaged.
 SOME_WORD = re.compile('[a-df-zA-DF-Z/#?]|-[-,;\t\n]')  #: Where a missing value may be written as a word.
 
 #: ISO 8601, with or without a zone.
 ISO_TIME = re.compile(r'"?\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?"?', re.I)
 
-LINES_AT_ONCE = 100_000  #: Rows written at once.
 EXTRA_ROWS = 20  #: Rows looked at to find whether they hold more cells than there are names.
 
 #: How a missing value may be written, beside nan.
@@ -129,21 +127,9 @@ def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[s
     with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
         file.writelines(f'# {key}: {value}\n' for key, value in remarks.items() if value is not None)
         file.write(','.join(columns) + '\n')
-        for start in range(0, values[0].size, LINES_AT_ONCE):
-            rows = zip(*(column[start : start + LINES_AT_ONCE].tolist() for column in values), strict=True)
+        for start in range(0, values[0].size, LINES_TOGETHER):
+            rows = zip(*(column[start : start + LINES_TOGETHER].tolist() for column in values), strict=True)
             file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
-
-
-def remark_number(path: str | Path, remarks: Mapping[str, Any], key: str) -> float | None:
-    """The number in a ``# key: value`` line, None where there is none."""
-    if not remarks.get(key):
-        return None
-    try:
-        return float(remarks[key].replace(',', '.'))
-    except ValueError as error:
-        raise InputError(
-            f"{path} says '{key}: {shown(remarks[key])}', which is not a number: correct that line"
-        ) from error
 
 
 def listed_names(names: Sequence[str]) -> str:
@@ -185,20 +171,13 @@ class _BlockParser:
             return self._parse_fast(lines)
         except ValueError:
             lines = self._with_missing(lines)
-        parts, start = [np.empty((0, len(self.indices)))], 0
-        while start < len(lines):
+        parts = [np.empty((0, len(self.indices)))]
+        for start in range(0, len(lines), LINES_TOGETHER):
+            some = lines[start : start + LINES_TOGETHER]
             try:
-                parts.append(self._parse_fast(lines[start:]))
-                break
-            except ValueError as error:
-                row = AT_ROW.search(str(error))
-                sound = max(int(row[1]) - 1, 0) if row else 0
-            # numpy may count the damaged line from 0 or 1
-            parts.append(self._parse_fast(lines[start : start + sound]))
-            start += sound
-            damaged = LINES_AROUND if row else len(lines)
-            parts.append(self._parse_cells(lines[start : start + damaged], first + start))
-            start += damaged
+                parts.append(self._parse_fast(some))
+            except ValueError:
+                parts.append(self._parse_cells(some, first + start))
         return np.concatenate(parts)
 
     def columns(self) -> np.ndarray:
