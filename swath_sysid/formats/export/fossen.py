@@ -17,6 +17,7 @@ from swath_sysid.manoeuvring.hull.terms import NAMES, PARAMETERS, SENSOR
 PYTHON, MATLAB = 'python', 'matlab'
 LANGUAGES = (PYTHON, MATLAB)
 EXPRESSIBLE = frozenset(NAMES) - {'lag', 'delay'}
+UNITS = {p.name: p.unit for p in PARAMETERS}
 
 #: Entries as expressions valid in both languages.
 MATRICES = {
@@ -97,6 +98,26 @@ nu_dot = M \\ (tau - (C + D) * nu(:));
 end
 """
 
+_PYTHON_AXIS = '''
+{axis}_inertia = {inertia}  # kg m2, with added inertia
+
+
+def {axis}_damping(w):
+    """D(w), N m."""
+    return {damping}
+
+
+def {axis}_restoring(angle):
+    """G, N m."""
+    return {restoring}
+'''
+
+_MATLAB_AXIS = """s.{axis}_inertia = {inertia};
+s.{axis}_damping = @(w) {damping};
+s.{axis}_restoring = @(angle) {restoring};
+"""
+_BY_LANGUAGE = {PYTHON: (_PYTHON_AXIS, 'np.sin', 'np.tanh'), MATLAB: (_MATLAB_AXIS, 'sin', 'tanh')}
+
 
 def _python_matrix(rows: Iterable[Sequence[str]]) -> str:
     return 'np.array([\n' + ''.join(f'    [{", ".join(row)}],\n' for row in rows) + '])'
@@ -131,23 +152,17 @@ def fossen(model: ManoeuvringModel, language: str = PYTHON, function: str = 'cra
         'to east.',
         *(f'WARNING {a.message}' for a in advice),
     ]
-    values = {p.name: (model[p.name], p.unit) for p in PARAMETERS if p.kind != SENSOR and p.name in EXPRESSIBLE}
-    values['N0'] = (0.0 - model['N0'], values['N0'][1])
+    values = {p.name: model[p.name] for p in PARAMETERS if p.kind != SENSOR and p.name in EXPRESSIBLE}
+    values['N0'] = 0.0 - model['N0']
+    mark, end = ('#', ' ') if language == PYTHON else ('%', ';')
+    numbers = '\n'.join(f'{name} = {value!r}{end} {mark} {UNITS[name]}' for name, value in values.items())
     if language == PYTHON:
-        text = _commented(head, '#') + _PYTHON.format(
-            numbers='\n'.join(f'{name} = {value!r}  # {unit}' for name, (value, unit) in values.items()),
-            **{
-                name: _python_matrix(rows).replace('\n', '\n' + ' ' * 4 * (name != 'M'))
-                for name, rows in MATRICES.items()
-            },
-        )
+        rows = {n: _python_matrix(r).replace('\n', '\n' + ' ' * 4 * (n != 'M')) for n, r in MATRICES.items()}
+        text = _commented(head, '#') + _PYTHON.format(numbers=numbers, **rows)
     else:
-        text = _MATLAB.format(
-            function=_matlab_name(function),
-            head=_commented(head, '%').rstrip(),
-            numbers='\n'.join(f'{name} = {value!r}; % {unit}' for name, (value, unit) in values.items()),
-            **{name: _matlab_matrix(rows) for name, rows in MATRICES.items()},
-        )
+        rows = {name: _matlab_matrix(entries) for name, entries in MATRICES.items()}
+        name = _matlab_name(function)
+        text = _MATLAB.format(function=name, head=_commented(head, '%').rstrip(), numbers=numbers, **rows)
     return Export(text, advice)
 
 
@@ -163,35 +178,27 @@ def fossen_attitude(
         'Body x forward, y starboard, z down: pitch is positive bow up. Angles in rad, rates in rad/s.',
         'Friction is smoothed over a rate, as it was identified.',
     ]
-    parts = [
-        _commented(head, '#') + 'import numpy as np'
-        if language == PYTHON
-        else f'function s = {_matlab_name(function)}()\n{_commented(head, "%")}'
-        '% s holds inertia, kg m2, and handles of damping and restoring, N m, of each axis.'
-    ]
-    sine, tanh = ('np.sin', 'np.tanh') if language == PYTHON else ('sin', 'tanh')
+    axis_text, sine, tanh = _BY_LANGUAGE[language]
+    parts = []
     for axis, identified in models.items():
         inertia, model = inertia_of(axis, inertias), identified.model
         side = -1.0 if axis == 'pitch' else 1.0
         b0, b1, b2, b3, r1, r2, r3, s1, s2 = (float(inertia * value) for value in model.ratios)
         x = f'(angle - {side * float(model.trim)!r})'
-        damping = f'{b0!r} * {tanh}(w / {model.friction_rate!r}) + ({b1!r} + {b2!r} * abs(w) + {b3!r} * w * w) * w'
-        restoring = (
-            f'({r1!r} + {side * r2!r} * {x} + {r3!r} * {x} * {x}) * {x} + ({s1!r} + {side * s2!r} * '
-            f'{sine}{x}) * {sine}{x}'
+        parts.append(
+            axis_text.format(
+                axis=axis,
+                inertia=repr(inertia),
+                damping=f'{b0!r} * {tanh}(w / {model.friction_rate!r}) + ({b1!r} + {b2!r} * abs(w) + {b3!r} * w * w) * w',
+                restoring=f'({r1!r} + {side * r2!r} * {x} + {r3!r} * {x} * {x}) * {x} + ({s1!r} + {side * s2!r} * '
+                f'{sine}{x}) * {sine}{x}',
+            )
         )
-        if language == PYTHON:
-            parts.append(
-                f'\n{axis}_inertia = {inertia!r}  # kg m2, with added inertia\n\n\n'
-                f'def {axis}_damping(w):\n    """D(w), N m."""\n    return {damping}\n\n\n'
-                f'def {axis}_restoring(angle):\n    """G, N m."""\n    return {restoring}\n'
-            )
-        else:
-            parts.append(
-                f's.{axis}_inertia = {inertia!r};\ns.{axis}_damping = @(w) {damping};\n'
-                f's.{axis}_restoring = @(angle) {restoring};'
-            )
-    return Export('\n'.join(parts) + ('' if language == PYTHON else '\nend\n'), ())
+    if language == PYTHON:
+        return Export(_commented(head, '#') + 'import numpy as np\n' + ''.join(parts), ())
+    what = '% s holds inertia, kg m2, and handles of damping and restoring, N m, of each axis.\n'
+    first = f'function s = {_matlab_name(function)}()\n{_commented(head, "%")}{what}'
+    return Export(first + ''.join(parts) + 'end\n', ())
 
 
 def _commented(lines: Iterable[str], mark: str) -> str:
