@@ -21,17 +21,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import existing, reading
 from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC
 from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
-from swath_sysid.formats.messages import (
-    FORCE,
-    FORCE_COVARIANCE,
-    IMU_VALUES,
-    ORIENTATION,
-    ORIENTATION_COVARIANCE,
-    RATES,
-    RATES_COVARIANCE,
-    SECOND_NS,
-    ImuMessage,
-)
+from swath_sysid.formats.messages import IMU_PARTS, IMU_VALUES, SECOND_NS, ImuMessage
 from swath_sysid.formats.output_bag import STORAGES, writing_bag
 from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC
 
@@ -39,7 +29,7 @@ METADATA_FILE = 'metadata.yaml'
 #: First bytes of a storage file, and the ending it should have.
 MAGIC = {MCAP_MAGIC: '.mcap', b'SQLite format 3\0': '.db3'}
 
-MESSAGES_AT_ONCE, READINGS_AT_ONCE = 50_000, 500
+MESSAGES_AT_ONCE = 50_000
 
 
 @dataclass(frozen=True)
@@ -59,11 +49,9 @@ class ImuRecord:
 
     def __iter__(self) -> Iterator[ImuReading]:
         """One `ImuReading` after the other."""
-        parts = ORIENTATION, ORIENTATION_COVARIANCE, RATES, RATES_COVARIANCE, FORCE, FORCE_COVARIANCE
-        for first in range(0, len(self), READINGS_AT_ONCE):
-            values = self.values[first : first + READINGS_AT_ONCE]
-            stamps = self.stamps[first : first + READINGS_AT_ONCE].tolist()
-            yield from map(ImuReading, stamps, *(values[:, part].tolist() for part in parts))
+        for stamp, row in zip(self.stamps.tolist(), self.values, strict=True):
+            values = row.tolist()
+            yield ImuReading(stamp, *(values[part] for part in IMU_PARTS))
 
 
 def is_bag(path: str | Path) -> bool:
@@ -91,11 +79,7 @@ def read_bag(
         stamps = record.received
         advice.append(Advice.of('no-header-stamps', topic=record.topic))
     readings: dict[str, np.ndarray] = {}
-    for names, columns, covariance in (
-        (QUATERNION, ORIENTATION, ORIENTATION_COVARIANCE),
-        (GYRO, RATES, RATES_COVARIANCE),
-        (ACCEL, FORCE, FORCE_COVARIANCE),
-    ):
+    for names, columns, covariance in zip((QUATERNION, GYRO, ACCEL), IMU_PARTS[::2], IMU_PARTS[1::2], strict=True):
         measured = record.values[:, covariance.start] != -1
         if measured.any():
             block = np.where(measured[:, None], record.values[:, columns], np.nan)
@@ -157,12 +141,13 @@ def imu_values(trial: Trial) -> np.ndarray:
     angles, turns = (trial.roll, trial.pitch), (trial.roll_rate, trial.pitch_rate)
     forces = trial.accel_x, trial.accel_y, trial.accel_z
     roll, pitch, *rates = (0.0 if channel is None else channel for channel in (*angles, *turns, trial.yaw_rate))
-    for columns, covariance, parts, channels in (
-        (ORIENTATION, ORIENTATION_COVARIANCE, quaternion(roll, pitch, 0.0), angles),
-        (RATES, RATES_COVARIANCE, body_rates(roll, pitch, *rates), turns),
-        (FORCE, FORCE_COVARIANCE, [0.0 if channel is None else channel for channel in forces], forces),
-    ):
-        for place, part in zip(range(columns.start, columns.stop), parts, strict=True):
+    sent = (
+        (quaternion(roll, pitch, 0.0), angles),
+        (body_rates(roll, pitch, *rates), turns),
+        ([0.0 if channel is None else channel for channel in forces], forces),
+    )
+    for (parts, channels), columns, covariance in zip(sent, IMU_PARTS[::2], IMU_PARTS[1::2], strict=True):
+        for place, part in enumerate(parts, columns.start):
             values[:, place] = part
         if all(channel is None for channel in channels):
             values[:, covariance.start] = NOT_MEASURED

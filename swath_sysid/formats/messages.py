@@ -29,13 +29,14 @@ SECOND_NS = 1_000_000_000
 #: The last is 1 (roll) or 2 (pitch) in the rows of the free decay for which the window was published by itself, else 0.
 WINDOW_COLUMNS = (*COLUMNS, 'decay')
 FLOAT64 = 8  #: sensor_msgs/PointField's number for doubles.
-IMU_VALUES = 37  #: Doubles in an Imu message: orientation 4, 9 of covariance, then rates and acceleration 3 and 9 each.
-
 ORIENTATION, RATES, FORCE = slice(0, 4), slice(13, 16), slice(25, 28)
 ORIENTATION_COVARIANCE, RATES_COVARIANCE, FORCE_COVARIANCE = slice(4, 13), slice(16, 25), slice(28, 37)
+#: The doubles of an Imu message, in their order.
+IMU_PARTS = (ORIENTATION, ORIENTATION_COVARIANCE, RATES, RATES_COVARIANCE, FORCE, FORCE_COVARIANCE)
+IMU_VALUES = FORCE_COVARIANCE.stop
 
 NO_FORCE = (0.0, 0.0, 0.0, NOT_MEASURED, *8 * (0.0,))
-ENCAPSULATION_BYTES, FLOAT64_BYTES = 4, 8
+ENCAPSULATION_BYTES, FLOAT64_BYTES = 4, np.dtype(float).itemsize
 _STAMP = Struct('<iI')
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,8 +33,6 @@ FOREIGN = {
     b'\x89HDF': 'an HDF5 file (or a MATLAB file of version 7.3): save its signals as CSV',
     b'\xfa\xff': 'a binary MTi log: export it as text in MT Manager',
 }
-
-HASH_BYTES = 1 << 20
 
 
 def read_trial(
@@ -118,21 +116,12 @@ def read_readings(
 def source_hash(path: str | Path) -> str:
     """The SHA-256, hexadecimal, of a file, or of the names and contents of the files in a bag folder."""
     path = Path(path)
-    digest = hashlib.sha256()
     with reading(path):
-        if path.is_dir():
-            for file in sorted(file for file in path.iterdir() if file.is_file()):
-                digest.update(f'{file.name}\0{file.stat().st_size}\0'.encode())
-                _add_content(digest, file)
-        else:
-            _add_content(digest, path)
-    return digest.hexdigest()
-
-
-def _add_content(digest: Any, path: str | Path) -> None:
-    with open(path, 'rb') as file:
-        while block := file.read(HASH_BYTES):
-            digest.update(block)
+        if not path.is_dir():
+            with open(path, 'rb') as file:
+                return hashlib.file_digest(file, 'sha256').hexdigest()
+        files = sorted(file for file in path.iterdir() if file.is_file())
+        return hashlib.sha256('\0'.join(f'{file.name}\0{source_hash(file)}' for file in files).encode()).hexdigest()
 
 
 def _refuse_foreign(path: str | Path) -> None:

@@ -16,10 +16,9 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 
 COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
-BLOCK_BYTES = 1 << 22  #: How much text is parsed at once.
+BLOCK_BYTES = 1 << 20  #: How much text is parsed at once; a longer line is not a row of a table.
 HEAD_BYTES = 1 << 16  #: How much text is looked at to find the columns.
 LARGEST_RECODED = 1 << 27  #: Bytes of a file in UTF-16 that are read; a longer one is to be saved in UTF-8.
-LONGEST_LINE = 1 << 20  #: Bytes; a longer line is not a row of a table.
 
 UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
@@ -33,7 +32,6 @@ SOME_WORD = re.compile('[a-df-zA-DF-Z/#?]|-[-,;\t\n]')  #: Where a missing value
 #: ISO 8601, with or without a zone.
 ISO_TIME = re.compile(r'"?\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?"?', re.I)
 
-EXTRA_ROWS = 20  #: Rows looked at to find whether they hold more cells than there are names.
 
 #: How a missing value may be written, beside nan.
 MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
@@ -110,10 +108,10 @@ def read_columns(
         size = file.seek(0, io.SEEK_END)
         file.seek(head.offset)
         while block := file.read(BLOCK_BYTES):
-            rest = file.readline(LONGEST_LINE)
-            if len(rest) == LONGEST_LINE:
+            rest = file.readline(BLOCK_BYTES)
+            if len(rest) == BLOCK_BYTES:
                 raise InputError(
-                    f'{path} has a line longer than {LONGEST_LINE} bytes: give a table with a line a sample'
+                    f'{path} has a line longer than {BLOCK_BYTES} bytes: give a table with a line a sample'
                 )
             parser.parse(block + rest)
             if progress is not None:
@@ -315,7 +313,7 @@ def _refuse_extra_cells(path: str | Path, sample: str, names: Sequence[str], del
     """Refuse rows with more cells than names: decimal commas between commas, or columns without a name."""
     if delimiter != ',':
         return
-    rows = [line for line in sample.splitlines()[:EXTRA_ROWS] if line.strip() and not line.startswith(COMMENT_MARKS)]
+    rows = [line for line in sample.splitlines() if line.strip() and not line.startswith(COMMENT_MARKS)]
     counts = [len(QUOTED.sub('0', row).rstrip(', \t').split(',')) for row in rows]
     most = int(np.median(counts)) if counts else 0
     if most > len(names):
@@ -327,7 +325,7 @@ def _refuse_extra_cells(path: str | Path, sample: str, names: Sequence[str], del
 
 def _has_decimal_commas(sample: str, delimiter: str | None) -> bool:
     """Whether a cell holds a comma and none a comma beside a point, as numbers with thousands marked do."""
-    cells = [cell for line in sample.splitlines()[:EXTRA_ROWS] for cell in line.split(delimiter) if ',' in cell]
+    cells = [cell for line in sample.splitlines() for cell in line.split(delimiter) if ',' in cell]
     return bool(cells) and not any('.' in cell for cell in cells)
 
 

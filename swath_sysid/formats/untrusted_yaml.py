@@ -22,7 +22,6 @@ MAX_VALUES = 8_000  #: A model of both axes scheduled on five drafts has about 2
 LONGEST_NUMBER = 40  #: Characters; a float has at most 24, and nothing that is counted here has 39 digits.
 
 LONGEST_SHOWN = 80
-LONGEST_PATH = 4  #: Names, the innermost, that say where a value stands.
 
 _PARSER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 _NULLS = {'', '~', 'null', 'Null', 'NULL'}
@@ -109,7 +108,7 @@ def _value(event: yaml.Event, events: Iterator[yaml.Event], path: tuple[str, ...
 
 def _told(path: tuple[str, ...]) -> str:
     source, *names = path
-    return ', '.join([source, *map(shown, names[-LONGEST_PATH:])])
+    return source + ''.join(f', {shown(name)}' for name in names)[-LONGEST_SHOWN:]
 
 
 def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...]) -> str | int | float | bool | None:

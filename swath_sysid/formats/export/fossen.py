@@ -189,7 +189,8 @@ def fossen_attitude(
             axis_text.format(
                 axis=axis,
                 inertia=repr(inertia),
-                damping=f'{b0!r} * {tanh}(w / {model.friction_rate!r}) + ({b1!r} + {b2!r} * abs(w) + {b3!r} * w * w) * w',
+                damping=f'{b0!r} * {tanh}(w / {model.friction_rate!r}) '
+                f'+ ({b1!r} + {b2!r} * abs(w) + {b3!r} * w * w) * w',
                 restoring=f'({r1!r} + {side * r2!r} * {x} + {r3!r} * {x} * {x}) * {x} + ({s1!r} + {side * s2!r} * '
                 f'{sine}{x}) * {sine}{x}',
             )
