@@ -111,11 +111,3 @@ def test_file_of_both_axes(tmp_path):
 def test_faults_are_named(text, words):
     with pytest.raises(InputError, match=words):
         model_from_yaml(text)
-
-
-def test_unreadable_files_are_named(tmp_path):
-    with pytest.raises(InputError, match='cannot read the model file'):
-        read_model(tmp_path / 'absent.yaml')
-    (tmp_path / 'binary.yaml').write_bytes(b'\xff\xfe\x00')
-    with pytest.raises(InputError, match='not text'):
-        read_model(tmp_path / 'binary.yaml')
