@@ -16,6 +16,7 @@ from swath_sysid.manoeuvring.hull.terms import (
 
 FORCE, COMMAND = 'force', 'command'
 INPUTS = (FORCE, COMMAND)
+DIFFERENCE = 1e-5  #: m/s and rad/s, of numerical derivatives.
 
 
 @dataclass(frozen=True)
@@ -59,12 +60,7 @@ class ManoeuvringModel:
 
     def jacobian(self, u: float, v: float, r: float, port: Numbers = 0.0, starboard: Numbers = 0.0) -> np.ndarray:
         """Derivatives of the accelerations by u, v and r, shape (3, 3), by central differences."""
-        step = 1e-5
-        state = np.array([u, v, r], dtype=float)[:, None]
-        moves = np.concatenate([np.eye(3), -np.eye(3)], axis=1) * step
-        u, v, r = state + moves
-        found = np.array(self.accelerations(u, v, r, port, starboard))
-        return (found[:, :3] - found[:, 3:]) / (2.0 * step)
+        return jacobians(self.values[:, None], self.active, np.array([[u], [v], [r]]), port, starboard)[0]
 
 
 def parameter_values(values: Mapping[str, float], base: np.ndarray = NEUTRAL) -> np.ndarray:
@@ -75,6 +71,19 @@ def parameter_values(values: Mapping[str, float], base: np.ndarray = NEUTRAL) ->
     for name, value in values.items():
         full[INDEX[name]] = value
     return full
+
+
+def jacobians(
+    p: np.ndarray, active: tuple[bool, ...], states: np.ndarray, port: Numbers = 0.0, starboard: Numbers = 0.0
+) -> np.ndarray:
+    """Derivatives of the accelerations by u, v and r, shape (C, 3, 3), by central differences, of C craft with
+    parameters (n, C) in states (3, C) under acting thrusts, N.
+    """
+    sides = []
+    for step in (DIFFERENCE, -DIFFERENCE):
+        moved = (states + step * move[:, None] for move in np.eye(3))
+        sides.append(np.array([accelerations(u, v, r, port, starboard, p, active) for u, v, r in moved]))
+    return (sides[0] - sides[1]).transpose(2, 1, 0) / (2.0 * DIFFERENCE)
 
 
 def active_terms(values: np.ndarray) -> tuple[bool, ...]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, jacobians
 from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, steady_speed, substeps_for
 from swath_sysid.manoeuvring.hull.terms import ADVANCE, DEDUCTION, XU_DOT, M, accelerations
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
@@ -13,7 +13,6 @@ SPEEDS = 9
 INPUTS = 4
 DURATION = 60.0
 STEP = 0.1
-DIFFERENCE = 1e-5
 EXCESS = 2.0  #: Motion beyond this multiple of its limit has diverged.
 
 
@@ -71,13 +70,7 @@ def growth_rates(p: np.ndarray, active: tuple[bool, ...], speeds: np.ndarray) ->
     resistance = -accelerations(u, nothing, nothing, nothing, nothing, columns, active)[0]
     slip = (1.0 - columns[DEDUCTION]) * np.maximum(1.0 - columns[ADVANCE] * u, 0.1)
     thrust = 0.5 * resistance * (columns[M] - columns[XU_DOT]) / slip
-    jacobian = np.empty((u.size, 3, 3))
-    for j in range(3):
-        sides = []
-        for sign in (DIFFERENCE, -DIFFERENCE):
-            ahead, aside, turning = (motion + sign * (k == j) for k, motion in enumerate((u, nothing, nothing)))
-            sides.append(np.array(accelerations(ahead, aside, turning, thrust, thrust, columns, active)))
-        jacobian[:, :, j] = ((sides[0] - sides[1]) / (2.0 * DIFFERENCE)).T
+    jacobian = jacobians(columns, active, np.stack([u, nothing, nothing]), thrust, thrust)
     usable = np.all(np.isfinite(jacobian), axis=(1, 2))
     jacobian[~usable] = np.eye(3)
     return np.linalg.eigvals(jacobian).real.max(axis=1).reshape(count, candidates)

@@ -1,7 +1,8 @@
 """From runs and settings to a problem: known parameters, free ones, and the start of the search."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -13,32 +14,21 @@ from swath_sysid.manoeuvring.hull.presets import WAMV_LENGTH, WAMV_LEVER
 from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.hull.terms import INDEX
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
-from swath_sysid.manoeuvring.identification.scaling import Scales
+from swath_sysid.manoeuvring.identification.scaling import SWAY_SHARE, Scales
 from swath_sysid.manoeuvring.identification.settings import AUTO, SHARED, ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, Unknowns
 from swath_sysid.manoeuvring.identification.starts import surge_ratios, sway_ratios, yaw_ratios
 from swath_sysid.manoeuvring.motion.trial import COMMAND, Run
 
-AT_ANCHOR_SPEED = 0.15
-AT_ANCHOR_YAW_RATE = 0.03
+AT_ANCHOR = 0.15  #: m/s; craft that are never faster, and do not turn, are at anchor.
 NO_TURN = 0.02  #: rad/s; a lower yaw rate identifies nothing of a turn.
 SWAY_SEEN = 0.03  #: m/s.
-USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0}  #: s; time constants assumed where the runs show none.
+#: s; time constants assumed where the runs show none; lag and delay of the thrusters each start from theirs.
+USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0, 'thrusters': 0.15}
+DRIFT_SPREAD = 0.5  #: m/s, of currents.
+EQUAL_CURRENTS = 0.02  #: m/s; currents of runs that differ by less are one; their spread before the first fit.
 
-DEVIATION, SENSOR_PLACE = ('deviation_B', 'deviation_C'), ('sensor_x', 'sensor_y')
-FIRST_DELAY = 0.15  #: s, first guess of lag and delay of the thrusters.
-LARGEST_DRIFT = 2.0  #: m/s.
-
-DRIFT_SPREAD = 0.5
-FIRST_DRIFT_SPREAD = 0.02  #: m/s, spread of the currents of the runs before the first fit.
-
-_CANDIDATES = {
-    'X': ('Xvr', 'Xvv', 'Xrr', 'Xuuu', 'X0'),
-    'Y': ('Yvv', 'Yvvv', 'Yvr', 'Yr', 'Yur', 'Yuv'),
-    'N': ('Nrr', 'Nrrr', 'Nur', 'Nuur', 'N0'),
-    'N-sway': ('x_G', 'Nvr', 'Nv', 'Nvvv', 'Nuv'),
-}
-_BASE = {'X': ('Xu', 'Xuu'), 'Y': ('Yv_dot', 'Yv'), 'N': ('Nr',)}
+T = TypeVar('T')
 
 
 @dataclass(frozen=True)
@@ -77,7 +67,7 @@ class Problem:
 
     def _unknown(self, name: str):
         if name in CURRENT:
-            return 0.1, -LARGEST_DRIFT, LARGEST_DRIFT, 0.0, DRIFT_SPREAD
+            return 0.1, -4.0 * DRIFT_SPREAD, 4.0 * DRIFT_SPREAD, 0.0, DRIFT_SPREAD
         low, high = self.scales.bounds(name)
         target, spread = self.towards.get(name, (None, None))
         if target is None:
@@ -90,7 +80,7 @@ def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...
     kept, advice = [], []
     for run in runs:
         speed, rate = _largest(run.smooth[0]), _largest(run.smooth[2])
-        if speed < AT_ANCHOR_SPEED and rate < AT_ANCHOR_YAW_RATE:
+        if speed < AT_ANCHOR and rate < NO_TURN:
             advice.append(Advice.of('at-anchor', source=run.source, speed=speed, rate=np.degrees(rate)))
         elif not np.any((run.port != 0.0) | (run.starboard != 0.0)):
             advice.append(Advice.of('no-thrust', source=run.source))
@@ -107,67 +97,45 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
     if len(inputs) > 1:
         raise InputError('some runs hold thrust in N and some commands: identify them separately')
     thrust_input = inputs.pop()
-    advice: list[Advice] = []
-    flags: dict[str, str] = {}
-    speeds = np.concatenate([run.smooth[0] for run in runs])
-    rates = np.concatenate([run.smooth[2] for run in runs])
-    sways = np.concatenate([run.smooth[1] for run in runs])
-    rows = _excited_rows(runs, speeds, sways, rates, advice, flags)
-    lever, length = _craft(runs, settings, advice)
-    values, free, assumed = _anchors(runs, thrust_input, settings, lever, rows, advice)
-    scales = Scales(max(_largest(speeds), 0.2), max(_largest(rates), 0.05), values['m'], values['Iz'])
-    free += [name for row in rows for name in _BASE[row]]
-    for row, names in _BASE.items():
-        if row not in rows:
-            assumed += [n for n in names if n != 'Xuu']
-    if 'Y' not in rows:
-        assumed.remove('Yv_dot')
-    candidates = _candidates(runs, thrust_input, rows, settings)
-    if settings.terms is not None:
-        keep = {n for n in free if n in ('m', 'Iz', 'gain')} | set(settings.terms)
-        free = [n for n in dict.fromkeys([*free, *settings.terms]) if n in keep]
-        candidates = []
-        if settings.current == AUTO and all(run.heading is not None for run in runs):
-            candidates = [CURRENT]
-    tentative = []
-    if settings.terms is None:
-        usual = ('lag', 'delay', *(['reverse_ratio'] if _goes_astern(runs) else []))
-        tentative = [n for n in usual if n not in settings.fixed]
-        values.update({n: FIRST_DELAY for n in tentative if n != 'reverse_ratio'})
-    if settings.current == SHARED:
-        if any(run.heading is None for run in runs):
-            raise InputError('a current can be found only where the heading is known: add heading_rad or heading_deg')
-        free = [*free, *CURRENT]
-        candidates = [c for c in candidates if c != CURRENT]
-    drift_spread = 0.0
-    if settings.current == AUTO and CURRENT in candidates and len(runs) > 1:
-        free, drift_spread = [*free, *CURRENT], FIRST_DRIFT_SPREAD
-        candidates.remove(CURRENT)
-    free = [n for n in dict.fromkeys(free) if n not in settings.fixed]
-    candidates = [c for c in candidates if not set(c) & set(settings.fixed)]
+    facts = _facts(runs, settings)
+    if settings.current == SHARED and 'no heading' in facts:
+        raise InputError('a current can be found only where the heading is known: add heading_rad or heading_deg')
+    if settings.inertia is not None and 'no lever' in facts:
+        raise InputError(
+            'with a given yaw inertia the yaw rate depends on the lever, half the distance between the '
+            'thrusters: give it too',
+            'lever-assumed',
+        )
+    advice = _advice(runs, settings, facts)
+    if not facts & {'X', 'N'}:
+        raise InputError('nothing can be identified: ' + '; '.join(a.message for a in advice))
+    values = _first_guesses(runs, settings, facts)
+    largest = _largest_motion(runs)
+    scales = Scales(max(largest[0], 0.2), max(largest[2], 0.05), values['m'], values['Iz'])
+    fixed, terms = set(settings.fixed), settings.terms or ()
+    free = [name for name in (*_holding(_SEARCHED, facts), *terms) if name not in fixed]
+    tentative = [name for name in _holding(_TENTATIVE, facts) if name not in fixed]
+    values.update({name: USUAL_RESPONSE['thrusters'] for name in tentative if name != 'reverse_ratio'})
     values.update(settings.fixed)
-    ties = _ties(settings, free, advice)
-    candidates = [c for c in candidates if not set(c) & set(ties)]
-    assumed += ties
+    ties = dict(_holding(_TIES, facts))
     values.update({name: values.get(leader, 0.0) for name, leader in ties.items()})
-    motion = np.array([scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate])
-    noise = np.fmax(0.05 * motion, np.fmax(sensor_noise(runs), 1e-6))
+    motion = np.array([scales.speed, max(largest[1], SWAY_SHARE * scales.speed), scales.yaw_rate])
     return Problem(
         tuple(runs),
         thrust_input,
         parameter_values(values),
-        tuple(free),
+        tuple(dict.fromkeys(free)),
         tuple(tentative),
-        tuple(candidates),
+        tuple(group for group in _holding(_CANDIDATES, facts) if not {*group} & fixed),
         scales,
-        length,
+        _stated(runs, settings, 'length') or WAMV_LENGTH,
         dict(settings.towards),
-        tuple(assumed),
-        flags,
+        (*_holding(_ASSUMED, facts), *ties),
+        {name: code for code, names in _DOUBTFUL.items() if code in facts for name in names},
         seen_region(runs),
-        noise,
-        drift_spread,
-        tuple(advice),
+        np.fmax(0.05 * motion, np.fmax(sensor_noise(runs), 1e-6)),
+        EQUAL_CURRENTS if {'many', 'current by run'} <= facts else 0.0,
+        advice,
         ties,
     )
 
@@ -188,169 +156,180 @@ def seen_region(runs: Sequence[Run]) -> Region:
     )
 
 
-def _excited_rows(
-    runs: Sequence[Run],
-    speeds: np.ndarray,
-    sways: np.ndarray,
-    rates: np.ndarray,
-    advice: list[Advice],
-    flags: dict[str, str],
-):
-    """Equations that the runs excite."""
-    rows = []
+def _facts(runs: Sequence[Run], settings: ManoeuvringSettings) -> frozenset[str]:
+    """What the rules need to know of runs and settings: each fact, or ``no`` and the fact."""
+    speed, sway, rate = _largest_motion(runs)
     total = np.concatenate([run.port + run.starboard for run in runs])
     difference = np.concatenate([run.starboard - run.port for run in runs])
-    size = max(_largest(total), 1e-12)
-    if np.isfinite(speeds).any():
-        rows.append('X')
-        moved = _largest(speeds) - float(np.nanquantile(speeds, 0.02))
-        if np.std(total) < 0.05 * size:
-            separating = 'only its run-up from rest' if moved > 0.3 * _largest(speeds) else 'nothing'
-            advice.append(Advice.of('constant-thrust', separating=separating))
-            flags.update(dict.fromkeys(('m', 'Xu_dot', 'gain', 'Xu', 'Xuu', 'Xuuu'), 'constant-thrust'))
-    else:
-        advice.append(Advice.of('no-speed'))
-    if np.std(difference) < 0.05 * _largest(difference):
-        advice.append(Advice.of('constant-difference'))
-        names = ('Iz', 'Nr_dot', 'Yv_dot', 'Nr', 'Yv', 'lag', 'delay')
-        flags.update(dict.fromkeys(names, 'constant-difference'))
-    turning = np.isfinite(rates).any() and _largest(rates) > NO_TURN
-    if turning and _largest(difference) > 0.02 * size:
-        rows.append('N')
-        if np.isfinite(sways).any() and _largest(sways) > SWAY_SEEN:
-            rows.append('Y')
-        else:
-            advice.append(Advice.of('no-sway'))
-    else:
-        advice.append(Advice.of('no-turn', rate=np.degrees(_largest(rates))))
-    if not rows:
-        raise InputError('nothing can be identified: ' + '; '.join(a.message for a in advice))
-    return rows
-
-
-def _craft(runs: Sequence[Run], settings: ManoeuvringSettings, advice: list[Advice]):
-    """Lever and length: given, stated in a record, or those of a WAM-V 16."""
-    stated = [run.lever for run in runs if run.lever is not None]
-    lever = settings.lever or (stated[0] if stated else None)
-    lengths = [run.length for run in runs if run.length is not None]
-    length = settings.length or (lengths[0] if lengths else None)
-    if lever is None and settings.inertia is not None:
-        raise InputError(
-            'with a given yaw inertia the yaw rate depends on the lever, half the distance between the '
-            'thrusters: give it too',
-            'lever-assumed',
-        )
-    if lever is None:
-        advice.append(Advice.of('lever-assumed', default_lever=WAMV_LEVER))
-    if length is None:
-        advice.append(Advice.of('length-assumed', default_length=WAMV_LENGTH))
-    return lever or WAMV_LEVER, length or WAMV_LENGTH
-
-
-def _anchors(
-    runs: Sequence[Run],
-    thrust_input: str,
-    settings: ManoeuvringSettings,
-    lever: float,
-    rows: list[str],
-    advice: list[Advice],
-):
-    """Known values and first guesses, free parameters, and assumed ones, for the given scale of mass and thrust."""
     inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
-    full = 1.0 if thrust_input == COMMAND else float(np.max(np.abs(inputs)))
+    size = max(_largest(total), 1e-12)
+    surges = np.isfinite(np.concatenate([run.smooth[0] for run in runs])).any()
+    turns = rate > NO_TURN and _largest(difference) > 0.02 * size
+    has_heading = all(run.heading is not None for run in runs)
+    given = {*settings.fixed, *settings.towards}
+    facts = {
+        'X': surges,
+        'Y': turns and sway > SWAY_SEEN,
+        'N': turns,
+        'constant-thrust': surges and np.std(total) < 0.05 * size,
+        'constant-difference': np.std(difference) < 0.05 * _largest(difference),
+        'astern': np.mean(inputs < -0.02 * max(_largest(inputs), 1e-12)) > 0.02,
+        'heading': has_heading,
+        'many': len(runs) > 1,
+        'command': runs[0].thrust_input == COMMAND,
+        'thrust': runs[0].thrust_input != COMMAND or settings.thrust_per_command is not None,
+        'mass': settings.mass is not None,
+        'inertia': settings.inertia is not None,
+        'lever': _stated(runs, settings, 'lever') is not None,
+        'length': _stated(runs, settings, 'length') is not None,
+        'any terms': settings.terms is None,
+        'sway scale': bool(given & {'Yur', 'Yv_dot'}),
+        'current by run': settings.current == AUTO and has_heading and surges,
+        'one current': settings.current == SHARED,
+    }
+    return frozenset(name if holds else f'no {name}' for name, holds in facts.items())
+
+
+def _holding(rules: Iterable[tuple[T, str]], facts: frozenset[str]) -> list[T]:
+    """What the rules give whose facts, separated by commas, all hold."""
+    return [given for given, needed in rules if facts >= set(needed.split(', '))]
+
+
+def _each(names: str, needed: str):
+    """A rule for each of some names."""
+    return [(name, needed) for name in names.split()]
+
+
+#: Warnings, and the facts that call for them.
+_WARNINGS = (
+    ('no-speed', 'no X'),
+    ('constant-thrust', 'constant-thrust'),
+    ('constant-difference', 'constant-difference'),
+    ('no-turn', 'no N'),
+    ('no-sway', 'N, no Y'),
+    ('lever-assumed', 'no lever'),
+    ('length-assumed', 'no length'),
+    ('scale-not-given', 'no thrust, no mass'),
+    ('surge-inertia-assumed', 'no thrust, mass'),
+    ('mass-not-given', 'thrust, no mass'),
+    ('inertia-includes-added', 'N, no inertia'),
+    ('sway-scale-assumed', 'Y, any terms, no sway scale'),
+)
+
+#: Parameters that the runs can hardly separate, by the fact that makes it so.
+_DOUBTFUL = {
+    'constant-thrust': ('m', 'Xu_dot', 'gain', 'Xu', 'Xuu', 'Xuuu'),
+    'constant-difference': ('Iz', 'Nr_dot', 'Yv_dot', 'Nr', 'Yv', 'lag', 'delay'),
+}
+
+#: Unknowns that are always searched: of mass, added mass and thrust scale one can be found in surge and one in yaw.
+_SEARCHED = (
+    ('gain', 'X, no thrust'),
+    ('m', 'X, thrust, no mass'),
+    ('Xu_dot', 'X, thrust, mass, any terms'),
+    ('Iz', 'N, no inertia'),
+    ('Nr_dot', 'N, inertia, any terms'),
+    *_each('Xu Xuu', 'X, any terms'),
+    ('Nr', 'N, any terms'),
+    *_each('Yv_dot Yv', 'Y, any terms'),
+    *((name, 'one current') for name in CURRENT),
+    *((name, 'current by run, many') for name in CURRENT),
+)
+
+_TENTATIVE = (*_each('lag delay', 'any terms'), ('reverse_ratio', 'any terms, astern'))
+
+#: Groups of unknowns that may be added.
+_CANDIDATES = (
+    *(
+        ((name,), f'{needed}, any terms')
+        for name, needed in (
+            *_each('Xvr Xvv Xrr Xuuu X0', 'X'),
+            *_each('Nrr Nrrr Nur Nuur N0', 'N'),
+            *_each('Yvv Yvvv Yvr Yr Yuv x_G Nvr', 'Y'),
+            ('Yur', 'Y, sway scale'),
+            ('Yv', 'X, N, no Y'),
+            *_each('Nv Nvvv Nuv', 'X, N'),
+            *_each('advance exponent', 'any terms'),
+            ('balance', 'N'),
+            ('reverse_exponent_ratio', 'astern'),
+            ('dead_band', 'command'),
+        )
+    ),
+    (('deviation_B', 'deviation_C'), 'Y, heading, any terms'),
+    (('sensor_x', 'sensor_y'), 'Y, any terms'),
+    (CURRENT, 'current by run, no many'),
+)
+
+#: Parameters with usual values, which the runs do not excite.
+_ASSUMED = (
+    ('m', 'no X, no mass'),
+    ('Xu_dot', 'no X, mass'),
+    ('Xu', 'no X'),
+    ('Iz', 'no N, no inertia'),
+    ('Nr', 'no N'),
+    ('Yv', 'no Y'),
+)
+
+#: No force drives the sway: it stays the same when m - Yur, m - Yv_dot and all else in Y are multiplied by one number,
+#: so one of them must be given. By default Yur is Xu_dot, by the Coriolis forces of added mass (Fossen 2021, 6.3).
+_TIES = ((('Yur', 'Xu_dot'), 'Y, any terms, no sway scale'),)
+
+
+def _advice(runs: Sequence[Run], settings: ManoeuvringSettings, facts: frozenset[str]) -> tuple[Advice, ...]:
+    """What cannot be identified from the runs, or only under assumptions."""
+    surge = np.abs(np.concatenate([run.smooth[0] for run in runs]))
+    runs_up = 'X' in facts and _largest(surge) - np.nanquantile(surge, 0.02) > 0.3 * _largest(surge)
+    data = {
+        'separating': 'only its run-up from rest' if runs_up else 'nothing',
+        'rate': np.degrees(_largest_motion(runs)[2]),
+        'default_lever': WAMV_LEVER,
+        'default_length': WAMV_LENGTH,
+        'added_mass': settings.fixed.get('Xu_dot', 0.0),
+    }
+    return tuple(Advice.of(code, **data) for code in _holding(_WARNINGS, facts))
+
+
+def _stated(runs: Sequence[Run], settings: ManoeuvringSettings, name: str) -> float | None:
+    """Lever or length of the craft: given, or stated in a record."""
+    stated = (getattr(run, name) for run in runs)
+    return getattr(settings, name) or next((value for value in stated if value is not None), None)
+
+
+def _first_guesses(runs: Sequence[Run], settings: ManoeuvringSettings, facts: frozenset[str]) -> dict[str, float]:
+    """Known values and first guesses of masses, thrust scale and linear damping, by regression."""
+    lever = _stated(runs, settings, 'lever') or WAMV_LEVER
+    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
+    full = 1.0 if 'command' in facts else float(np.max(np.abs(inputs)))
     values = {'lever': lever, 'full_input': full}
     unit = parameter_values(values)
     acting = [acting_thrust(run.port, run.starboard, unit, run.step) for run in runs]
-    gain_ratio, linear, quadratic = surge_ratios(runs, acting) if 'X' in rows else (0.0, 0.0, 0.0)
-    fallback = 1.0 / (10.0 * USUAL_RESPONSE['surge'] * max(_largest(np.concatenate([a[0] for a in acting])), 1e-9))
-    gain_ratio = gain_ratio or fallback
-    free, assumed = [], []
-    if thrust_input == COMMAND and settings.thrust_per_command is None:
-        if settings.mass is None:
-            advice.append(Advice.of('scale-not-given'))
-        else:
-            advice.append(Advice.of('surge-inertia-assumed', added_mass=settings.fixed.get('Xu_dot', 0.0)))
-        mass = settings.mass or 1.0
-        values.update(m=mass, gain=gain_ratio * mass)
-        thrust_scale = values['gain']
-        free.append('gain')
-        heavy = mass
-    else:
-        thrust_scale = settings.thrust_per_command or 1.0
-        values['gain'] = thrust_scale
-        heavy = thrust_scale / gain_ratio
-        if settings.mass is None:
-            values['m'] = heavy
-            free.append('m')
-            advice.append(Advice.of('mass-not-given'))
-        else:
-            values['m'] = settings.mass
-            values['Xu_dot'] = float(np.clip(settings.mass - heavy, -2.0 * settings.mass, 0.4 * settings.mass))
-            heavy = settings.mass - values['Xu_dot']
-            free.append('Xu_dot')
-    if 'X' not in rows:
-        free, linear = [], -1.0 / USUAL_RESPONSE['surge']
-        assumed.append('m' if settings.mass is None else 'Xu_dot')
-    values.update(Xu=linear * heavy, Xuu=quadratic * heavy)
-    yaw_gain, yaw_damping = yaw_ratios(runs, acting) if 'N' in rows else (0.0, 0.0)
-    inertia = lever * thrust_scale / yaw_gain if yaw_gain > 0.0 else values['m'] * (1.5 * lever) ** 2
-    if settings.inertia is None:
-        values['Iz'] = inertia
-        (free if 'N' in rows else assumed).append('Iz')
-        if 'N' in rows:
-            advice.append(Advice.of('inertia-includes-added'))
-    else:
-        values['Iz'] = settings.inertia
-        values['Nr_dot'] = float(np.clip(settings.inertia - inertia, -2 * settings.inertia, 0.4 * settings.inertia))
-        inertia = settings.inertia - values['Nr_dot']
-        if 'N' in rows:
-            free.append('Nr_dot')
-    values['Nr'] = inertia * (yaw_damping if yaw_damping < 0.0 else -1.0 / USUAL_RESPONSE['yaw'])
-    mass = values['m']
-    sway_gain, sway_damping = sway_ratios(runs, acting) if 'Y' in rows else (0.0, 0.0)
-    sway_mass = float(np.clip(mass / sway_gain, 0.6 * mass, 4.0 * mass)) if sway_gain > 0.0 else mass
-    values['Yv_dot'] = mass - sway_mass
-    values['Yv'] = sway_mass * (sway_damping if sway_damping < 0.0 else -1.0 / USUAL_RESPONSE['sway'])
-    return values, free, assumed
+    ratio, linear, quadratic = (
+        surge_ratios(runs, acting) if 'X' in facts else (0.0, -1.0 / USUAL_RESPONSE['surge'], 0.0)
+    )
+    most = max(_largest(np.concatenate([port for port, _ in acting])), 1e-9)
+    ratio = ratio or 1.0 / (10.0 * USUAL_RESPONSE['surge'] * most)
+    scale = (settings.thrust_per_command or 1.0) if 'thrust' in facts else None
+    mass = settings.mass or (1.0 if scale is None else scale / ratio)
+    gain = ratio * mass if scale is None else scale
+    added = float(np.clip(mass - gain / ratio, -2.0 * mass, 0.4 * mass))
+    values.update(m=mass, gain=gain, Xu_dot=added, Xu=linear * (mass - added), Xuu=quadratic * (mass - added))
+    yaw_gain, yaw_damping = yaw_ratios(runs, acting) if 'N' in facts else (0.0, 0.0)
+    whole = lever * gain / yaw_gain if yaw_gain > 0.0 else mass * (1.5 * lever) ** 2
+    inertia = settings.inertia or whole
+    added = float(np.clip(inertia - whole, -2.0 * inertia, 0.4 * inertia))
+    damping = yaw_damping if yaw_damping < 0.0 else -1.0 / USUAL_RESPONSE['yaw']
+    values.update(Iz=inertia, Nr_dot=added, Nr=(inertia - added) * damping)
+    sway_gain, sway_damping = sway_ratios(runs, acting) if 'Y' in facts else (0.0, 0.0)
+    whole = float(np.clip(mass / sway_gain, 0.6 * mass, 4.0 * mass)) if sway_gain > 0.0 else mass
+    damping = sway_damping if sway_damping < 0.0 else -1.0 / USUAL_RESPONSE['sway']
+    values.update(Yv_dot=mass - whole, Yv=whole * damping)
+    return values
 
 
-def _ties(settings: ManoeuvringSettings, free: list[str], advice: list[Advice]):
-    """Parameters that are assumed equal to another one. No force drives the sway: it stays the same when m - Yur, m -
-    Yv_dot and all else in Y are multiplied by one number, so one of them must be given. By default Yur is Xu_dot, by
-    the Coriolis forces of added mass (Fossen 2021, 6.3).
-    """
-    if settings.terms is not None or 'Yv_dot' not in free or {'Yur', 'Yv_dot'} & {*settings.fixed, *settings.towards}:
-        return {}
-    advice.append(Advice.of('sway-scale-assumed'))
-    return {'Yur': 'Xu_dot'}
-
-
-def _candidates(runs: Sequence[Run], thrust_input: str, rows: list[str], settings: ManoeuvringSettings):
-    found: list[tuple[str, ...]] = [(name,) for row in rows for name in _CANDIDATES[row]]
-    if 'Y' in rows:
-        found += [(name,) for name in _CANDIDATES['N-sway']]
-    elif 'N' in rows and 'X' in rows:
-        found += [(name,) for name in ('Yv', *_CANDIDATES['N-sway'][2:])]
-    found.append(('advance',))
-    if 'N' in rows:
-        found.append(('balance',))
-    found.append(('exponent',))
-    if _goes_astern(runs):
-        found.append(('reverse_exponent_ratio',))
-    if thrust_input == COMMAND:
-        found.append(('dead_band',))
-    if 'Y' in rows and all(run.heading is not None for run in runs):
-        found.append(DEVIATION)
-    if 'Y' in rows:
-        found.append(SENSOR_PLACE)
-    if settings.current == AUTO and 'X' in rows and all(run.heading is not None for run in runs):
-        found.append(CURRENT)
-    return found
-
-
-def _goes_astern(runs: Sequence[Run]):
-    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
-    return np.mean(inputs < -0.02 * max(_largest(inputs), 1e-12)) > 0.02
+def _largest_motion(runs: Sequence[Run]) -> tuple[float, float, float]:
+    """Largest surge, sway, m/s, and yaw rate, rad/s; zero where not measured."""
+    surge, sway, rate = (_largest(np.concatenate([run.smooth[c] for run in runs])) for c in range(3))
+    return surge, sway, rate
 
 
 def _largest(values: np.ndarray):

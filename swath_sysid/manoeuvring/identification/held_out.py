@@ -8,9 +8,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from swath_sysid.manoeuvring.identification.shooting import MultipleShooting
-
-LOSS_TURNS_AT = 3.0  #: Standard deviations beyond which a residual counts linearly.
+from swath_sysid.manoeuvring.identification.shooting import (
+    ROBUST_AT,
+    Shooting,
+    free_run_residuals,
+    instability_slopes,
+)
 
 LARGEST_SHARE = 0.25  #: Largest share of one run in the misfit and in its change.
 
@@ -19,9 +22,9 @@ MIN_GAIN = 0.003  #: Least gain on runs held out, as a share of the misfit.
 
 
 def values_without_each_part(
-    shooting: MultipleShooting, values: np.ndarray, parts: Sequence[tuple[np.ndarray, np.ndarray]]
+    shooting: Shooting, values: np.ndarray, parts: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> np.ndarray:
-    """Values fitted without each run, shape (K, n), from the residuals and Jacobians of `MultipleShooting.by_part`.
+    """Values fitted without each run, shape (K, n), from the residuals and Jacobians of `shooting.by_part`.
     Regularisation, the demand of stable straight courses, and active bounds stay in force, as otherwise unstable models
     would judge a marginally course-stable hull.
     """
@@ -33,7 +36,7 @@ def values_without_each_part(
         for r, j in parts
     ]
     prior = np.where(np.isfinite(spread), (units / spread) ** 2, 0.0)
-    stability = shooting.instability_slopes(values) * units
+    stability = instability_slopes(shooting, values) * units
     information = sum(j.T @ j for _, j in scaled) + stability.T @ stability + np.diag(prior + 1e-9)
     found = []
     for residual, jacobian in scaled:
@@ -43,10 +46,10 @@ def values_without_each_part(
     return np.array(found)
 
 
-def held_out_costs(shooting: MultipleShooting, values_without_it: np.ndarray) -> np.ndarray:
+def held_out_costs(shooting: Shooting, values_without_it: np.ndarray) -> np.ndarray:
     """Misfit of each part in free runs with the values fitted without it, (K, n); shape (K,)."""
-    residual = shooting.free_run_residuals(values_without_it)
-    residual = np.clip(np.nan_to_num(residual, nan=1e3), -1e3, 1e3) / LOSS_TURNS_AT
+    residual = free_run_residuals(shooting, values_without_it)
+    residual = np.clip(np.nan_to_num(residual, nan=1e3), -1e3, 1e3) / ROBUST_AT
     by_window = np.sum(np.sqrt(1.0 + residual**2) - 1.0, axis=(0, 1))
     return np.bincount(shooting.part_of_window, by_window)
 

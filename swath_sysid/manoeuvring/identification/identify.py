@@ -14,27 +14,17 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
 from swath_sysid.manoeuvring.hull.stability import Region, StabilityCheck, check_stability
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
-from swath_sysid.manoeuvring.identification.assembly import Problem, assemble, moving_runs, sensor_noise
+from swath_sysid.manoeuvring.identification.assembly import EQUAL_CURRENTS, Problem, assemble, moving_runs, sensor_noise
 from swath_sysid.manoeuvring.identification.selection import (
+    MADE_STABLE,
     Fit,
     at_bound,
-    currents_of,
-    first_fit,
-    fit,
+    identified,
     model_of,
-    off_course,
-    regularised_to_stable,
-    renewed,
-    select,
     shooting_of,
-    with_drift_spread,
-    with_noise,
-    with_refused,
-    without,
-    without_bounds,
 )
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleShooting
+from swath_sysid.manoeuvring.identification.shooting import CURRENT, objective_of_population
 from swath_sysid.manoeuvring.identification.validation import Scores, score
 from swath_sysid.manoeuvring.motion.trial import Run
 
@@ -42,9 +32,6 @@ ALIKE = 0.5  #: Time constants with a larger ratio than this, short to long, can
 UNCERTAIN = 0.5  #: A standard deviation beyond this share of a value makes it uncertain.
 STRANGE_MASS = 0.6  #: Largest added mass in surge of a small craft, as a share of its mass.
 MORE_THAN_NOISE = 2.0  #: A simulation error within so many times the sensor noise is not poor.
-MIN_DIFFERENCE = 0.02  #: m/s; currents of runs that differ by less are one current.
-
-PARTS = 3  #: Parts of a step in the last fit; thrust held for as long as its lag biases lag and inertia.
 
 GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
 
@@ -134,71 +121,62 @@ def identify_manoeuvring(
             raise Cancelled
 
     note(0.0)
-    runs, advice = moving_runs(runs)
+    kept, advice = moving_runs(runs)
     if validation is None:
-        runs, held_out = split(runs)
+        kept, held_out = split(kept)
     else:
         held_out, more = moving_runs(validation) if len(validation) else ((), ())
         advice += more
-    problem = assemble(runs, settings)
-    shooting = shooting_of(problem, settings.window)
-    start = _searched(problem, shooting, settings, lambda share: note(0.05 + 0.3 * share))
-    names = (*problem.free, *problem.tentative)
-    values = np.concatenate([start, problem.start(problem.tentative)])
-    now = first_fit(problem, shooting, names, values)
-    problem, now = off_course(problem, settings.window, names, values, now)
-    problem = with_drift_spread(with_noise(problem, now), now)
-    now = fit(problem, renewed(problem, now), now.names, now.values)
-    note(0.5)
-    found = select(problem, now, lambda count: note(min(0.9, 0.5 + 0.03 * count)))
-    dropped = tuple(n for n in now.names if n not in found.names)
-    problem = with_drift_spread(with_noise(without(problem, dropped), found), found)
-    evaluations = now.evaluations + found.evaluations
-    found = replace(fit(problem, renewed(problem, found, PARTS), found.names, found.values), rejected=found.rejected)
-    if settings.terms is None:
-        problem, found = without_bounds(problem, found)
-    rejected = found.rejected
-    found, stability_advice = regularised_to_stable(problem, found)
-    found = with_refused(problem, found)
-    note(0.95)
-    model = model_of(problem, found.names, found.values)
+    problem = assemble(kept, settings)
+    start = _searched(problem, settings, lambda share: note(0.05 + 0.3 * share))
+    problem, found = identified(problem, start, settings.window, settings.terms is None, note)
+    outcome = _outcome(problem, found, held_out, settings)
+    note(1.0)
+    return replace(outcome, advice=advice + outcome.advice)
+
+
+def _outcome(
+    problem: Problem, found: Fit, held_out: tuple[Run, ...], settings: ManoeuvringSettings
+) -> ManoeuvringIdentification:
+    """What a fit says, with its scores and warnings."""
+    runs, model = problem.runs, model_of(problem, found.names, found.values)
     stability = check_stability(model, problem.region)
-    currents = _distinct_currents(model, currents_of(problem, model, runs, settings.window))
+    currents = _distinct_currents(model, model.current + found.shooting.hidden.drift.T)
     scores = score(model, runs, settings.window, currents)
     # nothing is fitted to the runs held out, not even their current
     validated = score(model, held_out, settings.window) if held_out else None
-    units = PrimeUnits(
-        problem.length,
-        float(np.clip(np.nanmedian(np.concatenate([np.abs(run.smooth[0]) for run in runs])), 0.05, None))
-        if 'Xu' in found.names
-        else 1.0,
-    )
-    advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
+    speed = np.nanmedian(np.concatenate([np.abs(run.smooth[0]) for run in runs])) if 'Xu' in found.names else 1.0
+    units = PrimeUnits(problem.length, float(max(speed, 0.05)))
     derivatives, more = _derivatives(problem, found, units)
-    advice += more + stability_advice + _drifts(model, currents) + _exchangeable(model, found, problem.region)
-    advice += _verdicts(stability, problem.largest_growth < 0.0, scores, validated, sensor_noise(runs))
-    fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
-    fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
-    note(1.0)
+    removed = ', '.join(name for name, reason in found.rejected.items() if reason == MADE_STABLE)
+    assumed = (*(n for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names), *problem.assumed, *settings.fixed)
     return ManoeuvringIdentification(
         model,
         found.names,
         found.values,
         found.covariance.matrix,
         derivatives,
-        fixed,
+        {name: model[name] for name in assumed},
         units,
         problem.noise,
         scores,
         validated,
-        tuple(runs),
-        tuple(held_out),
+        runs,
+        held_out,
         stability,
-        rejected,
+        found.rejected,
         currents,
         found.covariance.effective_samples,
-        evaluations + found.evaluations,
-        advice,
+        found.evaluations,
+        (
+            *(a for run in (*runs, *held_out) for a in run.advice),
+            *problem.advice,
+            *more,
+            *((Advice.of('made-stable', removed=removed),) if removed else ()),
+            *_drifts(model, currents),
+            *_exchangeable(model, found, problem.region),
+            *_verdicts(stability, problem.largest_growth < 0.0, scores, validated, sensor_noise(runs)),
+        ),
     )
 
 
@@ -235,9 +213,7 @@ def _span(run: Run):
     return [most(speed), most(rate), most(-rate), most(difference), most(-difference), most(-least), run.duration]
 
 
-def _searched(
-    problem: Problem, shooting: MultipleShooting, settings: ManoeuvringSettings, note: Callable[[float], object]
-):
+def _searched(problem: Problem, settings: ManoeuvringSettings, note: Callable[[float], object]):
     """The better of the start by regression and the best of a genetic search around it."""
     start = problem.start(problem.free)
     unknowns = problem.unknowns(problem.free)
@@ -247,9 +223,10 @@ def _searched(
     reach = np.maximum(2.0 * np.abs(start), 0.5 * unknowns.units)
     low, high = np.maximum(start - reach, unknowns.lower), np.minimum(start + reach, unknowns.upper)
     budget = GeneticSettings(generations=settings.generations, population=settings.population, patience=5)
+    shooting = shooting_of(problem, settings.window)
     search = GeneticSearch(low, high, budget, settings.seed, [start])
     while not search.should_stop():
-        search.tell(shooting.objective_of_population(search.ask()))
+        search.tell(objective_of_population(shooting, search.ask()))
         note(min(1.0, search.generation / settings.generations))
     return search.best.copy()
 
@@ -315,7 +292,7 @@ def _exchangeable(model: ManoeuvringModel, found: Fit, region: Region):
 
 def _distinct_currents(model: ManoeuvringModel, currents: np.ndarray):
     """The currents of the runs, or of the model for all where they hardly differ."""
-    if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > MIN_DIFFERENCE:
+    if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > EQUAL_CURRENTS:
         return currents
     return np.tile(model.current, (len(currents), 1))
 

@@ -6,6 +6,7 @@ solves the remaining small bounded problem by scipy's lsq_linear.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -22,50 +23,53 @@ class Minimum:
     x: np.ndarray  #: (n,)
     cost: float  #: Half the sum of squares.
     evaluations: int  #: Of the residuals.
+    aside: Any  #: What the residuals gave aside at the minimum.
 
 
 def minimise(
-    residuals: Callable[[np.ndarray], np.ndarray],
-    jacobian: Callable[[np.ndarray], np.ndarray],
+    residuals: Callable[[np.ndarray, Any], tuple[np.ndarray, Any]],
+    jacobian: Callable[[np.ndarray, Any], np.ndarray],
     start: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
+    aside: Any = None,
     max_evaluations: int = 30,
     tolerance: float = 1e-5,
 ) -> Minimum:
     """Minimise half the sum of squares of residuals (m,) with Jacobian (m, n) within bounds (n,), until the cost falls
-    by less than a share ``tolerance``. The Jacobian is called only at points where the residuals were just computed.
+    by less than a share ``tolerance``. Both functions get what the residuals gave aside at the last
+    accepted point, at first ``aside``.
     """
     x = np.clip(start, lower, upper)
-    residual = residuals(x)
+    residual, aside = residuals(x, aside)
     cost, evaluations = 0.5 * float(residual @ residual), 1
     damping = FIRST_DAMPING
     while evaluations < max_evaluations:
-        slopes = jacobian(x)
+        slopes = jacobian(x, aside)
         factor, right, size = _condensed(slopes, residual)
         promised = cost
         while evaluations < max_evaluations:
             move = _bounded_step(factor, right, size, damping, lower - x, upper - x)
             promised = float(right @ (factor @ move) * -1.0 - 0.5 * np.sum((factor @ move) ** 2))
             if promised <= tolerance * cost:
-                return Minimum(x, cost, evaluations)
+                return Minimum(x, cost, evaluations, aside)
             tried = np.clip(x + move, lower, upper)
-            found = residuals(tried)
+            found, found_aside = residuals(tried, aside)
             evaluations += 1
             new_cost = 0.5 * float(found @ found)
             if np.isfinite(new_cost) and cost - new_cost > 0.01 * promised:
                 break
             damping *= 8.0
             if damping > LARGEST_DAMPING:
-                return Minimum(x, cost, evaluations)
+                return Minimum(x, cost, evaluations, aside)
         else:
             break
         decrease = cost - new_cost
-        x, residual, cost = tried, found, new_cost
+        x, residual, cost, aside = tried, found, new_cost, found_aside
         damping *= 0.1 if decrease > 0.5 * promised else 1.0
         if decrease < tolerance * cost:
             break
-    return Minimum(x, cost, evaluations)
+    return Minimum(x, cost, evaluations, aside)
 
 
 def _condensed(jacobian: np.ndarray, residual: np.ndarray):

@@ -6,9 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from swath_sysid.common.advice import Advice
 from swath_sysid.common.covariance import ParameterCovariance, sandwich_covariance
-from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
@@ -21,43 +19,43 @@ from swath_sysid.manoeuvring.identification.held_out import (
     values_without_each_part,
     with_variances_of_at_least,
 )
-from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, MultipleShooting
+from swath_sysid.manoeuvring.identification.shooting import (
+    CURRENT,
+    MIN_DECAY,
+    Hidden,
+    Shooting,
+    by_channel,
+    by_part,
+    channel_residuals,
+    drift_variance,
+    projected,
+    refine,
+    residuals,
+    weighed,
+)
 from swath_sysid.manoeuvring.identification.windows import cut
-from swath_sysid.manoeuvring.motion.trial import Run
 
 MEMORY = 10  #: Lags that must be small before a residual counts as uncorrelated (see noise.autocovariance).
-
-MAX_TERMS = 14
 MARGIN = 4.0  #: Added to the criterion's ln(N), so that chance seldom adds one of twenty terms.
 NOISE_FLOOR = 0.003  #: Least noise as a share of the motion.
 MIN_DRIFT_SPREAD = 0.005  #: m/s, least spread of the currents of the runs.
-LAST = {'X0', 'N0'}  #: Tried only when nothing else helps, as they imitate many other terms.
-
-USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
-USUAL = (
-    *USUAL_HULL,
-    'Xvr',
-    'Yur',
-    'Nuur',
-    'exponent',
-    'dead_band',
-    'deviation_B',
-    'deviation_C',
-    'sensor_x',
-    'sensor_y',
-)
+DOUBTED = 6.0  #: A term below so many standard deviations must help runs held out.
 SLOW_SWAY = 0.2  #: Share of the first guess of sway damping that starts in the other basin.
 PRESSED = 1.5  #: A slowest decay within so many times `MIN_DECAY` is close to its limit.
 LARGEST_GROWTH = 1.5  #: 1/s; a craft whose turns grow faster cannot be steered.
-
 OFF_COURSE = 0.5  #: Largest misfit on runs held out of a course-unstable model, as a share of that of the stable one.
+PARTS = 3  #: Parts of a step in the last fit; thrust held for as long as its lag biases lag and inertia.
 
-DOUBTED = 6.0  #: A term below so many standard deviations must help runs held out.
+USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
+USUAL = tuple('Yvv Nrr Nuv Xvr Yur Nuur exponent dead_band deviation_B deviation_C sensor_x sensor_y'.split())
+#: Terms added to the first start, and the factor on its sway damping.
+STARTS = ((USUAL_HULL, 1.0), (USUAL, 1.0), (USUAL, SLOW_SWAY))
+LAST = {'X0', 'N0'}  #: Tried only when nothing else helps, as they imitate many other terms.
+EXCLUSIVE = {'Nur': 'Nuur', 'Nuur': 'Nur'}  #: Terms that replace each other: after one the other is not tried.
 
-#: Terms that replace each other: once one is accepted the other is not tried.
-EXCLUSIVE = {'Nur': 'Nuur', 'Nuur': 'Nur'}
-
-WEAK = 2.0  #: A term below so many standard deviations is dropped.
+#: Why terms are rejected.
+UNSTABLE, MADE_STABLE, AT_BOUND = 'unstable', 'until the craft was stable', 'at the limit of its range'
+NO_GAIN, NOT_HELD_OUT = 'no gain', 'no gain on runs held out'
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ class Fit:
     names: tuple[str, ...]
     values: np.ndarray  #: (n,)
     cost: float
-    shooting: MultipleShooting
+    shooting: Shooting
     covariance: ParameterCovariance
     stable: bool
     without_each_part: np.ndarray  #: (K, n); Values fitted without each run.
@@ -76,9 +74,42 @@ class Fit:
     evaluations: int = 0
 
     @cached_property
+    def certainty(self) -> np.ndarray:
+        """Distance of each value from the neutral one in standard deviations, shape (n,); 0 where not known."""
+        std = np.sqrt(np.diag(self.covariance.matrix))
+        neutral = np.array([NEUTRAL[INDEX[n]] if n in INDEX else 0.0 for n in self.names])
+        with np.errstate(invalid='ignore', divide='ignore'):
+            return np.where(std > 0.0, np.abs(self.values - neutral) / std, 0.0)
+
+    @cached_property
     def held_out(self) -> np.ndarray:
         """Misfit of each run under the values fitted without it, shape (K,)."""
         return held_out_costs(self.shooting, self.without_each_part)
+
+
+def identified(
+    problem: Problem, start: np.ndarray, window: float, any_terms: bool, note: Callable[[float], object]
+) -> tuple[Problem, Fit]:
+    """The problem, noise and growth as found, and the fit of the terms worth having, from values (n,) of the unknowns
+    that are always searched; ``any_terms`` may end at no bound.
+    """
+    names = (*problem.free, *problem.tentative)
+    values = np.concatenate([start, problem.start(problem.tentative)])
+    now = first_fit(problem, shooting_of(problem, window), names, values)
+    problem, now = off_course(problem, window, names, values, now)
+    problem = with_drift_spread(with_noise(problem, now), now)
+    now = fit(problem, renewed(problem, now), now.names, now.values)
+    note(0.5)
+    found = select(problem, now, lambda count: note(min(0.9, 0.5 + 0.03 * count)))
+    problem = without(problem, [n for n in now.names if n not in found.names])
+    problem = with_drift_spread(with_noise(problem, found), found)
+    last = fit(problem, renewed(problem, found, PARTS), found.names, found.values)
+    evaluations = now.evaluations + found.evaluations + last.evaluations
+    found = replace(last, rejected=found.rejected)
+    for rule in (ended, destabilising) if any_terms else (destabilising,):
+        problem, found = pruned(problem, found, rule)
+    note(0.95)
+    return problem, replace(with_refused(problem, found), evaluations=evaluations)
 
 
 def model_of(problem: Problem, names: Sequence[str], values: np.ndarray, name: str = '') -> ManoeuvringModel:
@@ -95,42 +126,55 @@ def model_of(problem: Problem, names: Sequence[str], values: np.ndarray, name: s
     )
 
 
-def shooting_of(problem: Problem, window: float) -> MultipleShooting:
+def shooting_of(problem: Problem, window: float) -> Shooting:
     """Multiple shooting over the runs of a problem, with its always-free unknowns."""
-    return MultipleShooting(
-        cut(problem.runs, window),
-        problem.base,
-        problem.unknowns(problem.free),
-        problem.noise,
-        problem.scales.speed,
+    windows = cut(problem.runs, window)
+    return in_problem(
+        Shooting(
+            windows, problem.base, problem.unknowns(()), problem.noise, problem.scales.speed, Hidden.measured(windows)
+        ),
+        problem,
+        problem.free,
+    )
+
+
+def in_problem(shooting: Shooting, problem: Problem, names: Sequence[str]) -> Shooting:
+    """The shooting with the unknowns, noise and demands of a problem."""
+    return replace(
+        shooting,
+        base=problem.base,
+        unknowns=problem.unknowns(names),
+        noise=problem.noise,
         drift_spread=problem.drift_spread,
         speeds=straight_speeds(problem.region),
         largest_growth=problem.largest_growth,
     )
 
 
-def fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str], values: np.ndarray, rounds: int = 2) -> Fit:
+def fit(problem: Problem, shooting: Shooting, names: Sequence[str], values: np.ndarray, rounds: int = 2) -> Fit:
     """Refine some unknowns from a start, with robust weights renewed in every round."""
-    shooting = shooting.with_unknowns(problem.unknowns(names), problem.base)
+    shooting = replace(shooting, unknowns=problem.unknowns(names), base=problem.base)
     evaluations = 0
     for _ in range(rounds):
-        found = shooting.refine(values)
+        found = refine(shooting, values)
         values = found.values
         evaluations += found.evaluations
-        shooting.weigh(values)
-    found = shooting.refine(values, max_evaluations=8)
-    return replace(fit_at(problem, shooting, found.values, found.cost), evaluations=evaluations + found.evaluations)
+        shooting = weighed(found.shooting, values)
+    found = refine(shooting, values, max_evaluations=8)
+    return replace(
+        fit_at(problem, found.shooting, found.values, found.cost), evaluations=evaluations + found.evaluations
+    )
 
 
-def fit_at(problem: Problem, shooting: MultipleShooting, values: np.ndarray, cost: float) -> Fit:
+def fit_at(problem: Problem, shooting: Shooting, values: np.ndarray, cost: float) -> Fit:
     """The fit at some values of the unknowns of a shooting, with the covariance by the autocorrelation of the residuals
     and the scatter of the runs, regularisation left out.
     """
     names = shooting.unknowns.names
-    linear = shooting.linearised(values)
-    without = values_without_each_part(shooting, values, shooting.by_part(*linear))
-    residuals, jacobians = shooting.by_channel(*linear)
-    covariance = sandwich_covariance(residuals, jacobians, MEMORY)
+    linear = projected(shooting, values, shooting.hidden)[:2]
+    without = values_without_each_part(shooting, values, by_part(shooting, *linear))
+    left, jacobians = by_channel(shooting, *linear)
+    covariance = sandwich_covariance(left, jacobians, MEMORY)
     return Fit(
         names,
         values,
@@ -139,39 +183,11 @@ def fit_at(problem: Problem, shooting: MultipleShooting, values: np.ndarray, cos
         replace(covariance, matrix=covariance_over_runs(without, covariance.matrix)),
         _is_stable(problem, names, values),
         without,
-        _inflation(np.concatenate(residuals), covariance),
+        _inflation(np.concatenate(left), covariance),
     )
 
 
-def currents_of(problem: Problem, model: ManoeuvringModel, runs: Sequence[Run], window: float) -> np.ndarray:
-    """Current of each run by its own motion under a model, m/s, shape (R, 2); the model's where the problem has one
-    current for all, or a run has no heading.
-    """
-    currents = np.tile(model.current, (len(runs), 1))
-    with_heading = [k for k, run in enumerate(runs) if run.heading is not None]
-    if not problem.drift_spread or not with_heading:
-        return currents
-    base = model.values
-    for k in with_heading:
-        try:
-            windows = cut([runs[k]], window)
-        except InputError:
-            # too short for a window: nothing is simulated of it either
-            continue
-        shooting = MultipleShooting(
-            windows,
-            base,
-            problem.unknowns(CURRENT),
-            problem.noise,
-            problem.scales.speed,
-            drift_spread=problem.drift_spread,
-        )
-        shooting.settle(currents[k])
-        currents[k] += shooting.drift[:, 0]
-    return currents
-
-
-def first_fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str], values: np.ndarray) -> Fit:
+def first_fit(problem: Problem, shooting: Shooting, names: Sequence[str], values: np.ndarray) -> Fit:
     """The best on runs held out of several starts: few terms, the usual hull terms, or all usual ones with fast or slow
     sway. Without the usual terms a marginally course-stable hull looks like a much heavier one, and adding them one by
     one does not lead away from it.
@@ -180,7 +196,7 @@ def first_fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str]
     exchanged = _exchanged(found[0], values)
     if exchanged is not None:
         found = [_best([*found, fit(problem, shooting, names, exchanged)])]
-    for some, sway in ((USUAL_HULL, 1.0), (USUAL, 1.0), (USUAL, SLOW_SWAY)):
+    for some, sway in STARTS:
         usual = [n for group in problem.candidates for n in group if n in some and n not in names]
         if usual and (sway == 1.0 or 'Yv' in names):
             start = np.concatenate([found[0].values, problem.start(usual)])
@@ -228,7 +244,7 @@ def with_noise(problem: Problem, found: Fit) -> Problem:
     """The problem with the residual noise of a fit, at least `NOISE_FLOOR` of the motion; unmeasured channels keep
     theirs.
     """
-    residual = found.shooting.channel_residuals(found.values)
+    residual = channel_residuals(found.shooting, found.values)
     motion = [problem.scales.speed, 0.3 * problem.scales.speed, problem.scales.yaw_rate]
     noise = []
     for c in range(3):
@@ -248,29 +264,17 @@ def with_drift_spread(problem: Problem, found: Fit) -> Problem:
     """
     if not problem.drift_spread:
         return problem
-    variance = found.inflation * found.shooting.drift_variance(found.values)
-    spread = np.sqrt(np.mean(found.shooting.drift**2 + variance))
+    variance = found.inflation * drift_variance(found.shooting, found.values)
+    spread = np.sqrt(np.mean(found.shooting.hidden.drift**2 + variance))
     return replace(problem, drift_spread=float(max(spread, MIN_DRIFT_SPREAD) / np.sqrt(found.inflation)))
 
 
-def renewed(problem: Problem, found: Fit, parts: int = 1) -> MultipleShooting:
+def renewed(problem: Problem, found: Fit, parts: int = 1) -> Shooting:
     """A shooting with the noise of the problem and the states of a fit."""
-    windows = found.shooting.windows
-    shooting = MultipleShooting(
-        windows,
-        problem.base,
-        problem.unknowns(found.names),
-        problem.noise,
-        problem.scales.speed,
-        found.shooting.states,
-        found.shooting.drift,
-        problem.drift_spread,
-        straight_speeds(problem.region),
-        problem.largest_growth,
-        parts,
-    )
-    shooting.weigh(found.values)
-    return shooting
+    shooting = in_problem(found.shooting, problem, found.names)
+    if parts != shooting.parts:
+        shooting = replace(shooting, parts=parts, thrusts={})
+    return weighed(shooting, found.values)
 
 
 def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = None) -> Fit:
@@ -278,60 +282,80 @@ def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = 
     now = first
     remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
     rejected = {}
-    for _ in range(MAX_TERMS):
-        offers = [(group, gain) for group, gain, _ in _offers(problem, now, remaining) if gain > 0.0]
-        if not offers:
-            break
+    while offers := [(group, gain) for group, gain, _ in _offers(problem, now, remaining) if gain > 0.0]:
         group, _ = min(offers, key=lambda offer: (offer[0][0] in LAST, -offer[1]))
-        names = (*now.names, *group)
         start = np.concatenate([now.values, problem.start(group)])
-        tried = fit(problem, now.shooting, names, start, rounds=1)
+        tried = fit(problem, now.shooting, (*now.names, *group), start, rounds=1)
         remaining.remove(group)
-        if now.stable and not tried.stable:
-            rejected[' '.join(group)] = 'unstable'
-            continue
-        gain, misfit = _gain(tried, now)
-        if not _is_no_chance(gain, tried, len(group)):
-            rejected[' '.join(group)] = 'no gain'
-            continue
-        if not (_shows_in_thrust(group, gain, misfit) or helps(tried.held_out, now.held_out)):
-            rejected[' '.join(group)] = 'no gain on runs held out'
+        reason = UNSTABLE if now.stable and not tried.stable else _against(group, tried, now)
+        if reason:
+            rejected[' '.join(group)] = reason
             continue
         remaining = [c for c in remaining if EXCLUSIVE.get(c[0]) not in group]
         now = tried
         if note is not None:
             note(len(now.names))
-    now = _without_weak(problem, now, rejected)
-    return replace(now, rejected=rejected)
+    return pruned(problem, replace(now, rejected=rejected), _weak)[1]
 
 
-def regularised_to_stable(problem: Problem, found: Fit) -> tuple[Fit, tuple[Advice, ...]]:
-    """A stable fit: removes cross terms, the least certain first, until it is; with advice."""
-    removed = []
-    while not found.stable:
-        std = np.sqrt(np.diag(found.covariance.matrix))
-        with np.errstate(invalid='ignore', divide='ignore'):
-            certainty = np.nan_to_num(np.abs(found.values) / std)
-        cross = [
-            k
-            for k, n in enumerate(found.names)
-            if n not in problem.free and n in INDEX and PARAMETERS[INDEX[n]].kind != THRUST
-        ]
-        if not cross:
-            break
-        weakest = min(cross, key=lambda k: certainty[k])
-        removed.append(found.names[weakest])
-        problem, found = _fit_without(problem, found, weakest)
-    return found, (Advice.of('made-stable', removed=', '.join(removed)),) if removed else ()
+def _against(names: Sequence[str], more: Fit, fewer: Fit) -> str:
+    """Why some terms are not worth having, or nothing. Terms of the thrust curve may instead gain as much in all runs
+    as hull terms must on runs held out: they may show in one run only, which cannot confirm them when held out.
+    """
+    gain, misfit = _gain(more, fewer)
+    if gain * 2.0 / more.inflation < 0.5 * _threshold(more, len(names)):
+        return NO_GAIN
+    of_thrust = all(n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in names)
+    if (of_thrust and gain > MIN_GAIN * misfit) or helps(more.held_out, fewer.held_out):
+        return ''
+    return NOT_HELD_OUT
 
 
-def _fit_without(problem: Problem, found: Fit, k: int, *, held: bool = False):
-    """Problem and fit without the k-th unknown, which stays at its value where ``held``."""
+def pruned(problem: Problem, found: Fit, rule: Callable[[Problem, Fit], tuple[list[int], str]]) -> tuple[Problem, Fit]:
+    """The problem and fit without terms that a rule drops one by one: it gives the places of doubtful terms, the most
+    doubtful first, and why they go, or nothing if only those go that are not worth having.
+    """
+    kept: set[str] = set()
+    while True:
+        places, reason = rule(problem, found)
+        places = [k for k in places if found.names[k] not in kept]
+        if not places:
+            return problem, found
+        name = found.names[places[0]]
+        fewer, tried = _fit_without(problem, found, places[0])
+        why = reason or ('' if found.stable and not tried.stable else _against((name,), found, tried))
+        if why:
+            problem, found = fewer, replace(tried, rejected={**found.rejected, name: why})
+        else:
+            kept.add(name)
+
+
+def _fit_without(problem: Problem, found: Fit, k: int):
+    """Problem and fit without the k-th unknown."""
     problem = without(problem, found.names[k : k + 1])
-    if held:
-        problem.base[INDEX[found.names[k]]] = found.values[k]
     names = (*found.names[:k], *found.names[k + 1 :])
     return problem, fit(problem, found.shooting, names, np.delete(found.values, k), rounds=1)
+
+
+def _weak(problem: Problem, found: Fit):
+    """Added and tentative terms that are uncertain."""
+    free = {*problem.free, *CURRENT}
+    order = np.argsort(found.certainty, kind='stable')
+    return [k for k in order if found.names[k] not in free and found.certainty[k] < DOUBTED], ''
+
+
+def ended(problem: Problem, found: Fit) -> tuple[list[int], str]:
+    """Rule of `pruned`: terms at the bounds of their ranges, which the runs do not determine."""
+    anchors = {'m', 'Iz', 'gain', 'Xu_dot', *CURRENT}
+    named = enumerate(zip(found.names, found.values, strict=True))
+    return [k for k, (name, value) in named if name not in anchors and at_bound(problem, name, value)], AT_BOUND
+
+
+def destabilising(problem: Problem, found: Fit) -> tuple[list[int], str]:
+    """Rule of `pruned`: added hull terms, the least certain first, until the craft is stable."""
+    added = [n not in problem.free and n in INDEX and PARAMETERS[INDEX[n]].kind != THRUST for n in found.names]
+    order = np.argsort(found.certainty, kind='stable')
+    return [k for k in order if added[k] and not found.stable], MADE_STABLE
 
 
 def with_refused(problem: Problem, found: Fit) -> Fit:
@@ -360,9 +384,8 @@ def _offers(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
         return []
     names = [n for group in candidates for n in group]
     start = np.concatenate([now.values, problem.start(names)])
-    wide = now.shooting.with_unknowns(problem.unknowns((*now.names, *names)), problem.base)
-    residuals, jacobians = wide.by_channel(*wide.linearised(start))
-    residual, jacobian = np.concatenate(residuals), np.concatenate(jacobians)
+    wide = replace(now.shooting, unknowns=problem.unknowns((*now.names, *names)), base=problem.base)
+    residual, jacobian = map(np.concatenate, by_channel(wide, *projected(wide, start, wide.hidden)[:2]))
     usable = np.all(np.isfinite(jacobian), axis=1) & np.isfinite(residual)
     residual, jacobian = residual[usable], jacobian[usable]
     n = len(now.names)
@@ -402,75 +425,11 @@ def _inflation(residuals: np.ndarray, covariance: ParameterCovariance):
 
 def _gain(more: Fit, fewer: Fit):
     """Misfit that more terms explain in all runs, and the misfit without them."""
-    misfit = fewer.shooting.refine(fewer.values, max_evaluations=6).cost
+    misfit = refine(fewer.shooting, fewer.values, max_evaluations=6).cost
     # both under the robust weights of the fit with fewer terms
-    shooting = more.shooting.with_unknowns(more.shooting.unknowns, more.shooting.parameters(more.values)[0])
-    shooting.take_weights(fewer.shooting)
-    residual = np.clip(np.nan_to_num(shooting.residuals(more.values), nan=1e6), -1e6, 1e6)
+    shooting = replace(more.shooting, weights=fewer.shooting.weights)
+    residual = np.clip(np.nan_to_num(residuals(shooting, more.values, shooting.hidden)[0], nan=1e6), -1e6, 1e6)
     return misfit - 0.5 * float(np.sum(residual**2)), misfit
-
-
-def _is_no_chance(gain: float, more: Fit, count: int):
-    return gain * 2.0 / more.inflation >= 0.5 * _threshold(more, count)
-
-
-def _is_of_thrust(names: Sequence[str]):
-    return all(n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in names)
-
-
-def _shows_in_thrust(names: Sequence[str], gain: float, misfit: float):
-    """Whether terms of the thrust curve gain as much in all runs as hull terms must on runs held out. They may show in
-    one run only, which cannot confirm them when held out; a smaller gain may be errors of hull terms.
-    """
-    return _is_of_thrust(names) and gain > MIN_GAIN * misfit
-
-
-def _without_weak(problem: Problem, now: Fit, rejected: dict[str, str]):
-    """Drop added and tentative terms that are insignificant, or do not help runs held out."""
-    kept = {*problem.free, *CURRENT}
-    while True:
-        std = np.sqrt(np.diag(now.covariance.matrix))
-        with np.errstate(invalid='ignore', divide='ignore'):
-            neutral = np.array([NEUTRAL[INDEX[n]] if n in INDEX else 0.0 for n in now.names])
-            shift = np.abs(now.values - neutral)
-            certainty = np.where(std > 0.0, shift / std, 0.0)
-        doubted = sorted((certainty[k], k) for k, n in enumerate(now.names) if n not in kept and certainty[k] < DOUBTED)
-        if not doubted:
-            return now
-        certain, worst = doubted[0]
-        name = now.names[worst]
-        fewer, tried = _fit_without(problem, now, worst)
-        if _is_of_thrust((name,)):
-            gain, misfit = _gain(now, tried)
-            of_use = _is_no_chance(gain, now, 1) and (
-                _shows_in_thrust((name,), gain, misfit) or helps(now.held_out, tried.held_out)
-            )
-        else:
-            of_use = certain > WEAK and helps(now.held_out, tried.held_out)
-        if of_use or (now.stable and not tried.stable):
-            kept.add(name)
-            continue
-        rejected[name] = 'no gain' if _is_of_thrust((name,)) else 'no gain on runs held out'
-        problem, now = fewer, tried
-
-
-def without_bounds(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
-    """The problem and fit without terms at the bounds of their ranges, which the runs do not determine; linear damping
-    stays fixed at its bound.
-    """
-    anchors = {'m', 'Iz', 'gain', 'Xu_dot', *CURRENT}
-    while True:
-        ended = [
-            k
-            for k, (name, value) in enumerate(zip(found.names, found.values, strict=True))
-            if name not in anchors and at_bound(problem, name, value)
-        ]
-        if not ended:
-            return problem, found
-        name = found.names[ended[0]]
-        rejected = {**found.rejected, name: 'at the limit of its range'}
-        problem, found = _fit_without(problem, found, ended[0], held=name in ('Xu', 'Yv', 'Nr'))
-        found = replace(found, rejected=rejected)
 
 
 def at_bound(problem: Problem, name: str, value: float) -> bool:
@@ -481,11 +440,12 @@ def at_bound(problem: Problem, name: str, value: float) -> bool:
 
 
 def without(problem: Problem, names: Sequence[str]) -> Problem:
-    """The problem with the first guesses of some unknowns at their neutral values."""
+    """The problem with the first guesses of some unknowns at their neutral values, or at the ends of their ranges next
+    to these: some linear damping always stays.
+    """
     base = problem.base.copy()
-    for name in names:
-        if name in INDEX:
-            base[INDEX[name]] = NEUTRAL[INDEX[name]]
+    for name in set(names) & set(INDEX):
+        base[INDEX[name]] = np.clip(NEUTRAL[INDEX[name]], *problem.scales.bounds(name))
     return replace(problem, base=base)
 
 
