@@ -10,7 +10,6 @@ from scipy.optimize import approx_fprime, least_squares, lsq_linear
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
-from swath_sysid.manoeuvring.hull.model import COMMAND
 from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.simulation import simulate
@@ -34,6 +33,7 @@ from swath_sysid.manoeuvring.identification.shooting import jacobian, residuals
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.identification.windows import cut
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
+from swath_sysid.manoeuvring.motion.trial import COMMAND
 
 pytestmark = pytest.mark.slow
 

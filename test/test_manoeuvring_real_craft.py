@@ -287,7 +287,7 @@ def test_thrusts_held_for_random_times_have_their_mean_scatter_and_time(truth, r
         driven=np.ones(len(inputs), dtype=bool),
         time=step * np.arange(len(inputs)),
     )
-    mean, covariance, held = _thrust(truth.with_values(exponent=1.0, reverse_ratio=1.0), [long])
+    mean, covariance, held = _thrust(truth.with_values(exponent=1.0, reverse_ratio=1.0), [long], 1e4)
     assert mean == pytest.approx([6.0, 4.0], abs=0.3)
     assert np.sqrt(np.diag(covariance)) == pytest.approx([3.0, 1.0], rel=0.1)
     assert held == pytest.approx(7.0, rel=0.1)

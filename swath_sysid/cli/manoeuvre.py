@@ -22,7 +22,6 @@ from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_foreca
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.hull.model import COMMAND, INPUTS
 from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
 from swath_sysid.manoeuvring.hull.programme import RECIPE, SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
@@ -33,7 +32,7 @@ from swath_sysid.manoeuvring.identification.excitation import excitation, lackin
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, COMMAND, INPUTS, Run
 from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts

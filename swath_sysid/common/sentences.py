@@ -77,9 +77,6 @@ SENTENCES = {
     'inertia-includes-added': 'Iz includes added inertia, which free running cannot separate: give the inertia to see '
     'Nr_dot',
     'invalid-orientation': '{invalid} of {number} quaternions are invalid and were left out: check the sensor driver',
-    'lag-like-surge': 'lag and mass cannot be separated: the lag of the thrusters ({lag:.2f} s) is near the time '
-    'constant of surge ({surge:.2f} s), which their standard deviations do not include; excite with {runs}, or measure '
-    'the lag and give it',
     'late-start': 'the motion after the given start seems free only from {found:.1f} s on: give this as the start, '
     'unless the craft was free from {start:.1f} s',
     'leads-between-samples': 'samples come every {interval:.3g} s, so motion {leads} s ahead was not measured but '
@@ -232,7 +229,6 @@ FLAGS = {
     'disturbed-tail': '--end',
     'forced-motion': '--at-sea, or --start and --end',
     'inertia-includes-added': '--inertia',
-    'lag-like-surge': '--fix lag=S',
     'late-start': '--start',
     'length-assumed': '--length',
     'lever-assumed': '--lever',

@@ -11,11 +11,12 @@ from swath_sysid.formats.model_format import ModelFormat, Stated, covariance, me
 from swath_sysid.formats.schema import Check, built, list_of, number, one_of, record
 from swath_sysid.formats.untrusted_yaml import text_of
 from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise, IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.hull.model import INPUTS, ManoeuvringModel, parameter_values
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.hull.physical_range import check_physical
 from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
+from swath_sysid.manoeuvring.motion.trial import INPUTS
 
 UNITS = {p.name: p.unit for p in PARAMETERS}
 _SPEED, _INPUT = number(-100.0, 100.0), number(-1e9, 1e9)

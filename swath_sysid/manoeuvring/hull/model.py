@@ -13,9 +13,8 @@ from swath_sysid.manoeuvring.hull.terms import (
     Numbers,
     accelerations,
 )
+from swath_sysid.manoeuvring.motion.trial import FORCE, INPUTS
 
-FORCE, COMMAND = 'force', 'command'
-INPUTS = (FORCE, COMMAND)
 DIFFERENCE = 1e-5  #: m/s and rad/s, of numerical derivatives.
 
 

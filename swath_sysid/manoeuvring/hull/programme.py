@@ -9,8 +9,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
-
-STEP = 0.1
+from swath_sysid.manoeuvring.motion.trial import STEP
 
 #: Runs to drive for an identification: name, instructions, duration in s.
 RECIPE = (

@@ -8,11 +8,10 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, jacobians
 from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, steady_speed, substeps_for
 from swath_sysid.manoeuvring.hull.terms import ADVANCE, DEDUCTION, XU_DOT, M, accelerations
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+from swath_sysid.manoeuvring.motion.trial import STEP
 
-SPEEDS = 9
-INPUTS = 4
-DURATION = 60.0
-STEP = 0.1
+LEVELS = 5  #: Speeds, and inputs of each thruster, that are checked.
+DURATION = 60.0  #: s of free motion under held inputs.
 EXCESS = 2.0  #: Motion beyond this multiple of its limit has diverged.
 
 
@@ -55,8 +54,8 @@ def check_stability(model: ManoeuvringModel, region: Region) -> StabilityCheck:
 
 
 def straight_speeds(region: Region) -> np.ndarray:
-    """Speeds ahead at which straight courses are checked, m/s, shape (9,)."""
-    return np.linspace(max(0.0, region.slowest), max(region.fastest, 1e-3), SPEEDS)
+    """Speeds ahead at which straight courses are checked, m/s, shape (5,)."""
+    return np.linspace(max(0.0, region.slowest), max(region.fastest, 1e-3), LEVELS)
 
 
 def growth_rates(p: np.ndarray, active: tuple[bool, ...], speeds: np.ndarray) -> np.ndarray:
@@ -77,7 +76,7 @@ def growth_rates(p: np.ndarray, active: tuple[bool, ...], speeds: np.ndarray) ->
 
 
 def _largest_excess(model: ManoeuvringModel, region: Region):
-    port, starboard = np.meshgrid(*2 * [np.linspace(region.least_input, region.most_input, INPUTS)])
+    port, starboard = np.meshgrid(*2 * [np.linspace(region.least_input, region.most_input, LEVELS)])
     held = np.abs(starboard - port) <= region.largest_difference * (1.0 + 1e-9)
     inputs = np.stack([port[held], starboard[held]])
     thrust = np.array(

@@ -9,8 +9,8 @@ from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
+from swath_sysid.manoeuvring.motion.trial import STEP
 
-STEP = 0.1  #: s.
 LONGEST = 900.0  #: s; a test that lasts longer is cut off there.
 APPROACH = 5.0  #: s of steady approach shown before a test.
 

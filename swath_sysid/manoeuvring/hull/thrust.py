@@ -21,8 +21,6 @@ from swath_sysid.manoeuvring.hull.terms import (
 )
 
 CURVE = (GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, FULL_INPUT, REVERSE_EXPONENT_RATIO)
-SHORTEST_LAG = 1e-6  #: s; thrusters with a shorter lag respond at once.
-REMEMBERED = 0.2  #: s of commands kept beyond the delay.
 
 
 def thrust_curve(inputs: Numbers | Sequence[float], p: np.ndarray) -> np.ndarray:
@@ -50,7 +48,7 @@ def delayed(values: np.ndarray, delay: float, step: float) -> np.ndarray:
 
 def lag_factors(lag: float, step: float) -> tuple[float, float]:
     """Exact first-order lag: remaining share of the distance to the input after a step, and its mean over the step."""
-    if lag < SHORTEST_LAG:
+    if lag <= 0.0:
         return 0.0, 0.0
     decay = math.exp(-step / lag)
     return decay, lag / step * (1.0 - decay)
@@ -110,7 +108,7 @@ class ThrustMemory:
         """Mean thrust of port and starboard over a step, N, shape (2,)."""
         begin = start - self._p[DELAY]
         end = begin + duration
-        while len(self._history) > 1 and self._history[1][0] <= begin - REMEMBERED:
+        while len(self._history) > 1 and self._history[1][0] <= begin:
             self._history.popleft()
         target, until = np.zeros(2), end
         for stamp, *inputs in reversed(self._history):

@@ -18,6 +18,7 @@ from swath_sysid.manoeuvring.identification.scaling import SWAY_SHARE, Scales
 from swath_sysid.manoeuvring.identification.settings import AUTO, SHARED, ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, Unknowns
 from swath_sysid.manoeuvring.identification.starts import surge_ratios, sway_ratios, yaw_ratios
+from swath_sysid.manoeuvring.motion.compass import USUAL_CURRENT
 from swath_sysid.manoeuvring.motion.trial import COMMAND, Run
 
 AT_ANCHOR = 0.15  #: m/s; craft that are never faster, and do not turn, are at anchor.
@@ -25,7 +26,6 @@ NO_TURN = 0.02  #: rad/s; a lower yaw rate identifies nothing of a turn.
 SWAY_SEEN = 0.03  #: m/s.
 #: s; time constants assumed where the runs show none; lag and delay of the thrusters each start from theirs.
 USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0, 'thrusters': 0.15}
-DRIFT_SPREAD = 0.5  #: m/s, of currents.
 EQUAL_CURRENTS = 0.02  #: m/s; currents of runs that differ by less are one; their spread before the first fit.
 
 T = TypeVar('T')
@@ -67,7 +67,7 @@ class Problem:
 
     def _unknown(self, name: str):
         if name in CURRENT:
-            return 0.1, -4.0 * DRIFT_SPREAD, 4.0 * DRIFT_SPREAD, 0.0, DRIFT_SPREAD
+            return 0.1, -6.0 * USUAL_CURRENT, 6.0 * USUAL_CURRENT, 0.0, USUAL_CURRENT
         low, high = self.scales.bounds(name)
         target, spread = self.towards.get(name, (None, None))
         if target is None:

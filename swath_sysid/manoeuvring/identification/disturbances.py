@@ -12,10 +12,8 @@ from swath_sysid.manoeuvring.hull.terms import BALANCE
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust, thrust_curve
 from swath_sysid.manoeuvring.motion.trial import Run
 
-LAGS = (1.0, 4.0)  #: s; sensor noise and smoothing are uncorrelated at the first, gusts still correlated at the second.
-SHORTEST_TIME, LONGEST_TIME = 1.0, 30.0  #: s.
-THRUST_LEAD = 5.0  #: s over which changes of thrust are measured.
-SHORTEST_HOLD = 0.1  #: s, of a thrust that is always changing.
+#: s; sensor noise and smoothing are uncorrelated at the first, gusts still correlated at the second.
+LAGS = (1.0, 4.0)
 MIN_SHARE = 0.002  #: Least disturbance as a share of the accelerations by thrust.
 
 SENSORS = np.array([0.05, 0.01, 0.01, 0.5])
@@ -25,7 +23,7 @@ MIN_SENSORS = np.array([0.005, 0.0005, 0.0005, 0.01])
 def forecast_noise(model: ManoeuvringModel, runs: Sequence[Run]) -> ForecastNoise:
     """Disturbances, thrust changes and sensor noise in the runs of the identification; intervals not yet calibrated. A
     disturbance is first-order Gauss-Markov, with variance and time from the autocovariance of the residual
-    accelerations at two lags.
+    accelerations at two lags, but at most the duration of all runs.
     """
     covariances, counts = np.zeros((len(LAGS), 3)), np.zeros((len(LAGS), 3))
     for run in runs:
@@ -37,14 +35,15 @@ def forecast_noise(model: ManoeuvringModel, runs: Sequence[Run]) -> ForecastNois
     near, far = covariances / np.maximum(counts, 1.0)
     with np.errstate(invalid='ignore', divide='ignore'):
         time = (LAGS[1] - LAGS[0]) / np.log(near / np.clip(far, 1e-3 * near, 0.999 * near))
-    time = np.clip(np.nan_to_num(time, nan=SHORTEST_TIME), SHORTEST_TIME, LONGEST_TIME)
-    mean, covariance, held = _thrust(model, runs)
+    longest = max(sum(run.duration for run in runs), LAGS[1])
+    time = np.clip(np.nan_to_num(time, nan=LAGS[0]), LAGS[0], longest)
+    mean, covariance, held = _thrust(model, runs, longest)
     least = MIN_SHARE * np.sqrt(np.trace(covariance)) / model['m'] + 1e-6
     disturbance = np.sqrt(np.maximum(near * np.exp(LAGS[0] / time), least**2))
     return ForecastNoise(disturbance, time, mean, covariance, held, np.maximum(_sensors(runs), MIN_SENSORS))
 
 
-def _thrust(model: ManoeuvringModel, runs: Sequence[Run]):
+def _thrust(model: ManoeuvringModel, runs: Sequence[Run], longest: float):
     """Mean and covariance of the thrusts under held inputs, and how long they are held: see `ForecastNoise`."""
     p = model.values
     sides = np.array([1.0 - p[BALANCE], 1.0 + p[BALANCE]])[:, None]
@@ -53,14 +52,13 @@ def _thrust(model: ManoeuvringModel, runs: Sequence[Run]):
     mean, covariance = joined.mean(axis=1), np.cov(joined)
     changes = []
     for run, thrust in zip(runs, thrusts, strict=True):
-        later = round(THRUST_LEAD / run.step)
+        later = round(LAGS[1] / run.step)
         known = run.driven[later:] & run.driven[:-later]
         changes.append((thrust[:, later:] - thrust[:, :-later])[:, known])
     changed = 0.5 * np.mean(np.sum(np.concatenate(changes, axis=1) ** 2, axis=0)) / max(np.trace(covariance), 1e-12)
     # thrusts chosen anew, independently, differ by twice their variance
-    longest = max(sum(run.duration for run in runs), THRUST_LEAD)
-    held = THRUST_LEAD / -np.log1p(-min(changed, 1.0 - 1e-12)) if changed > 0.0 else longest
-    return mean, covariance, float(np.clip(held, SHORTEST_HOLD, longest))
+    held = LAGS[1] / -np.log1p(-min(changed, 1.0 - 1e-12)) if changed > 0.0 else longest
+    return mean, covariance, float(np.clip(held, runs[0].step, longest))
 
 
 def _accelerations_left(model: ManoeuvringModel, run: Run):

@@ -12,7 +12,7 @@ from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
-from swath_sysid.manoeuvring.hull.stability import Region, StabilityCheck, check_stability
+from swath_sysid.manoeuvring.hull.stability import StabilityCheck, check_stability
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
 from swath_sysid.manoeuvring.identification.assembly import EQUAL_CURRENTS, Problem, assemble, moving_runs, sensor_noise
 from swath_sysid.manoeuvring.identification.selection import (
@@ -28,7 +28,6 @@ from swath_sysid.manoeuvring.identification.shooting import CURRENT, objective_o
 from swath_sysid.manoeuvring.identification.validation import Scores, score
 from swath_sysid.manoeuvring.motion.trial import Run
 
-ALIKE = 0.5  #: Time constants with a larger ratio than this, short to long, can be confused.
 UNCERTAIN = 0.5  #: A standard deviation beyond this share of a value makes it uncertain.
 STRANGE_MASS = 0.6  #: Largest added mass in surge of a small craft, as a share of its mass.
 MORE_THAN_NOISE = 2.0  #: A simulation error within so many times the sensor noise is not poor.
@@ -174,7 +173,6 @@ def _outcome(
             *more,
             *((Advice.of('made-stable', removed=removed),) if removed else ()),
             *_drifts(model, currents),
-            *_exchangeable(model, found, problem.region),
             *_verdicts(stability, problem.largest_growth < 0.0, scores, validated, sensor_noise(runs)),
         ),
     )
@@ -277,17 +275,6 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
             float(found.values[k]), float(std[k]), prime, parameter.unit, tuple(dict.fromkeys(flags[name]))
         )
     return derivatives, tuple(advice)
-
-
-def _exchangeable(model: ManoeuvringModel, found: Fit, region: Region):
-    """Advice where thruster lag and surge time constant of the hull are close. Speed responds to thrust through both
-    alike, so that the runs give their sum and product only, and small errors of the product move them far beyond a
-    linear standard deviation.
-    """
-    damping = -model.jacobian(0.5 * region.fastest, 0.0, 0.0)[0, 0]
-    if 'lag' not in found.names or damping <= 0.0 or not ALIKE < model['lag'] * damping < 1.0 / ALIKE:
-        return ()
-    return (Advice.of('lag-like-surge', lag=model['lag'], surge=1.0 / damping, runs=_separating('lag')),)
 
 
 def _distinct_currents(model: ManoeuvringModel, currents: np.ndarray):

@@ -12,8 +12,6 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 FIRST_DAMPING = 1e-3
-LARGEST_DAMPING = 1e8
-JITTER = 1e-12
 
 
 @dataclass(frozen=True)
@@ -60,8 +58,6 @@ def minimise(
             if np.isfinite(new_cost) and cost - new_cost > 0.01 * promised:
                 break
             damping *= 8.0
-            if damping > LARGEST_DAMPING:
-                return Minimum(x, cost, evaluations, aside)
         else:
             break
         decrease = cost - new_cost
@@ -78,7 +74,7 @@ def _condensed(jacobian: np.ndarray, residual: np.ndarray):
     size = np.where(size > 0.0, size, 1.0)
     scaled = jacobian / size
     normal = scaled.T @ scaled
-    factor = np.linalg.cholesky(normal + JITTER * len(residual) * np.eye(size.size)).T
+    factor = np.linalg.cholesky(normal + np.finfo(float).eps * jacobian.size * np.eye(size.size)).T
     right = np.linalg.solve(factor.T, scaled.T @ residual)
     return factor * size, right, size
 

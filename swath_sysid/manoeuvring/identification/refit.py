@@ -13,12 +13,11 @@ from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import Scores, score
 from swath_sysid.manoeuvring.motion.intake import prepare
+from swath_sysid.manoeuvring.motion.resampling import LONGEST_GAP
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, Run
 
 LONGEST_HISTORY = 20
-MIN_DURATION = 60.0  #: s of motion that an identification needs.
-PIECE = 60.0  #: s, length of the runs that the window is cut into; a third of them validates.
-GAP = 2.0  #: s; the run is cut at longer gaps in the odometry.
+PIECE = 60.0  #: s; least motion for a refit, and length of the runs that it is cut into; a third of them validates.
 
 
 @dataclass(frozen=True)
@@ -88,15 +87,15 @@ def refit_manoeuvring(
 
 
 def pieces(run: Run) -> list[Run]:
-    """One run of at least `MIN_DURATION` as several, cut at gaps in the odometry and about every `PIECE` seconds."""
-    if run.duration < MIN_DURATION:
+    """One run of at least `PIECE` as several, cut at gaps in the odometry and about every `PIECE` seconds."""
+    if run.duration < PIECE:
         raise InputError(
-            f'{run.duration:.0f} s of motion are too short: drive for {MIN_DURATION:.0f} s or more, '
+            f'{run.duration:.0f} s of motion are too short: drive for {PIECE:.0f} s or more, '
             f'straight, in turns and zig-zags'
         )
     known = np.isfinite(run.channels).any(axis=0)
     places = np.flatnonzero(known)
-    breaks = places[1:][np.diff(places) * run.step > GAP]
+    breaks = places[1:][np.diff(places) * run.step > LONGEST_GAP]
     edges = [places[0], *breaks, places[-1] + 1]
     found: list[Run] = []
     for begin, end in zip(edges, edges[1:], strict=False):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, INDEX, INERTIA, OFFSET, PARAMETERS, SENSOR, THRUST
+from swath_sysid.manoeuvring.motion.compass import USUAL_DEVIATION
 
 RESPONSE = 3.0  #: s, time within which a craft responds to its thrusters.
 SWAY_SHARE = 0.3  #: Sway in natural units, as a share of the speed.
@@ -103,8 +104,8 @@ class Scales:
                 'balance': 0.3,
                 'reverse_ratio': 0.7,
                 'dead_band': 0.3,
-                'deviation_B': 0.2,
-                'deviation_C': 0.2,
+                'deviation_B': USUAL_DEVIATION,
+                'deviation_C': USUAL_DEVIATION,
                 'reverse_exponent_ratio': 0.3,
             }.get(name, 2.0)
         return 10.0 * self.unit(name)

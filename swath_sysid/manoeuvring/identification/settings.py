@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.terms import INDEX
+from swath_sysid.manoeuvring.identification.windows import LENGTH
 
 AUTO, SHARED, NONE = 'auto', 'shared', 'none'
 CURRENT_CHOICES = (AUTO, SHARED, NONE)
@@ -33,7 +34,7 @@ class ManoeuvringSettings:
     #: Parameter to value and standard deviation of its regularisation.
     towards: dict[str, tuple[float, float]] = field(default_factory=dict)
     current: str = AUTO  #: ``auto`` (one for each of several runs with heading), ``shared`` (one for all), ``none``.
-    window: float = 20.0  #: Length of the windows, s.
+    window: float = LENGTH  #: Length of the windows, s.
     generations: int = 15  #: Of the genetic search for a start; 0: regression alone.
     population: int = 24  #: Of the genetic search.
     seed: int = 1

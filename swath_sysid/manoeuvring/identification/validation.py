@@ -16,12 +16,11 @@ from swath_sysid.manoeuvring.hull.measurement import (
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, substeps_for, track
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
-from swath_sysid.manoeuvring.identification.windows import Windows, cut
+from swath_sysid.manoeuvring.identification.windows import LENGTH, SETTLING, Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
 LEADS = (5.0, 10.0, 20.0)  #: s, at which errors of position and heading are reported.
-LEAD_IN = 5.0  #: s of simulation before a window, for an unmeasured sway.
 RUN_AWAY = 3.0  #: A motion beyond this multiple of the largest measured one has diverged.
 
 
@@ -51,14 +50,13 @@ class Scores:
 def simulate_windows(
     model: ManoeuvringModel,
     runs: Sequence[Run],
-    length: float = 20.0,
-    shortest: float = 5.0,
+    length: float = LENGTH,
     currents: np.ndarray | None = None,
 ) -> Simulated:
     """Simulate every window of some runs, under currents (R, 2), m/s, or the model's, from its smoothed initial state.
-    An unmeasured sway comes from a simulation started `LEAD_IN` seconds earlier.
+    An unmeasured sway comes from a simulation started `SETTLING` seconds earlier.
     """
-    windows = cut(runs, length, shortest)
+    windows = cut(runs, length)
     currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)
     current = currents[windows.run_index].T
     acting = [acting_thrust(run.port, run.starboard, model.values, run.step) for run in runs]
@@ -88,7 +86,7 @@ def simulate_windows(
 
 
 def score(
-    model: ManoeuvringModel, runs: Sequence[Run], length: float = 20.0, currents: np.ndarray | None = None
+    model: ManoeuvringModel, runs: Sequence[Run], length: float = LENGTH, currents: np.ndarray | None = None
 ) -> Scores:
     """Scores of a model on some runs; see `simulate_windows`."""
     found = simulate_windows(model, runs, length, currents=currents)
@@ -177,7 +175,7 @@ def _at_start(windows: Windows, name: str):
 
 def _lead_in_sway(model: ManoeuvringModel, windows: Windows, acting: Sequence[tuple[np.ndarray, np.ndarray]]):
     """Sway at the start of every window after a lead-in simulation from zero sway."""
-    steps = round(LEAD_IN / windows.step)
+    steps = round(SETTLING / windows.step)
     sway = np.zeros(windows.count)
     for w, (index, start) in enumerate(zip(windows.run_index, windows.start, strict=True)):
         begin = max(0, start - steps)

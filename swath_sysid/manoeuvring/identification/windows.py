@@ -9,8 +9,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.trial import Run
 
 LENGTH = 20.0
-SHORTEST = 5.0  #: s.
-
+SETTLING = 5.0  #: s; the shortest window, and simulations and filters run so long before they count.
 SETTLED = 2.0  #: s after which acting thrust no longer depends on inputs before the record.
 
 
@@ -45,7 +44,7 @@ class Windows:
         return found
 
 
-def cut(runs: Sequence[Run], length: float = LENGTH, shortest: float = SHORTEST) -> Windows:
+def cut(runs: Sequence[Run], length: float = LENGTH, shortest: float = SETTLING) -> Windows:
     """Cut runs of equal step into windows of at most ``length`` and at least ``shortest`` s, none across a gap in the
     thrust or within `SETTLED` s after one.
     """

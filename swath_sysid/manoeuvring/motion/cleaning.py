@@ -4,20 +4,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.signals import spikes
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, MEASURED, ManoeuvringTrial
 
 ABSURD = {'surge': 50.0, 'sway': 50.0, 'yaw_rate': 10.0, 'x': 1e8, 'y': 1e8, 'heading': 1e6}
-#: Least jump of a spike from its neighbours: m/s, rad/s, m.
-MIN_SPIKE = {'surge': 0.5, 'sway': 0.5, 'yaw_rate': 0.3, 'x': 3.0, 'y': 3.0}
-
-SPIKE = 10.0  #: A spike is so many times the usual distance from its neighbours.
-
-NEIGHBOURS = 7
-MAX_SPIKES = 0.03
 
 
 def cleaned(trial: ManoeuvringTrial, advice: list[Advice]) -> ManoeuvringTrial:
@@ -84,19 +77,13 @@ def _without_absurd(trial: ManoeuvringTrial, advice: list[Advice]):
 
 
 def _without_spikes(trial: ManoeuvringTrial, advice: list[Advice]):
-    """Sets single samples far from their neighbours on both sides to NaN."""
-    for name, least in MIN_SPIKE.items():
-        values = getattr(trial, name)
-        known = np.flatnonzero(np.isfinite(values)) if values is not None else np.zeros(0, dtype=int)
-        if known.size < 10 * NEIGHBOURS:
-            continue
-        away = np.abs(values[known] - median_filter(values[known], NEIGHBOURS, mode='nearest'))
-        usual = 1.4826 * median_filter(away, 20 * NEIGHBOURS + 1, mode='nearest')
-        spikes = away > np.maximum(SPIKE * usual, least)
-        if not spikes.any() or spikes.mean() > MAX_SPIKES:
-            continue
-        advice.append(Advice.of('spikes: run', source=trial.source, number=int(spikes.sum()), name=name))
-        cleaned = values.copy()
-        cleaned[known[spikes]] = np.nan
-        trial = _with(trial, name, cleaned)
+    """Sets samples far outside their neighbourhood to NaN."""
+    for name, values in trial.measured().items():
+        known = np.flatnonzero(np.isfinite(values))
+        struck = known[spikes(np.unwrap(values[known]) if name == 'heading' else values[known])]
+        if struck.size:
+            advice.append(Advice.of('spikes: run', source=trial.source, number=struck.size, name=name))
+            values = values.copy()
+            values[struck] = np.nan
+            trial = _with(trial, name, values)
     return trial

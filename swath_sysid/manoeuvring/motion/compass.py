@@ -7,18 +7,15 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpass, speeds_of_track
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.even import MOVING, even, lowpass, speeds_of_track
+from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial
 
-MIN_MISALIGNMENT, LARGEST_MISALIGNMENT = math.radians(4.0), math.radians(40.0)
+MIN_MISALIGNMENT = math.radians(4.0)
 SURE = 4.0  #: A significant misalignment is so many standard deviations.
-USUAL_CURRENT = 0.3  #: m/s.
+USUAL_CURRENT = 0.3  #: m/s, prior standard deviation of a current.
 
 #: rad, prior standard deviation of the compass deviation by course, which the identification finds.
 USUAL_DEVIATION = 0.15
-
-#: rad/s, and the largest share of time that runs may turn faster than that to one side.
-TURNING, ONE_SIDED = math.radians(1.0), 0.75
 
 REMEMBERED = 10.0  #: Half seconds of correlated sway, which count as one sample.
 
@@ -31,7 +28,7 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
     """
     rows = [_sway_by_cause(t) for t in trials]
     usable = [r for r in rows if r is not None]
-    if not usable or _turns_to_one_side(np.concatenate([causes[:, 1] for _, causes, _ in usable])):
+    if not usable:
         return trials
     count = sum(len(sway) for sway, _, _ in usable)
     sway, shared, currents = np.zeros(count), np.zeros((count, 5)), np.zeros((count, 2 * len(usable)))
@@ -51,7 +48,7 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
         found = covariance @ (matrix.T @ sway) / (variance * REMEMBERED)
         variance = max(float(np.mean((sway - matrix @ found) ** 2)), 1e-6)
     offset, std = float(np.arctan(found[0])), float(np.sqrt(covariance[0, 0]))
-    if not MIN_MISALIGNMENT < abs(offset) < LARGEST_MISALIGNMENT or abs(offset) < SURE * std:
+    if abs(offset) < max(MIN_MISALIGNMENT, SURE * std):
         return trials
     for item, trial in zip(advice, trials, strict=True):
         item.append(
@@ -63,11 +60,6 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
             )
         )
     return [_turned(trial, offset) for trial in trials]
-
-
-def _turns_to_one_side(yaw_rate: np.ndarray) -> bool:
-    """Whether the runs turn so much to one side that drift cannot be told from misalignment."""
-    return bool(max(np.mean(yaw_rate > TURNING), np.mean(yaw_rate < -TURNING)) > ONE_SIDED)
 
 
 def _sway_by_cause(trial: ManoeuvringTrial):
@@ -83,9 +75,9 @@ def _sway_by_cause(trial: ManoeuvringTrial):
         if track is None:
             return None
         surge, sway = track
-    rate = np.gradient(lowpass(heading, 0.5), USUAL_STEP)
+    rate = np.gradient(lowpass(heading, 0.5), STEP)
     surge, sway = lowpass(surge, 0.5), lowpass(sway, 0.5)
-    keep = np.arange(surge.size) % round(0.5 / USUAL_STEP) == 0
+    keep = np.arange(surge.size) % round(0.5 / STEP) == 0
     keep &= surge > MOVING
     if keep.sum() < 10:
         return None

@@ -6,15 +6,14 @@ import numpy as np
 from scipy.signal import lfilter
 
 from swath_sysid.manoeuvring.motion.resampling import slope
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial
 
-USUAL_STEP = 0.1  #: s; also the step of runs whose own interval is far from it.
 MOVING = 0.3  #: m/s; above this the course indicates the heading.
 
 
 def even(trial: ManoeuvringTrial, *names: str) -> tuple[np.ndarray, list[np.ndarray | None]]:
     """Channels at even times, s and values, gaps bridged; None where not measured."""
-    time = np.arange(trial.time[0], trial.time[-1], USUAL_STEP)
+    time = np.arange(trial.time[0], trial.time[-1], STEP)
     found: list[np.ndarray | None] = []
     for name in names:
         values = getattr(trial, name)
@@ -32,11 +31,11 @@ def speeds_of_track(trial: ManoeuvringTrial) -> tuple[np.ndarray, np.ndarray] | 
     _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
     if heading is None or x is None or y is None:
         return None
-    east, north = (slope(p, USUAL_STEP, 3.1) for p in (x, y))
+    east, north = (slope(p, STEP, 3.1) for p in (x, y))
     return east * np.cos(heading) + north * np.sin(heading), -east * np.sin(heading) + north * np.cos(heading)
 
 
 def lowpass(values: np.ndarray, tau: float) -> np.ndarray:
     """First-order low pass with time constant ``tau``, s."""
-    decay = math.exp(-USUAL_STEP / tau)
+    decay = math.exp(-STEP / tau)
     return lfilter([1.0 - decay], [1.0, -decay], values, zi=[decay * values[0]])[0]

@@ -8,7 +8,6 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.cleaning import cleaned, without_constant
 from swath_sysid.manoeuvring.motion.compass import aligned
-from swath_sysid.manoeuvring.motion.even import USUAL_STEP
 from swath_sysid.manoeuvring.motion.polarity import set_right
 from swath_sysid.manoeuvring.motion.resampling import (
     bridged,
@@ -19,7 +18,7 @@ from swath_sysid.manoeuvring.motion.resampling import (
     unwrapped,
     without_held,
 )
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, POSE, ManoeuvringTrial, Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, POSE, STEP, ManoeuvringTrial, Run
 
 
 def prepare(trial: ManoeuvringTrial, gap_means_zero: bool = False, step: float | None = None) -> Run:
@@ -30,14 +29,14 @@ def prepare(trial: ManoeuvringTrial, gap_means_zero: bool = False, step: float |
 def prepare_runs(
     trials: Sequence[ManoeuvringTrial], gap_means_zero: bool = False, step: float | None = None
 ) -> list[Run]:
-    """Make trials of one craft ready for identification, in steps of the records, or of ``USUAL_STEP``, s.
+    """Make trials of one craft ready for identification, in steps of the records, or of ``STEP``, s.
 
     Reversed and swapped channels, constant ones and a compass askew are found over all trials together.
 
     Args:
         trials: As read, of forces or of normalised commands.
         gap_means_zero: Commands are published only while driving: where there are none the thrust is zero.
-        step: s, of all runs; by default that of the records, if it is near ``USUAL_STEP``.
+        step: s, of all runs; by default that of the records, if it is near ``STEP``.
 
     Returns:
         One run for each trial, in even steps, with advice on what was set right.
@@ -55,7 +54,7 @@ def prepare_runs(
     trials = aligned(set_right(trials, advice), advice)
     if step is None:
         interval = float(np.median([np.median(np.diff(trial.time)) for trial in trials]))
-        step = round(interval if 0.04 <= interval <= 0.25 else USUAL_STEP, 3)
+        step = round(interval if 0.04 <= interval <= 0.25 else STEP, 3)
     return [_run(t, gap_means_zero, step, a) for t, a in zip(trials, advice, strict=True)]
 
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpass, speeds_of_track
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.even import MOVING, even, lowpass, speeds_of_track
+from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial
 
 SEEN = 0.5  #: A pooled correlation beyond this, of the wrong sign, shows a reversed channel.
 SEEN_IN_SPEED = 0.7  #: The same for speed, which lags behind thrust.
@@ -68,11 +68,11 @@ def _reversed(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]], na
 def _courses(trial: ManoeuvringTrial):
     """Course over ground and heading under way, rad; None where not measured."""
     _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
-    span = round(2.0 / USUAL_STEP)
+    span = round(2.0 / STEP)
     if heading is None or x is None or y is None or heading.size < 4 * span:
         return None
     ahead, aside = x[2 * span :] - x[: -2 * span], y[2 * span :] - y[: -2 * span]
-    moving = np.hypot(ahead, aside) > 2 * span * USUAL_STEP * MOVING
+    moving = np.hypot(ahead, aside) > 2 * span * STEP * MOVING
     if moving.sum() < 2 * span:
         return None
     return np.arctan2(aside, ahead)[moving], heading[span:-span][moving]
@@ -112,7 +112,7 @@ def _heading_and_rate(trial: ManoeuvringTrial):
     _, (heading, rate) = even(trial, 'heading', 'yaw_rate')
     if heading is None or rate is None:
         return None
-    slope, rate = np.gradient(lowpass(heading, 0.5), USUAL_STEP), lowpass(rate, 0.5)
+    slope, rate = np.gradient(lowpass(heading, 0.5), STEP), lowpass(rate, 0.5)
     return (slope - slope.mean(), rate - rate.mean()) if min(np.std(rate), np.std(slope)) > 0.02 else None
 
 
@@ -171,7 +171,7 @@ def _turning_likeness(trials: Sequence[ManoeuvringTrial]):
 def _difference_and_rate(trial: ManoeuvringTrial, tau: float):
     _, (rate, heading, port, starboard) = even(trial, 'yaw_rate', 'heading', 'port', 'starboard')
     if rate is None and heading is not None:
-        rate = np.gradient(lowpass(heading, 0.5), USUAL_STEP)
+        rate = np.gradient(lowpass(heading, 0.5), STEP)
     if rate is None or port is None or starboard is None or np.sqrt(np.mean(rate**2)) < 0.01:
         return None
     keep = _driven(port, starboard)

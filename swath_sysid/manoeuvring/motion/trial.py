@@ -7,6 +7,8 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 
 FORCE, COMMAND = 'force', 'command'
+INPUTS = (FORCE, COMMAND)
+STEP = 0.1  #: s; usual step of runs, simulations and filters.
 CHANNELS = ('surge', 'sway', 'yaw_rate')
 POSE = ('heading', 'x', 'y')
 MEASURED = CHANNELS + POSE

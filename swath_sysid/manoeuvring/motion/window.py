@@ -8,9 +8,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
 
 COLUMNS = ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
+LARGEST_COMMAND = 1.0 + 1e-6  #: Larger inputs are thrusts, N.
 FASTEST = 20.0  #: Hz; faster odometry is thinned to this rate.
-
-LARGEST_COMMAND = 1.0 + 1e-6
 AUTO = 'auto'
 THRUST_INPUTS = (AUTO, FORCE, COMMAND)
 

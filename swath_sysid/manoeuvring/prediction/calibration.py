@@ -7,17 +7,14 @@ import numpy as np
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.identification.windows import SETTLING
 from swath_sysid.manoeuvring.motion.trial import Run
 from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilterSettings
-from swath_sysid.manoeuvring.prediction.skill import INTERVAL, filtered
+from swath_sysid.manoeuvring.prediction.skill import HELD, INTERVAL, LEADS, filtered
 
-LEADS = np.array([0.5, 1.0, 2.0, 5.0, 10.0, 20.0])
-SETTLING = 5.0  #: s of a run before the first forecast.
 FORECASTS = 250  #: More hardly improve the estimate of a 90 % interval.
-
-MIN_FORECASTS = 30
-HELD = 0.9
-MIN_SCALE, LARGEST_SCALE = 0.1, 4.0  #: Seldom changing thrust leaves most errors at short leads far below its variance.
+MIN_FORECASTS = 30  #: Of a lead and channel, for a scale of its own.
+MIN_SCALE = 0.1  #: Seldom changing thrust leaves most errors at short leads far below its variance.
 
 
 def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> IdentifiedManoeuvringModel:
@@ -38,7 +35,7 @@ def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> I
             # where the sensor's own noise is larger, the errors say nothing about the forecast
             if known.sum() >= MIN_FORECASTS and np.median(variances[known, k, c]) > noise[c] ** 2:
                 scale[c, k] = _scale(errors[known, k, c], variances[known, k, c], noise[c], HELD * (1.0 + 1.0 / apart))
-    return replace(identified, forecast=replace(forecast, leads=LEADS, scale=scale))
+    return replace(identified, forecast=replace(forecast, leads=np.array(LEADS), scale=scale))
 
 
 def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
@@ -47,7 +44,7 @@ def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
     errors, variances = [], []
     for run in runs:
         every = max(1, round(total / FORECASTS / run.step))
-        steps = np.rint(LEADS / run.step).astype(int)
+        steps = np.rint(np.array(LEADS) / run.step).astype(int)
         truth = np.array(
             [
                 np.full(run.time.size, np.nan) if getattr(run, name) is None else getattr(run, name)
@@ -60,7 +57,7 @@ def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
             reach = [j for j, step in enumerate(steps) if k + step < run.time.size and run.driven[k : k + step].all()]
             if not reach:
                 continue
-            forecast = filter_.forecast(LEADS[reach])
+            forecast = filter_.forecast([LEADS[j] for j in reach])
             found = np.full((2, len(LEADS), len(MEASURABLE)), np.nan)
             found[0, reach] = forecast.recorded - truth[:, k + steps[reach]].T
             found[1, reach] = np.diagonal(forecast.recorded_covariances, axis1=1, axis2=2)
@@ -76,10 +73,6 @@ def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
 
 
 def _scale(errors: np.ndarray, variances: np.ndarray, noise: float, held: float):
-    """Factor on the standard deviations, sensor noise apart, for a coverage of ``held``; by bisection."""
-    low, high = MIN_SCALE, LARGEST_SCALE
-    for _ in range(30):
-        middle = np.sqrt(low * high)
-        inside = np.mean(np.abs(errors) < INTERVAL * np.sqrt(middle**2 * variances + noise**2))
-        low, high = (middle, high) if inside < held else (low, middle)
-    return float(high)
+    """Factor on the standard deviations, sensor noise apart, for a coverage of ``held``."""
+    needed = np.sqrt(np.maximum((errors / INTERVAL) ** 2 - noise**2, 0.0) / variances)
+    return max(float(np.quantile(needed, min(held, 1.0), method='higher')), MIN_SCALE)

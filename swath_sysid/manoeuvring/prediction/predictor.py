@@ -32,16 +32,15 @@ from swath_sysid.manoeuvring.hull.measurement import (
     recorded_speeds,
     through_water,
 )
+from swath_sysid.manoeuvring.hull.model import DIFFERENCE
 from swath_sysid.manoeuvring.hull.simulation import moved, runge_kutta_columns, substeps_for
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
+from swath_sysid.manoeuvring.motion.trial import STEP
 
-STATES = 13
 HEADING, X, Y, EAST, NORTH = range(3, 8)
 DISTURBANCES, THRUST_TO_COME = slice(8, 11), slice(11, 13)
+STATES = THRUST_TO_COME.stop
 MEASURABLE = ('surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
-LONGEST_STEP = 0.1  #: s, longest step of the filter.
-
-DIFFERENCE = 1e-5
 MOVES = np.concatenate([np.zeros((STATES, 1)), DIFFERENCE * np.eye(STATES)], axis=1)
 
 USUAL_DISTURBANCE_TIME = 5.0  #: s, for models without measured disturbances.
@@ -109,7 +108,7 @@ class ManoeuvreFilter:
         self._walk = _process_intensity(identified, self._noise)
         self._columns = np.repeat(self.model.values[:, None], MOVES.shape[1], axis=1)
         most = abs(float(thrust_curve(self.model.largest_input, self.model.values)))
-        self._substeps = substeps_for(self.model, LONGEST_STEP, thrust=((most,), (most,)))
+        self._substeps = substeps_for(self.model, STEP, thrust=((most,), (most,)))
         self._gate = float(chdtri(1, self.settings.gate_probability))
         self._rejections = dict.fromkeys(MEASURABLE, 0)
 
@@ -144,7 +143,7 @@ class ManoeuvreFilter:
         total = stamp - self.stamp
         if total <= 0.0:
             return
-        count = max(1, math.ceil(total / LONGEST_STEP - 1e-9))
+        count = max(1, math.ceil(total / STEP - 1e-9))
         for _ in range(count):
             self._step(total / count, walk)
         self.stamp = stamp

@@ -4,17 +4,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.identification.windows import SETTLING
 from swath_sysid.manoeuvring.motion.trial import Run
 from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilter, ManoeuvreFilterSettings
 
 LEADS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
-SETTLING = 5.0  #: s of a run before the first forecast.
 EVERY = 1.0  #: s between forecasts.
 ORDER = 10  #: Past samples of the ARX.
-INTERVAL = 1.6449  #: Standard deviations on either side of a 90 % interval.
+HELD = 0.9  #: Probability of the intervals.
+INTERVAL = float(ndtri(0.5 + 0.5 * HELD))  #: Standard deviations on either side of them.
 
 RIDGE = 1e-3
 METHODS = ('model', 'constant-velocity', 'constant-turn-rate', 'arx')
