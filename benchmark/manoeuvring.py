@@ -18,12 +18,9 @@ from dataclasses import replace
 import numpy as np
 import simulated_craft
 
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.standard_tests import run_test
-from swath_sysid.manoeuvring.identification.assembly import seen_region
-from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
@@ -175,15 +172,7 @@ def vicious(kind, seed, forecasts):
 
 def print_forecasts(found, runs, truth):
     """Print errors of position against the GPS and against the truth, and what the intervals hold."""
-    identified = IdentifiedManoeuvringModel(
-        found.model,
-        found.names,
-        found.covariance,
-        found.noise,
-        seen_region(found.identified_on),
-        forecast=forecast_noise(found.model, found.identified_on),
-    )
-    identified = calibrated(identified, runs[:8])
+    identified = calibrated(found.identified(), runs[:8])
     cases = {
         'against GPS': {},
         'against truth': {'truth': truth[8:]},

@@ -168,11 +168,7 @@ def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
 @pytest.mark.long
 @pytest.mark.slow
 def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
-    noise = forecast_noise(found.model, found.identified_on)
-    identified = IdentifiedManoeuvringModel(
-        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), forecast=noise
-    )
-    identified = calibrated(identified, runs[2:5])
+    identified = calibrated(found.identified(), runs[2:5])
     scores = score_forecasts(identified, runs[8:9], training=runs[:8], leads=(1.0, 5.0, 10.0))
     position = {method: table['position_m'] for method, table in scores.rmse.items()}
     assert np.all(position['model'] < 0.9 * position['constant-turn-rate'])

@@ -21,13 +21,10 @@ from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model, w
 from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.plain_data import finite_or_none
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
 from swath_sysid.manoeuvring.hull.programme import RECIPE, SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
-from swath_sysid.manoeuvring.identification.assembly import seen_region
-from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
@@ -229,17 +226,7 @@ def _for_file(found: Any, data: dict, paths: Sequence[str]):
     kept = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
     metrics = {key: data[key] for key in kept}
     provenance = {**provenance_of(paths), 'runs': data['runs']}
-    identified = IdentifiedManoeuvringModel(
-        found.model,
-        found.names,
-        found.covariance,
-        found.noise,
-        seen_region(found.identified_on),
-        metrics,
-        provenance,
-        forecast_noise(found.model, found.identified_on),
-    )
-    return calibrated(identified, found.identified_on)
+    return calibrated(found.identified(metrics, provenance), found.identified_on)
 
 
 def _target(text: str):

@@ -10,11 +10,20 @@ from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
 from swath_sysid.common.stopping import Cancelled
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
 from swath_sysid.manoeuvring.hull.stability import StabilityCheck, check_stability
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
-from swath_sysid.manoeuvring.identification.assembly import EQUAL_CURRENTS, Problem, assemble, moving_runs, sensor_noise
+from swath_sysid.manoeuvring.identification.assembly import (
+    EQUAL_CURRENTS,
+    Problem,
+    assemble,
+    moving_runs,
+    seen_region,
+    sensor_noise,
+)
+from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.selection import (
     MADE_STABLE,
     Fit,
@@ -73,6 +82,19 @@ class ManoeuvringIdentification:
     def has_currents_by_run(self) -> bool:
         """Whether each run has a current of its own."""
         return bool(np.any(self.currents != self.model.current))
+
+    def identified(self, metrics: dict | None = None, provenance: dict | None = None) -> IdentifiedManoeuvringModel:
+        """The model with its uncertainty and the noise of its forecasts, intervals not yet calibrated."""
+        return IdentifiedManoeuvringModel(
+            self.model,
+            self.names,
+            self.covariance,
+            self.noise,
+            seen_region(self.identified_on),
+            metrics or {},
+            provenance or {},
+            forecast_noise(self.model, self.identified_on),
+        )
 
 
 def identify_manoeuvring(

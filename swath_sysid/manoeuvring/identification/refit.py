@@ -1,5 +1,6 @@
 """Refits a manoeuvring model on a window of live motion, accepts it if it is better, and returns to earlier models."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -7,8 +8,6 @@ import numpy as np
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.identification.assembly import seen_region
-from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import Scores, score
@@ -73,16 +72,7 @@ def refit_manoeuvring(
             )
             return ManoeuvreRefitOutcome(None, message, misfit, current_misfit)
     better = '' if held is None else f', misfit {misfit:.4g} instead of {current_misfit:.4g}'
-    model = IdentifiedManoeuvringModel(
-        found.model,
-        found.names,
-        found.covariance,
-        found.noise,
-        seen_region(found.identified_on),
-        {'r2': r2, 'held_out': bool(found.validated_on)},
-        request.provenance,
-        forecast_noise(found.model, found.identified_on),
-    )
+    model = found.identified({'r2': r2, 'held_out': bool(found.validated_on)}, request.provenance)
     return ManoeuvreRefitOutcome(model, f'{summary}{better}', misfit, current_misfit)
 
 
@@ -135,19 +125,20 @@ class ManoeuvreRefitter:
         self, model: IdentifiedManoeuvringModel | None = None, history: Sequence[IdentifiedManoeuvringModel] = ()
     ):
         self.model = model
-        self._history: list[IdentifiedManoeuvringModel | None] = [*history]
+        self._history = deque(history, LONGEST_HISTORY)
 
     def take(self, outcome: ManoeuvreRefitOutcome) -> bool:
         """Accept a refit that found a better model; whether it did."""
         if outcome.model is None:
             return False
-        self._history = [*self._history, self.model][-LONGEST_HISTORY:]
+        if self.model is not None:
+            self._history.append(self.model)
         self.model = outcome.model
         return True
 
     def rollback(self) -> bool:
         """Return to the previous model; whether there was one."""
-        if not self._history or self._history[-1] is None:
+        if not self._history:
             return False
         self.model = self._history.pop()
         return True
@@ -155,7 +146,7 @@ class ManoeuvreRefitter:
     @property
     def steps_back(self) -> int:
         """How often `rollback` can be called."""
-        return sum(model is not None for model in self._history)
+        return len(self._history)
 
     @property
     def described(self) -> str:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.row_buffer import RowBuffer
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
 
 COLUMNS = ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
@@ -24,8 +25,7 @@ class ManoeuvringWindow:
     """
 
     def __init__(self, duration: float = 900.0, stop_after: float = 0.0, backward_jump: float = 1.0):
-        self._rows = np.zeros((max(2, round(duration * FASTEST)), len(COLUMNS)))
-        self._count = self._next = 0
+        self._rows = RowBuffer(max(2, round(duration * FASTEST)), len(COLUMNS))
         self._duration, self._stop_after, self._backward_jump = duration, stop_after, backward_jump
         self._thrust: dict[str, float] = {}
         self._latest = self._thrust_at = -math.inf
@@ -34,11 +34,11 @@ class ManoeuvringWindow:
     @property
     def size(self) -> int:
         """Number of rows."""
-        return self._count
+        return len(self._rows)
 
     def clear(self) -> None:
         """Forget all motion; the thrust holds."""
-        self._count = self._next = 0
+        self._rows.clear()
         self._latest = -math.inf
 
     def add_thrust(self, side: str, value: float) -> None:
@@ -73,23 +73,19 @@ class ManoeuvringWindow:
             self._thrust_at = stamp
         stopped = 0.0 < self._stop_after < stamp - self._thrust_at
         inputs = (0.0, 0.0) if stopped else (self._thrust['port'], self._thrust['starboard'])
-        self._rows[self._next] = (stamp, *inputs, *row)
-        self._next = (self._next + 1) % len(self._rows)
-        self._count = min(self._count + 1, len(self._rows))
+        self._rows.append((stamp, *inputs, *row))
+        self._rows.drop_below(stamp - self._duration)
 
     def trial(self, thrust_input: str = AUTO, source: str = 'window') -> ManoeuvringTrial:
         """The window as a trial; with ``auto``, inputs within -1 and 1 are commands."""
-        if not self._count:
+        if not self.size:
             missing = ' and '.join(side for side in ('port', 'starboard') if side not in self._thrust)
             raise InputError(
                 f'nothing has come from the {missing} thruster: check its topic'
                 if missing
                 else 'no odometry has come since the first thruster command: check its topic'
             )
-        order = np.arange(self._next - self._count, self._next) % len(self._rows)
-        rows = self._rows[order]
-        rows = rows[rows[:, 0] > rows[-1, 0] - self._duration]
-        column = dict(zip(COLUMNS, rows.T.copy(), strict=True))
+        column = dict(zip(COLUMNS, self._rows.last().T.copy(), strict=True))
         if thrust_input == AUTO:
             most = max(np.max(np.abs(column['port'])), np.max(np.abs(column['starboard'])))
             thrust_input = FORCE if most > LARGEST_COMMAND else COMMAND

@@ -7,10 +7,9 @@ import numpy as np
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.identification.windows import SETTLING
 from swath_sysid.manoeuvring.motion.trial import Run
 from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilterSettings
-from swath_sysid.manoeuvring.prediction.skill import HELD, INTERVAL, LEADS, filtered
+from swath_sysid.manoeuvring.prediction.skill import HELD, INTERVAL, LEADS, due, recorded
 
 FORECASTS = 250  #: More hardly improve the estimate of a 90 % interval.
 MIN_FORECASTS = 30  #: Of a lead and channel, for a scale of its own.
@@ -43,33 +42,18 @@ def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
     total = sum(run.duration for run in runs)
     errors, variances = [], []
     for run in runs:
-        every = max(1, round(total / FORECASTS / run.step))
-        steps = np.rint(np.array(LEADS) / run.step).astype(int)
-        truth = np.array(
-            [
-                np.full(run.time.size, np.nan) if getattr(run, name) is None else getattr(run, name)
-                for name in MEASURABLE
-            ]
-        )
-        for k, filter_ in filtered(identified, run):
-            if k < SETTLING / run.step or k % every:
-                continue
-            reach = [j for j, step in enumerate(steps) if k + step < run.time.size and run.driven[k : k + step].all()]
-            if not reach:
-                continue
-            forecast = filter_.forecast([LEADS[j] for j in reach])
+        truth = recorded(run)
+        for k, filter_, reach in due(identified, run, total / FORECASTS, LEADS):
+            steps = np.array([round(LEADS[i] / run.step) for i in reach])
+            forecast = filter_.forecast([LEADS[i] for i in reach])
             found = np.full((2, len(LEADS), len(MEASURABLE)), np.nan)
-            found[0, reach] = forecast.recorded - truth[:, k + steps[reach]].T
+            found[0, reach] = forecast.recorded - truth[:, k + steps].T
             found[1, reach] = np.diagonal(forecast.recorded_covariances, axis1=1, axis2=2)
             errors.append(found[0])
             variances.append(found[1])
-    shape = (-1, len(LEADS), len(MEASURABLE))
-    settings = ManoeuvreFilterSettings.of(identified)
-    return (
-        np.reshape(errors, shape),
-        np.reshape(variances, shape),
-        np.array([settings.noise(name) for name in MEASURABLE]),
-    )
+    shape, settings = (-1, len(LEADS), len(MEASURABLE)), ManoeuvreFilterSettings.of(identified)
+    noise = np.array([settings.noise(name) for name in MEASURABLE])
+    return np.reshape(errors, shape), np.reshape(variances, shape), noise
 
 
 def _scale(errors: np.ndarray, variances: np.ndarray, noise: float, held: float):

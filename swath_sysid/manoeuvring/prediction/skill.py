@@ -77,7 +77,6 @@ def score_forecasts(
     runs: Sequence[Run],
     training: Sequence[Run] = (),
     supplied: bool = False,
-    settings: ManoeuvreFilterSettings | None = None,
     leads: Sequence[float] = LEADS,
     truth: Sequence[Run] | None = None,
     held: bool = False,
@@ -88,11 +87,7 @@ def score_forecasts(
     last value unless ``supplied``; ``held`` scores only leads over which they did hold. Errors are against ``truth``
     where given.
     """
-    errors: dict[str, dict[str, list[list[float]]]] = {
-        method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS
-    }
-    inside: dict[str, list[list[bool]]] = {q: [[] for _ in leads] for q in QUANTITIES[:4]}
-    count = 0
+    errors, inside = [], []
     for index, run in enumerate(runs):
         if run.thrust_input != identified.model.thrust_input:
             raise InputError(
@@ -102,31 +97,43 @@ def score_forecasts(
         others = training or [other for k, other in enumerate(runs) if k != index]
         arx = fit_arx(others) if others else fit_arx([run], until=0.5)
         true = run if truth is None else truth[index]
-        for rows in _forecast_errors(filtered(identified, run, settings), run, true, arx, supplied, leads, held):
-            count += 1
-            for method, q, i, error, reach in rows:
-                errors[method][q][i].append(error)
-                if method == 'model' and q in inside:
-                    inside[q][i].append(abs(error) < reach)
-    if not count:
+        for k, filter_, reach in due(identified, run, EVERY, leads, held):
+            steps = np.array([round(leads[i] / run.step) for i in reach])
+            expected, reaches = _expected(filter_, run, k, steps, supplied, arx)
+            missed = expected - recorded(true)[:, k + steps].T
+            found = np.full((len(METHODS), len(leads), len(QUANTITIES)), np.nan)
+            found[:, reach, :4], found[:, reach, 4] = missed[..., :4], np.hypot(missed[..., 4], missed[..., 5])
+            errors.append(found)
+            held_in = np.full((len(leads), 4), np.nan)
+            held_in[reach] = np.where(np.isnan(missed[0, :, :4]), np.nan, np.abs(missed[0, :, :4]) < reaches)
+            inside.append(held_in)
+    if not errors:
         raise InputError(f'no run is longer than {SETTLING + leads[0]:.0f} s with known thrust: give longer runs')
-    rmse = {
-        method: {q: np.array([_rms(values) for values in by_lead]) for q, by_lead in quantities.items()}
-        for method, quantities in errors.items()
-    }
-    spread = {q: np.array([np.mean(v) if v else np.nan for v in by_lead]) for q, by_lead in inside.items()}
-    return ForecastScores(tuple(leads), rmse, spread, count)
+    rms = np.sqrt(_mean(np.square(np.clip(errors, -1e6, 1e6))))
+    rmse = {method: {q: rms[m, :, c] for c, q in enumerate(QUANTITIES)} for m, method in enumerate(METHODS)}
+    spread = dict(zip(QUANTITIES, _mean(np.array(inside)).T, strict=False))
+    return ForecastScores(tuple(leads), rmse, spread, len(errors))
+
+
+def _mean(values: np.ndarray):
+    """Mean over the first axis of what is known; NaN where nothing is."""
+    count = np.isfinite(values).sum(axis=0)
+    return np.where(count, np.nansum(values, axis=0), np.nan) / np.maximum(count, 1)
+
+
+def recorded(run: Run) -> np.ndarray:
+    """The channels of ``MEASURABLE``, shape (6, N); NaN where not measured."""
+    channels = (getattr(run, name) for name in MEASURABLE)
+    return np.array([np.full(run.time.size, np.nan) if values is None else values for values in channels])
 
 
 def filtered(
     identified: IdentifiedManoeuvringModel, run: Run, settings: ManoeuvreFilterSettings | None = None
 ) -> Iterator[tuple[int, ManoeuvreFilter]]:
     """Index and filter at every sample of a run, from its first; the filter is one object: copy it to keep it."""
-    filter_ = ManoeuvreFilter(identified, settings)
-    channels = {name: getattr(run, name) for name in MEASURABLE}
-    channels = {name: values for name, values in channels.items() if values is not None and np.isfinite(values).any()}
+    filter_, channels = ManoeuvreFilter(identified, settings), recorded(run)
     for k, stamp in enumerate(run.time):
-        now = {name: float(values[k]) for name, values in channels.items() if np.isfinite(values[k])}
+        now = {name: value for name, value in zip(MEASURABLE, channels[:, k].tolist(), strict=True) if value == value}
         if not filter_.is_started:
             filter_.start(stamp, **now)
         else:
@@ -137,124 +144,80 @@ def filtered(
         yield k, filter_
 
 
-def _forecast_errors(
-    filters: Iterator[tuple[int, ManoeuvreFilter]],
-    run: Run,
-    true: Run,
-    arx: Arx | None,
-    supplied: bool,
-    leads: Sequence[float],
-    held: bool,
-) -> Iterator[list[tuple[str, str, int, float, float]]]:
-    """For each forecast its method, quantity, index of the lead, error, and reach of the model's 90 % interval."""
-    every, first = max(1, round(EVERY / run.step)), round(SETTLING / run.step)
-    motion, inputs, known = _arx_series(run)
+def due(
+    identified: IdentifiedManoeuvringModel, run: Run, every: float, leads: Sequence[float], held: bool = False
+) -> Iterator[tuple[int, ManoeuvreFilter, list[int]]]:
+    """`filtered` every so many seconds once the filter has settled, with the places of the leads that the run reaches
+    with known thrust, or where it ``held``.
+    """
+    inputs = np.stack([run.port, run.starboard])
     places = [round(lead / run.step) for lead in leads]
-    truth = dict(zip(QUANTITIES, (true.surge, true.sway, true.yaw_rate, true.heading), strict=False))
-    for k, filter_ in filters:
-        if k < first or (k - first) % every or not run.driven[k]:
+    first, apart = round(SETTLING / run.step), max(1, round(every / run.step))
+    for k, filter_ in filtered(identified, run):
+        if k < first or (k - first) % apart or not run.driven[k]:
             continue
-        usable = run.driven[k:] & (inputs[k:] == inputs[k]).all(axis=1) if held else run.driven[k:]
-        reached = [i for i, place in enumerate(places) if k + place < len(run.time) and usable[:place].all()]
-        if not reached:
-            continue
-        steps = [places[i] for i in reached]
-        usable_arx = arx if known[k - ORDER : k + 1].all() else None
-        rows = []
-        for method, table in _expected(filter_, run, k, steps, supplied, usable_arx, motion, inputs).items():
-            for place, i in enumerate(reached):
-                at = k + steps[place]
-                for q, values in truth.items():
-                    if values is not None and np.isfinite(values[at]):
-                        reach = INTERVAL * table[f'{q} std'][place] if method == 'model' else np.nan
-                        rows.append((method, q, i, table[q][place] - values[at], reach))
-                if true.x is not None and true.y is not None:
-                    miss = np.hypot(table['x'][place] - true.x[at], table['y'][place] - true.y[at])
-                    rows.append((method, 'position_m', i, miss, np.nan))
-        yield rows
+        usable = run.driven[k:] & (inputs[:, k:] == inputs[:, k : k + 1]).all(axis=0) if held else run.driven[k:]
+        reach = [i for i, place in enumerate(places) if k + place < run.time.size and usable[:place].all()]
+        if reach:
+            yield k, filter_, reach
 
 
 def _expected(
-    filter_: ManoeuvreFilter,
-    run: Run,
-    k: int,
-    steps: list[int],
-    supplied: bool,
-    arx: Arx | None,
-    motion: np.ndarray,
-    inputs: np.ndarray,
-):
-    """Forecasts of every method at some steps ahead."""
-    leads = [step * run.step for step in steps]
+    filter_: ManoeuvreFilter, run: Run, k: int, steps: np.ndarray, supplied: bool, arx: Arx | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Forecasts of every method some steps ahead, shape (methods, L, 6), NaN where there is none; and the reach of the
+    model's intervals of surge, sway, yaw rate and heading, shape (L, 4).
+    """
+    leads, longest = steps * run.step, int(steps[-1])
     future = None
     if supplied:
-        places = range(k, min(k + steps[-1], len(run.time)))
-        future = [((j - k) * run.step, float(run.port[j]), float(run.starboard[j])) for j in places]
+        ahead = zip(run.port[k : k + longest], run.starboard[k : k + longest], strict=True)
+        future = [(j * run.step, float(port), float(starboard)) for j, (port, starboard) in enumerate(ahead)]
     forecast = filter_.forecast(leads, future)
-    noise = filter_.settings.noise
-    table = {name: forecast.recorded[:, column] for column, name in enumerate((*QUANTITIES[:4], 'x', 'y'))}
-    variances = np.diagonal(forecast.recorded_covariances, axis1=1, axis2=2)
-    for column, (q, name) in enumerate(zip(QUANTITIES[:4], MEASURABLE, strict=False)):
-        table[f'{q} std'] = np.sqrt(variances[:, column] + noise(name) ** 2)
-    expected = {'model': table}
-    surge, sway, rate, psi, x, y = map(float, filter_.forecast([1e-6]).recorded[0])
-    for method, turning in (('constant-velocity', 0.0), ('constant-turn-rate', rate)):
-        expected[method] = _steady(leads, surge, sway, turning, psi, x, y)
-    expected['constant-velocity']['yaw_rate_rad_s'] = np.zeros(len(leads))
-    if arx is not None:
-        coming = inputs[k : k + steps[-1]] if supplied else np.repeat(inputs[k : k + 1], steps[-1], axis=0)
-        past = inputs[k - ORDER + 1 : k]
-        ahead = arx.run(motion[k - ORDER + 1 : k + 1], np.concatenate([past, coming]))
-        expected['arx'] = _integrated(ahead, steps, run.step, psi, x, y)
-    return expected
+    noise = np.array([filter_.settings.noise(name) for name in MEASURABLE[:4]])
+    variances = np.diagonal(forecast.recorded_covariances, axis1=1, axis2=2)[:, :4] + noise**2
+    now = filter_.forecast([1e-6]).recorded[0]
+    surge, sway, rate, *pose = now.tolist()
+    found = np.full((len(METHODS), len(leads), len(MEASURABLE)), np.nan)
+    found[0] = forecast.recorded
+    found[1] = _steady(leads, (surge, sway, 0.0), pose)
+    found[2] = _steady(leads, (surge, sway, rate), pose)
+    motion, inputs, known = _arx_series(run)
+    if arx is not None and known[k - ORDER : k + 1].all():
+        coming = inputs[k : k + longest] if supplied else np.repeat(inputs[k : k + 1], longest, axis=0)
+        moved = arx.run(motion[k - ORDER + 1 : k + 1], np.concatenate([inputs[k - ORDER + 1 : k], coming]))
+        found[3] = _integrated(np.clip(moved, -1e3, 1e3), run.step, pose)[steps - 1]
+    return found, INTERVAL * np.sqrt(variances)
 
 
-def _steady(times: Sequence[float], surge: float, sway: float, rate: float, psi: float, x: float, y: float):
-    """Constant body velocities and yaw rate."""
-    leads = np.asarray(times)
-    heading = psi + rate * leads
-    if abs(rate) > 1e-6:
-        along, across = np.sin(rate * leads) / rate, (1.0 - np.cos(rate * leads)) / rate
-    else:
-        along, across = leads, 0.0 * leads
-    ahead, aside = surge * along - sway * across, surge * across + sway * along
-    return {
-        'surge_m_s': np.full(leads.size, surge),
-        'sway_m_s': np.full(leads.size, sway),
-        'yaw_rate_rad_s': np.full(leads.size, rate),
-        'heading_rad': heading,
-        'x': x + ahead * np.cos(psi) - aside * np.sin(psi),
-        'y': y + ahead * np.sin(psi) + aside * np.cos(psi),
-    }
+def _steady(leads: np.ndarray, motion: Sequence[float], pose: Sequence[float]):
+    """Constant surge, sway and yaw rate from heading, x and y: the six channels at some leads, (L, 6)."""
+    (surge, sway, rate), (psi, x, y) = motion, pose
+    # mean direction over the arc, and the chord's share of it
+    heading, half = psi + rate * leads, 0.5 * rate * leads
+    chord = leads * np.sinc(half / np.pi)
+    ahead, aside = chord * np.cos(psi + half), chord * np.sin(psi + half)
+    same = np.ones_like(leads)
+    place = x + surge * ahead - sway * aside, y + surge * aside + sway * ahead
+    return np.stack([surge * same, sway * same, rate * same, heading, *place], axis=1)
 
 
-def _integrated(motion: np.ndarray, steps: list[int], step: float, psi: float, x: float, y: float):
-    surge, sway, rate = np.clip(motion, -1e3, 1e3).T
+def _integrated(motion: np.ndarray, step: float, pose: Sequence[float]):
+    """The six channels (S, 6) of a motion (S, 3) from heading, x and y."""
+    surge, sway, rate = motion.T
+    psi, x, y = pose
     heading = psi + np.cumsum(rate) * step
     east = x + np.cumsum(surge * np.cos(heading) - sway * np.sin(heading)) * step
     north = y + np.cumsum(surge * np.sin(heading) + sway * np.cos(heading)) * step
-    at = np.asarray(steps) - 1
-    return {
-        'surge_m_s': surge[at],
-        'sway_m_s': sway[at],
-        'yaw_rate_rad_s': rate[at],
-        'heading_rad': heading[at],
-        'x': east[at],
-        'y': north[at],
-    }
+    return np.stack([surge, sway, rate, heading, east, north], axis=1)
 
 
 def _arx_series(run: Run):
     """Motion (N, 3), inputs (N, 2), and where both are known; an unmeasured sway counts as zero."""
-    motion = run.smooth.T.copy()
-    # no smoothing ahead of its time: what is measured, the smoothed value only in its gaps
     raw = run.channels.T
-    motion = np.where(np.isfinite(raw), raw, motion)
+    # no smoothing ahead of its time: what is measured, the smoothed value only in its gaps
+    motion = np.where(np.isfinite(raw), raw, run.smooth.T)
     if not np.isfinite(run.sway).any():
         motion[:, 1] = 0.0
     known = np.all(np.isfinite(motion), axis=1) & run.driven
-    return np.where(np.isfinite(motion), motion, 0.0), np.stack([run.port, run.starboard], axis=1), known
-
-
-def _rms(values: Sequence[float]):
-    return float(np.sqrt(np.mean(np.square(np.clip(values, -1e6, 1e6))))) if values else float('nan')
+    return np.nan_to_num(motion), np.stack([run.port, run.starboard], axis=1), known
