@@ -3,8 +3,6 @@
 from swath_sysid.manoeuvring.prediction.pipeline import REASONS, ManoeuvreOutlook
 from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report
 
-SILENT_AFTER = 2.0  #: s without odometry, which usually comes at 10 Hz and more.
-
 
 class ManoeuvringHealth(Reasons):
     """How odometry becomes forecasts."""
@@ -35,7 +33,7 @@ class ManoeuvringHealth(Reasons):
         """The report now, s, and start a new period."""
         fresh = self.fresh(self._pipeline.counts)
         level, text = OK, 'forecasting with the identified model'
-        if self._arrival is None or now - self._arrival > SILENT_AFTER:
+        if self._arrival is None or now - self._arrival > self._pipeline.settings.gap_limit:
             level, text = ERROR, f'no odometry on {self._topic}: check that it is published there, or remap the topic'
         elif fresh:
             level, text = WARN, self.worst(fresh)

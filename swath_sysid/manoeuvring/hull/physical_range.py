@@ -5,9 +5,10 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import IZ, NR_DOT, NV_DOT, PARAMETERS, X_G, YR_DOT, YV_DOT, M
 
 LARGEST = 1e12  #: Of any mass, inertia or derivative, SI units; the largest ships approach it.
-LIGHTEST = 1e-3  #: kg and kg m^2.
 
 _RANGES = {
+    'm': (1e-3, LARGEST),
+    'Iz': (1e-3, LARGEST),
     'gain': (1e-6, 1e9),
     'reverse_ratio': (1e-3, 10.0),
     'dead_band': (0.0, 0.95),
@@ -28,15 +29,8 @@ _RANGES = {
     'x_G': (-1e3, 1e3),
 }
 
-#: Least and largest value of each parameter; wider than the search ranges of an identification.
-PARAMETER_RANGES = {
-    p.name: _RANGES[p.name]
-    if p.name in _RANGES
-    else (LIGHTEST, LARGEST)
-    if p.name in ('m', 'Iz')
-    else (-LARGEST, LARGEST)
-    for p in PARAMETERS
-}
+#: Least and largest value of each parameter.
+PARAMETER_RANGES = {p.name: _RANGES.get(p.name, (-LARGEST, LARGEST)) for p in PARAMETERS}
 
 
 def check_physical(model: ManoeuvringModel) -> None:

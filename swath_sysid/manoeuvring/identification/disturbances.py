@@ -14,7 +14,6 @@ from swath_sysid.manoeuvring.motion.trial import Run
 
 #: s; sensor noise and smoothing are uncorrelated at the first, gusts still correlated at the second.
 LAGS = (1.0, 4.0)
-MIN_SHARE = 0.002  #: Least disturbance as a share of the accelerations by thrust.
 
 SENSORS = np.array([0.05, 0.01, 0.01, 0.5])
 MIN_SENSORS = np.array([0.005, 0.0005, 0.0005, 0.01])
@@ -38,8 +37,7 @@ def forecast_noise(model: ManoeuvringModel, runs: Sequence[Run]) -> ForecastNois
     longest = max(sum(run.duration for run in runs), LAGS[1])
     time = np.clip(np.nan_to_num(time, nan=LAGS[0]), LAGS[0], longest)
     mean, covariance, held = _thrust(model, runs, longest)
-    least = MIN_SHARE * np.sqrt(np.trace(covariance)) / model['m'] + 1e-6
-    disturbance = np.sqrt(np.maximum(near * np.exp(LAGS[0] / time), least**2))
+    disturbance = np.sqrt(np.maximum(near * np.exp(LAGS[0] / time), 1e-12))
     return ForecastNoise(disturbance, time, mean, covariance, held, np.maximum(_sensors(runs), MIN_SENSORS))
 
 

@@ -4,37 +4,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid.manoeuvring.hull.physical_range import PARAMETER_RANGES
 from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, INDEX, INERTIA, OFFSET, PARAMETERS, SENSOR, THRUST
 from swath_sysid.manoeuvring.motion.compass import USUAL_DEVIATION
 
 RESPONSE = 3.0  #: s, time within which a craft responds to its thrusters.
 SWAY_SHARE = 0.3  #: Sway in natural units, as a share of the speed.
-WIDE = 50.0  #: Largest value of a term in its natural unit.
-MIN_DAMPING = 0.01  #: Least linear damping in its natural unit, so that small motions decay.
 
+#: By parameter or kind: range, and standard deviation of the regularisation, in natural units. No craft gains energy
+#: from its motion, is lighter than half its mass, or is without linear damping. Xu_dot also takes up a wrong thrust
+#: scale, which is reported.
 _RANGES = {
-    'reverse_ratio': (0.05, 2.0),
-    'dead_band': (0.0, 0.6),
-    'exponent': (0.4, 3.0),
-    'balance': (-0.5, 0.5),
-    'advance': (0.0, 0.5),
-    'lag': (0.0, 3.0),
-    'delay': (0.0, 2.0),
-    'deduction': (0.0, 0.9),
-    'lever': (0.01, 100.0),
-    'moment_factor': (-0.9, 3.0),
-    'reverse_exponent_ratio': (0.5, 2.0),
-    'deviation_B': (-0.5, 0.5),
-    'deviation_C': (-0.5, 0.5),
-    'sensor_x': (-20.0, 20.0),
-    'sensor_y': (-20.0, 20.0),
+    **dict.fromkeys(('m', 'Iz', 'gain'), (0.01, 100.0, np.inf)),
+    'Xu_dot': (-5.0, 0.6, 1.0),
+    'Yv_dot': (-2.0, 0.3, 1.0),
+    'Nr_dot': (-3.0, 0.6, 1.0),
+    **dict.fromkeys(('Xu', 'Yv', 'Nr'), (-50.0, -0.01, 10.0)),
+    INERTIA: (-0.5, 0.5, 0.2),
+    DAMPING: (-50.0, 0.0, 10.0),
+    **dict.fromkeys((CROSS, OFFSET), (-50.0, 50.0, 10.0)),
 }
 
-
-#: Range of the added masses as shares of mass and inertia. That of surge also takes up a wrong thrust scale, which is
-#: reported.
-_ADDED = {'Xu_dot': (-5.0, 0.6), 'Yv_dot': (-2.0, 0.3), 'Nr_dot': (-3.0, 0.6)}
-
+#: The same regularisation of thrusters and sensors, but in their own units.
+_SPREADS = {
+    **dict.fromkeys(('exponent', 'reverse_ratio'), 0.7),
+    **dict.fromkeys(('balance', 'dead_band', 'reverse_exponent_ratio'), 0.3),
+    **dict.fromkeys(('deviation_B', 'deviation_C'), USUAL_DEVIATION),
+}
 
 #: Powers of mass and yaw inertia with the dimension of an inertia parameter.
 _POWERS = {'kg': (1.0, 0.0), 'kg m': (0.5, 0.5), 'kg m2': (0.0, 1.0), 'm': (-0.5, 0.5)}
@@ -71,41 +67,19 @@ class Scales:
         return load
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Range of a parameter: no craft gains energy from its motion or is lighter than half its mass."""
-        parameter, unit = PARAMETERS[INDEX[name]], self.unit(name)
-        if name in ('m', 'Iz', 'gain'):
-            return 0.01 * unit, 100.0 * unit
-        if name in _ADDED:
-            low, high = _ADDED[name]
-            return low * unit, high * unit
-        if parameter.kind == INERTIA:
-            return -0.5 * unit, 0.5 * unit
-        if name in ('Xu', 'Yv', 'Nr'):
-            return -WIDE * unit, -MIN_DAMPING * unit
-        if parameter.kind == DAMPING:
-            return -WIDE * unit, 0.0
-        if parameter.kind in (CROSS, OFFSET):
-            return -WIDE * unit, WIDE * unit
-        low, high = _RANGES[name]
-        if name == 'advance':
-            high = min(high, 0.6 / self.speed)
+        """Range of a parameter."""
+        low, high, _ = self._limits(name)
         return low, high
 
     def prior(self, name: str) -> float:
         """Standard deviation of the regularisation of a parameter; infinite for none."""
+        return self._limits(name)[2]
+
+    def _limits(self, name: str):
         kind = PARAMETERS[INDEX[name]].kind
-        if name in ('m', 'Iz', 'gain'):
-            return np.inf
-        if kind == INERTIA:
-            return self.unit(name) if name in _ADDED else 0.2 * self.unit(name)
-        if kind in (THRUST, SENSOR):
-            return {
-                'exponent': 0.7,
-                'balance': 0.3,
-                'reverse_ratio': 0.7,
-                'dead_band': 0.3,
-                'deviation_B': USUAL_DEVIATION,
-                'deviation_C': USUAL_DEVIATION,
-                'reverse_exponent_ratio': 0.3,
-            }.get(name, 2.0)
-        return 10.0 * self.unit(name)
+        if name not in _RANGES and kind not in _RANGES:
+            low, high = PARAMETER_RANGES[name]
+            return low, min(high, 0.6 / self.speed) if name == 'advance' else high, _SPREADS.get(name, 2.0)
+        unit = self.unit(name)
+        low, high, spread = _RANGES.get(name) or _RANGES[kind]
+        return low * unit, high * unit, spread * unit

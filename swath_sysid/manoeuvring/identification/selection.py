@@ -10,7 +10,7 @@ from swath_sysid.common.covariance import ParameterCovariance, sandwich_covarian
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
-from swath_sysid.manoeuvring.identification.assembly import Problem
+from swath_sysid.manoeuvring.identification.assembly import EQUAL_CURRENTS, Problem
 from swath_sysid.manoeuvring.identification.held_out import (
     MIN_GAIN,
     covariance_over_runs,
@@ -38,7 +38,6 @@ from swath_sysid.manoeuvring.identification.windows import cut
 MEMORY = 10  #: Lags that must be small before a residual counts as uncorrelated (see noise.autocovariance).
 MARGIN = 4.0  #: Added to the criterion's ln(N), so that chance seldom adds one of twenty terms.
 NOISE_FLOOR = 0.003  #: Least noise as a share of the motion.
-MIN_DRIFT_SPREAD = 0.005  #: m/s, least spread of the currents of the runs.
 DOUBTED = 6.0  #: A term below so many standard deviations must help runs held out.
 SLOW_SWAY = 0.2  #: Share of the first guess of sway damping that starts in the other basin.
 PRESSED = 1.5  #: A slowest decay within so many times `MIN_DECAY` is close to its limit.
@@ -266,7 +265,7 @@ def with_drift_spread(problem: Problem, found: Fit) -> Problem:
         return problem
     variance = found.inflation * drift_variance(found.shooting, found.values)
     spread = np.sqrt(np.mean(found.shooting.hidden.drift**2 + variance))
-    return replace(problem, drift_spread=float(max(spread, MIN_DRIFT_SPREAD) / np.sqrt(found.inflation)))
+    return replace(problem, drift_spread=float(max(spread, EQUAL_CURRENTS) / np.sqrt(found.inflation)))
 
 
 def renewed(problem: Problem, found: Fit, parts: int = 1) -> Shooting:

@@ -8,7 +8,6 @@ from swath_sysid.manoeuvring.identification.windows import LENGTH
 
 AUTO, SHARED, NONE = 'auto', 'shared', 'none'
 CURRENT_CHOICES = (AUTO, SHARED, NONE)
-HIGHEST_GENERATIONS = 1000
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class ManoeuvringSettings:
                 raise InputError(f"there is no manoeuvring parameter '{name}': choose from {', '.join(INDEX)}")
         if self.current not in CURRENT_CHOICES:
             raise InputError(f"there is no choice '{self.current}' for the current: {', '.join(CURRENT_CHOICES)}")
-        if not 0 <= self.generations <= HIGHEST_GENERATIONS:
-            raise InputError(f'generations must be within 0 and {HIGHEST_GENERATIONS}')
+        if self.generations < 0:
+            raise InputError('generations must not be negative')
         if self.population < 8:
             raise InputError('population must be at least 8')

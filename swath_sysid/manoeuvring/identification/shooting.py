@@ -381,13 +381,6 @@ def refine(shooting: Shooting, values: np.ndarray, max_evaluations: int = 20) ->
     return ShootingFit(found.x * units, found.cost, found.evaluations, replace(shooting, hidden=found.aside))
 
 
-def settled(shooting: Shooting, values: np.ndarray) -> Shooting:
-    """The shooting with the best initial states, drifts and robust weights at these values."""
-    for _ in range(3):
-        shooting = weighed(replace(shooting, hidden=residuals(shooting, values, shooting.hidden)[1]), values)
-    return replace(shooting, hidden=residuals(shooting, values, shooting.hidden)[1])
-
-
 def weighed(shooting: Shooting, values: np.ndarray) -> Shooting:
     """The shooting with the weights of the robust loss by the residuals at these values."""
     residual = np.nan_to_num(_present(shooting, values), nan=1e3)

@@ -12,7 +12,6 @@ from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFi
 from swath_sysid.manoeuvring.prediction.skill import HELD, INTERVAL, LEADS, due, recorded
 
 FORECASTS = 250  #: More hardly improve the estimate of a 90 % interval.
-MIN_FORECASTS = 30  #: Of a lead and channel, for a scale of its own.
 MIN_SCALE = 0.1  #: Seldom changing thrust leaves most errors at short leads far below its variance.
 
 
@@ -32,7 +31,7 @@ def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> I
             known = np.isfinite(errors[:, k, c])
             apart = min(known.sum(), duration / max(LEADS[k], forecast.thrust_time))
             # where the sensor's own noise is larger, the errors say nothing about the forecast
-            if known.sum() >= MIN_FORECASTS and np.median(variances[known, k, c]) > noise[c] ** 2:
+            if known.any() and np.median(variances[known, k, c]) > noise[c] ** 2:
                 scale[c, k] = _scale(errors[known, k, c], variances[known, k, c], noise[c], HELD * (1.0 + 1.0 / apart))
     return replace(identified, forecast=replace(forecast, leads=np.array(LEADS), scale=scale))
 

@@ -35,6 +35,7 @@ from swath_sysid.manoeuvring.hull.measurement import (
 from swath_sysid.manoeuvring.hull.model import DIFFERENCE
 from swath_sysid.manoeuvring.hull.simulation import moved, runge_kutta_columns, substeps_for
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
+from swath_sysid.manoeuvring.identification.disturbances import LAGS
 from swath_sysid.manoeuvring.motion.trial import STEP
 
 HEADING, X, Y, EAST, NORTH = range(3, 8)
@@ -42,8 +43,6 @@ DISTURBANCES, THRUST_TO_COME = slice(8, 11), slice(11, 13)
 STATES = THRUST_TO_COME.stop
 MEASURABLE = ('surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
 MOVES = np.concatenate([np.zeros((STATES, 1)), DIFFERENCE * np.eye(STATES)], axis=1)
-
-USUAL_DISTURBANCE_TIME = 5.0  #: s, for models without measured disturbances.
 
 
 @dataclass(frozen=True)
@@ -260,7 +259,7 @@ def _usual_noise(identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilt
     left = np.sqrt(np.maximum(identified.noise**2 - own**2, (0.2 * identified.noise) ** 2))
     return ForecastNoise(
         left * np.maximum(-np.diag(jacobian), 0.05),
-        np.full(3, USUAL_DISTURBANCE_TIME),
+        np.full(3, LAGS[1]),
         np.zeros(2),
         np.zeros((2, 2)),
         math.inf,
