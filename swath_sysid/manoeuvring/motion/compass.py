@@ -17,6 +17,9 @@ USUAL_CURRENT = 0.3  #: m/s, prior standard deviation of a current.
 #: rad, prior standard deviation of the compass deviation by course, which the identification finds.
 USUAL_DEVIATION = 0.15
 
+#: rad/s, and the largest share of time that runs may turn faster than that to one side: drift would then look like
+#: misalignment.
+TURNING, ONE_SIDED = math.radians(1.0), 0.75
 REMEMBERED = 10.0  #: Half seconds of correlated sway, which count as one sample.
 
 
@@ -29,6 +32,9 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
     rows = [_sway_by_cause(t) for t in trials]
     usable = [r for r in rows if r is not None]
     if not usable:
+        return trials
+    rate = np.concatenate([causes[:, 1] for _, causes, _ in usable])
+    if max(np.mean(rate > TURNING), np.mean(rate < -TURNING)) > ONE_SIDED:
         return trials
     count = sum(len(sway) for sway, _, _ in usable)
     sway, shared, currents = np.zeros(count), np.zeros((count, 5)), np.zeros((count, 2 * len(usable)))
