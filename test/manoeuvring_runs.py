@@ -1,10 +1,14 @@
 """Trials and models of simulated manoeuvring craft, for the tests of that wing."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 OLD = preset('wamv-vrx-old')
@@ -25,3 +29,26 @@ def trial_of(m, name, thrust_input='force'):
     """A simulated manoeuvre as it would have been recorded."""
     motion = m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y
     return ManoeuvringTrial(m.time, m.port, m.starboard, thrust_input, *motion, 'enu', source=name)
+
+
+def runs_of(model=OLD, seed=1, names=None, currents=None):
+    """Runs of the programme as noisy sensors record them, each in a current where given."""
+    programme = trial_programme(model)
+    trials = []
+    for k, name in enumerate(names or programme):
+        m = programme[name] if currents is None else drifting(programme[name], currents[k])
+        trials.append(trial_of(with_noise(m, SensorNoise(), 100 * seed + k), name, model.thrust_input))
+    return prepare_runs(trials)
+
+
+def drifting(m, current):
+    """The manoeuvre in a current, east and north, m/s."""
+    east, north = current
+    cosine, sine = np.cos(m.heading), np.sin(m.heading)
+    return replace(
+        m,
+        surge=m.surge + east * cosine + north * sine,
+        sway=m.sway - east * sine + north * cosine,
+        x=m.x + east * m.time,
+        y=m.y + north * m.time,
+    )

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from manoeuvring_runs import OLD, trial_of
+from manoeuvring_runs import OLD, runs_of, trial_of
 from scipy.optimize import approx_fprime, least_squares, lsq_linear
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.manoeuvring.hull.presets import preset
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise
 from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.stability import check_stability
 from swath_sysid.manoeuvring.hull.standard_tests import run_test
@@ -40,19 +40,9 @@ pytestmark = pytest.mark.slow
 QUICK = dict(mass=180.0, generations=4, population=12)
 
 
-def runs_of(model, seed=1, names=None):
-    programme = trial_programme(model)
-    return prepare_runs(
-        [
-            trial_of(with_noise(programme[name], SensorNoise(), 100 * seed + k), name, model.thrust_input)
-            for k, name in enumerate(names or programme)
-        ]
-    )
-
-
 @pytest.fixture(scope='module')
 def force_runs():
-    return runs_of(OLD)
+    return runs_of()
 
 
 @pytest.fixture(scope='module')
@@ -100,14 +90,6 @@ def test_commands_curve_and_lag():
     assert found.derivatives['dead_band'].value == pytest.approx(0.08, abs=0.01)
     assert 'surge-inertia-assumed' in codes(found)
     assert diameters(found.model, model) == pytest.approx([1, 1], abs=0.05)
-
-
-@pytest.mark.long
-def test_current_is_found_as_drift():
-    model = replace(OLD, current=(0.25, -0.166))
-    found = identify_manoeuvring(runs_of(model, 3), ManoeuvringSettings(**QUICK))
-    assert np.allclose(found.model.current, model.current, atol=0.05)
-    inside(found, model)
 
 
 @pytest.mark.long
@@ -252,19 +234,15 @@ def test_split_keeps_the_extremes(force_runs):
     assert split(force_runs[:2]) == (tuple(force_runs[:2]), ())
 
 
-def anchored(seed=1):
-    still = simulate(OLD, np.zeros(600), np.zeros(600), 0.1)
-    return trial_of(with_noise(still, SensorNoise(), seed), 'anchored')
-
-
 @pytest.mark.long
 def test_anchored_runs_are_left_out_or_refused(force_runs):
-    runs = [*force_runs[4:7], *prepare_runs([anchored()])]
-    found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK), validation=())
+    still = with_noise(simulate(OLD, np.zeros(600), np.zeros(600), 0.1), SensorNoise(), 1)
+    anchored = prepare_runs([trial_of(still, 'anchored')])
+    found = identify_manoeuvring([*force_runs[4:7], *anchored], ManoeuvringSettings(**QUICK), validation=())
     assert 'at-anchor' in codes(found)
     assert len(found.identified_on) == 3
     with pytest.raises(InputError, match='at anchor'):
-        identify_manoeuvring(prepare_runs([anchored()]), ManoeuvringSettings(**QUICK))
+        identify_manoeuvring(anchored, ManoeuvringSettings(**QUICK))
 
 
 def test_no_turn_leaves_yaw_and_sway_unidentified(force_runs):
@@ -318,20 +296,13 @@ def test_same_seed_same_numbers_and_cancel(force_runs):
     assert all(0 <= share <= 1 for share in told)
 
 
-@pytest.mark.parametrize(
-    'wrong',
-    [
-        {'mass': -1.0},
-        {'terms': ('Zw',)},
-        {'current': 'strong'},
-        {'generations': -1},
-        {'population': 3},
-        {'lever': float('nan')},
-    ],
-)
-def test_wrong_settings_are_refused(wrong):
-    with pytest.raises(InputError):
-        ManoeuvringSettings(**wrong)
+def test_wrong_settings_are_refused():
+    nan = float('nan')
+    for name, value in dict(
+        mass=-1.0, terms=('Zw',), current='strong', generations=-1, population=3, lever=nan
+    ).items():
+        with pytest.raises(InputError):
+            ManoeuvringSettings(**{name: value})
 
 
 def test_mixed_inputs_are_refused(force_runs):
@@ -344,15 +315,8 @@ def test_mixed_inputs_are_refused(force_runs):
 @pytest.mark.long
 def test_each_run_has_its_own_current():
     """Runs of two days, with opposite currents: found run by run, but never from the runs held out."""
-    days = [(0.2, 0.1), (-0.15, 0.12)]
-    programme = trial_programme(OLD)
-    names = ['speed_up', 'turns_slow', 'turns_fast', 'zigzag_10', 'zigzag_20', 'mixed']
-    truth = [days[k % 2] for k in range(len(names))]
-    trials = [
-        trial_of(with_noise(_drifting(programme[name], current), SensorNoise(), 40 + k), name)
-        for k, (name, current) in enumerate(zip(names, truth, strict=True))
-    ]
-    runs = prepare_runs(trials)
+    truth = 3 * [(0.2, 0.1), (-0.15, 0.12)]
+    runs = runs_of(OLD, 3, ['speed_up', 'turns_slow', 'turns_fast', 'zigzag_10', 'zigzag_20', 'mixed'], truth)
     found = identify_manoeuvring(runs[:4], ManoeuvringSettings(**QUICK), runs[4:])
     assert found.has_currents_by_run
     assert 'current-by-run' in codes(found)
@@ -363,16 +327,3 @@ def test_each_run_has_its_own_current():
     plain = identify_manoeuvring(runs[:4], ManoeuvringSettings(**QUICK, current='none'), runs[4:])
     assert not plain.has_currents_by_run
     assert plain.validation.r2['surge'] < found.validation.r2['surge']
-
-
-def _drifting(manoeuvre, current):
-    """The manoeuvre in a current."""
-    east, north = current
-    cosine, sine = np.cos(manoeuvre.heading), np.sin(manoeuvre.heading)
-    return replace(
-        manoeuvre,
-        surge=manoeuvre.surge + east * cosine + north * sine,
-        sway=manoeuvre.sway - east * sine + north * cosine,
-        x=manoeuvre.x + east * manoeuvre.time,
-        y=manoeuvre.y + north * manoeuvre.time,
-    )

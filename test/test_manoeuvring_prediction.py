@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from manoeuvring_runs import OLD, identified, trial_of
+from manoeuvring_runs import OLD, identified, runs_of
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.manoeuvring_model_file import (
@@ -14,16 +14,11 @@ from swath_sysid.formats.manoeuvring_model_file import (
     read_manoeuvring_model,
     write_manoeuvring_model,
 )
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.programme import trial_programme
 from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, acting_thrust
-from swath_sysid.manoeuvring.motion.intake import prepare
 from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter, ManoeuvreFilterSettings
 from swath_sysid.manoeuvring.prediction.skill import filtered, fit_arx, score_forecasts
-
-
-def run_of(name, model=OLD, seed=1):
-    return prepare(trial_of(with_noise(trial_programme(model)[name], SensorNoise(), seed), name, model.thrust_input))
 
 
 def test_model_file_round_trip(tmp_path):
@@ -85,7 +80,7 @@ def test_forecast_without_noise_is_the_simulation():
 
 def test_filter_is_consistent():
     """Normalised innovations of a filter with the true model are not larger than its covariance says."""
-    run = run_of('mixed')
+    run = runs_of(OLD, 1, ['mixed'])[0]
     truth = trial_programme(OLD)['mixed']
     settings = ManoeuvreFilterSettings(yaw_rate_noise=0.005, heading_noise=0.005, position_noise=0.3)
     errors = []
@@ -116,14 +111,14 @@ def test_heading_wraps():
 
 def test_current_and_wind_are_followed():
     model = replace(OLD, current=(0.2, 0.1))
-    run = run_of('zigzag_20', model)
+    run = runs_of(model, 1, ['zigzag_20'])[0]
     *_, (_, filter_) = filtered(identified(), run)
     assert np.allclose(filter_.x[6:8], model.current, atol=0.1)
 
 
 @pytest.mark.slow
 def test_model_forecasts_better_than_steady_motion():
-    runs = [run_of(name, seed=k) for k, name in enumerate(('mixed', 'turns_fast', 'zigzag_10'))]
+    runs = runs_of(OLD, 0, ['mixed', 'turns_fast', 'zigzag_10'])
     scores = score_forecasts(identified(), runs[:1], training=runs[1:], supplied=True, leads=(1.0, 5.0, 10.0))
     position = {method: table['position_m'] for method, table in scores.rmse.items()}
     for other in ('constant-velocity', 'constant-turn-rate', 'arx'):
@@ -138,7 +133,7 @@ def test_model_forecasts_better_than_steady_motion():
 
 @pytest.mark.slow
 def test_arx_learns_a_linear_craft():
-    runs = [run_of(name, seed=k) for k, name in enumerate(('turns_fast', 'speed_up'))]
+    runs = runs_of(OLD, 0, ['turns_fast', 'speed_up'])
     arx = fit_arx(runs)
     motion, inputs = runs[0].channels.T, np.stack([runs[0].port, runs[0].starboard], axis=1)
     ahead = arx.run(motion[290:300], np.concatenate([inputs[290:299], inputs[299:349]]))
@@ -147,7 +142,7 @@ def test_arx_learns_a_linear_craft():
     assert fit_arx(runs, until=0.05) is None
 
 
-@pytest.mark.parametrize('setting', ['speed_noise', 'gate_probability'])
-def test_settings_must_be_positive(setting):
-    with pytest.raises(InputError, match=setting):
-        ManoeuvreFilterSettings(**{setting: 0.0})
+def test_settings_must_be_positive():
+    for setting in ('speed_noise', 'gate_probability'):
+        with pytest.raises(InputError, match=setting):
+            ManoeuvreFilterSettings(**{setting: 0.0})
