@@ -9,9 +9,9 @@ from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.hull_step import LARGEST_ANGLE_VARIANCE
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_messages import NOT_GIVEN as NOT_PUBLISHED
-from swath_sysid.pipeline.forecast_messages import UNKNOWN_ANGLE_VARIANCE
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
 RATE = 50.0
@@ -90,7 +90,7 @@ def test_orientation_rates_and_their_variances_are_of_body_axes(decay):
     covariance = np.reshape(message.orientation_covariance, (3, 3))
     assert covariance[1, 1] == forecast['pitch'].covariance[0, 0, 0]
     assert covariance[0, 0] == forecast['roll'].covariance[0, 0, 0]
-    assert covariance[2, 2] == UNKNOWN_ANGLE_VARIANCE and np.count_nonzero(covariance) == 3
+    assert covariance[2, 2] == LARGEST_ANGLE_VARIANCE and np.count_nonzero(covariance) == 3
     assert np.reshape(message.rates_covariance, (3, 3))[1, 1] == forecast['pitch'].covariance[0, 1, 1]
 
 

@@ -177,9 +177,8 @@ def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
         attitude.observe(STEP, *blocks[k].tolist(), *variances)
         if k in (1200, 1800, 2400, 3000, 3600):
             window = blocks[: k + 1]
-            attitude.set_excitation(
-                fit_excitation(attitude.excitation_request(STEP, *window.T.copy(), *variances, SAMPLES))
-            )
+            request = ExcitationRequest(*attitude.learnt_hull(), STEP, *window.T.copy(), *variances, SAMPLES)
+            attitude.set_excitation(fit_excitation(request))
     assert 'model-contradicted' in {advice.code for advice in attitude.advice()}
 
 

@@ -11,7 +11,8 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise
 from swath_sysid.attitude.motion.intake import CraftSample
-from swath_sysid.attitude.prediction.forecaster import CANDIDATES, ForecasterSettings
+from swath_sysid.attitude.prediction.bank import CANDIDATES
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 

@@ -11,12 +11,13 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.intake import CraftSample
-from swath_sysid.attitude.prediction.forecaster import CHANNELS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.forecaster import Forecaster, ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.attitude.prediction.rows import CHANNELS
 from swath_sysid.attitude.prediction.sea_fit import (
-    ALL_CHANNELS,
     LONGEST_FILLED,
-    SEA_MODELS,
+    NEW_WAVES,
+    WAVES,
     SeaRequest,
     fit_sea,
     newest_stretch,
@@ -60,14 +61,14 @@ def test_what_cannot_be_learnt_is_left_out_and_the_rest_is_sound(count, absent, 
     fit = fit_sea(SeaRequest(12.5, STEP, CHANNELS, values))
     np.testing.assert_array_equal(values, before)
     assert fit.time == 12.5 and fit.excitations == {}
-    assert set(fit.waves) <= set(SEA_MODELS) and None not in fit.waves.values()
+    assert set(fit.waves) <= {WAVES, NEW_WAVES} and None not in fit.waves.values()
     for model in fit.waves.values():
         matrices = [np.asarray(part) for part in (model.a, model.k, model.c)]
         assert all(np.isfinite(part).all() for part in matrices)
         assert not {CHANNELS[place] for place in absent} & set(model.channels)
         assert abs(np.linalg.eigvals(model.a)).max() <= 1.0 + 1e-9
     if count >= 900 and len(absent) < len(CHANNELS) and missing < 0.5:
-        assert set(fit.waves) == set(SEA_MODELS)
+        assert set(fit.waves) == {WAVES, NEW_WAVES}
     if count < 2 or len(absent) == len(CHANNELS):
         assert fit.waves == {}
 
@@ -166,7 +167,7 @@ def test_a_craft_that_only_heaves_is_forecast_vertically(roll, sensor):
     measured['roll'][:] = steps if roll == 'coarse' else rng.normal(0.0, roll, count)
     measured['accel_z'][:] = STANDARD_GRAVITY - heave[:count] @ frequency**2 + rng.normal(0.0, sensor, count)
     fit = fit_sea(SeaRequest(1.0, STEP, CHANNELS, values, vertical=VerticalRequest(ahead + 2, 0.0, row)))
-    waves = InnovationsFilter(fit.waves[ALL_CHANNELS], ATTITUDE, 3.0, np.arange(1, 4))
+    waves = InnovationsFilter(fit.waves[WAVES], ATTITUDE, 3.0, np.arange(1, 4))
     waves.seed(values[-600:])
     forecaster = VerticalForecaster(STEP, ahead + 2)
     for place in range(count):

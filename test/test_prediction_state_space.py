@@ -99,7 +99,7 @@ def test_lost_channels_and_samples_are_filterpys_kalman_update(seed, lost):
     for row in rows:
         ours.step(row)
         oracle.step(row)
-    means, covariances = ours.at_steps()
+    means, covariances = ours.forecast(None)
     for prepared, at_any_time in zip((means, covariances), ours.forecast(np.array([0.1, 0.5, 1.0])), strict=True):
         assert prepared == pytest.approx(at_any_time, rel=1e-12, abs=1e-12)
     for steps, mean, covariance in zip((1, 5, 10), means, covariances, strict=True):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import multiply, quaternion
+from swath_sysid.attitude.prediction.hull_step import LARGEST_RATE_VARIANCE
 from swath_sysid.formats.messages import (
     SECOND_NS,
     ImuMessage,
@@ -38,14 +39,14 @@ from swath_sysid.formats.topics import (
     point_horizon_topic,
     point_lead_topic,
 )
-from swath_sysid.pipeline.forecast_messages import UNKNOWN_PLACE_VARIANCE, UNKNOWN_RATE_VARIANCE
+from swath_sysid.pipeline.forecast_messages import UNKNOWN_PLACE_VARIANCE
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.forecast import Forecast
     from swath_sysid.pipeline.forecast_messages import AttitudeForecast
     from swath_sysid.pipeline.forecast_pipeline import PipelineStep
 
-_NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [UNKNOWN_RATE_VARIANCE] * 3)
+_NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [LARGEST_RATE_VARIANCE] * 3)
 
 
 def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Sequence[float] = ()) -> list[str]:

@@ -4,7 +4,7 @@ from math import isnan
 
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.forecaster import CANDIDATES
+from swath_sysid.attitude.prediction.bank import CANDIDATES
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 from swath_sysid.pipeline.health import (
     BAD_LOADING,

@@ -1,6 +1,5 @@
 """Forecasts as the values of the messages that publish them."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,15 +9,12 @@ import numpy as np
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.hull_step import LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE
 
-#: rad^2; of a heading, which is not forecast but held, and of an axis that the sensor does not measure.
-UNKNOWN_ANGLE_VARIANCE = math.pi**2
-
-UNKNOWN_RATE_VARIANCE = 100.0  #: rad^2/s^2.
 NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  #: Covariance that a sensor_msgs/Imu does not give.
 UNKNOWN_PLACE_VARIANCE = 100.0  #: m^2 (and per s^2 and s^4); the horizontal motion is not forecast.
 
-_NOTHING_KNOWN = 0.0, 0.0, UNKNOWN_ANGLE_VARIANCE, 0.0, UNKNOWN_RATE_VARIANCE
+_NOTHING_KNOWN = 0.0, 0.0, LARGEST_ANGLE_VARIANCE, 0.0, LARGEST_RATE_VARIANCE
 
 
 class AttitudeForecast(NamedTuple):
@@ -54,9 +50,9 @@ def attitude_forecast(
     return AttitudeForecast(
         stamp_ns + round(lead / NANOSECOND),
         attitude.quaternion(roll, pitch, yaw),
-        _diagonal(roll_variance, pitch_variance, UNKNOWN_ANGLE_VARIANCE) if axes else NOT_GIVEN,
+        _diagonal(roll_variance, pitch_variance, LARGEST_ANGLE_VARIANCE) if axes else NOT_GIVEN,
         attitude.body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate),
-        _diagonal(roll_rate_variance, pitch_rate_variance, UNKNOWN_RATE_VARIANCE) if axes else NOT_GIVEN,
+        _diagonal(roll_rate_variance, pitch_rate_variance, LARGEST_RATE_VARIANCE) if axes else NOT_GIVEN,
     )
 
 
@@ -96,8 +92,8 @@ def _diagonal(about_x: float, about_y: float, about_z: float):
     return (about_x, 0.0, 0.0, 0.0, about_y, 0.0, 0.0, 0.0, about_z)
 
 
-_NOTHING_KNOWN_OF_POSE = np.diag([UNKNOWN_PLACE_VARIANCE] * 2 + [0.0] * 3 + [UNKNOWN_ANGLE_VARIANCE])
-_NOTHING_KNOWN_OF_TWIST = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [0.0] * 2 + [UNKNOWN_RATE_VARIANCE])
+_NOTHING_KNOWN_OF_POSE = np.diag([UNKNOWN_PLACE_VARIANCE] * 2 + [0.0] * 3 + [LARGEST_ANGLE_VARIANCE])
+_NOTHING_KNOWN_OF_TWIST = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [0.0] * 2 + [LARGEST_RATE_VARIANCE])
 _HEAVE_AND_ATTITUDE = np.ix_((0, 3, 4), (0, 3, 4))
 
 

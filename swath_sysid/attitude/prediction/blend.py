@@ -4,27 +4,29 @@ from collections.abc import Sequence
 
 import numpy as np
 
-# s, and as many leads, at most so many s; errors are forgotten with this time constant: those at short leads are many
-_MEMORY, _MEMORY_LEADS, _LONGEST_MEMORY = 15.0, 10.0, 60.0
+from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.sensor_noise import CREDIBLE
+
+# s, and as many leads; errors are forgotten with this time constant: those at short leads are many
+_MEMORY, _MEMORY_LEADS = 15.0, 10.0
 # weights go with the mean square error to this power: 5 % less error is twice the weight
 _POWER = 8.0
-# s of errors that the candidates' common level counts for, so that luck in the first errors decides nothing
+# s of errors that the candidates' common level, and their own variances, count for: luck in the first decides nothing
 _TRUST = 5.0
-# s; the same for the candidates' own variances, and the time constant with which the scale of them is forgotten
-_TRUST_VARIANCE, _MEMORY_VARIANCE = 2.0, 60.0
+# s; the time constant with which the scale of the variances is forgotten
+_MEMORY_VARIANCE = 60.0
 # a candidate without a forecast is taken to err as much more (mean square) as this than the blend: it must prove itself
 _UNPROVEN = 1.25
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
-_TAIL_GAIN, _QUANTILE, _MISSES, _LARGEST_TAIL = 0.1, 1.6449, 0.1, 1.5
+_TAIL_GAIN = 0.1
 # the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
 # sensor's noise; and that of the candidates' own is at least this share of what they claim
-_MIN_SHARE, _MIN_SCALE = 1e-3, 0.02
-# a squared error over its expected value counts as this much at the most: what nobody could foresee, such as a hand on
-# the craft, says little of the errors to come
-_CREDIBLE = 9.0
+_MIN_SHARE = 1e-3
 # of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
 # candidate that is surprised all the time is judged by half of its errors
 _MAX_EXCUSED = 0.5
+
+_MISSES, _QUANTILE = 1.0 - LEVELS.item(1), NORMAL_QUANTILES.item(1)
 
 
 class Blend:
@@ -42,7 +44,7 @@ class Blend:
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
         self._shape = self._prior.shape[0], self.steps.size, axes
         self._places, self._axes = np.arange(self.steps.size), np.arange(axes)
-        memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, _LONGEST_MEMORY)
+        memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, _MEMORY_VARIANCE)
         self._keep = (1.0 - step / memory)[:, None]
         self.restart()
 
@@ -50,13 +52,15 @@ class Blend:
         """Forget everything."""
         candidates, steps, axes = self._shape
         self._row = 0
-        # of each row, by step: what each candidate forecast, the blend and its variance, and half its interval squared
-        self._issued = np.full((int(self.steps[-1]) + 1, steps, candidates + 3, axes), np.nan)
+        # of each row, by step: what each candidate forecast, the blend, its variance, and half its interval squared
+        rows = int(self.steps[-1]) + 1
+        self._means = np.full((rows, steps, candidates, axes), np.nan)
+        self._issued = np.full((rows, steps, 3, axes), np.nan)
         self.mean_square = np.zeros(self._shape)
         self._time = np.zeros((steps, axes))
         self._excused = np.zeros((steps, axes))
         # of forecasts under a moment, and of those of a hull on which nothing acts: the one says nothing of the other
-        self._was_free = np.zeros((self._issued.shape[0], axes), dtype=int)
+        self._was_free = np.zeros((rows, axes), dtype=int)
         # time, ratio, tail and scale of each
         self._spread = np.ones((4, 2, steps, axes))
         self._spread[::2] = 0.0
@@ -80,23 +84,26 @@ class Blend:
         moment acted: errors of earlier forecasts are not used unless that happens all the time. ``free`` (A,) is one
         where nothing acts on the craft.
         """
-        then, now = (self._row - self.steps) % self._issued.shape[0], self._row % self._issued.shape[0]
-        issued = self._issued[then, self._places].swapaxes(0, 1)
-        errors, blended, interval = reading - issued[:-3], reading - issued[-3], issued[-1]
+        rows = self._issued.shape[0]
+        then, now = (self._row - self.steps) % rows, self._row % rows
+        errors = reading - self._means[then, self._places].swapaxes(0, 1)
+        average, of_average, interval = self._issued[then, self._places].swapaxes(0, 1)
+        blended = reading - average
         self._judge(blended, interval)
         if foreseeable is not None:
             excused = (self.steps[:, None] > foreseeable) & (self._excused < _MAX_EXCUSED)
             self._excused += self._step / _MEMORY_VARIANCE * (excused - self._excused)
             blended[excused] = np.nan
         was_free = self._was_free[then], self._places[:, None], self._axes
-        self._learn(errors, blended, issued[-2], interval, noise_variance, was_free)
+        self._learn(errors, blended, of_average, interval, noise_variance, was_free)
         self._was_free[now] = free
         self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
         weights = present_weights(self.weights, np.isfinite(mean))
-        row = self._issued[now].swapaxes(0, 1)
-        row[:-3], row[-3], row[-2] = mean, _weighted(weights, mean), _weighted(weights, variance)
-        true = np.maximum(row[-2] - noise_variance, _MIN_SHARE * row[-2])
-        row[-1] = _QUANTILE**2 * (self.scale * true + noise_variance)
+        self._means[now] = mean.swapaxes(0, 1)
+        variance = _weighted(weights, variance)
+        true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
+        half = _QUANTILE**2 * (self.scale * true + noise_variance)
+        self._issued[now] = np.stack([_weighted(weights, mean), variance, half], axis=1)
         self._row += 1
 
     def _judge(self, blended: np.ndarray, interval: np.ndarray):
@@ -116,7 +123,7 @@ class Blend:
         """Pass over ``count`` rows without readings or forecasts."""
         for _ in range(min(count, self._issued.shape[0])):
             now = self._row % self._issued.shape[0]
-            self._issued[now] = np.nan
+            self._means[now] = self._issued[now] = np.nan
             self._row += 1
         self._row += max(count - self._issued.shape[0], 0)
 
@@ -142,13 +149,11 @@ class Blend:
         time, mean_ratio, tail, _ = self._spread[(slice(None), *was_free)]
         time, gain = self._aged(time, known, 1.0 - self._step / _MEMORY_VARIANCE, shown * self._step)
         # ratio by ratio: a mean of variances would keep the largest for minutes
-        ratio = (np.minimum(square, _CREDIBLE * variance) - noise_variance) / true
+        ratio = (np.minimum(square, CREDIBLE * variance) - noise_variance) / true
         mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)
         # with wide tails the mean square is more than the 90 % interval needs
         tail += _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - _MISSES), 0.0)
-        tail = np.minimum(np.maximum(tail, -_LARGEST_TAIL), _LARGEST_TAIL)
-        trust, by_errors = _TRUST_VARIANCE, time * np.maximum(mean_ratio, _MIN_SCALE)
-        scale = np.exp(tail) * (trust + by_errors) / (trust + time)
+        scale = np.exp(tail) * (_TRUST + time * np.maximum(mean_ratio, _MIN_SHARE)) / (_TRUST + time)
         self._spread[(slice(None), *was_free)] = time, mean_ratio, tail, scale
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 

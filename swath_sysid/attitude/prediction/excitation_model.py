@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.linalg import cholesky, eigh, expm, solve_discrete_lyapunov, solve_toeplitz, solve_triangular, svd
+from scipy.linalg import eigh, expm, solve_discrete_lyapunov, solve_toeplitz, svd
 from scipy.ndimage import gaussian_filter1d
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, ExcitationRequest, HullFilter
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment
-from swath_sysid.attitude.prediction.variate_analysis import spectral_radius
+from swath_sysid.attitude.prediction.variate_analysis import LARGEST_RADIUS, spectral_radius
 
 TAPERS = 5
 SMOOTHING = 0.04  #: rad/s; standard deviation of the spectrum's smoothing.
@@ -25,14 +25,11 @@ MIN_SIGNAL = 1e-3  #: Least spectrum over that of the noise.
 AUTOREGRESSION_SPAN = 12.0  #: s of lags.
 
 STATES = 20
-FORECAST_SPAN = 20.0  #: s; forecasts up to there decide which states are kept.
-LARGEST_RADIUS = 0.9995  #: Of the reduced model's spectrum over a step.
+#: s; forecasts up to there decide which states are kept; the new filter finds the phase of the waves in as much past.
+FORECAST_SPAN = 20.0
 DOUBLINGS = 11  #: The filter's covariance is steady after 2048 steps.
-LOW_RANK_DOUBLINGS = 5  #: Doublings in low-rank form, quicker while its rank is at most a quarter of the states.
 
 MIN_SAMPLES = 300
-#: s at the window's end that the new filter runs over to find the phase of the waves.
-REPLAY_SPAN = 40.0
 
 
 @dataclass(frozen=True)
@@ -155,25 +152,12 @@ def _filtered_covariance(a: np.ndarray, q: np.ndarray, noise: tuple[float, float
     Chu, Fan, Lin and Wang (2004), Int. J. Control 77, 767.
     """
     c, r = np.eye(2, len(a)), np.diag(noise)
-    forward, h, root = a.T, q, c.T / np.sqrt(noise)
-    for _ in range(LOW_RANK_DOUBLINGS):
-        # G = L L' of few columns: (1 + G H)^-1 = 1 - L (1 + L' H L)^-1 L' H
-        ahead = h @ forward
-        spread = cholesky(np.eye(root.shape[1]) + root.T @ h @ root, lower=True)
-        gain = solve_triangular(spread, root.T @ ahead, lower=True)
-        moved = solve_triangular(spread, (forward @ root).T, lower=True).T
-        h = h + forward.T @ ahead - gain.T @ gain
-        h, forward, root = 0.5 * (h + h.T), forward @ forward - moved @ gain, np.hstack([root, moved])
-    g = root @ root.T
-    for left in range(DOUBLINGS - LOW_RANK_DOUBLINGS)[::-1]:
+    forward, h, g = a.T, q, c.T @ np.linalg.solve(r, c)
+    for _ in range(DOUBLINGS):
         w = np.linalg.inv(np.eye(len(a)) + g @ h)
-        further = forward.T @ (h @ w @ forward)
-        if left:
-            after = forward @ w
-            g, forward = g + after @ g @ forward.T, after @ forward
-            g = 0.5 * (g + g.T)
-        h = h + further
-        h = 0.5 * (h + h.T)
+        after, further = forward @ w, forward.T @ (h @ w @ forward)
+        g, h, forward = g + after @ g @ forward.T, h + further, after @ forward
+        g, h = 0.5 * (g + g.T), 0.5 * (h + h.T)
     return h - h @ c.T @ np.linalg.solve(c @ h @ c.T + r, c @ h)
 
 
@@ -186,7 +170,7 @@ def _state_at_end(request: ExcitationRequest, moment: ModalMoment):
     """Mean, covariance and sizes of a filter with that moment after it has run over the window's end."""
     r = request
     fitted = HullFilter.for_window(r, moment)
-    begin = max(0, r.angle.size - round(REPLAY_SPAN / r.step))
+    begin = max(0, r.angle.size - round(FORECAST_SPAN / r.step))
     fitted.start(float(r.angle[begin]), float(r.rate[begin]), r.angle_variance, r.rate_variance)
     for angle, rate in zip(r.angle[begin + 1 :].tolist(), r.rate[begin + 1 :].tolist(), strict=True):
         fitted.observe(r.step, angle, rate, r.angle_variance, r.rate_variance)

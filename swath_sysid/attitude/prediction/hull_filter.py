@@ -24,13 +24,12 @@ from swath_sysid.attitude.hull.compiled import term_moments
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.terms import B0, B3, R1, S2, TERM_NAMES
-from swath_sysid.attitude.prediction.hull_step import HULL_STATES, TRIM
-from swath_sysid.attitude.prediction.hull_track import OF_HULL, HullTrack
+from swath_sysid.attitude.prediction.hull_step import ANGLE, HULL_STATES, LARGEST_JUMP, RATE, TRIM
+from swath_sysid.attitude.prediction.hull_track import LONGEST_STEP, OF_HULL, HullTrack
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
-ANGLE, RATE = 0, 1
 FACTORS = {'stiffness': slice(R1, S2 + 1), 'damping': slice(B0, B3 + 1)}  #: Places of their ratios.
 
 TRIM_DRIFT = 3e-6**2  #: rad^2/s; 0.01 deg in an hour. Thirty times this would hide the slow part of the waves.
@@ -43,37 +42,31 @@ IDENTIFIED_TRIM_STD = 5e-4  #: rad; identification reports 3e-5 to 7e-4.
 ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
 MOST_STD = 1.0  #: Largest relative standard deviation that is used.
 
-#: rad; amplitude at which stiffness and damping are compared if the model states none.
+#: rad; expected of a craft before it is known, and where a model does not state what it was identified on.
 USUAL_AMPLITUDE = 0.05
 
-INITIAL_ANGLE_STD = 0.3
-INITIAL_RATE_STD = 0.3  #: rad and rad/s, where the first sample does not measure.
+INITIAL_STD = 0.3  #: rad and rad/s, where the first sample does not measure.
 MARKOV_TIME = 0.5  #: s; one over the corner frequency of the unknown moment.
 MARKOV_STD = 0.3  #: rad/s^2; its size at the start.
 
-#: Of a moment's variance over the initial one; 30 rad/s^2 is the most that moves a craft.
-MIN_LEVEL, MAX_LEVEL = 1e-10, 1e4
+MIN_LEVEL = 1e-10  #: Of a moment's variance over the initial one.
 
 CHALLENGING_LEVEL = 0.01  #: Of the unknown moment in a restarted driven track.
-LEVEL_INTERVAL = 0.05  #: s between updates of the moments' sizes.
-FREE_LEVEL_INTERVAL = 1.0  #: s; the same without a hull, where it only affects the filter's smoothness.
+#: s between updates of the moments' sizes: with a hull, and without, where they only affect the filter's smoothness.
+LEVEL_INTERVALS = LONGEST_STEP, 1.0
 
-#: s; time constants of the sizes of the unknown moment and of a learnt sea.
+#: s; time constants of the sizes of the unknown moment and of a learnt sea. Trim and ratios are learnt after an
+#: insignificant unknown moment for the first of them.
 LEVEL_TIMES = 2.0, 60.0
 
 #: Log likelihood ratios at which the track not in use takes over, and restarts.
 CONVINCING, LOST = 10.0, 2.0
 
-UNFORESEEN = 1e-8  #: Of a learnt sea's variance: that of the unknown moment beside it, at first.
-
-MAX_STRAIN = 3.5  #: Squared innovations over their expectation above which a new moment must be acting.
-
-#: Share of the moment that one interval's innovation shows: it has often acted for longer.
-NEWCOMER = 0.5
+#: Recent squared innovations over their expectation; a valid model stays below, or a new moment must be acting.
+HEALTHY_STRAIN = 4.0
 
 RECENT = 400  #: Samples kept to be filtered again when a fit arrives.
 INSIGNIFICANT = 0.01  #: rad/s^2; a smaller unknown moment is ignored.
-QUIET = 3.0  #: s; trim and ratios are learnt after an insignificant unknown moment for this long.
 CONTRADICTION = 3.0  #: Standard deviations.
 
 #: Relative changes that are reported whatever the prior uncertainty.
@@ -149,12 +142,8 @@ class HullFilterSettings:
 class Observed(NamedTuple):
     """The outcome of one sample."""
 
-    nis: float = math.nan  #: Normalised innovation squared; NaN where nothing was measured.
-    measured: int = 0  #: Number of values (0, 1 or 2) in the sample.
     rejected: bool = False  #: The gate rejected the sample.
     restarted: bool = False  #: The filter restarted from this sample.
-    #: Natural logarithm; zero where nothing was measured or the sample was rejected.
-    log_likelihood: float = 0.0
     surprised: bool = False  #: An unforeseen moment has started or stopped: an external push, a line, a gust.
 
 
@@ -215,7 +204,7 @@ class HullFilter:
         made = cls()
         made._set_hull(request.model, request.hull)
         hand = made.moments[0]
-        made._use_moments([hand, moment], (UNFORESEEN * moment.variance / hand.variance, 1.0))
+        made._use_moments([hand, moment], (MIN_LEVEL, 1.0))
         size = HULL_STATES + hand.size + moment.size
         made.driven.set_state(np.zeros(size), np.eye(size))
         made.driven.set_part(OF_HULL, request.hull.mean, request.hull.covariance)
@@ -248,7 +237,7 @@ class HullFilter:
     @property
     def learns_hull(self) -> bool:
         """Whether trim and ratios are learnt: not while an unknown moment may explain any motion."""
-        return self._may_learn and self._quiet > QUIET
+        return self._may_learn and self._quiet > LEVEL_TIMES[0]
 
     def set_hull(self, identified: IdentifiedModel | None) -> None:
         """Swap the hull and keep motion and moment; None: a constant rate that the moment drives."""
@@ -293,34 +282,13 @@ class HullFilter:
         for sample in reversed(since):
             self.observe(*sample)
 
-    def excitation_request(
-        self,
-        step: float,
-        angle: np.ndarray,
-        rate: np.ndarray,
-        angle_variance: float,
-        rate_variance: float,
-        samples: int = 1,
-    ) -> ExcitationRequest | None:
-        """A window for `fit_excitation` with the present knowledge of the hull; None without a hull.
-
-        Angle and rate (N,), rad and rad/s, are means of ``samples`` sensor samples over each ``step``, s, with their
-        variances.
-        """
+    def learnt_hull(self) -> tuple[DecayModel, HullPrior, bool] | None:
+        """What is known of the hull now, for an `ExcitationRequest`; None without a hull."""
         if self.model is None:
             return None
         mean, covariance = self.x[OF_HULL].copy(), self.P[OF_HULL, OF_HULL].copy()
-        return ExcitationRequest(
-            _hull_of(self.model, mean),
-            replace(self.prior, mean=mean, covariance=covariance),
-            self.learns_hull,
-            step,
-            angle,
-            rate,
-            angle_variance,
-            rate_variance,
-            samples,
-        )
+        prior = replace(self.prior, mean=mean, covariance=covariance)
+        return _hull_of(self.model, mean), prior, self.learns_hull
 
     def _use_moments(self, moments: Sequence[ModalMoment], levels: Sequence[float]):
         self.moments, self.levels = list(moments), np.array(levels, dtype=float)
@@ -334,7 +302,7 @@ class HullFilter:
 
     def _set_level(self, place: int, level: float):
         """Scale a moment's stationary covariance."""
-        self.levels[place] = level = min(max(level, MIN_LEVEL), MAX_LEVEL)
+        self.levels[place] = level = min(max(level, MIN_LEVEL), (LARGEST_JUMP / MARKOV_STD) ** 2)
         part = self._of_moment[place]
         np.multiply(self.moments[place].stationary, level, out=self.driven.moment[2][part, part])
         self.driven.foreseen = None
@@ -346,7 +314,7 @@ class HullFilter:
         has_angle, has_rate = angle == angle, rate == rate
         motion = [angle if has_angle else self.x[TRIM], rate if has_rate else 0.0]
         spread = np.diag(
-            [angle_variance if has_angle else INITIAL_ANGLE_STD**2, rate_variance if has_rate else INITIAL_RATE_STD**2]
+            [angle_variance if has_angle else INITIAL_STD**2, rate_variance if has_rate else INITIAL_STD**2]
         )
         if self.is_free:
             self.driven.set_part(OF_HULL, self.x[OF_HULL], self.P[OF_HULL, OF_HULL])
@@ -370,13 +338,13 @@ class HullFilter:
             free.advance(elapsed)
             of_free = free.innovation(elapsed, values, variances, MARKOV_STD)
             found = of_free if self.is_free else of_driven
-        measured, nis, log_likelihood, gate_nis = found
+        measured, _, _, gate_nis = found
         if measured == 0:
             return Observed()
         if gate_nis > self._gates[measured]:
-            return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
+            return self._refuse(angle, rate, angle_variance, rate_variance)
         self.rejections = 0
-        surprised = driven.strain > MAX_STRAIN
+        surprised = driven.strain > HEALTHY_STRAIN
         if surprised:
             self._something_new(angle, rate, elapsed)
         learns = self.learns_hull
@@ -387,11 +355,11 @@ class HullFilter:
         is_quiet = self.is_free or self.levels[0] < self._insignificant
         self._quiet = self._quiet + elapsed if is_quiet else 0.0
         self._since_level += elapsed
-        if self._since_level >= (FREE_LEVEL_INTERVAL if self.model is None else LEVEL_INTERVAL) - 1e-6:
+        if self._since_level >= LEVEL_INTERVALS[self.model is None] - 1e-6:
             if not self.is_free:
                 self._judge_levels(self._since_level)
             self._since_level = 0.0
-        return Observed(nis, measured, False, False, log_likelihood, surprised)
+        return Observed(surprised=surprised)
 
     def _weigh(self, for_free: float):
         """Wald's sequential test (1945, Ann. Math. Stat. 16, 117) of the active track; whether the other takes over.
@@ -421,25 +389,23 @@ class HullFilter:
         self.driven.set_part(slice(HULL_STATES, None), 0.0, self.driven.moment[2])
         self.driven.strain = 1.0
 
-    def _refuse(
-        self, angle: float, rate: float, angle_variance: float, rate_variance: float, nis: float, measured: int
-    ):
+    def _refuse(self, angle: float, rate: float, angle_variance: float, rate_variance: float):
         self.rejections += 1
         if self.rejections < self.settings.gate_patience:
-            return Observed(nis, measured, rejected=True)
+            return Observed(rejected=True)
         self.start(angle, rate, angle_variance, rate_variance)
         if self.model is not None:
             # a craft that lies where its hull would not rest is held there by a moment
             at = float(self.x[ANGLE] - self.x[TRIM]) + self.model.trim
             self._raise_level(float(self.model.acceleration(at, float(self.x[RATE]))) ** 2)
-        return Observed(nis, measured, restarted=True)
+        return Observed(restarted=True)
 
     def _something_new(self, angle: float, rate: float, elapsed: float):
         """Innovations are too large: another moment acts, of the size that they show."""
         self.driven.strain = 1.0
         e0, e1 = angle - float(self.driven.x[ANGLE]), rate - float(self.driven.x[RATE])
         size = e1 / elapsed if e1 == e1 else 2.0 * e0 / (elapsed * elapsed)
-        self._raise_level((NEWCOMER * size) ** 2)
+        self._raise_level(size**2)
 
     def _raise_level(self, variance: float):
         """Enlarge the unknown moment, and a learnt sea to its size when learnt."""

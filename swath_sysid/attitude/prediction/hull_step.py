@@ -15,12 +15,13 @@ from swath_sysid.attitude.hull.compiled import (
     restoring_slope,
     term_moments,
 )
-from swath_sysid.attitude.hull.terms import B1, B2, B3
+from swath_sysid.attitude.hull.terms import B1, B2, B3, TERM_NAMES
 from swath_sysid.common.accelerator import accelerated
 
-TRIM, RATIOS, HULL_STATES = 2, 3, 12  #: Places of trim, of the first ratio and of the moment's first state.
+ANGLE, RATE, TRIM, RATIOS = range(4)  #: Places in the state; the last of the first ratio.
+HULL_STATES = RATIOS + len(TERM_NAMES)  #: Place of the moment's first state.
 CAPSIZED = 1.5  #: rad from trim; no decay model is used beyond.
-LARGEST_JUMP = 10.0  #: rad/s^2; largest change of the moment between two samples.
+LARGEST_JUMP = 10.0  #: rad/s^2; largest moment, and change of it between two samples.
 
 LARGEST_ANGLE_VARIANCE = math.pi**2
 LARGEST_RATE_VARIANCE = 100.0  #: Bounds the variance where the angle is not observed.

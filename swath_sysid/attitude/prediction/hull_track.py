@@ -12,7 +12,6 @@ from swath_sysid.attitude.prediction.hull_step import HULL_STATES, RATIOS, TRIM
 Pair = tuple[float, float]  #: Of the angle and of the rate.
 
 OF_HULL = slice(TRIM, HULL_STATES)  #: Trim and ratios.
-NO_HULL = (False,) * (HULL_STATES - RATIOS), 1.0
 NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
 LONGEST_STEP = 0.05  #: s.
 
@@ -34,7 +33,7 @@ class HullTrack:
 
     def set_hull(self, model: DecayModel | None, drift: np.ndarray) -> None:
         """Swap the equation; None: a constant rate that the moment drives. ``drift`` as `hull_step.predict` has it."""
-        self.hull, self.drift, self.longest = NO_HULL, drift, LONGEST_STEP
+        self.hull, self.drift, self.longest = ((False,) * (HULL_STATES - RATIOS), 1.0), drift, LONGEST_STEP
         if model is not None:
             self.hull = model.equation.active, float(model.friction_rate)
             by_angle, by_rate = model.jacobian(model.trim, 0.0)

@@ -86,16 +86,6 @@ class ModalMoment:
         made = self.output @ stationary @ self.output
         return ModalMoment(self.blocks, self.output, stationary * (variance / made if made > 0.0 else 1.0))
 
-    def transition(self, interval: float) -> np.ndarray:
-        """F over an interval, s; shape (n, n)."""
-        first, second, v = self.blocks.T
-        a, b = np.exp(first * interval), np.exp(second * interval)
-        c, s, at = a * np.cos(v * interval), a * np.sin(v * interval), np.arange(0, self.size, 2)
-        made = np.zeros((self.size, self.size))
-        made[at, at], made[at + 1, at + 1] = c, np.where(v > 0.0, c, b)
-        made[at, at + 1], made[at + 1, at] = s, -s
-        return made
-
 
 def _separate_poles(matrix: np.ndarray):
     """Eigenvalues and eigenvectors; coinciding ones are nudged apart until the eigenvectors are a basis."""

@@ -9,14 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
+from swath_sysid.attitude.prediction.hull_filter import USUAL_AMPLITUDE
 from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_by_side
 
 _DAMPING = 0.4
-# rad/s, and the s of record that it counts for: what is expected of a small craft's motion
-_EXPECTED_FREQUENCY, _EXPECTED_FOR = 1.1, 1.5
-# rad; the motion before there are two rows
-_EXPECTED_ANGLE = 0.05
-_MIN_ANGLE = 1e-5
+# rad/s; expected of a small craft's motion, and counts for a quarter of its period
+_EXPECTED_FREQUENCY = 1.1
 _NOISE = 1e-8
 
 
@@ -84,10 +82,10 @@ def angle_statistics(angle: np.ndarray, rate: np.ndarray | None, step: float) ->
     duration = step * np.isfinite(angle).sum()
     rates = np.diff(angle) / step if rate is None else rate
     rates = rates[np.isfinite(rates)]
-    rate_square = np.mean(rates**2) if rates.size else (_EXPECTED_ANGLE * _EXPECTED_FREQUENCY) ** 2
+    rate_square = np.mean(rates**2) if rates.size else (USUAL_AMPLITUDE * _EXPECTED_FREQUENCY) ** 2
     # less than a period says little of the mean
     mean = duration / (duration + 2.0 * np.pi / _EXPECTED_FREQUENCY) * np.nanmean(angle)
-    expected = rate_square / _EXPECTED_FREQUENCY**2
-    square = (duration * np.nanmean((angle - mean) ** 2) + _EXPECTED_FOR * expected) / (duration + _EXPECTED_FOR)
-    deviation = max(np.sqrt(square), _MIN_ANGLE)
+    expected, known_for = rate_square / _EXPECTED_FREQUENCY**2, 0.5 * np.pi / _EXPECTED_FREQUENCY
+    square = (duration * np.nanmean((angle - mean) ** 2) + known_for * expected) / (duration + known_for)
+    deviation = max(np.sqrt(square), _NOISE)
     return mean, deviation, np.sqrt(max(rate_square, 1e-12)) / deviation

@@ -15,10 +15,10 @@ from swath_sysid.attitude.prediction.state_space import InnovationsModel
 from swath_sysid.attitude.prediction.variate_analysis import identify, identify_alone
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalRequest, fit_vertical
 
-ALL_CHANNELS, SHORT_MEMORY, EACH_ALONE = 'waves', 'waves-short', 'axis-alone'
-SEA_MODELS = (SHORT_MEMORY, ALL_CHANNELS, EACH_ALONE)
+WAVES, NEW_WAVES = 'waves', 'waves-new'  #: State spaces of the whole past, and of a sea that has just begun.
 
-SHORT = 60.0  #: s; short past for a sea that has just changed.
+SHORT = 60.0  #: s of the past that show a new sea.
+
 LONGEST_FILLED = 2.0  #: s; the phase is lost in a longer gap.
 
 
@@ -40,14 +40,14 @@ class SeaFit:
     """The result of `fit_sea`."""
 
     time: float  #: Of the request.
-    waves: dict[str, InnovationsModel]  #: Of `SEA_MODELS`, without those for which the past is too short.
+    waves: dict[str, InnovationsModel]  #: `WAVES` and `NEW_WAVES`, if the past is long enough.
     excitations: dict[str, ExcitationFit]  #: By axis; likewise.
     vertical: VerticalFit | None = None  #: With the waves of all channels.
     sea: SeaReport | None = None  #: Where it was asked for.
 
 
 def fit_sea(request: SeaRequest) -> SeaFit:
-    """Identify the waves from a short and a long past, each axis alone, and the exciting moment of each hull.
+    """Identify the waves from the whole past and from its end, and the exciting moment of each hull.
 
     The waves are a state space in innovations form by canonical variate analysis. Live callers fit in the
     background: a sample does not wait for it.
@@ -69,13 +69,15 @@ def fit_sea(request: SeaRequest) -> SeaFit:
         True
     """
     past, names, step = request.values, request.names, request.step
+    newest = past[-round(SHORT / step) :]
+    new = identify(newest, names, step) if len(newest) < len(past) else None
     waves = {
-        SHORT_MEMORY: identify(past[-round(SHORT / step) :], names, step),
-        ALL_CHANNELS: identify(past, names, step),
-        EACH_ALONE: identify_alone(past, names, step, AXES),
+        WAVES: identify(past, names, step),
+        # fewer coefficients where all channels are too many for so few rows
+        NEW_WAVES: identify_alone(past, names, step, AXES) if new is None else new,
     }
     excitations = {axis: fit_excitation(asked) for axis, asked in request.excitations.items()}
-    vertical, model = None, waves[ALL_CHANNELS]
+    vertical, model = None, waves[WAVES]
     if request.vertical is not None and model is not None:
         vertical = _fit_vertical(request, request.vertical, model)
     return SeaFit(

@@ -2,16 +2,18 @@
 
 import math
 from collections import deque
+from math import comb
 
 _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over which the variance is averaged.
 
-_THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of the third difference of white noise
-_CLIP = 16.0
+_THIRD_DIFFERENCE_GAIN = comb(6, 3)  # 1 + 9 + 9 + 1: variance of the third difference of white noise
+#: A squared error over its expected value counts as this much at the most: what nobody could foresee, such as a glitch
+#: or a hand on the craft, says little of the errors to come.
+CREDIBLE = 9.0
 
 
 _SPAN = 0.5  #: s over which the rate is integrated: some tenths of a craft's period.
-_WHOLE_SPAN = _SPAN - 1e-6  #: s; sums of intervals round.
-_SETTLED, _AGREEMENT_MEMORY = 5.0, 30.0  #: s of motion before a disagreement is used, and averaging time.
+_AGREEMENT_MEMORY = 30.0  #: s; averaging time.
 
 #: Mean square disagreement over that of the noise, above which the channels contradict each other.
 _BEYOND_CHANCE = 2.0
@@ -42,8 +44,8 @@ class NoiseMeter:
         if third == third:
             # clipped, so that a glitch counts as at most a few samples; the first guess weighs as 20 samples
             average, square = self._average, third * third / _THIRD_DIFFERENCE_GAIN
-            if square > _CLIP * average:
-                square = _CLIP * average
+            if square > CREDIBLE * average:
+                square = CREDIBLE * average
             if self._count < _MEMORY:
                 self._count += 1
             average += (square - average) / self._count
@@ -87,10 +89,10 @@ class AgreementMeter:
         departure = angle - self._integral + elapsed / 12.0 * change
         past = self._past
         past.append((self._time, departure))
-        while len(past) > 1 and self._time - past[1][0] >= _WHOLE_SPAN:
+        while len(past) > 1 and self._time - past[1][0] > _SPAN - 1e-6:
             past.popleft()
         span = self._time - past[0][0]
-        if span >= _WHOLE_SPAN:
+        if span > _SPAN - 1e-6:
             self._seconds = min(self._seconds + elapsed, _AGREEMENT_MEMORY)
             gain = elapsed / self._seconds
             chance = 2.0 * angle_variance + rate_variance * elapsed * span
@@ -100,6 +102,6 @@ class AgreementMeter:
         return self._excess(elapsed)
 
     def _excess(self, elapsed: float):
-        if self._seconds < _SETTLED or self._square < _BEYOND_CHANCE * self._chance:
+        if self._seconds < 10.0 * _SPAN or self._square < _BEYOND_CHANCE * self._chance:
             return 0.0
         return (self._square - self._chance) / (_SPAN * elapsed)

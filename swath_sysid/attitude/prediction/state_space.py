@@ -51,12 +51,12 @@ class InnovationsFilter:
     """Steps a model through rows, complete or not, and forecasts targets from the newest.
 
     Targets are channels, or the difference ``X_rate`` of a channel ``X``; NaN without either. ``horizon``, s, is the
-    longest lead and age together; ``steps`` are those of `at_steps`. ``strain`` is the running mean of squared
+    longest lead and age together; ``steps`` are prepared for `forecast`. ``strain`` is the running mean of squared
     innovations over their expectation; one is healthy.
     """
 
     def __init__(
-        self, model: InnovationsModel, targets: Sequence[str], horizon: float, steps: Sequence[int] = ()
+        self, model: InnovationsModel, targets: Sequence[str], horizon: float, steps: Sequence[int] | np.ndarray = ()
     ) -> None:
         self.model = model
         self.targets = tuple(targets)
@@ -175,12 +175,14 @@ class InnovationsFilter:
         for _ in range(min(count, _PAST)):
             self.step(missing)
 
-    def forecast(self, leads: np.ndarray, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Mean (L, M) of the targets at leads (L,), s from now, and covariance (L, M, M) with the sensors' noise.
 
         ``age``, s, is the time since the newest row. Between whole steps the mean is interpolated by cubics, the
-        covariance linearly.
+        covariance linearly. Leads None: at the steps that were prepared, by one matrix product.
         """
+        if leads is None:
+            return self._ahead(*self._at_steps)
         steps = (np.asarray(leads, dtype=float) + age) / self.model.step
         near = np.round(steps)
         whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
@@ -192,10 +194,6 @@ class InnovationsFilter:
         mean = np.einsum('lw,lwm->lm', weights, means[whole[:, None] + np.arange(4)])
         part = part[:, None, None]
         return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._steps + 1)]
-
-    def at_steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """As `forecast`, at the steps that were prepared: one matrix product, and while all is known no other."""
-        return self._ahead(*self._at_steps)
 
     def _whole_steps(self):
         """Means at steps -1, 0, ... and covariances at steps 0, 1, ... of the targets, until the next row comes."""

@@ -17,18 +17,17 @@ from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_b
 # from others without error have singular innovations; more costs .1 s ahead (1e-6: 5 to 20 %)
 _RIDGE = 1e-8
 # lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
-_MAX_LAGS, _LONGEST_REACH, _MIN_LAGS = 40, 20.0, 2
-_MAX_STATES, _MAX_STATES_A_CHANNEL = 50, 10
+MAX_LAGS, _LONGEST_REACH, _MIN_LAGS = 40, 20.0, 2
+_STATES_A_CHANNEL = 7
 _ROWS_A_COEFFICIENT = 8.0
 _LAGS_A_STATE = 2.0
 _MIN_SHARE = 0.5
 # where losses break up more of the lags than this, gaps of few rows are filled from both sides
-_WHOLE_ENOUGH = 0.5
 _LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
 _FLAT = 1e-9
 # third differences as many times their median size are not a craft's motion: a spike, or one record joined to another
 _BREAK = 60.0
-_LARGEST_RADIUS = 0.9999
+LARGEST_RADIUS = 0.9999
 # regular waves do not die out, and by chance a model of little data grows: at most so much a step is damped away
 _MAX_GROWTH = 1.01
 
@@ -51,7 +50,7 @@ def identify(values: np.ndarray, names: Sequence[str], step: float) -> Innovatio
         return None
     gram, count = lag_gram(rows, 2 * half)
     width = len(places)
-    states = min(_MAX_STATES, _MAX_STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
+    states = min(_STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
     space = canonical_state_space(gram / count, width, states)
     if space is None:
         return None
@@ -110,14 +109,14 @@ def lags_for(rows: np.ndarray, step: float) -> int | None:
 
 def max_lags(step: float) -> int:
     """Lags on either side, however much data there is."""
-    return min(_MAX_LAGS, round(_LONGEST_REACH / step))
+    return min(MAX_LAGS, round(_LONGEST_REACH / step))
 
 
 def broken(rows: np.ndarray, step: float) -> bool:
     """Whether losses in rows (N, C) have left few of the lags complete that the window would have otherwise."""
     complete = np.isfinite(rows).all(axis=1)
     count = 2 * max_lags(step)
-    return not complete.all() and whole_lags(complete, count).sum() < _WHOLE_ENOUGH * (complete.size - count + 1)
+    return not complete.all() and whole_lags(complete, count).sum() < _MIN_SHARE * (complete.size - count + 1)
 
 
 def fill_short_gaps(rows: np.ndarray) -> np.ndarray:
@@ -215,9 +214,9 @@ def canonical_state_space(gram: np.ndarray, width: int, states: int) -> tuple[np
     except np.linalg.LinAlgError:
         return None
     a, k = ak[:, :states], ak[:, states:]
-    growth = spectral_radius(a) / _LARGEST_RADIUS
+    growth = spectral_radius(a) / LARGEST_RADIUS
     a = a / max(growth, 1.0)
-    if growth > _MAX_GROWTH or not spectral_radius(a - k @ c) < _LARGEST_RADIUS:
+    if growth > _MAX_GROWTH or not spectral_radius(a - k @ c) < LARGEST_RADIUS:
         return None
     return a, k, c, 0.5 * (s + s.T), 0.5 * (prior + prior.T), from_lags
 

@@ -1,0 +1,161 @@
+"""The bank of candidates: each steps through the rows, skips lost ones, and forecasts the readings to come."""
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.axis_filter import AxisFilter
+from swath_sysid.attitude.prediction.blend import Blend
+from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
+from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.attitude.prediction.sea_fit import NEW_WAVES, WAVES
+from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel
+
+HULL, OSCILLATOR = 'hull-filter', 'oscillator'
+#: Weights where errors do not distinguish them: largest for the one with the most information.
+CANDIDATES = {HULL: 3.0, OSCILLATOR: 0.3, NEW_WAVES: 0.3, WAVES: 1.0}
+PLACE = {name: place for place, name in enumerate(CANDIDATES)}
+
+_AXIS_OF_TARGET = [*range(len(AXES))] * 2
+
+
+class Candidate(Protocol):
+    """What forecasts `ATTITUDE` from rows."""
+
+    def step(self, row: np.ndarray) -> None:
+        """Take the next row, NaN where missing."""
+
+    def skip(self, count: int) -> None:
+        """Step over missing rows."""
+
+    def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Readings (L, 4) and covariance (L, 4, 4) at leads (L,), s from now, ``age`` s after the newest row.
+
+        Leads None: at the rows to come that were prepared. NaN where there is no forecast.
+        """
+
+
+class HullCandidate:
+    """The hulls' filters of both axes, which have followed every sample, so that rows tell them nothing."""
+
+    def __init__(self, axes: Sequence[AxisFilter], at_rows: np.ndarray) -> None:
+        self._axes, self._at_rows = axes, at_rows
+
+    def step(self, row: np.ndarray) -> None:
+        """Nothing: see `Candidate`."""
+
+    def skip(self, count: int) -> None:
+        """Nothing: see `Candidate`."""
+
+    def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """See `Candidate`."""
+        leads = self._at_rows if leads is None else leads
+        mean = np.full((leads.size, len(ATTITUDE)), math.nan)
+        covariance = np.zeros((leads.size, len(ATTITUDE), len(ATTITUDE)))
+        for place, axis in enumerate(self._axes):
+            if axis.hull.is_started and axis.identified is not None:
+                mean[:, place], mean[:, place + 2], spread = axis.hull.forecast(leads)
+                # of the readings to come, as the state spaces'
+                covariance[:, place::2, place::2] = spread + np.diag(axis.noise)
+        return mean, covariance
+
+
+class Bank:
+    """Candidates and their average at increasing leads (L,), s, on rows ``step`` s apart."""
+
+    def __init__(self, axes: Sequence[AxisFilter], leads: np.ndarray, step: float) -> None:
+        self.blend = Blend(leads, step, len(axes), tuple(CANDIDATES.values()))
+        self.spaces: dict[str, InnovationsFilter] = {}  #: Those on rows.
+        self._axes, self._leads, self._steps = axes, leads, self.blend.steps
+        self._horizon = leads[-1] + 2.0 * step
+        self._hulls = HullCandidate(axes, step * self._steps)
+        whole = leads / step
+        are_rows = np.abs(whole - np.round(whole)) < 0.02
+        self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._steps.size == whole.size
+
+    @property
+    def candidates(self) -> dict[str, Candidate]:
+        """Those that there are at present."""
+        return {HULL: self._hulls, **self.spaces}
+
+    @property
+    def _noise(self):
+        """Variances of the angles' and the rates' noise that the sensor reports, shape (4,).
+
+        A noise that is only measured is an upper bound, with which intervals would come out too narrow.
+        """
+        return np.array([axis.reported for axis in self._axes]).T.ravel()
+
+    def use(self, name: str, model: InnovationsModel, past: np.ndarray) -> None:
+        """Put a new model to use, after the newest rows (N, width)."""
+        self.spaces[name] = space = InnovationsFilter(model, ATTITUDE, self._horizon, self._steps)
+        space.seed(past)
+
+    def renew(self, name: str, axis: int | slice = slice(None)) -> None:
+        """Judge a candidate with a new model, for an axis or all, as an untried one."""
+        self.blend.renew(PLACE[name], axis)
+
+    def step(self, row: np.ndarray) -> None:
+        """Take the next row in every candidate."""
+        for candidate in self.candidates.values():
+            candidate.step(row)
+
+    def skip(self, count: int) -> None:
+        """Step over missing rows."""
+        self.blend.skip(count)
+        for candidate in self.candidates.values():
+            candidate.skip(count)
+
+    def score(self, measured: np.ndarray, steps: int) -> None:
+        """Score past forecasts of the angles (A,) of the newest row, ``steps`` after the one before; issue others."""
+        self._at_row = mean, covariance = self._forecasts(None, 0.0)
+        count = measured.size
+        self.blend.take(
+            measured,
+            mean[..., :count],
+            np.diagonal(covariance, axis1=2, axis2=3)[..., :count],
+            self._noise[:count],
+            np.array([axis.rows_since_surprise for axis in self._axes]),
+            np.array([axis.hull.is_free for axis in self._axes], dtype=int),
+        )
+        for axis in self._axes:
+            axis.rows_since_surprise += steps
+
+    def forecast(self, age: float) -> tuple[np.ndarray, np.ndarray]:
+        """True motion (L, 4) and covariance (L, 4, 4) at the leads, ``age`` s after the newest row."""
+        at_row = age == 0.0 and self._leads_are_rows
+        mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
+        return self.blend.combine(mean, covariance, _AXIS_OF_TARGET, self._noise)
+
+    def _forecasts(self, leads: np.ndarray | None, age: float):
+        """Readings (K, L, 4) and covariances (K, L, 4, 4) by `CANDIDATES`; NaN where new samples contradict one."""
+        count = self._steps.size if leads is None else leads.size
+        mean = np.full((len(CANDIDATES), count, len(ATTITUDE)), math.nan)
+        covariance = np.zeros((*mean.shape, len(ATTITUDE)))
+        for name, candidate in self.candidates.items():
+            mean[PLACE[name]], covariance[PLACE[name]] = candidate.forecast(leads, age)
+        strained = [PLACE[name] for name, space in self.spaces.items() if space.strain > HEALTHY_STRAIN]
+        if strained:
+            trusted = self._hull_is_trusted()
+            for place in strained:
+                mean[place][:, trusted[place]] = math.nan
+        for place, axis in enumerate(self._axes):
+            if axis.hull.is_free:
+                # nothing acts: there is nothing else to know
+                mean[PLACE[HULL] + 1 :, :, place::2] = math.nan
+        angles = mean[..., :2]
+        # a third of what np.clip takes
+        np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)
+        return mean, covariance
+
+    def _hull_is_trusted(self):
+        """Targets, by candidate, that an identified hull explains at present, and forecasts better.
+
+        A wide filter explains any sample, but may forecast badly.
+        """
+        level = np.log(np.maximum(self.blend.mean_square, 1e-300)).mean(axis=1)
+        explains = [axis.explains for axis in self._axes]
+        return ((level[PLACE[HULL]] < level) & explains)[:, _AXIS_OF_TARGET]
