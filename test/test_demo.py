@@ -190,7 +190,7 @@ def test_the_picture_shows_all_leads(tmp_path):
         (['--hull', 'titanic'], "no hull 'titanic'"),
         (['--hull', 'swath-roll', '--axis', 'pitch'], 'is a hull in roll'),
         (['--domain', '300'], 'must lie between'),
-        (['--seed', '-1'], 'must not be negative'),
+        (['--seed', '-1'], 'cannot be -1'),
     ],
 )
 def test_mistakes_are_told_before_anything_starts(words, sentence, tmp_path, monkeypatch, capsys):

@@ -15,9 +15,9 @@ from tank_side import TankSide  # noqa: E402
 from test_page_bring_up import FAULTS, REST_S  # noqa: E402
 
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml  # noqa: E402
-from swath_sysid.page.desk import Desk  # noqa: E402
 from swath_sysid.page.live_record import horizon_of  # noqa: E402
 from swath_sysid.page.server import is_allowed, served  # noqa: E402
+from swath_sysid.page.state import PageState  # noqa: E402
 
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 needs_chromium = pytest.mark.skipif(
@@ -28,7 +28,7 @@ TOKEN = 'a-token-of-the-test'
 WIDTHS = 400, 1600
 
 
-class SteppedDesk(Desk):
+class SteppedDesk(PageState):
     """The view is made when the test says so."""
 
     def refresh(self):
@@ -45,7 +45,7 @@ class Tank(TankSide):
     def __init__(self, folder):
         self.start_again()
         self.folder, self.lock, self.description, self.pressed = folder, threading.Lock(), '', []
-        self.desk = SteppedDesk(self, folder, 'pitch', clock=lambda: self.clock)
+        self.state = SteppedDesk(self, folder, 'pitch', clock=lambda: self.clock)
 
     def press(self, button):
         self.pressed.append(button)
@@ -65,8 +65,8 @@ class Tank(TankSide):
             )
         )
         self.description = model_to_yaml(self.record.models) if self.record.models else ''
-        Desk.refresh(self.desk)
-        guidance = self.desk.view.guidance
+        PageState.refresh(self.state)
+        guidance = self.state.view.guidance
         if guidance.fault and guidance.fault == self.awaited:
             raise Shown
         return guidance
@@ -125,7 +125,7 @@ class Screen:
 def address(tmp_path_factory):
     """A served page; its tank."""
     tank = Tank(tmp_path_factory.mktemp('page'))
-    with served(tank.desk, '127.0.0.1', 0, TOKEN) as url:
+    with served(tank.state, '127.0.0.1', 0, TOKEN) as url:
         yield url, tank
 
 

@@ -20,8 +20,8 @@ from swath_sysid.page.bring_up import (
     Facts,
     judgement,
 )
-from swath_sysid.page.buttons import refusals
 from swath_sysid.page.model_words import gain, reference
+from swath_sysid.page.state import refusals
 from swath_sysid.pipeline.health import Report
 
 REST_S = 20.0

@@ -28,7 +28,7 @@ from swath_sysid.formats.bags import is_bag  # noqa: E402
 from swath_sysid.formats.sea_state import sea_as_yaml  # noqa: E402
 from swath_sysid.nodes.page_node import PageNode  # noqa: E402
 from swath_sysid.page.bring_up import JUDGE, KEPT  # noqa: E402
-from swath_sysid.page.desk import Desk  # noqa: E402
+from swath_sysid.page.state import PageState  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -39,7 +39,7 @@ SETTINGS = settings('window_timeout_s:=60.0', 'axes:=[pitch]', 'generations:=20'
 
 
 class Page:
-    """A desk with its node, spun in a thread as the bench's is."""
+    """A state with its node, spun in a thread as the bench's is."""
 
     def __init__(self, bench, folder):
         import rclpy
@@ -47,8 +47,8 @@ class Page:
 
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self.bench, self.folder, self.stamp, self.sent = bench, folder, EPOCH_NS, 0
-        self.node = PageNode(lambda line: self.desk.answer(line))
-        self.desk = Desk(self.node, folder, 'pitch')
+        self.node = PageNode(lambda line: self.state.answer(line))
+        self.state = PageState(self.node, folder, 'pitch')
         self.spinning = Spinning(self.node)
 
     def close(self):
@@ -56,11 +56,11 @@ class Page:
 
         self.spinning.close()
         rclpy.shutdown()
-        self.desk.close()
+        self.state.close()
 
     def look(self):
-        self.desk.refresh()
-        return self.desk.view.guidance
+        self.state.refresh()
+        return self.state.view.guidance
 
     def connect(self):
         wait_for(lambda: self.bench.imu.get_subscription_count() >= 3, 'the page at the sensor')
@@ -92,7 +92,7 @@ class Page:
         try:
             return wait_for(found, what)
         except AssertionError:
-            print(self.desk.view)
+            print(self.state.view)
             raise
 
 
@@ -115,23 +115,23 @@ def page(tmp_path_factory):
 def test_from_rest_to_a_kept_model_without_a_terminal(page):
     page.rest()
     page.lie_still_until(lambda guidance: 'Now push' in guidance.sentence, 'request to push')
-    page.desk.press('record')
+    page.state.press('record')
     # what is recorded is subscribed to first
     wait_for(lambda: page.bench.imu.get_subscription_count() >= 4, 'the recorder')
     page.send(decay_stream(RATE, 18.0, release=4.0, hold=1.0, first_ns=page.stamp + 20_000_000))
     guidance = page.lie_still_until(lambda guidance: guidance.step == JUDGE, 'model')
     assert guidance.sentence.startswith('2.6')
-    page.desk.press('save')
+    page.state.press('save')
     assert len(list(page.folder.glob('model_*.yaml'))) == 1
-    page.desk.press('record')
-    wait_for(lambda: page.look() and not page.desk.view.is_recording, 'the end of the recording')
+    page.state.press('record')
+    wait_for(lambda: page.look() and not page.state.view.is_recording, 'the end of the recording')
     (bag,) = page.folder.glob('*.mcap')
     assert is_bag(bag)
-    page.desk.press('accept')
+    page.state.press('accept')
     wait_for(lambda: page.node.record.is_kept, 'the acceptance')
     page.lie_still_until(lambda guidance: guidance.step == KEPT, 'kept model')
-    page.desk.press('rollback')
-    wait_for(lambda: any('no model before' in line or 'back to' in line for line in page.desk.answers), 'an answer')
+    page.state.press('rollback')
+    wait_for(lambda: any('no model before' in line or 'back to' in line for line in page.state.answers), 'an answer')
 
 
 @pytest.mark.parametrize(
@@ -150,9 +150,9 @@ def test_a_wrong_sensor_is_named_through_the_nodes(page, wrong, code, cure):
 def test_the_sea_state_and_the_sensors_own_topic_reach_the_page(page):
     said = page.bench.publisher(String, 'sea/state', LATCHED)
     said.publish(String(data='is_known: maybe'))
-    wait_for(lambda: any('sea/state: ' in line for line in page.desk.answers), 'an answer to a wrong text')
+    wait_for(lambda: any('sea/state: ' in line for line in page.state.answers), 'an answer to a wrong text')
     said.publish(String(data=sea_as_yaml(SeaReport(None, 'only 20 s so far'), page.stamp)))
-    wait_for(lambda: page.look() and page.desk.view.sea == 'No sea state: only 20 s so far.', 'the sea state')
+    wait_for(lambda: page.look() and page.state.view.sea == 'No sea state: only 20 s so far.', 'the sea state')
     assert page.node.sensor == '/imu/data'
 
 

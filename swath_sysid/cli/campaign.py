@@ -1,20 +1,16 @@
 """``swath-sysid campaign``: a whole trial matrix to tables, figures and a model that depends on the draft."""
 
-import contextlib
-import os
 import sys
 import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
 from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.manifest import read_manifest, write_new_manifest
 from swath_sysid.campaign.result_store import ResultStore
-from swath_sysid.campaign.run import Progress as CampaignProgress
 from swath_sysid.campaign.run import run_campaign
+from swath_sysid.cli.progress import progress_of
+from swath_sysid.cli.settings_flags import add_jobs_argument
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
 from swath_sysid.report.campaign_report import REPORTED, write_report
@@ -22,7 +18,6 @@ from swath_sysid.report.campaign_report import REPORTED, write_report
 MANIFEST = 'campaign.yaml'
 RESULTS = 'results'
 EXIT_LEFT_OUT = 1
-PLAIN_STEP_S = 5.0
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -32,9 +27,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--new', metavar='DIR', help=f'write a commented manifest for the trials in a folder (DIR/{MANIFEST})'
     )
     parser.add_argument('--output', metavar='DIR', help='folder of the report; with --new, the file of the manifest')
-    parser.add_argument(
-        '--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one per core)'
-    )
+    add_jobs_argument(parser)
     parser.add_argument('--scheduler', metavar='ADDRESS', help='run the fits on the Dask scheduler at this address')
     parser.epilog = (
         'If it is stopped or killed, the same command continues from the finished fits. Exit code 0: everything was '
@@ -64,8 +57,19 @@ def run(arguments: Namespace) -> int:
         print(f'warning: {arguments.manifest}, {fault}', file=sys.stderr)
     store = ResultStore(folder / RESULTS)
     try:
-        with store.alone(), executor_of(arguments.jobs, arguments.scheduler) as executor, _progress() as on_progress:
-            outcome = run_campaign(manifest, store, executor, on_progress)
+        with (
+            store.alone(),
+            executor_of(arguments.jobs, arguments.scheduler) as executor,
+            progress_of('campaign') as progress,
+        ):
+            outcome = run_campaign(
+                manifest,
+                store,
+                executor,
+                lambda at: progress(
+                    at.done / max(at.total, 1), f'{at.done} of {at.total}; {"; ".join(at.running[:2])}'
+                ),
+            )
     except KeyboardInterrupt:
         print('stopped: the same command goes on from the finished fits', file=sys.stderr)
         raise
@@ -81,36 +85,3 @@ def run(arguments: Namespace) -> int:
         f'{outcome.kept} known from before, {time.perf_counter() - began:.1f} s\n{report}'
     )
     return EXIT_LEFT_OUT if left_out or manifest.faults or outcome.failures else 0
-
-
-@contextlib.contextmanager
-def _progress():
-    """A function that takes the `Progress` of a campaign: a bar on a terminal, else a line now and then."""
-    if not sys.stderr.isatty():
-        yield _plain()
-        return
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn('{task.description}'))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task('reading trials', total=None)
-
-        def show(state: CampaignProgress) -> None:
-            running = f'{"; ".join(state.running[:2])}{" ..." if len(state.running) > 2 else ""}'
-            bar.update(task, completed=state.done, total=state.total, description=running)
-
-        yield show
-
-
-def _plain():
-    shown_at = time.monotonic()
-
-    def show(state: CampaignProgress) -> None:
-        nonlocal shown_at
-        if time.monotonic() - shown_at < PLAIN_STEP_S:
-            return
-        shown_at = time.monotonic()
-        running = f'; running: {"; ".join(state.running[:2])}' if state.running else ''
-        print(
-            f'campaign: {state.done} of {state.total} done, {state.total - state.done} left{running}', file=sys.stderr
-        )
-
-    return show

@@ -1,7 +1,6 @@
 """``swath-sysid compare``: fit many equations and choose the simplest adequate one."""
 
 import json
-import os
 import sys
 import time
 from argparse import ArgumentParser, Namespace
@@ -18,6 +17,7 @@ from swath_sysid.cli.identify import (
     settings_of,
 )
 from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.settings_flags import add_jobs_argument
 from swath_sysid.cli.sources import add_source_arguments, motions_of, trials_of, write_fit
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
@@ -30,9 +30,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--equations', metavar='NAME,NAME', help='equations to compare (default: all of the catalogue for the axis)'
     )
     add_search_arguments(parser)
-    parser.add_argument(
-        '--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one per core)'
-    )
+    add_jobs_argument(parser)
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file of the chosen equation')
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the chosen fit')
     add_force_argument(parser)

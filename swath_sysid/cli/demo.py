@@ -6,9 +6,9 @@ import math
 import os
 import random
 import shlex
-import signal
 import subprocess
 import sys
+import threading
 import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
@@ -26,7 +26,9 @@ from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.cli import forecast
-from swath_sysid.cli.ros_needed import ros_needed
+from swath_sysid.cli.ros_needed import ros_needed, ros_session
+from swath_sysid.cli.run import process_beside
+from swath_sysid.cli.settings_flags import add_setting
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
@@ -37,8 +39,6 @@ from swath_sysid.share import share_folder
 from swath_sysid.start import verb_command
 
 if TYPE_CHECKING:
-    from rclpy.node import Node
-
     from swath_sysid.nodes.demo_monitor import Received
 
 HULLS = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
@@ -48,15 +48,11 @@ SEA, RELEASE = 'sea', 'release'
 
 ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)  #: The first from which the hull returns is the release angle.
 
-STILL_S = 1.5
+PAUSE_S = 1.5  #: Before the first release, and between a model and the next one.
 START_TIMEOUT_S = 300.0
-MODEL_TIMEOUT_S = 60.0
+TIMEOUT_S = 60.0  #: For an answer, and for a model.
 ATTEMPTS = 2
-ANSWER_TIMEOUT_S = 60.0
-BETWEEN_S = 1.0
 EVERY_S = 20.0  #: Between releases with --keep-running.
-
-STOP_TIMEOUT_S = 30.0
 EXIT_FAILED = 1
 
 
@@ -74,7 +70,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--output', default='.', metavar='DIR', help='folder of sea.png, demo.png and demo.log (default: here)'
     )
     parser.add_argument('--domain', type=int, metavar='ID', help='ROS domain (default: a random one from 1 to 100)')
-    parser.add_argument('--seed', type=int, default=1, help='seed of the sensor noise (default: %(default)s)')
+    add_setting(parser, '--seed', 'identifier', 'seed', meaning='seed of the sensor noise')
 
 
 def run(arguments: Namespace) -> int:
@@ -85,10 +81,8 @@ def run(arguments: Namespace) -> int:
         _forecast_sea(output)
         return 0
     with ros_needed(f'the forecast of a measured sea needs none: --only {SEA}'):
-        import rclpy
+        import rclpy  # noqa: F401 - only to say what to do where it is missing
     craft = _Craft(arguments.hull, arguments.axis)
-    if arguments.seed < 0:
-        raise InputError('the seed must not be negative')
     domain = arguments.domain or random.SystemRandom().randint(1, 100)
     if not 0 <= domain <= 101:
         raise InputError(f'the ROS domain must lie between 0 and 101, not {domain}')
@@ -96,7 +90,7 @@ def run(arguments: Namespace) -> int:
         _forecast_sea(output)
     output.mkdir(parents=True, exist_ok=True)
     check_outputs([Output('the log', output / 'demo.log'), Output('the picture', output / 'demo.png')])
-    return _release(rclpy, craft, arguments, domain, output)
+    return _release(craft, arguments, domain, output)
 
 
 def _forecast_sea(output: Path) -> None:
@@ -110,32 +104,25 @@ def _forecast_sea(output: Path) -> None:
     print(f'{output / "sea.png"}: these forecasts, beside what came\n', flush=True)
 
 
-def _release(rclpy: Any, craft: _Craft, arguments: Namespace, domain: int, output: Path) -> int:
-    from rclpy.signals import SignalHandlerOptions
-
+def _release(craft: _Craft, arguments: Namespace, domain: int, output: Path) -> int:
     from swath_sysid.nodes.demo_monitor import Listener
 
     os.environ.update(_environment(domain))
     began = time.monotonic()
-    rclpy.init(args=['swath-sysid'], signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with ros_session() as stop, _processes(craft, arguments.seed, output / 'demo.log') as processes:
         listener = Listener(craft.axis, craft.leads)
-        with (
-            _Interrupts(rclpy.spin_once) as interrupts,
-            _processes(craft, arguments.seed, output / 'demo.log') as processes,
-        ):
-            stage = _Stage(listener, processes, interrupts.spin_once)
+        try:
+            stage = _Stage(listener, processes, stop)
             print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
             print(f'\n    {shlex.join(["swath-sysid", *craft.run_words])}\n', flush=True)
             demonstration = _demonstrate(craft, stage)
-            passed = _conclude(demonstration, output, began)
+            passed = _print_verdict(demonstration, output, began)
             if arguments.keep_running:
                 # Ctrl-C is the way to end it, not a failure
                 with suppress(KeyboardInterrupt):
                     _keep_running(stage)
-    finally:
-        listener.destroy_node()
-        rclpy.try_shutdown()
+        finally:
+            listener.destroy_node()
     return 0 if passed else EXIT_FAILED
 
 
@@ -178,88 +165,31 @@ def _environment(domain: int):
     }
 
 
-class _Interrupts:
-    """Ctrl-C and SIGTERM as KeyboardInterrupt, so that the processes end with the demonstration.
-
-    Not in the middle of a message, where rclpy would turn it into another error.
-    """
-
-    def __init__(self, spin_once: Callable):
-        self._spin_once = spin_once
-        self._is_spinning = self._has_come = False
-
-    def __enter__(self):
-        self._previous = {number: signal.signal(number, self._come) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *_) -> None:
-        for number, handler in self._previous.items():
-            signal.signal(number, handler)
-
-    def _come(self, *_) -> None:
-        if not self._is_spinning:
-            raise KeyboardInterrupt
-        self._has_come = True
-
-    def spin_once(self, node: Node, timeout_sec: float) -> None:
-        """As that of rclpy; raises KeyboardInterrupt at its end."""
-        self._is_spinning = True
-        try:
-            self._spin_once(node, timeout_sec=timeout_sec)
-        finally:
-            self._is_spinning = False
-        if self._has_come:
-            self._has_come = False
-            raise KeyboardInterrupt
-
-
 @contextmanager
 def _processes(craft: _Craft, seed: int, log_path: Path):
     """The craft and the nodes as users start them, ended with the demonstration."""
     given = ['--hull', craft.hull, '--angle-deg', str(craft.angle_deg), '--seed', str(seed)]
-    commands = {
-        'simulated_craft': [sys.executable, '-m', 'swath_sysid.nodes.simulated_craft', *given],
-        'run': verb_command(*craft.run_words),
-    }
-    running = {}
+    simulated = [sys.executable, '-m', 'swath_sysid.nodes.simulated_craft', *given]
     with open(log_path, 'w', encoding='utf-8') as log:
-        try:
-            for name, command in commands.items():
-                # Ctrl-C is the demonstration's, which then ends them in order
-                running[name] = subprocess.Popen(
-                    command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, start_new_session=True
-                )
-            yield running
-        finally:
-            _stop(running.values())
-
-
-def _stop(processes: Any) -> None:
-    for process in processes:
-        if process.poll() is None:
-            # unlike SIGINT, this ends also one that is still importing without a word
-            process.terminate()
-    deadline = time.monotonic() + STOP_TIMEOUT_S
-    for process in processes:
-        try:
-            process.wait(max(0.1, deadline - time.monotonic()))
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        how = {'stdout': log, 'stderr': log, 'stdin': subprocess.DEVNULL}
+        with process_beside(simulated, **how) as first, process_beside(verb_command(*craft.run_words), **how) as second:
+            yield {'simulated_craft': first, 'run': second}
 
 
 class _Stage:
     """The running demonstration: spins the monitor, prints changes, waits for conditions."""
 
-    def __init__(self, listener: Any, processes: Any, spin_once: Callable):
+    def __init__(self, listener: Any, processes: Any, stop: threading.Event):
         self.listener = listener
         self._processes = processes
-        self._spin_once = spin_once
+        self._stop = stop
         self._printed = ''
         self._versions = 0
 
     def wait(self, stage: str, done: Callable[[], bool], timeout: float) -> bool:
-        """Wait for ``done()``; False after the time-out, s."""
+        """Wait for ``done()``; False after the time-out, s. Raises KeyboardInterrupt after Ctrl-C or SIGTERM."""
+        import rclpy
+
         deadline = time.monotonic() + timeout
         if stage != self._printed:
             self._printed = stage
@@ -270,7 +200,9 @@ class _Stage:
             for name, process in self._processes.items():
                 if process.poll() is not None:
                     raise InputError(f'the process {name} ended with code {process.returncode}: see demo.log')
-            self._spin_once(self.listener, timeout_sec=0.05)
+            rclpy.spin_once(self.listener, timeout_sec=0.05)
+            if self._stop.is_set():
+                raise KeyboardInterrupt
             self._print_models()
         return True
 
@@ -287,12 +219,12 @@ class _Stage:
     def pause(self, stage: str, duration: float) -> None:
         """Wait for s of the sensor's stamps."""
         end = self.listener.received.angles[-1][0] + round(duration / NANOSECOND)
-        self.wait(stage, lambda: self.listener.received.angles[-1][0] >= end, 10.0 * duration + ANSWER_TIMEOUT_S)
+        self.wait(stage, lambda: self.listener.received.angles[-1][0] >= end, 10.0 * duration + TIMEOUT_S)
 
     def release(self, stage: str) -> int:
         """Have the craft released; the stamp of the release, ns."""
         answer = self.listener.release()
-        if not self.wait(stage, answer.done, ANSWER_TIMEOUT_S) or not answer.result().success:
+        if not self.wait(stage, answer.done, TIMEOUT_S) or not answer.result().success:
             raise InputError('the simulated craft does not answer: see demo.log')
         return int(answer.result().message)
 
@@ -303,15 +235,15 @@ def _demonstrate(craft: _Craft, stage: _Stage):
     starting = f'starting (a minute the first time): {craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
     if not stage.wait(starting, stage.listener.is_ready, START_TIMEOUT_S):
         raise InputError(f'nothing came from the nodes within {START_TIMEOUT_S:g} s: see demo.log')
-    stage.pause('still water, no model', STILL_S)
+    stage.pause('still water, no model', PAUSE_S)
     for attempt in range(ATTEMPTS):
         first = stage.release('lifting the craft')
         waiting = 'released; waiting until the decay is noticed and identified'
-        if stage.wait(waiting, lambda: received.model_ns is not None, MODEL_TIMEOUT_S):
+        if stage.wait(waiting, lambda: received.model_ns is not None, TIMEOUT_S):
             break
         if attempt == ATTEMPTS - 1:
-            raise InputError(f'no model came within {MODEL_TIMEOUT_S:g} s after either release: see demo.log')
-    stage.pause('identified', BETWEEN_S)
+            raise InputError(f'no model came within {TIMEOUT_S:g} s after either release: see demo.log')
+    stage.pause('identified', PAUSE_S)
     second = stage.release('lifting the craft again')
     stage.pause('forecasting with the identified model', (second - received.angles[-1][0]) * NANOSECOND + SCORED_SPAN)
     return _demonstration(craft, received, first, second)
@@ -339,7 +271,7 @@ def _demonstration(craft: _Craft, received: Received, first: Any, second: int):
     )
 
 
-def _conclude(demonstration: Demonstration, output: Path, began: float):
+def _print_verdict(demonstration: Demonstration, output: Path, began: float):
     """Write the figure, print the verdict."""
     verdict = verdict_of(demonstration)
     if math.isfinite(verdict.after):

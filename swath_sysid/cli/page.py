@@ -45,7 +45,7 @@ def run(arguments: Namespace) -> int:
         from swath_sysid.nodes.executor_loop import events_executor
         from swath_sysid.nodes.executor_loop import run as run_nodes
         from swath_sysid.nodes.page_node import PageNode
-    from swath_sysid.page.desk import Desk
+    from swath_sysid.page.state import PageState
 
     folder = Path(arguments.output)
     if not folder.is_dir() or not os.access(folder, os.W_OK):
@@ -56,9 +56,9 @@ def run(arguments: Namespace) -> int:
     with ExitStack() as serving:
 
         def make_node() -> PageNode:
-            node = PageNode(lambda line: desk.answer(line))
-            desk = Desk(node, folder, arguments.axis, arguments.manifest)
-            url = serving.enter_context(served(desk, address, arguments.port, token))
+            node = PageNode(lambda line: state.answer(line))
+            state = PageState(node, folder, arguments.axis, arguments.manifest)
+            url = serving.enter_context(served(state, address, arguments.port, token))
             print(f'the page is at {url}', file=sys.stderr, flush=True)
             return node
 

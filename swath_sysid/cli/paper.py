@@ -1,6 +1,5 @@
 """``swath-sysid paper``: a published study carried out again, printed and obtained values side by side."""
 
-import os
 import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -10,6 +9,7 @@ from swath_sysid.campaign.papers.decay_study import run_decay_study
 from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study
 from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY, STUDIES
 from swath_sysid.cli.progress import progress_of
+from swath_sysid.cli.settings_flags import add_jobs_argument
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.report.paper_decay import decay_page
@@ -20,9 +20,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The study, the page, the processes."""
     parser.add_argument('study', choices=STUDIES)
     parser.add_argument('--output', metavar='FILE.html', help='report (default: STUDY.html in this folder)')
-    parser.add_argument(
-        '--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one per core)'
-    )
+    add_jobs_argument(parser)
 
 
 def run(arguments: Namespace) -> int:

@@ -1,14 +1,12 @@
 """``swath-sysid replay``: publish the topics of a bag over ROS."""
 
-import signal
 import sys
-import threading
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from swath_sysid.cli.progress import show_advice
-from swath_sysid.cli.ros_needed import ros_needed
+from swath_sysid.cli.ros_needed import ros_needed, ros_session
 from swath_sysid.cli.settings_flags import finite
 
 if TYPE_CHECKING:
@@ -45,24 +43,14 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(arguments: Namespace) -> int:
     """Replay until the end or a signal."""
     with ros_needed():
-        import rclpy
-        from rclpy.signals import SignalHandlerOptions
-
         from swath_sysid.nodes.replay import Replay
     from swath_sysid.formats.bag_replay import ReplaySettings
 
     settings = ReplaySettings(
         arguments.rate, arguments.loop, arguments.clock, arguments.wait, arguments.wait_for, arguments.in_step
     )
-    stop = threading.Event()
-    previous = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
-    rclpy.init(args=['swath-sysid'], signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with ros_session() as stop:
         _play(Replay(arguments.bag, settings, stop.is_set), max(settings.listeners, 1), stop.is_set)
-    finally:
-        rclpy.try_shutdown()
-        for number, handler in previous.items():
-            signal.signal(number, handler)
     return 0
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
@@ -25,7 +26,7 @@ MODEL_PARAMETERS = {
     'manoeuvring_predictor': 'model_file',
 }
 
-PAGE_END_S = 15.0
+END_S = 15.0  #: Within which a process has to end before it is killed.
 
 OPEN_TO_THE_SUBNET = (
     'these nodes can be used from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to this machine'
@@ -56,7 +57,7 @@ def run(arguments: Namespace) -> int:
     program = import_module(f'swath_sysid.nodes.{arguments.only or "all_in_one"}')
     if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
         print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
-    with beside(page_command(arguments)) if arguments.page else nullcontext():
+    with process_beside(page_command(arguments)) if arguments.page else nullcontext():
         return program.main(['swath-sysid', '--ros-args', *given])
 
 
@@ -70,17 +71,19 @@ def page_command(arguments: Namespace) -> list[str]:
 
 
 @contextmanager
-def beside(command: list[str]) -> Iterator[None]:
+def process_beside(command: list[str], **options: Any) -> Iterator[subprocess.Popen]:
     """Run a command while the block runs; Ctrl-C is for the block, which ends it."""
-    process = subprocess.Popen(command, start_new_session=True)
+    process = subprocess.Popen(command, start_new_session=True, **options)
     try:
-        yield
+        yield process
     finally:
+        # unlike SIGINT, this also ends without a word a process that is still importing
         process.terminate()
         try:
-            process.wait(PAGE_END_S)
+            process.wait(END_S)
         except subprocess.TimeoutExpired:
             process.kill()
+            process.wait()
 
 
 def ros_arguments(arguments: Namespace) -> list[str]:

@@ -1,6 +1,7 @@
 """Flags of settings that a parameter of a node makes too: the table of parameters says what they are."""
 
 import math
+import os
 from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -17,18 +18,25 @@ def add_setting(
     parameter = next(p for p in table_of(node_name) if p.name == name)
     if default is OF_TABLE:
         default = tuple(parameter.default) if isinstance(parameter.default, list) else parameter.default
-    told = meaning or f'{parameter.meaning[0].lower()}{parameter.meaning[1:]}'
+    words = meaning or f'{parameter.meaning[0].lower()}{parameter.meaning[1:]}'
     bounds = f'{parameter.allowed} {parameter.unit}'.rstrip() if parameter.range else ''
     if default is not None:
         shown = ','.join(each if isinstance(each, str) else f'{each:g}' for each in _each_of(default))
         bounds = f'{bounds}; default: {shown}' if bounds else f'default: {shown}'
-    told = f'{told} ({bounds})' if bounds else told
+    words = f'{words} ({bounds})' if bounds else words
     if parameter.choices:
-        parser.add_argument(flag, choices=tuple(parameter.choices), default=default, help=told)
+        parser.add_argument(flag, choices=tuple(parameter.choices), default=default, help=words)
     else:
         unit = 'N' if isinstance(parameter.default, int) else parameter.unit.upper()
         metavar = f'{unit},...' if isinstance(parameter.default, list) else unit
-        parser.add_argument(flag, type=_converter(parameter), default=default, metavar=metavar, help=told)
+        parser.add_argument(flag, type=_converter(parameter), default=default, metavar=metavar, help=words)
+
+
+def add_jobs_argument(parser: ArgumentParser) -> None:
+    """``--jobs``."""
+    parser.add_argument(
+        '--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one per core)'
+    )
 
 
 def _each_of(value: Any) -> Sequence[Any]:

@@ -6,8 +6,7 @@ from argparse import ArgumentParser, Namespace
 from swath_sysid.attitude.hull.catalogue import hull_named, hull_of_family
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.cli.hulls import add_hull_arguments, hull_of
-from swath_sysid.cli.settings_flags import finite
-from swath_sysid.common.errors import InputError
+from swath_sysid.cli.settings_flags import add_setting, finite
 from swath_sysid.formats.outputs import Output, check_outputs
 
 NO_NOISE = SensorNoise(0.0, 0.0, 0.0)
@@ -52,7 +51,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         default='published',
         help='none: an ideal sensor (default: %(default)s)',
     )
-    parser.add_argument('--seed', type=int, default=1)
+    add_setting(parser, '--seed', 'identifier', 'seed', meaning='seed of the noise')
     parser.add_argument('--output', required=True, metavar='FILE', help='FILE.csv, FILE.mcap, FILE.db3 or a bag folder')
 
 
@@ -61,8 +60,6 @@ def run(arguments: Namespace) -> int:
     check_outputs([Output('--output', arguments.output, is_recording=True)], [arguments.model])
     model = hull_of(arguments).with_trim(math.radians(arguments.trim_deg))
     noise = SensorNoise(arguments.angle_noise, _rate_noise(arguments), arguments.accel_noise)
-    if arguments.seed < 0:
-        raise InputError('the seed must not be negative')
     trial = simulated_trial(
         model,
         math.radians(arguments.initial_angle_deg),

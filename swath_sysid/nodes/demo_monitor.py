@@ -7,7 +7,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -18,10 +18,9 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import model_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC, IMU_TOPIC, NEXT_TOPIC, lead_topic
-from swath_sysid.nodes.qos import LATCHED
+from swath_sysid.nodes.qos import LATCHED, bag_qos
 from swath_sysid.pipeline.demonstration import attitude_at
 
-DEPTH = 1000
 RECENT = 6000  #: Samples that are kept when everything is not needed any more.
 
 
@@ -46,7 +45,7 @@ class Listener(Node):
         super().__init__('demo')
         self._axis = axis
         self.received = Received(forecasts={lead: deque() for lead in leads})
-        everything = QoSProfile(depth=DEPTH)
+        everything = bag_qos(is_latched=False)
         self.create_subscription(Imu, IMU_TOPIC, self._on_imu, qos_profile_sensor_data)
         self.create_subscription(Imu, NEXT_TOPIC, self._on_next, everything)
         for lead in leads:

@@ -22,9 +22,8 @@ from swath_sysid.nodes.qos import BAG_DEPTH, NEWEST, bag_qos
 
 CLOCK_PERIOD = 0.01  #: s of wall clock between /clock messages.
 SETTLING = 0.5  #: s from the last connection to the first message: the other side may still be making it.
-DELIVERY = 5.0  #: s at most for messages that are on their way when the bag ends.
 AHEAD_NS = 2 * SECOND_NS  #: By which samples may be ahead of the forecasts: few enough to wait at the node.
-PATIENCE = 5.0  #: s from one forecast to the next: rejected samples bring none.
+PATIENCE = 5.0  #: s from one forecast to the next (rejected samples bring none), and for the last messages to arrive.
 DISCOVERY = 3.5  #: s in which a subscription that is there is found: mostly 0.2 s, now and then three.
 
 
@@ -97,8 +96,8 @@ class Replay(Node):
                 return
 
     def wait_until_received(self) -> None:
-        """Wait, at most `DELIVERY`, until reliable subscriptions have the last messages: these end with the node."""
-        deadline = time.monotonic() + DELIVERY
+        """Wait, at most `PATIENCE`, until reliable subscriptions have the last messages: these end with the node."""
+        deadline = time.monotonic() + PATIENCE
         for outlet in self.outlets.values():
             outlet.wait_for_all_acked(Duration(seconds=max(deadline - time.monotonic(), 0.0)))
 

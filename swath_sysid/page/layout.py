@@ -6,9 +6,8 @@ from typing import Any
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.page.bring_up import STEPS
-from swath_sysid.page.buttons import BUTTONS
 from swath_sysid.page.charts import curve_options, curve_series, motion_options, release_options, release_series
-from swath_sysid.page.desk import Desk, View
+from swath_sysid.page.state import BUTTONS, PageState, View
 from swath_sysid.pipeline.health import OK, WARN
 
 try:
@@ -36,19 +35,19 @@ TRIAL_COLUMNS = [
 Update = Callable[[View], None]  #: Updates one card.
 
 
-def build(desk: Desk) -> None:
+def build(state: PageState) -> None:
     """Lay out the page for one browser and keep it up to date."""
     ui.add_css(STYLE)
     ui.colors(primary='#1976d2')
     with ui.header().classes('items-center py-2'):
         ui.label('swath_sysid').classes('text-lg')
         ui.space()
-        ui.toggle(list(AXES), value=desk.view.axis or AXES[0], on_change=lambda event: desk.choose(event.value)).props(
-            'dense color=primary toggle-color=secondary text-color=white'
-        ).mark('axis')
+        ui.toggle(
+            list(AXES), value=state.view.axis or AXES[0], on_change=lambda event: state.choose(event.value)
+        ).props('dense color=primary toggle-color=secondary text-color=white').mark('axis')
     with ui.element('main').classes('w-full grid items-start gap-3 grid-cols-1 lg:grid-cols-2 xl:grid-cols-3'):
         updates = [
-            _guide(desk),
+            _guide(state),
             _release(),
             _model(),
             *(_motion(axis) for axis in AXES),
@@ -56,12 +55,12 @@ def build(desk: Desk) -> None:
             _health(),
             _heave(),
         ]
-        if desk.manifest:
+        if state.manifest:
             updates.append(_trials())
 
     def refresh() -> None:
         for update in updates:
-            update(desk.view)
+            update(state.view)
 
     ui.timer(SCREEN_PERIOD, refresh)
 
@@ -73,12 +72,12 @@ def _card(title: str) -> Any:
     return card
 
 
-def _guide(desk: Desk) -> Update:
+def _guide(state: PageState) -> Update:
     with _card('Bring-up'):
         progress = ui.linear_progress(0.0, show_value=False).props('rounded')
         sentence = _text('text-subtitle1 text-weight-medium', 'sentence', 2)
         cure = _text('text-body1', 'cure', 2)
-        press = _pressed(desk)
+        press = _pressed(state)
         with ui.row().classes('gap-2'):
             buttons = {name: _Button(name, partial(press, name)) for name in BUTTONS}
         answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 4)
@@ -97,20 +96,20 @@ def _guide(desk: Desk) -> Update:
     return update
 
 
-def _pressed(desk: Desk) -> Callable[[str], None]:
+def _pressed(state: PageState) -> Callable[[str], None]:
     """Handler of a button: at once, or after a question where something would be lost."""
     with ui.dialog().props('data-name=question') as dialog, ui.card():
         question = _text('text-body1', 'rollback-question')
         with ui.row().classes('self-end gap-2'):
             ui.button('Keep this model', on_click=dialog.close).props('no-caps flat data-name=keep')
             back = ui.button('Return to the previous model', on_click=dialog.close)
-            back.on_click(lambda: desk.press('rollback')).props('no-caps unelevated data-name=go-back')
+            back.on_click(lambda: state.press('rollback')).props('no-caps unelevated data-name=go-back')
 
     def press(name: str) -> None:
         if name != 'rollback':
-            desk.press(name)
+            state.press(name)
             return
-        question.text = desk.view.rollback_question
+        question.text = state.view.rollback_question
         dialog.open()
 
     return press

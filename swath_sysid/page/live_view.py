@@ -15,7 +15,7 @@ from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import noise_level
 from swath_sysid.page.live_record import LiveRecord
-from swath_sysid.page.model_words import amplitudes, history, of_axis, verdict_of
+from swath_sysid.page.model_words import FAINTEST, amplitudes, history, of_axis, verdict_of
 from swath_sysid.page.release import Release
 from swath_sysid.pipeline.health import OK, WARN, Report
 from swath_sysid.report.sea_report import sea_in_words
@@ -26,8 +26,6 @@ SHOWN_POINTS = 300
 INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NORMAL_QUANTILES, strict=True)}
 
 AMPLITUDES = 25
-FAINTEST_CYCLE = 0.1  #: Share of the release amplitude below which noise scatters the cycles.
-NOISE_S = 5.0
 
 STATUSES = {
     'predictor: imu': 'Sensor',
@@ -49,7 +47,7 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
         rate = f'{float(str(report.values["rate_hz"])):.1f} Hz, ' if 'rate_hz' in report.values else ''
         lines.append((name, report.level, rate + report.message))
     noises = [
-        f'{axis} {np.degrees(noise_level(motion.angle[motion.time > motion.time[-1] - NOISE_S])):.2g} deg'
+        f'{axis} {np.degrees(noise_level(motion.angle)):.2g} deg'
         for axis, motion in motions.items()
         if motion.angle is not None
     ]
@@ -114,7 +112,7 @@ def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[
         chart['period'] = _points(*(each[known] for each in (degrees, period, period - spread, period + spread)))
         chart['damping'] = _points(*(each[known] for each in (degrees, damping, damping - wide, damping + wide)))
     if release is not None and release.peaks.time.size > 2:
-        peaks, faintest = release.peaks, FAINTEST_CYCLE * release.amplitude
+        peaks, faintest = release.peaks, FAINTEST * release.amplitude
         clear = peaks.mean_amplitude > (faintest if model is None else max(faintest, amplitudes(model)[0]))
         degrees = np.degrees(peaks.mean_amplitude[clear])
         chart['measured_period'] = _points(degrees, peaks.period[clear])

@@ -13,7 +13,7 @@ from swath_sysid.attitude.motion.trial import AXES
 
 ASSUMED_REACH = float(np.radians(5.0))  #: Largest amplitude shown of a model that states none.
 NOT_JUDGED = 'not judged'
-FAINTEST = 0.05  #: Smallest, as a share of that.
+FAINTEST = 0.1  #: Smallest, as a share of the largest; below, noise scatters the cycles of a release.
 
 
 def amplitudes(model: IdentifiedModel) -> tuple[float, float]:

@@ -10,8 +10,8 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.page.desk import Desk
 from swath_sysid.page.layout import SCREEN_PERIOD, build
+from swath_sysid.page.state import PageState
 
 try:
     import fastapi
@@ -91,7 +91,7 @@ async def _refuse(scope: dict[str, Any], send: Any) -> None:
 
 
 @contextmanager
-def served(desk: Desk, host: str, port: int, token: str) -> Iterator[str]:
+def served(state: PageState, host: str, port: int, token: str) -> Iterator[str]:
     """Serve the page while the block runs, on a free port for 0; yields its address.
 
     Raises `InputError` where nicegui is not installed, or the port is taken.
@@ -104,14 +104,14 @@ def served(desk: Desk, host: str, port: int, token: str) -> Iterator[str]:
     application = fastapi.FastAPI()
     ui.run_with(
         application,
-        root=lambda: build(desk),
+        root=lambda: build(state),
         title='swath_sysid',
         dark=None,
         language='en-US',
         message_history_length=FEW_MESSAGES,
         show_welcome_message=False,
     )
-    pages.timer(SCREEN_PERIOD, desk.refresh)
+    pages.timer(SCREEN_PERIOD, state.refresh)
     server = uvicorn.Server(
         uvicorn.Config(Guard(application, token), log_level='error', lifespan='on', timeout_graceful_shutdown=1)
     )
@@ -123,4 +123,4 @@ def served(desk: Desk, host: str, port: int, token: str) -> Iterator[str]:
     finally:
         server.should_exit = True
         thread.join(END_S)
-        desk.close()
+        state.close()
