@@ -28,7 +28,7 @@ TOKEN = 'a-token-of-the-test'
 WIDTHS = 400, 1600
 
 
-class SteppedDesk(PageState):
+class SteppedState(PageState):
     """The view is made when the test says so."""
 
     def refresh(self):
@@ -45,7 +45,7 @@ class Tank(TankSide):
     def __init__(self, folder):
         self.start_again()
         self.folder, self.lock, self.description, self.pressed = folder, threading.Lock(), '', []
-        self.state = SteppedDesk(self, folder, 'pitch', clock=lambda: self.clock)
+        self.state = SteppedState(self, folder, 'pitch', clock=lambda: self.clock)
 
     def press(self, button):
         self.pressed.append(button)

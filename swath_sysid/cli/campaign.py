@@ -66,9 +66,7 @@ def run(arguments: Namespace) -> int:
                 manifest,
                 store,
                 executor,
-                lambda at: progress(
-                    at.done / max(at.total, 1), f'{at.done} of {at.total}; {"; ".join(at.running[:2])}'
-                ),
+                lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2])),
             )
     except KeyboardInterrupt:
         print('stopped: the same command goes on from the finished fits', file=sys.stderr)

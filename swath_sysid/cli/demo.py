@@ -26,7 +26,7 @@ from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.cli import forecast
-from swath_sysid.cli.ros_needed import ros_needed, ros_session
+from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.cli.run import process_beside
 from swath_sysid.cli.settings_flags import add_setting
 from swath_sysid.common.errors import InputError
@@ -106,6 +106,7 @@ def _forecast_sea(output: Path) -> None:
 
 def _release(craft: _Craft, arguments: Namespace, domain: int, output: Path) -> int:
     from swath_sysid.nodes.demo_monitor import Listener
+    from swath_sysid.nodes.executor_loop import ros_session
 
     os.environ.update(_environment(domain))
     began = time.monotonic()

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from swath_sysid.cli.progress import show_advice
-from swath_sysid.cli.ros_needed import ros_needed, ros_session
+from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.cli.settings_flags import finite
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(arguments: Namespace) -> int:
     """Replay until the end or a signal."""
     with ros_needed():
+        from swath_sysid.nodes.executor_loop import ros_session
         from swath_sysid.nodes.replay import Replay
     from swath_sysid.formats.bag_replay import ReplaySettings
 

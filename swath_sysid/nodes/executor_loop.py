@@ -4,7 +4,8 @@ import re
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -32,8 +33,9 @@ def events_executor(context: rclpy.Context | None = None) -> Executor:
     return EventsExecutor(context=context)
 
 
-def run(plan: Plan, args: list[str] | None = None) -> int:
-    """Start nodes, spin them until a signal comes (the first executor in this thread), and stop them: the exit code."""
+@contextmanager
+def ros_session(args: list[str] | None = None) -> Iterator[threading.Event]:
+    """ROS from its start to its end; Ctrl-C and SIGTERM set the event."""
     stop, signalled = threading.Event(), threading.Event()
 
     def on_signal(*_: object) -> None:
@@ -41,10 +43,30 @@ def run(plan: Plan, args: list[str] | None = None) -> int:
         stop.set()
 
     previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        _initialise(args)
+        yield stop
+    finally:
+        rclpy.try_shutdown()
+        for number, handler in previous.items():
+            # after a signal the process is about to end, and another Ctrl-C must not hurt it, even in its last moments
+            signal.signal(number, signal.SIG_IGN if signalled.is_set() else handler)
+
+
+def run(plan: Plan, args: list[str] | None = None) -> int:
+    """Start nodes, spin them until a signal comes (the first executor in this thread), and stop them: the exit code."""
+    try:
+        with ros_session(args) as stop:
+            return _run_until(stop, plan)
+    except (InputError, InvalidParameterTypeException, InvalidParameterValueException) as error:
+        print(f'swath_sysid: {error}', file=sys.stderr)
+        return 2
+
+
+def _run_until(stop: threading.Event, plan: Plan) -> int:
     executors: list[Executor] = []
     nodes: list[Node] = []
     try:
-        _initialise(args)
         for make_executor, makers in plan:
             executors.append(make_executor())
             for make_node in makers:
@@ -53,18 +75,11 @@ def run(plan: Plan, args: list[str] | None = None) -> int:
         _say_ready(nodes)
         _spin_all(executors, stop)
         return 0
-    except (InputError, InvalidParameterTypeException, InvalidParameterValueException) as error:
-        print(f'swath_sysid: {error}', file=sys.stderr)
-        return 2
     finally:
         for executor in executors:
             executor.shutdown()
         for node in nodes:
             node.destroy_node()
-        rclpy.try_shutdown()
-        for number, handler in previous.items():
-            # after a signal the process is about to end, and another Ctrl-C must not hurt it, even in its last moments
-            signal.signal(number, signal.SIG_IGN if signalled.is_set() else handler)
 
 
 def _say_ready(nodes: Sequence[Node]) -> None:

@@ -1,4 +1,4 @@
-"""State shared by all browsers: the guide, the current view, and the buttons: what each does, and why it is disabled."""
+"""State shared by all browsers: the guide, the current view, and the buttons with the reasons that disable them."""
 
 import signal
 import subprocess
