@@ -287,13 +287,14 @@ INTRODUCTION = """# Forecasts of measured records
 
 <!-- written by `python benchmark/records.py --write docs/records_benchmark.md` -->
 
-Root mean square error of the forecast angle over the standard deviation of the motion, with its 95 % interval from a
-bootstrap of blocks of 30 s where the record is long enough; 1 is as good as the mean. Every row begins with the
-record and has, at each sample, the samples up to and including it. Every forecast issued after the warm-up counts, but
-for those for a time at which nothing was measured; where a row has none, persistence stands in. Regressions learn
-from the last ten minutes. The hull of the last row is identified from the samples before the end of the warm-up;
-where they show none, there is no such row. The records and their licences are named in `records/NOTICE` or by their
-titles; a row of your own is a function: `python benchmark/records.py --help`.
+The tables give the root mean square error of the forecast angle divided by the standard deviation of the motion, with
+its 95 % interval from a bootstrap of 30 s blocks where the record is long enough. A value of 1 is no better than
+predicting the mean. Every forecaster starts with the record and uses no sample later than the one it forecasts from.
+Every forecast issued after the warm-up is scored, unless nothing was measured at its time; a missing forecast is
+replaced by persistence. Regressions learn from the last ten minutes. The hull of the last row is identified from the
+samples before the end of the warm-up; without a hull in these samples there is no such row. The records and their
+licences are named in `records/NOTICE` or in the titles. Your own forecaster is a function: `python benchmark/records.py
+--help`.
 """
 
 

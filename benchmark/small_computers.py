@@ -2,11 +2,11 @@
 
     python benchmark/small_computers.py --write docs/small_computers.md
 
-Each line is `swath-sysid run` with its workers, subscribed to a replayed simulated sea of two axes over ROS, with the
-defaults or with `config/small.yaml`. Memory is the proportional set size of all its processes after that, and the most
-while `identifier/identify` fits the last minute, with what numba compiles in its cache; processor time is that of the
-second half; starting is the processor time until the sensor is heard. Libraries that other programs have loaded too
-count in part, so where nothing else uses them it is more; processor time rises on a busy machine.
+Each row is one run of `swath-sysid run` with its workers. The nodes receive a replayed simulated sea of two axes over ROS,
+with the defaults or with `config/small.yaml`. Memory is the proportional set size of all processes at the end, and its
+maximum while `identifier/identify` fits the last minute; numba's cache is filled. Processor time is that of the second
+half. Starting is the processor time until the first sample arrives. Libraries that other programs have loaded too are
+counted in part, so memory is larger where no other program uses them. Processor time rises on a busy machine.
 """
 
 import argparse

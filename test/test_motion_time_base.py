@@ -22,7 +22,7 @@ def swing(size, samples_a_cycle):
         (1.7e15 + 1e4 * np.arange(900), 'counts us since 1970'),
         (1.7e18 + 1e7 * np.arange(900), 'counts ns since 1970'),
         (1e-5 * np.arange(900), 'more often than any sensor'),
-        (1.0 * np.arange(900), 'call it time_samples'),
+        (1.0 * np.arange(900), 'name it time_samples'),
     ],
 )
 def test_other_units_are_refused_with_their_cure(time, words):

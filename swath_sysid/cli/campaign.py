@@ -22,7 +22,9 @@ EXIT_LEFT_OUT = 1
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The manifest, or the folder to make one for; output and workers."""
-    parser.add_argument('manifest', nargs='?', metavar='MANIFEST.yaml', help='lists the trials and what to fit')
+    parser.add_argument(
+        'manifest', nargs='?', metavar='MANIFEST.yaml', help='manifest: a list of the trials, and what to fit'
+    )
     parser.add_argument(
         '--new', metavar='DIR', help=f'write a commented manifest for the trials in a folder (DIR/{MANIFEST})'
     )
@@ -30,7 +32,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_jobs_argument(parser)
     parser.add_argument('--scheduler', metavar='ADDRESS', help='run the fits on the Dask scheduler at this address')
     parser.epilog = (
-        'If it is stopped or killed, the same command continues from the finished fits. Exit code 0: everything was '
+        'After an interruption, the same command continues from the finished fits. Exit code 0: everything was '
         'used; 1: done, but something was left out, which is reported; 2: nothing could be done.'
     )
 
@@ -69,7 +71,7 @@ def run(arguments: Namespace) -> int:
                 lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2])),
             )
     except KeyboardInterrupt:
-        print('stopped: the same command goes on from the finished fits', file=sys.stderr)
+        print('stopped: the same command continues from the finished fits', file=sys.stderr)
         raise
     report = write_report(outcome, arguments.output, time.perf_counter() - began)
     left_out = [f'{t.name}, {t.reason}' for t in outcome.trials if t.record is None]
@@ -79,7 +81,7 @@ def run(arguments: Namespace) -> int:
         print(f'{axis.axis}: {axis.ranking.reason}')
         print(''.join(f'  {a.message}\n' for a in axis.ranking.findings), end='')
     print(
-        f'{len(outcome.trials) - len(left_out)} of {len(outcome.trials)} trials, {outcome.computed} tasks done, '
-        f'{outcome.kept} known from before, {time.perf_counter() - began:.1f} s\n{report}'
+        f'{len(outcome.trials) - len(left_out)} of {len(outcome.trials)} trials, {outcome.computed} tasks computed, '
+        f'{outcome.kept} reused, {time.perf_counter() - began:.1f} s\n{report}'
     )
     return EXIT_LEFT_OUT if left_out or manifest.faults or outcome.failures else 0

@@ -97,11 +97,14 @@ def _forecast_sea(output: Path) -> None:
     """Forecast a measured sea with the command for users' own records."""
     output.mkdir(parents=True, exist_ok=True)
     words = ['forecast', str(share_folder() / SEA_RECORD), *SEA_OPTIONS, '--plot', str(output / 'sea.png')]
-    print(f'A moored buoy at sea, forecast from its past:\n\n    swath-sysid {shlex.join(words)}\n', flush=True)
+    print(
+        f'The motion of a moored buoy at sea, forecast from past samples only:\n\n    swath-sysid {shlex.join(words)}\n',
+        flush=True,
+    )
     parser = ArgumentParser()
     forecast.add_arguments(parser)
     forecast.run(parser.parse_args(words[1:]))
-    print(f'{output / "sea.png"}: these forecasts, beside what came\n', flush=True)
+    print(f'{output / "sea.png"}: these forecasts beside the measured motion\n', flush=True)
 
 
 def _release(craft: _Craft, arguments: Namespace, domain: int, output: Path) -> int:
@@ -233,13 +236,13 @@ class _Stage:
 def _demonstrate(craft: _Craft, stage: _Stage):
     """Release the craft, wait for its model, release it again."""
     received = stage.listener.received
-    starting = f'starting (a minute the first time): {craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
+    starting = f'starting (the first start takes a minute): {craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
     if not stage.wait(starting, stage.listener.is_ready, START_TIMEOUT_S):
         raise InputError(f'nothing came from the nodes within {START_TIMEOUT_S:g} s: see demo.log')
     stage.pause('still water, no model', PAUSE_S)
     for attempt in range(ATTEMPTS):
         first = stage.release('lifting the craft')
-        waiting = 'released; waiting until the decay is noticed and identified'
+        waiting = 'released; waiting until the decay is detected and identified'
         if stage.wait(waiting, lambda: received.model_ns is not None, TIMEOUT_S):
             break
         if attempt == ATTEMPTS - 1:

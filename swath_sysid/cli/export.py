@@ -74,7 +74,7 @@ def _exported(arguments: Namespace) -> Export:
     inertias = dict(_inertia(text) for text in arguments.inertia)
     if _is_attitude(arguments.model):
         if target not in ATTITUDE_TARGETS:
-            raise InputError(f'{target} takes no roll or pitch model: choose {" or ".join(ATTITUDE_TARGETS)}')
+            raise InputError(f'{target} cannot express a roll or pitch model: choose {" or ".join(ATTITUDE_TARGETS)}')
         models = read_model(arguments.model)
         _check_inertias(inertias, tuple(models))
         if target == GAZEBO:
@@ -91,7 +91,7 @@ def _check_inertias(inertias: dict[str, float], axes: tuple[str, ...]) -> None:
     stray = [axis for axis in inertias if axis not in axes]
     if stray:
         raise InputError(
-            f'--inertia {stray[0]} is of no use here: it is for the axes of roll and pitch models that go '
+            f'--inertia {stray[0]} cannot be used here: it is for the axes of roll and pitch models exported '
             f'to {" or ".join(ATTITUDE_TARGETS)}; leave it out'
         )
 

@@ -144,10 +144,10 @@ def _print_skill(skill: Any, name: str) -> None:
         _add_methods(table, scores.nrmse)
         table.add_row('over best other', *map(_cell, scores.ratio), style='bold')
         for column, level in enumerate((50, 90, 99)):
-            table.add_row(f'{level} % held, %', *_percentages(scores.coverage[:, column]), style='dim')
-        table.add_row('counted', *map(str, scores.counted), style='dim')
+            table.add_row(f'{level} % coverage, %', *_percentages(scores.coverage[:, column]), style='dim')
+        table.add_row('scored', *map(str, scores.counted), style='dim')
         if scores.unmeasured.any():
-            table.add_row('not measured then', *map(str, scores.unmeasured), style='dim')
+            table.add_row('not measured', *map(str, scores.unmeasured), style='dim')
         if np.nan_to_num(scores.gap_share).any():
             table.add_section()
             table.add_row(f'{AFTER_GAP:g} s after a gap, %', *_percentages(scores.gap_share))
@@ -170,8 +170,8 @@ def _print_point(console: Console, skill: Any, point: str, kinds: Any) -> None:
         words, unit = kind.replace('_', ' '), POINT_UNITS[kind].replace('_', '/').replace('s2', 's²')
         table.add_row(f'{words}, {scores.deviation:.3g} {unit}')
         _add_methods(table, scores.nrmse)
-        table.add_row('90 % held, %', *_percentages(scores.coverage[:, 1]), style='dim')
-        table.add_row('counted', *map(str, scores.counted), style='dim')
+        table.add_row('90 % coverage, %', *_percentages(scores.coverage[:, 1]), style='dim')
+        table.add_row('scored', *map(str, scores.counted), style='dim')
         absent = scores.stood_in[FORECAST]
         if np.nan_to_num(absent).any():
             table.add_row('not learnt yet, %', *_percentages(absent), style='dim')
@@ -222,7 +222,7 @@ def _percentages(shares: Any):
 def _limits(text: str):
     parts = numbers(text)
     if len(parts) != 2 or min(parts) < 0.0:
-        raise ArgumentTypeError('give two values, of which none is negative: ROLL,PITCH')
+        raise ArgumentTypeError('give two values that are not negative: ROLL,PITCH')
     return tuple(math.radians(part) or math.inf for part in parts)
 
 

@@ -17,7 +17,7 @@ def add_hull_arguments(parser: ArgumentParser) -> None:
     choice = parser.add_mutually_exclusive_group(required=True)
     choice.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)}')
     choice.add_argument('--equation', help='an equation of the catalogue, or a composition such as b1,b2|r1,r3')
-    choice.add_argument('--model', metavar='FILE', help='model file')
+    choice.add_argument('--model', metavar='FILE', help='model file of the hull')
     parser.add_argument(
         '--ratio',
         action='append',
@@ -25,7 +25,9 @@ def add_hull_arguments(parser: ArgumentParser) -> None:
         metavar='NAME=VALUE',
         help='ratio to inertia, with --equation, for example r1=10.1; may be repeated (default: a published hull)',
     )
-    parser.add_argument('--axis', choices=('roll', 'pitch'), help='axis, with --equation or a model file of both axes')
+    parser.add_argument(
+        '--axis', choices=('roll', 'pitch'), help='axis of an equation, or of a model file with both axes'
+    )
 
 
 def hull_of(arguments: Namespace) -> DecayModel:

@@ -48,7 +48,7 @@ class OneSentenceParser(ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Leave the sentence to `main`."""
-        raise InputError(f'{message}; {self.prog} --help lists what there is')
+        raise InputError(f'{message}; see {self.prog} --help')
 
 
 def build_parser(verb: str | None) -> ArgumentParser:

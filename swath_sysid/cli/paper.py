@@ -18,7 +18,7 @@ from swath_sysid.report.paper_manoeuvring import manoeuvring_page
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The study, the page, the processes."""
-    parser.add_argument('study', choices=STUDIES)
+    parser.add_argument('study', choices=STUDIES, help='study to repeat')
     parser.add_argument('--output', metavar='FILE.html', help='report (default: STUDY.html in this folder)')
     add_jobs_argument(parser)
 

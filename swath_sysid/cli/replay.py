@@ -62,11 +62,11 @@ def _play(node: 'Replay', expected: int, should_stop: Callable[[], bool]) -> Non
     try:
         show_advice(node.advice)
         if node.unknown_types:
-            show(f'left out, their types are not installed: {", ".join(sorted(node.unknown_types))}')
+            show(f'left out, because their types are not installed: {", ".join(sorted(node.unknown_types))}')
         show(f'publishing {", ".join(sorted(node.outlets))}')
         listening = node.wait_for_listeners()
         if listening < expected and not should_stop():
-            show(f'{listening} of {expected} listen yet: publishing all the same')
+            show(f'only {listening} of {expected} subscribers are connected: publishing anyway')
         node.play()
         if not should_stop():
             node.wait_until_received()

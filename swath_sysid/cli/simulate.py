@@ -35,21 +35,31 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--trim-deg', type=finite, default=0.0, metavar='A', help='angle at rest (default: %(default)s)'
     )
-    parser.add_argument('--angle-noise', type=finite, default=usual.angle, metavar='RAD', help='default: %(default)s')
+    parser.add_argument(
+        '--angle-noise',
+        type=finite,
+        default=usual.angle,
+        metavar='RAD',
+        help='standard deviation of the angles (default: %(default)s)',
+    )
     parser.add_argument(
         '--rate-noise',
         type=finite,
         metavar='RAD_S',
-        help=f'default: the rate noise of the study of the hull or equation, else {usual.rate}',
+        help=f'standard deviation of the rates (default: as in the study of the hull or equation, else {usual.rate})',
     )
     parser.add_argument(
-        '--accel-noise', type=finite, default=usual.acceleration, metavar='M_S2', help='default: %(default)s'
+        '--accel-noise',
+        type=finite,
+        default=usual.acceleration,
+        metavar='M_S2',
+        help='standard deviation of the accelerations (default: %(default)s)',
     )
     parser.add_argument(
         '--noise',
         choices=('published', 'none'),
         default='published',
-        help='none: an ideal sensor (default: %(default)s)',
+        help='noise of the sensor; none: an ideal sensor (default: %(default)s)',
     )
     add_setting(parser, '--seed', 'identifier', 'seed', meaning='seed of the noise')
     parser.add_argument('--output', required=True, metavar='FILE', help='FILE.csv, FILE.mcap, FILE.db3 or a bag folder')

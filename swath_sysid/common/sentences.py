@@ -4,15 +4,15 @@ Values stand in braces by name. A key is a code, or a code and after a colon wha
 """
 
 SENTENCES = {
-    'absurd-values': 'impossible values left out ({channels}): check the units in the column names, or look for broken '
-    'packets',
-    'absurd-values: run': '{source}: {number} values of {name} beyond {limit:g} left out: check its unit',
+    'absurd-values': 'impossible values were left out ({channels}): check the units in the column names, and look for '
+    'damaged packets',
+    'absurd-values: run': '{source}: {number} values of {name} beyond {limit:g} were left out: check its unit',
     'added-mass-diverges': 'added mass exceeds mass, and the plugin, which applies it with the previous acceleration, '
     'diverges; identify again with the mass as weighed',
-    'at-anchor': '{source}: never faster than {speed:.2f} m/s and {rate:.1f} deg/s, as if at anchor or drifting: left '
-    'out; give runs under way',
-    'at-bound': '{name} ended at the limit of its range ({value:.3g}): the runs do not determine it; leave it out, or '
-    'add {runs}',
+    'at-anchor': '{source} was left out, because the craft never exceeds {speed:.2f} m/s and {rate:.1f} deg/s, as if '
+    'at anchor or drifting: give runs under way',
+    'at-bound': '{name} reached the bound of its range ({value:.3g}), so the runs do not determine it: leave it out, '
+    'or add {runs}',
     'body-rates': 'the angles or a gyro axis are unknown, so body rates are used as Euler rates, which holds for small '
     'angles only: record roll, pitch and all three gyro axes',
     'clocks-apart': '{path}: header stamps and times of arrival drift apart, so times of arrival are used for all '
@@ -22,30 +22,30 @@ SENTENCES = {
     'columns-misspelt': 'columns that are not read: {pairs}',
     'compass-misaligned': '{source}: the craft moves {offset:.1f} deg to {side} of its heading on straight courses, '
     'and heading and speeds were turned by that much; calibrate the compass',
-    'constant-channel': '{source}: {name} never changes, as if it were not measured, and is taken as unknown; check '
-    'its sender',
+    'constant-channel': '{source}: {name} is constant, as if it were not measured, and is treated as unknown: check '
+    'the device that sends it',
     'constant-difference': 'the difference of the thrusts is constant, so yaw inertia and added masses cannot be '
     'separated from damping: add zig-zags and turns to both sides',
-    'constant-thrust': 'the total thrust is constant, so that {separating} separates inertia and resistance: add '
-    'thrust steps up and down on a straight course',
-    'course-unstable': 'the craft does not keep a straight course by itself: at {speed:.2f} m/s small turns grow '
-    '{growth:.2g} times per second; steer it, and trust no forecast of its heading for longer than {time:.0f} s',
-    'current-by-run': 'the drift of each run ({least:.2f} to {most:.2f} m/s: current and wind) was found from its own '
-    'motion; the model holds the mean, which validation uses; ask for one current for all runs if it was the same',
+    'constant-thrust': 'the total thrust is constant, so {separating} separates inertia and resistance: add thrust '
+    'steps up and down on a straight course',
+    'course-unstable': 'the craft does not keep a straight course by itself: at {speed:.2f} m/s small deviations grow '
+    'at a rate of {growth:.2g} 1/s. Steer it, and do not trust forecasts of its heading beyond {time:.0f} s',
+    'current-by-run': 'the drift by current and wind ({least:.2f} to {most:.2f} m/s) was estimated for each run, and '
+    'the model holds the mean, which validation uses: use one current for all runs if it did not change',
     'current-not-exported': "VRX's SimpleHydrodynamics has no current: that of the model, {east:.3g} m/s east and "
     '{north:.3g} m/s north, is left out',
     'damaged-bag': '{path} is damaged ({reason}), and only its intact part was read; stop the recorder before its '
     'power is cut',
     'damaged-messages': '{path}: {number} messages cannot be read and were left out: check the recorder',
     'disturbed-tail': 'the motion after {end:.1f} s was left out because its half-cycles or its period jump there, '
-    'with {left:.0f} % of the first left: look at it, and give a later end if it belongs to the decay',
+    'when {left:.0f} % of the first half-cycle was left: inspect it, and give a later end if it belongs to the decay',
     'disturbed-tail: bounds': 'the motion before the given end seems free only until {found:.1f} s, where its '
     'half-cycles or its period jump: give this as the end, unless the craft was free until {end:.1f} s',
     'diverged': '{diverged} of {windows} windows of the {label} runs diverged in free simulation: look at their thrust '
     'and speed',
-    'dry-friction-scaled': 'b0 is dry friction of a rig or mooring, which does not scale with the hull: use the result '
-    'with b0 = 0 unless such a rig is used there too',
-    'empty-channel': 'no usable value in {channels}: left out; check that the sensor was set to send it',
+    'dry-friction-scaled': 'b0 is dry friction of a rig or mooring, which does not scale with the hull: set b0 to 0 in '
+    'the result, unless a similar rig is used at that scale',
+    'empty-channel': '{channels} without any usable value were left out: check that the sensor was set to send them',
     'empty-channel: run': '{source}: {name} holds no usable value and is left out',
     'equivalent-linear': 'motion in waves shows only the equivalent linear damping at an amplitude of {amplitude:.2g} '
     'deg, not how damping depends on amplitude: for larger motions record a free decay in still water',
@@ -56,8 +56,8 @@ SENTENCES = {
     'dies out, as it does in waves: give the bounds of a free decay',
     'forecast-missing': '{missing} forecasts had no value for {axis} at a lead and were replaced by persistence: see '
     'at which samples the sensor gave too little',
-    'frame-assumed': '{source}: more thrust to starboard turns to negative yaw, so yaw is taken as in NED; state the '
-    'frame (ned or enu): if it is ENU, port and starboard are swapped',
+    'frame-assumed': '{source}: more thrust to starboard gives a negative yaw rate, so yaw is assumed to be in NED: '
+    'state the frame (ned or enu). If it is ENU, port and starboard are swapped',
     'frame-id-changed': 'the messages on {topic} come in {frames} frames ({names}): if these are two sensors, record '
     'each on a topic of its own; else check whether the mounting is still right',
     'friction-necessary': 'dry friction improves the criterion of {equation} by {gain:.0f} (more than '
@@ -68,12 +68,12 @@ SENTENCES = {
     'gaps: decay': 'the decay has {gaps} longer than a quarter of its period, the longest of {longest:.2g} s at '
     '{time:.1f} s: the fit bridges this, but record again if the first cycles are missing',
     'gaps: motion': 'the {axis} has {gaps}, the longest of {longest:.2g} s at {time:.1f} s: look for lost messages, '
-    'and keep them out of the decay',
-    'hardly-moves': "'{name}' swings by {swing:.2g} deg only: if it is in rad, call it '{other}'",
-    'held-samples': '{source}: {name} changes only at every {usual:.0f}th sample: the repetitions are taken as missing',
+    'and choose a decay without gaps',
+    'hardly-moves': "'{name}' moves by only {swing:.2g} deg: if it is in rad, name it '{other}'",
+    'held-samples': '{source}: {name} changes only every {usual:.0f}th sample, so repeated values are treated as '
+    'missing',
     'holds-decay': 'this record contains a free decay, which shows more about the hull: identify it as a decay',
-    'identical-files': '{path} has the same content as {original} and is left out: it would count as a repeat that it '
-    'is not',
+    'identical-files': '{path} has the same content as {original} and was left out, because a copy is not a repeat',
     'inertia-includes-added': 'Iz includes added inertia, which free running cannot separate: give the inertia to see '
     'Nr_dot',
     'invalid-orientation': '{invalid} of {number} quaternions are invalid and were left out: check the sensor driver',
@@ -91,17 +91,17 @@ SENTENCES = {
     '{loading:g}: the model at {nearest:g} is used; add trials at this loading',
     'low-rate': 'the record has {samples:.1f} samples per period, and {needed:g} are needed to follow the motion: '
     'record at {rate:.3g} Hz or more',
-    'made-stable': 'with {removed} the model was unstable at speeds it was identified at, so they were removed; add '
-    'turns at several speeds to identify them',
+    'made-stable': 'with {removed} the model was unstable at the speeds of the runs, so they were removed: add turns '
+    'at several speeds to identify them',
     'manoeuvres-beside': '{record} also holds odometry and thrust, which are ignored here: swath-sysid manoeuvre '
     'play-through forecasts surge, sway and yaw from them',
     'mass-not-given': 'm includes the added mass in surge, which free running cannot separate: give the mass',
     'missing-rows': '{source}: {number} rows hold no measured value and are bridged by the simulation: check the '
-    'logger if they are many',
-    'missing-stamps': '{rows} without a finite time left out: check what wrote the stamps',
-    'missing-values': 'values missing ({channels}): they are left out of the fit',
-    'mixed-frames': '{source}: heading and position are in different frames (one in NED, one in ENU): the heading is '
-    'taken as {turn} deg minus what was recorded; give both in one frame',
+    'logger if there are many',
+    'missing-stamps': '{rows} without a finite time were left out: check the device that wrote the stamps',
+    'missing-values': 'missing values ({channels}) are left out of the fit',
+    'mixed-frames': '{source}: heading and position are in different frames (one in NED, one in ENU), so the heading '
+    'was replaced by {turn} deg minus the recorded one: give both in one frame',
     'mixed-frames: turned': '{source}: the heading is off the course by {turn} deg and was turned by that much: check '
     'from which axis heading and position are measured',
     'model-contradicted': 'the motion shows {more} {quantity} than the {axis} model, beyond its uncertainty '
@@ -109,18 +109,19 @@ SENTENCES = {
     'model-doubtful': 'the {axis} model is {verdict}: {sentence}',
     'motion-simplified': 'Nav2 moves a craft along its heading at the commanded speed: this one drifts by up to '
     '{drift:.3g} deg and its speed changes by {change:+.0%} in the hardest turn at the highest speed',
-    'no-decay': 'no free decay was found in {name}: it moves by {reach}, but its amplitudes do not shrink steadily in '
-    'a steady rhythm with rest before or after; record a release in still water until it has died out, or give start '
-    'and end of a decay',
+    'no-decay': 'no free decay was found in {name}: it moves by {reach}, but not as a steadily shrinking oscillation '
+    'with rest before or after. Record a release in still water until it has died out, or give start and end of a '
+    'decay',
     'no-friction': 'dry friction is not needed: it worsens the criterion of {equation} by {gain:.0f}',
     'no-header-stamps': '{topic} has no header stamps, so times of arrival are used: have the driver stamp its '
     'messages',
     'no-model': 'no {axis} model has arrived, so the forecast does without one: identify the hull',
-    'no-speed': 'no run holds a speed: surge is assumed, not identified; add surge_m_s, or position and heading',
-    'no-sway': 'no run holds a sway velocity: sway is assumed, not identified; add sway_m_s, or position and heading',
-    'no-thrust': '{source}: the thrust is always zero: left out; give runs under way',
-    'no-turn': 'no run turns (yaw rate within {rate:.1f} deg/s) under a difference of the thrusts: yaw and sway are '
-    'assumed, not identified; add turns and zig-zags',
+    'no-speed': 'no run contains a speed, so surge is assumed, not identified: add surge_m_s, or position and heading',
+    'no-sway': 'no run contains a sway velocity, so sway is assumed, not identified: add sway_m_s, or position and '
+    'heading',
+    'no-thrust': '{source} was left out, because its thrust is always zero: give runs under way',
+    'no-turn': 'no run turns (yaw rate within {rate:.1f} deg/s) under a difference of the thrusts, so yaw and sway are '
+    'assumed, not identified: add turns and zig-zags',
     'no-waves': 'no waves have been fitted yet: forecasts improve within a minute or two',
     'not-separable: derivatives': '{other} and {name} cannot be told apart on these runs (correlation '
     '{correlation:+.3f}): use them together only, or add {runs}',
@@ -129,16 +130,16 @@ SENTENCES = {
     'versions of numba and numpy that fit each other, or remove numba',
     'one-step-biased': 'the one-step objective is biased under measurement noise, and its damping is too large: use '
     'the simulation objective for a model that forecasts',
-    'out-of-order-stamps': '{rows} out of order left out: split the file if it holds two recordings, or a replay that '
-    'looped',
+    'out-of-order-stamps': '{rows} out of order were left out: split the file if it holds two recordings, or a replay '
+    'that looped',
     'outlier': '{name} {value:.3g} was rejected: expected {expected:.3g}',
     'outside-valid-amplitude': '{axis} reaches {reached:.1f} deg, but its model was identified at {largest:.1f} deg '
     'and less, so forecast errors may exceed their intervals; identify again after a release from a larger angle',
-    'poor-simulation': 'free simulation explains little of the {label} runs ({channels}; r2): wind, waves, a wrong '
-    'thrust or a reversed channel; look at the pictures',
+    'poor-simulation': 'free simulation explains little of the {label} runs ({channels}; r2): look in the pictures for '
+    'wind, waves, a wrong thrust or a reversed channel',
     'record-not-adequate': '{number} of {records} records are not adequate by themselves ({names}): see their verdicts',
-    'repeated-stamps': '{rows} with the stamp of the previous row left out: if most are, write the time with more '
-    'digits',
+    'repeated-stamps': '{rows} with the same stamp as the previous row were left out: if most rows are affected, write '
+    'the time with more digits',
     'restoring-not-exported': '{axis}: gz-sim takes restoring from the Buoyancy plugin and the shape of the hull: '
     'check that it gives {stiffness:.4g} N m/rad, for a natural period of {natural_period:.4g} s',
     'restoring-not-exported: unstable': '{axis}: this hull is not stable at its trim; gz-sim takes restoring from the '
@@ -155,16 +156,16 @@ SENTENCES = {
     'sea-not-fitted': 'no single sea explains the motion (misfit {misfit:.1f}; 1 is a good fit), so the uncertainty '
     'was widened: look for swell beside wind waves, a mooring, a changing speed or a helm. Choose a stretch on a '
     'steady course, or record a free decay in still water',
-    'sensor-followed': '{name} jumped and stayed: the filter follows it; check the sensor',
+    'sensor-followed': '{name} jumped and stayed there, so the filter follows it: check the sensor',
     'several-decays': '{number} free decays were found, and the one with the most motion is used, from {start:.1f} to '
     '{end:.1f} s: give start and end to use another ({others})',
-    'short-rows': '{number} rows end early, the first in line {line}, and their missing cells are taken as missing '
-    'values; check that the file was written to the end',
-    'speed-derived': '{source}: no {missing}: derived from position and heading',
-    'spikes': 'the {axis} {name} of the decay has {samples} far from the neighbours, which a fit takes for motion: '
-    'remove them, or look for lost or broken packets',
-    'spikes: run': '{source}: {number} values of {name} jump away for a moment and are left out: look at the sensor if '
-    'they are many',
+    'short-rows': '{number} rows end early, the first in line {line}, and their missing cells are treated as missing '
+    'values: check that the file was written to the end',
+    'speed-derived': '{source} has no {missing}: it was derived from position and heading',
+    'spikes': 'the {axis} {name} of the decay has {samples} far from their neighbours, which a fit would treat as '
+    'motion: remove them, or look for lost or damaged packets',
+    'spikes: run': '{source}: {number} values of {name} are isolated spikes and were left out: check the sensor if '
+    'there are many',
     'stability-changed': 'the natural period of roll went from {before:.3g} to {now:.3g} s, so the metacentric height '
     'is {share:.2f} ({low:.2f} to {high:.2f}) of its earlier value: look for added or shifted weight, and for water in '
     'the hull',
@@ -172,32 +173,32 @@ SENTENCES = {
     'the mass and the scale of the thrust',
     'surge-inertia-assumed': 'thrust scale and added mass in surge cannot be separated with commands, so Xu_dot is '
     'taken as {added_mass:g} kg; give the thrust of one thruster at full command to identify it',
-    'surge-reversed': '{source}: the speed is negative under positive thrust and is reversed: check its sign, or that '
+    'surge-reversed': '{source}: the speed is negative under positive thrust and was reversed: check its sign, or that '
     'of both thrusts',
-    'surge-reversed: by position': '{source}: surge is opposite to the change of position and is reversed: check its '
+    'surge-reversed: by position': '{source}: surge is opposite to the change of position and was reversed: check its '
     'sign',
-    'sway-reversed': '{source}: sway is opposite to the change of position and is reversed: check its sign',
+    'sway-reversed': '{source}: sway is opposite to the change of position and was reversed: check its sign',
     'sway-scale-assumed': 'nothing drives the craft sideways, so its masses and damping in sway are known to a common '
     'factor only, which their standard deviations do not include: Yur is taken equal to Xu_dot, as in potential flow; '
     'give Yv_dot or Yur if known',
-    'taken-as-commands': '{path}: the thrusters stay within -1 and 1 and are taken as normalised commands; if they are '
-    'N, say so',
+    'taken-as-commands': '{path}: the thrusters stay within -1 and 1 and are treated as normalised commands: if they '
+    'are in N, state it',
     'terms-dropped': '{target} cannot express {named}{instead}: see how far the tests differ',
-    'terms-dropped: decay': '{axis}: gz-sim cannot express {named}: of a decay from {angle:.3g} deg crest {crests} of '
-    'the model and as exported: {time}; {height}',
-    'tests-differ': '{test} of the model and as exported: {changes}',
-    'text-in-numbers': "{number} cells that are not numbers taken as missing, the first '{cell}' in line {line}, "
+    'terms-dropped: decay': '{axis}: gz-sim cannot express {named}. For crest {crests} of a decay from {angle:.3g} '
+    'deg, the model and its export have {time}; {height}',
+    'tests-differ': '{test} of the model and of its export: {changes}',
+    'text-in-numbers': "{number} cells are not numbers and are treated as missing, the first '{cell}' in line {line}, "
     'column {column}: correct them if they matter',
     'thrust-gaps': '{source}: the thrust is missing for {lost:.0f} s, which are left out: if commands are published '
     'only while driving, say that a gap means zero',
-    'thrust-reversed': '{source}: the craft moves astern under positive thrust: both thrusts are reversed; check their '
-    'sign',
+    'thrust-reversed': '{source}: the craft moves astern under positive thrust, so both thrusts were reversed: check '
+    'their sign',
     'thrusters-swapped': '{source}: more thrust to starboard turns to starboard in the stated frame ({frame}), so port '
     'and starboard were exchanged; check the channels, or the frame',
-    'time-disorder': '{source}: {number} rows with missing, repeated or backward time left out: check the recorder',
-    'time-unit': '{name} counts 0, 1, 2, ..., by which the craft would take {period:.3g} s per cycle: if it numbers '
-    'the samples, call it time_samples and put a line "# sample_rate_hz: 100" above; if it counts milliseconds, call '
-    'it time_ms',
+    'time-disorder': '{source}: {number} rows with missing, repeated or backward time were left out: check the '
+    'recorder',
+    'time-unit': '{name} counts 0, 1, 2, ..., which means {period:.3g} s per cycle: if it numbers the samples, name it '
+    'time_samples and put a line "# sample_rate_hz: 100" above; if it counts milliseconds, name it time_ms',
     'too-few-cycles': 'the decay shows only {cycles:.1f} cycles, and two are needed to show how the damping depends on '
     'the amplitude: release from a larger angle, fit several trials jointly, or choose an equation with linear damping',
     'too-small': 'the decay starts with an amplitude of only {size:.2g} {unit}, where friction and the basin dominate '
@@ -211,15 +212,14 @@ SENTENCES = {
     'uncertain': '{name} {value:.3g} has a standard deviation of {std:.3g}: add {runs}',
     'uneven-time-base': 'sample intervals range from {low:.4g} to {high:.4g} s about a median of {median:.4g} s: if '
     'these are times of arrival, use the stamps of the sensor',
-    'unit-missing': 'columns without a unit left out ({columns}): {unit_advice}',
-    'unstable': 'the model is unstable at speeds it was identified at{where}: do not use it; add turns at several '
-    'speeds',
+    'unit-missing': 'columns without a unit were left out ({columns}): {unit_advice}',
+    'unstable': 'the model is unstable at the speeds of its runs{where}: do not use it; add turns at several speeds',
     'viscous-scale-effect': 'Froude scaling keeps wave damping but not viscous damping: the Reynolds number changes by '
     'a factor {factor:.3g}, so the frictional part of {damping} will be {side} than scaled here; correct it with a '
     'friction line (ITTC 7.5-02-07-04.5) or confirm it at the other scale',
-    'yaw-rate-derived': '{source}: no yaw rate: it is derived from the heading',
-    'yaw-rate-reversed': '{source}: yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate is '
-    'reversed; give both in one frame',
+    'yaw-rate-derived': '{source} has no yaw rate: it was derived from the heading',
+    'yaw-rate-reversed': '{source}: yaw rate and heading turn opposite ways (one in NED, one in ENU), so the yaw rate '
+    'was reversed: give both in one frame',
 }
 
 #: What does it on the command line, by the code of an `Advice` or an `InputError`.
@@ -258,37 +258,38 @@ FLAGS = {
 
 #: What a reason that is counted in /diagnostics means, and what to do about it.
 REASONS = {
-    'absurd-covariance': 'covariances of more than half a turn, or 35 rad/s, were taken as unknown: let the driver '
-    'give them in rad^2 and rad^2/s^2, or all zero where they are unknown',
+    'absurd-covariance': 'covariances beyond (half a turn)^2 or (35 rad/s)^2 were treated as unknown: have the driver '
+    'send them in rad^2 and rad^2/s^2, or as zeros where they are unknown',
     'absurd-value': 'values that no craft reaches were left out: check that rates are rad/s and accelerations m/s^2',
     'bad-loading': 'a draft or displacement was not a positive number, and the previous one stays: check what '
     'publishes it',
     'bad-model': 'a model description could not be read, and the previous model stays: publish what `identify` writes',
-    'bad-model-file': 'the model file cannot be used and is not overwritten: correct it or move it away, and start '
-    'again',
-    'bad-quaternion': 'invalid quaternions were left out, rates were used: if the sensor has no orientation, let the '
-    'driver set orientation_covariance[0] to -1',
+    'bad-model-file': 'the model file cannot be used and is not overwritten: correct it or move it away, and restart '
+    'the node',
+    'bad-quaternion': 'invalid quaternions were left out, and the rates were used: if the sensor has no orientation, '
+    'have the driver set orientation_covariance[0] to -1',
     'bad-window': 'a motion window could not be read: publish what imu_buffer publishes',
     'clock-jumped-back': 'the clock was set back (a bag that looped?): window and filter state were restarted, hull '
     'and sea state are kept',
-    'duplicate-stamp': 'samples with a repeated stamp were left out: if many, have the driver stamp its messages',
+    'duplicate-stamp': 'samples with a repeated stamp were left out: if there are many, have the driver stamp its '
+    'messages',
     'frame-id-changed': 'the frame_id of the messages changed: two sensors may share the topic, or the driver was '
     'reconfigured; give each sensor its own topic, and check whether the mounting is still right',
     'gap': 'samples are missing: check the load of the machine and of the network',
-    'gap-too-long': 'the sensor was silent for long and came back: check its driver and cable',
+    'gap-too-long': 'the sensor was silent for a long time and resumed: check its driver and cable',
     'gate-restarted-pitch': 'the sensor contradicted the filter until the filter was restarted: identify again if this '
     'repeats',
     'gate-restarted-roll': 'the sensor contradicted the filter until the filter was restarted: identify again if this '
     'repeats',
     'identification-worker-died': 'the process that identifies died and was restarted: look for a lack of memory',
-    'late-fit': 'a fit of the waves came later than 0.5 s after its samples and was used only from then on, so '
-    'forecasts differ a little from those of play-through; check the load of the machine if that matters',
+    'late-fit': 'a fit of the waves ended later than 0.5 s after its samples and was used only from then on, so '
+    'forecasts differ a little from those of play-through: check the load of the machine if that matters',
     'loading-advice': 'the draft is outside the range of its model: see the log, and add trials at this draft',
     'model-not-saved': 'the model file could not be written: check model_path, its folder and its permissions',
-    'near-vertical': 'samples with pitch beyond 80 deg were left out, where roll and yaw cannot be distinguished: if '
-    'there are more and more, the sensor is mounted on end: set mounting_deg to [0, 90, 0] or [0, -90, 0]',
-    'no-orientation': 'the sensor gives no orientation, rates alone are used',
-    'no-rates': 'the sensor gives no rates, so forecasts are less certain, most of all in the first seconds: let the '
+    'near-vertical': 'samples with pitch beyond 80 deg, where roll and yaw cannot be distinguished, were left out: if '
+    'the count keeps growing, the sensor is mounted on end: set mounting_deg to [0, 90, 0] or [0, -90, 0]',
+    'no-orientation': 'the sensor gives no orientation, so only its rates are used',
+    'no-rates': 'the sensor gives no rates, so forecasts are less certain, most of all in the first seconds: have the '
     'driver publish angular_velocity, if the sensor has it',
     'not-finite': 'NaN or infinite values were left out: check the driver',
     'nothing-usable': 'messages with nothing usable in them were left out: check the driver',
@@ -302,7 +303,7 @@ REASONS = {
     'rate-changed': 'the sample rate changed, and the new one is used: check the driver if this was not intended',
     'sensor-silent': 'the sensor stopped publishing: check its driver and cable',
     'several-publishers': 'more than one node publishes the IMU topic: stop one, or remap them apart',
-    'stray-stamp': 'single samples with a stamp far away were left out: check what stamps them',
+    'stray-stamp': 'single samples whose stamp is far from the others were left out: check the device that stamps them',
     'unknown-covariance': 'the sensor does not report its noise, which is therefore estimated',
     'wave-worker-died': 'the process that fits the waves died and was restarted: look for a lack of memory',
     'waves-not-fitted': 'the waves could not be fitted, and forecasts go on with the previous fit, or with none: see '
@@ -313,7 +314,7 @@ REASONS = {
 STATES = {
     'clock-stands-still': 'the replay is paused, or nothing publishes /clock',
     'clocks-differ': 'synchronise the clocks, or replay with --clock and set use_sim_time',
-    'messages-queued': 'they wait in a queue, check the load of the machine, the driver and the network; or a clock '
+    'messages-queued': 'they wait in a queue (check the load of the machine, the driver and the network), or a clock '
     'was set',
     'no-message-yet': 'check that the sensor publishes there, or remap the topic',
     'short-of-memory': 'samples come faster than max_rate_hz, which makes the window shorter: raise max_rate_hz',
