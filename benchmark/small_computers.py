@@ -2,11 +2,12 @@
 
     python benchmark/small_computers.py --write docs/small_computers.md
 
-Each row is one run of `swath-sysid run` with its workers. The nodes receive a replayed simulated sea of two axes over ROS,
-with the defaults or with `config/small.yaml`. Memory is the proportional set size of all processes at the end, and its
-maximum while `identifier/identify` fits the last minute; numba's cache is filled. Processor time is that of the second
-half. Starting is the processor time until the first sample arrives. Libraries that other programs have loaded too are
-counted in part, so memory is larger where no other program uses them. Processor time rises on a busy machine.
+Each row is one run of `swath-sysid run` with its workers, with the defaults or with `config/small.yaml`. The nodes
+receive a replayed simulated sea of two axes over ROS. Memory is the proportional set size of all processes at the end,
+and its maximum while `identifier/identify` fits the last minute; numba's cache is filled. Processor time is that of the
+second half. Starting is the processor time until the first sample arrives. Libraries that other programs have loaded
+too are counted in part, so memory is larger where no other program uses them. Processor time rises on a
+busy machine.
 """
 
 import argparse
@@ -169,7 +170,7 @@ def page_with(lines, seconds):
             '',
             *__doc__.split('\n\n', 2)[2].strip().splitlines(),
             '',
-            f'{seconds:.0f} s of sea a line, {platform.machine()}, Python {platform.python_version()}, '
+            f'{seconds:.0f} s of sea for each row, {platform.machine()}, Python {platform.python_version()}, '
             'written by `python benchmark/small_computers.py`.',
             '',
             *lines,

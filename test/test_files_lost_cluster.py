@@ -67,4 +67,4 @@ def test_lost_scheduler(loss, tmp_path, monkeypatch, capsys):
     assert not (tmp_path / 'report' / 'report.html').exists()
     monkeypatch.setattr(campaign, 'executor_of', lambda *_: nullcontext(SerialExecutor()))
     assert main(command) == 0
-    assert ', 1 known from before' in capsys.readouterr().out
+    assert ', 1 reused' in capsys.readouterr().out

@@ -280,7 +280,7 @@ def stamps_heard_by_three(bag, early, expected, count):
 
 def test_replay_waits_no_longer_than_it_was_told(bag, capfd):
     assert main(['replay', str(bag), '--rate', '50', '--wait', '0', '--wait-for', '2']) == 0
-    assert '0 of 2 listen yet' in capfd.readouterr().err
+    assert 'only 0 of 2 subscribers are connected' in capfd.readouterr().err
 
 
 def test_replay_leaves_out_types_that_are_not_installed(bag, tmp_path, capsys):

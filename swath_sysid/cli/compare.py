@@ -12,7 +12,7 @@ from swath_sysid.attitude.identification.selection import Comparison, compare
 from swath_sysid.cli.identify import (
     add_force_argument,
     add_search_arguments,
-    conclude_fit,
+    exit_code_of,
     is_to_be_written,
     settings_of,
 )
@@ -68,7 +68,7 @@ def run(arguments: Namespace) -> int:
         print(json.dumps({**data, **warnings_as_data((*read_advice, *advice))}, indent=2))
     else:
         _print_ranking(found)
-    return conclude_fit(arguments, choice.verdict)
+    return exit_code_of(arguments, choice.verdict)
 
 
 def _print_ranking(comparison: Comparison) -> None:

@@ -98,7 +98,7 @@ def _forecast_sea(output: Path) -> None:
     output.mkdir(parents=True, exist_ok=True)
     words = ['forecast', str(share_folder() / SEA_RECORD), *SEA_OPTIONS, '--plot', str(output / 'sea.png')]
     print(
-        f'The motion of a moored buoy at sea, forecast from past samples only:\n\n    swath-sysid {shlex.join(words)}\n',
+        f'Motion of a moored buoy at sea, forecast from past samples only:\n\n    swath-sysid {shlex.join(words)}\n',
         flush=True,
     )
     parser = ArgumentParser()

@@ -104,7 +104,7 @@ def run(arguments: Namespace) -> int:
     data |= warnings_as_data((*read_advice, *found.advice, *found.verdict.warnings))
     lines = [*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t)))]
     print_result(arguments.json, finite_or_none(data), lines)
-    return conclude_fit(arguments, found.verdict)
+    return exit_code_of(arguments, found.verdict)
 
 
 def is_to_be_written(arguments: Namespace, verdict: Verdict) -> bool:
@@ -112,7 +112,7 @@ def is_to_be_written(arguments: Namespace, verdict: Verdict) -> bool:
     return arguments.force or verdict.level != REJECTED
 
 
-def conclude_fit(arguments: Namespace, verdict: Verdict) -> int:
+def exit_code_of(arguments: Namespace, verdict: Verdict) -> int:
     """The exit code, and a word where the model was not written; shared with compare."""
     if is_to_be_written(arguments, verdict):
         return 0

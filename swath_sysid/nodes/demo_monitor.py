@@ -49,7 +49,7 @@ class Listener(Node):
         self.create_subscription(Imu, IMU_TOPIC, self._on_imu, qos_profile_sensor_data)
         self.create_subscription(Imu, NEXT_TOPIC, self._on_next, everything)
         for lead in leads:
-            self.create_subscription(Imu, lead_topic(lead), self._forecast_taker(lead), everything)
+            self.create_subscription(Imu, lead_topic(lead), self._forecast_callback(lead), everything)
         self.create_subscription(String, DESCRIPTION_TOPIC, self._on_model, LATCHED)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, everything)
         self._release = self.create_client(Trigger, 'simulated_craft/release')
@@ -80,15 +80,15 @@ class Listener(Node):
     def _on_next(self, message: Any) -> None:
         self.received.nexts += 1
 
-    def _forecast_taker(self, lead: float):
+    def _forecast_callback(self, lead: float):
         kept = self.received.forecasts[lead]
 
-        def take(message: Any) -> None:
+        def receive(message: Any) -> None:
             # a forecast is an Imu: its stamp is the time it is for
             forecast = imu_reading(message)
             kept.append((forecast.stamp_ns, *attitude_at(forecast, self._axis)))
 
-        return take
+        return receive
 
     def _on_model(self, message: Any) -> None:
         try:

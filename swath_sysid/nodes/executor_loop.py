@@ -72,7 +72,7 @@ def _run_until(stop: threading.Event, plan: Plan) -> int:
             for make_node in makers:
                 nodes.append(make_node())
                 executors[-1].add_node(nodes[-1])
-        _say_ready(nodes)
+        _log_ready(nodes)
         _spin_all(executors, stop)
         return 0
     finally:
@@ -82,14 +82,14 @@ def _run_until(stop: threading.Event, plan: Plan) -> int:
             node.destroy_node()
 
 
-def _say_ready(nodes: Sequence[Node]) -> None:
+def _log_ready(nodes: Sequence[Node]) -> None:
     """One line: which nodes run, on which topics, and what has to come first; for nodes that wait for something."""
     first = dict.fromkeys(node.resolve_topic_name(node.waits_for) for node in nodes if hasattr(node, 'waits_for'))
     made = {publisher.topic_name for node in nodes for publisher in node.publishers}
-    heard = {subscription.topic_name for node in nodes for subscription in node.subscriptions} - made - OF_ROS
+    inputs = {subscription.topic_name for node in nodes for subscription in node.subscriptions} - made - OF_ROS
     if first:
         nodes[0].get_logger().info(
-            f'ready: {", ".join(node.get_name() for node in nodes)}; subscribed to {", ".join(sorted(heard))}; '
+            f'ready: {", ".join(node.get_name() for node in nodes)}; subscribed to {", ".join(sorted(inputs))}; '
             f'waiting for the first message on {" and ".join(topic for topic in first if topic not in made)}'
         )
 

@@ -15,7 +15,7 @@ from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompile
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.table import Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
-from swath_sysid.nodes.turns import Turns, ending_of
+from swath_sysid.nodes.waiting import AnswerQueue, outcome_of
 from swath_sysid.nodes.worker import Worker, WorkerError
 from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth, Report
 
@@ -38,8 +38,8 @@ class IdentificationNode(Node):
         self.parameters = NodeParameters(self, name, settings_of)
         self.health = IdentifierHealth()
         self._ended: Future | None = None
-        self._has_asked = False
-        self._turns = Turns(self)
+        self._has_checked = False
+        self._answers = AnswerQueue(self)
         self._progress = watched_publisher(self, Float32, '~/progress', 10, self.health)
 
     def serve(self, warm_up: Callable[[], None]) -> None:
@@ -54,7 +54,7 @@ class IdentificationNode(Node):
             warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), self.parameters['worker_idle_s']
         )
         if not self.parameters['worker_idle_s']:
-            self._ask_how_fast()
+            self._check_compilation()
 
     async def identify(self) -> Answer:
         """Identify on the newest motion; to be overridden."""
@@ -104,21 +104,21 @@ class IdentificationNode(Node):
         self.when_free()
         return answer
 
-    async def carried_out(self, function: Callable, request: Any) -> tuple[Any, str]:
+    async def run_in_worker(self, function: Callable, request: Any) -> tuple[Any, str]:
         """Have the worker do something: its result and an empty sentence, or None and what went wrong."""
-        self._ask_how_fast()
+        self._check_compilation()
         self.health.begin()
-        outcome, error = await ending_of(self.worker, self.executor, function, request, self._on_progress)
+        outcome, error = await outcome_of(self.worker, self.executor, function, request, self._on_progress)
         if error is None:
             return outcome, ''
         if isinstance(error, WorkerError):
             self.get_logger().warning(f'{error}; if this repeats, look for a lack of memory with `dmesg`')
         return None, CANCELLED if isinstance(error, Cancelled) else str(error)
 
-    def _ask_how_fast(self) -> None:
-        """Have the worker say, once, why its work takes longer than it could: numba is loaded there, not here."""
-        if not self._has_asked:
-            self._has_asked = True
+    def _check_compilation(self) -> None:
+        """Have the worker report, once, why its work takes longer than it could: numba is loaded there, not here."""
+        if not self._has_checked:
+            self._has_checked = True
             self.worker.submit(why_uncompiled, (), lambda why, error: report_uncompiled(self, self.health, why))
 
     def _on_progress(self, share: float) -> None:
@@ -128,7 +128,7 @@ class IdentificationNode(Node):
     async def _on_identify(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         # one identification answers all callers that come meanwhile
         answer = await (self._begun(self.identify) if self._ended is None else self._ended)
-        await self._turns.wait()
+        await self._answers.wait()
         response.success, response.message = answer
         return response
 

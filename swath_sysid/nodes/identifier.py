@@ -92,7 +92,7 @@ class Identifier(IdentificationNode):
         self.refitter.settings = self.parameters.settings
         request = self.refitter.request(*self._noticed, *fresh, is_asked=is_asked, **origin)
         self._noticed.clear()
-        outcome, problem = await self.carried_out(refit, request)
+        outcome, problem = await self.run_in_worker(refit, request)
         if problem or not self.refitter.take(outcome):
             return False, problem or outcome.message
         return True, outcome.message + self.replace_model()

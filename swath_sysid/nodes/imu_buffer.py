@@ -43,9 +43,9 @@ class ImuBuffer(Node):
     def _on_imu(self, message: Imu) -> None:
         # all that wait at once: beside a busy predictor each return to the executor costs this thread milliseconds
         for each in (message, *waiting(self._subscription, self.parameters['queue_depth'])):
-            self._take(each)
+            self._add(each)
 
-    def _take(self, message: Imu) -> None:
+    def _add(self, message: Imu) -> None:
         begun, clock_ns = perf_counter(), self.get_clock().now().nanoseconds
         reading = imu_reading(message)
         step = self.window.add(reading)

@@ -44,7 +44,7 @@ class ManoeuvringIdentifier(IdentificationNode):
         self._publisher = watched_publisher(self, String, 'manoeuvring/model', LATCHED, self.health)
         watched_subscription(self, Odometry, 'odometry', self._on_odometry, SENSOR, self.health)
         for side, topic in THRUSTERS.items():
-            watched_subscription(self, Float64, topic, self._thrust_taker(side), SENSOR, self.health)
+            watched_subscription(self, Float64, topic, self._thrust_callback(side), SENSOR, self.health)
         self.serve(warm_up)
         self._publish()
 
@@ -54,7 +54,7 @@ class ManoeuvringIdentifier(IdentificationNode):
             request = self._request()
         except InputError as error:
             return False, str(error)
-        outcome, problem = await self.carried_out(refit_manoeuvring, request)
+        outcome, problem = await self.run_in_worker(refit_manoeuvring, request)
         if problem or not self.refitter.take(outcome):
             return False, problem or outcome.message
         return True, outcome.message + self.replace_model()
@@ -95,7 +95,7 @@ class ManoeuvringIdentifier(IdentificationNode):
             reading.stamp, reading.surge, reading.sway, reading.yaw_rate, reading.heading, reading.x, reading.y
         )
 
-    def _thrust_taker(self, side: str) -> Callable[[Float64], None]:
+    def _thrust_callback(self, side: str) -> Callable[[Float64], None]:
         return lambda message: self.window.add_thrust(side, message.data)
 
 

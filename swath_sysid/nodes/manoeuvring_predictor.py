@@ -51,7 +51,7 @@ class ManoeuvringPredictor(Node):
         self.create_subscription(Odometry, 'odometry', self._on_odometry, SENSOR)
         self.create_subscription(Imu, IMU_TOPIC, self._on_imu, SENSOR)
         for side, topic in THRUSTERS.items():
-            self.create_subscription(Float64, topic, self._thrust_taker(side), SENSOR)
+            self.create_subscription(Float64, topic, self._thrust_callback(side), SENSOR)
         self.create_subscription(Float64MultiArray, 'manoeuvring/future_thrust', self._on_future, 10)
         self.create_subscription(String, 'manoeuvring/model', self._on_model, LATCHED)
         self._read_file(self.parameters['model_file'])
@@ -63,7 +63,7 @@ class ManoeuvringPredictor(Node):
         super().destroy_node()
 
     def _on_odometry(self, message: Odometry) -> None:
-        self._take_models()
+        self._use_new_models()
         self._arrival = perf_counter()
         self.health.note_message(self._arrival)
         reading = odometry_reading(message)
@@ -81,7 +81,7 @@ class ManoeuvringPredictor(Node):
             std = variance**0.5 if 0.0 < variance < 1.0 else None
             self.pipeline.add_yaw_rate(stamp_ns(message.header.stamp) / SECOND_NS, message.angular_velocity.z, std)
 
-    def _thrust_taker(self, side: str) -> Callable[[Float64], None]:
+    def _thrust_callback(self, side: str) -> Callable[[Float64], None]:
         return lambda message: self.pipeline.add_thrust(self._now(), side, message.data)
 
     def _on_model(self, message: String) -> None:
@@ -103,9 +103,9 @@ class ManoeuvringPredictor(Node):
         except InputError as error:
             self._refuse(str(error))
 
-    def _take_models(self) -> None:
+    def _use_new_models(self) -> None:
         """Use what came on manoeuvring/model, once it is read."""
-        for identified in self._intake.taken():
+        for identified in self._intake.finished():
             self._use(identified)
 
     def _use(self, identified: IdentifiedManoeuvringModel) -> None:
@@ -126,7 +126,7 @@ class ManoeuvringPredictor(Node):
 
     def _reports(self) -> list[Report]:
         # also while the odometry is silent
-        self._take_models()
+        self._use_new_models()
         return self.health.reports(perf_counter())
 
 

@@ -14,7 +14,7 @@ LONGEST_SENTENCE = 300
 
 
 class ModelIntake:
-    """Reads texts one after the other in a thread and keeps what they hold until it is taken."""
+    """Reads texts one after the other in a thread and keeps what they hold until the node asks for it."""
 
     def __init__(self, read: Callable, on_refused: Callable[[str], None]):
         self._read = read
@@ -32,7 +32,7 @@ class ModelIntake:
         self._waiting.append(text[: LARGEST_TEXT + 1])
         self._come.release()
 
-    def taken(self) -> Iterator[Any]:
+    def finished(self) -> Iterator[Any]:
         """The contents of the texts read since the last call, in order; rejected ones are reported."""
         while self._endings:
             content, refusal = self._endings.popleft()

@@ -78,9 +78,9 @@ class PageNode(Node):
             self.record.is_kept = is_kept
 
     def _ask_predictor(self) -> None:
-        self._requests.get_parameters('predictor', ASKED, self._take_parameters)
+        self._requests.get_parameters('predictor', ASKED, self._on_parameters)
 
-    def _take_parameters(self, *found: Any) -> None:
+    def _on_parameters(self, *found: Any) -> None:
         values = dict(zip(ASKED, found, strict=True))
         with self.lock:
             self.record.install(installation({'frame': values['frame'], 'mounting_deg': list(values['mounting_deg'])}))

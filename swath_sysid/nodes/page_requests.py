@@ -43,22 +43,22 @@ class PageRequests:
         while self._waiting:
             self._waiting.popleft()()
 
-    def get_parameters(self, node: str, names: list[str], take: Callable[..., None]) -> None:
-        """Call ``take`` with the values of a node's parameters, where the node is there."""
+    def get_parameters(self, node: str, names: list[str], on_answer: Callable[..., None]) -> None:
+        """Call ``on_answer`` with the values of a node's parameters, where the node is there."""
         self._call(
             f'{node}/get_parameters',
             GetParameters,
             GetParameters.Request(names=names),
-            lambda answer: take(*map(parameter_value_to_python, answer.values)),
+            lambda answer: on_answer(*map(parameter_value_to_python, answer.values)),
             quietly=True,
         )
 
-    def _call(self, service: str, kind: Any, request: Any, take: Callable[[Any], None], quietly: bool = False) -> None:
+    def _call(self, service: str, kind: Any, request: Any, on_answer: Callable, quietly: bool = False) -> None:
         if service not in self._clients:
             self._clients[service] = self._node.create_client(kind, service)
         client = self._clients[service]
         if client.service_is_ready():
-            client.call_async(request).add_done_callback(lambda future: take(future.result()))
+            client.call_async(request).add_done_callback(lambda future: on_answer(future.result()))
         elif not quietly:
             self._report(f'{client.service_name} does not answer: start the nodes with swath-sysid run')
 
@@ -66,10 +66,10 @@ class PageRequests:
         """An accepted model stays until Identify is pressed: windows are not refitted by themselves."""
         parameter = Parameter('auto_identify', value=not is_kept).to_parameter_msg()
 
-        def take(answer: SetParameters.Response) -> None:
+        def on_answer(answer: SetParameters.Response) -> None:
             (result,) = answer.results
             if result.successful:
                 self._on_kept(is_kept)
             self._report(result.reason or ('the model is kept' if is_kept else 'further releases refine the model'))
 
-        self._call('identifier/set_parameters', SetParameters, SetParameters.Request(parameters=[parameter]), take)
+        self._call('identifier/set_parameters', SetParameters, SetParameters.Request(parameters=[parameter]), on_answer)

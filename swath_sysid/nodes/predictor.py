@@ -73,7 +73,7 @@ class Predictor(Node):
 
     def _on_imu(self, message: Imu) -> None:
         """Forecast from a sample or, where others wait behind it, from the newest only."""
-        if self._take_models():
+        if self._use_new_models():
             # a user who has just seen the model must not read that there is none
             self._diagnostics.publish()
         clock_ns = self.get_clock().now().nanoseconds
@@ -97,10 +97,10 @@ class Predictor(Node):
         self.health.published += step.next is not None
         self._forecasts.publish(step)
 
-    def _take_models(self) -> bool:
+    def _use_new_models(self) -> bool:
         """Use what came on model/description, once it is read; whether something came."""
         before = self._described
-        for description in self._intake.taken():
+        for description in self._intake.finished():
             self._described = description
             self._load()
             self.health.note_model(perf_counter())
@@ -136,7 +136,7 @@ class Predictor(Node):
 
     def _reports(self) -> list[Report]:
         # also while the sensor is silent
-        self._take_models()
+        self._use_new_models()
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
 

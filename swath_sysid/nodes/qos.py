@@ -43,10 +43,10 @@ def waiting(subscription: Subscription, most: int) -> list:
     # as rclpy's own executors and wait_for_message take them
     with subscription.handle:
         while len(messages) < most:
-            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-            if taken is None:
+            received = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            if received is None:
                 break
-            messages.append(taken[0])
+            messages.append(received[0])
     return messages
 
 

@@ -135,7 +135,7 @@ class BringUp:
         side = 'down on one side' if axis == 'roll' else 'down at the bow'
         self._push, self._degrees = push, f'{np.degrees(push):.0f} degrees'
         self._ask = f'push the hull {side} by {self._degrees} and let go'
-        # the first that has something to say is where the bring-up stands
+        # the first that gives guidance is the present step
         self._questions = (
             *SENSOR_CHECKS,
             self._no_angles,
@@ -201,11 +201,11 @@ class BringUp:
         self._refits, self._published = refits, published
         if not is_over:
             return None
-        said, fault = of_axis(facts.text(IDENTIFICATION, 'last_verdict'), self.axis), self._other_axis(facts)
+        message, fault = of_axis(facts.text(IDENTIFICATION, 'last_verdict'), self.axis), self._other_axis(facts)
         if facts.model is None and not is_new:
-            cure = f'{said}; release again in still water, from a larger angle'
+            cure = f'{message}; release again in still water, from a larger angle'
             fault = fault or Guidance(PUSH, 'Nothing was identified.', 'not-identified', cure, 'restart')
-        self._stays = None if fault else '' if is_new else said
+        self._stays = None if fault else '' if is_new else message
         self._wait_for_rest(self._newest, fault)
         return fault or self._judgement(facts)
 

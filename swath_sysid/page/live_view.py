@@ -161,9 +161,9 @@ def limits_in_words(limits: QuiescenceLimits | None) -> str:
         ('heave', point.heave if point else np.inf, 'm'),
         ('vertical velocity', point.vertical_velocity if point else np.inf, 'm/s'),
     ]
-    said = [f'{name} {bound:g} {unit}' for name, bound, unit in bounds if np.isfinite(bound)]
+    named = [f'{name} {bound:g} {unit}' for name, bound, unit in bounds if np.isfinite(bound)]
     about = ' about the present trim' if limits.about_trim else ''
-    return f' Quiet means within ±({", ".join(said) or "any motion"}){about} for {limits.duration:g} s.'
+    return f' Quiet means within ±({", ".join(named) or "any motion"}){about} for {limits.duration:g} s.'
 
 
 def sea_words(record: LiveRecord) -> str:

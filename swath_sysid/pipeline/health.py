@@ -35,7 +35,7 @@ FRAME_CHANGED = 'frame-id-changed'
 
 NO_MESSAGE_YET, QUEUED = 'no-message-yet', 'messages-queued'
 #: States that are reported but not counted.
-CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory', 'clock-stands-still'
+CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory', 'clock-is_stopped-still'
 
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
 
@@ -195,8 +195,8 @@ class StreamHealth(Reasons):
             # with a simulated clock that the node has not read yet, messages arrive before their time
             self._ages.append(max(age, 0.0))
         counts = {**core_counts, **self.counts}
-        stands = now_ns == self._reported_ns and not self._since_report
-        level, message = self._verdict(age, self.fresh(counts), stands)
+        is_stopped = now_ns == self._reported_ns and not self._since_report
+        level, message = self._verdict(age, self.fresh(counts), is_stopped)
         period = None if self._reported_at is None else now - self._reported_at
         values: dict[str, object] = {
             'rate_hz': self._since_report / period if period else 0.0,
@@ -221,7 +221,7 @@ class StreamHealth(Reasons):
         elif before is not None:
             self._silence += min(now - before, by_stamps)
 
-    def _verdict(self, age: float | None, fresh: Mapping[str, int], clock_stands: bool) -> tuple[int, str]:
+    def _verdict(self, age: float | None, fresh: Mapping[str, int], clock_is_stopped: bool) -> tuple[int, str]:
         if age is None:
             level = ERROR if self._silence > STARTING_TIME else WARN
             return level, f'no message on {self.topic} yet: {CURES[NO_MESSAGE_YET]}'
@@ -238,7 +238,7 @@ class StreamHealth(Reasons):
             return WARN, f'messages arrive {late:.1f} s late: {CURES[QUEUED]}'
         if abs(age) > LARGEST_STAMP_AGE:
             return WARN, f'stamps differ from the clock by {age:.1f} s: {CURES[CLOCKS_DIFFER]}'
-        if clock_stands:
+        if clock_is_stopped:
             return OK, f'no message on {self.topic} while the clock stands still: {CURES[CLOCK_STANDS]}'
         return OK, f'receiving {self.topic}' + (f'; {self.lasting}' if self.lasting else '')
 

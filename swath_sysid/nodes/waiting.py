@@ -1,4 +1,4 @@
-"""Waiting in coroutines of a node for the end of a worker and for a turn to answer."""
+"""Coroutines of a node that wait for the end of a worker, and for their place in the queue of answers."""
 
 from collections import deque
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from swath_sysid.nodes.worker import OnProgress, Worker
 PERIOD = 0.1  #: s. A client keeps ten of the replies to all clients: a burst of fifty pushes its own out.
 
 
-async def ending_of(
+async def outcome_of(
     worker: Worker, executor: Any, function: Callable, request: Any, on_progress: OnProgress
 ) -> tuple[Any, Exception | None]:
     """Have a worker do something, and wait for its end in a coroutine of an executor of rclpy; see `Worker.submit`."""
@@ -28,8 +28,8 @@ async def ending_of(
     return await ended
 
 
-class Turns:
-    """Lets coroutines of a node go on one at a time."""
+class AnswerQueue:
+    """Lets coroutines of a node continue one at a time."""
 
     def __init__(self, node: Node):
         self._waiting: deque[Future] = deque()
@@ -37,13 +37,13 @@ class Turns:
         self._timer.cancel()
 
     async def wait(self) -> None:
-        """Continue in turn: at once, unless another coroutine did just before."""
+        """Continue at once, unless another coroutine has just done so; then wait in the queue."""
         if self._timer.is_canceled():
             self._timer.reset()
             return
-        turn = Future()
-        self._waiting.append(turn)
-        await turn
+        place = Future()
+        self._waiting.append(place)
+        await place
 
     def _next(self) -> None:
         if self._waiting:
