@@ -35,7 +35,7 @@ FRAME_CHANGED = 'frame-id-changed'
 
 NO_MESSAGE_YET, QUEUED = 'no-message-yet', 'messages-queued'
 #: States that are reported but not counted.
-CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory', 'clock-is_stopped-still'
+CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory', 'clock-stands-still'
 
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
 
