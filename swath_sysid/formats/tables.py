@@ -2,7 +2,6 @@
 
 import io
 import re
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -27,17 +26,15 @@ TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text 
 QUOTED = re.compile(r'"([^"\n]*)"')
 
 LINES_TOGETHER = 1000  #: Lines that are written at once, or parsed cell by cell where one of them is damaged.
-SOME_WORD = re.compile('[a-df-zA-DF-Z/#?]|-[-,;\t\n]')  #: Where a missing value may be written as a word.
 
 #: ISO 8601, with or without a zone.
 ISO_TIME = re.compile(r'"?\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?"?', re.I)
 
-
 #: How a missing value may be written, beside nan.
 MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
-MISSING_WORDS = '|'.join(re.escape(word) for word in sorted(MISSING, reverse=True) if word)
 
 Progress = Callable[[float], None]  #: Takes the share done, 0 to 1.
+Readers = dict[int | str, Callable[[str], float]]  #: Of the cells of columns, by their places.
 
 
 @dataclass(frozen=True)
@@ -148,7 +145,8 @@ class _BlockParser:
     def __init__(self, head: TableHead, indices: Sequence[int]) -> None:
         self.head = head
         self.indices = indices
-        self.date = next((index for index in indices if index in head.dates), None)
+        self.dates: Readers = {index: _seconds for index in indices if index in head.dates}
+        self.readers: Readers = {index: self.dates.get(index, _known) for index in indices}
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line
         self.text_cells = 0
@@ -158,22 +156,19 @@ class _BlockParser:
 
     def parse(self, block: bytes) -> None:
         lines = self._plain(block).split('\n')
-        if self.date is not None:
-            lines = self._with_seconds(lines, self.date)
         self.blocks.append(self._parsed(lines, self.line).T)
         self.line += len(lines) - (not lines[-1])
 
     def _parsed(self, lines: list[str], first: int) -> np.ndarray:
         """The numbers in some lines, of which the first has this number in the file."""
         try:
-            return self._parse_fast(lines)
+            return self._parse_fast(lines, self.dates)
         except ValueError:
-            lines = self._with_missing(lines)
-        parts = [np.empty((0, len(self.indices)))]
+            parts = [np.empty((0, len(self.indices)))]
         for start in range(0, len(lines), LINES_TOGETHER):
             some = lines[start : start + LINES_TOGETHER]
             try:
-                parts.append(self._parse_fast(some))
+                parts.append(self._parse_fast(some, self.readers))
             except ValueError:
                 parts.append(self._parse_cells(some, first + start))
         return np.concatenate(parts)
@@ -202,36 +197,18 @@ class _BlockParser:
             text = text.replace('"', '')
         return text.replace(',', '.') if self.head.decimal_comma else text
 
-    def _parse_fast(self, lines: list[str]) -> np.ndarray:
+    def _parse_fast(self, lines: list[str], readers: Readers) -> np.ndarray:
         if not any(map(str.strip, lines)):
             return np.empty((0, len(self.indices)))
-        return np.loadtxt(lines, delimiter=self.head.delimiter, usecols=self.indices, comments=None, ndmin=2)
-
-    def _with_missing(self, lines: list[str]) -> list[str]:
-        """Lines in which what stands for a missing value is written nan; white space cannot hold an empty cell."""
-        mark = self.head.delimiter
-        if mark is None:
-            return lines
-        text = '\n'.join(lines)
-        has_words = SOME_WORD.search(text)
-        for _ in range(2):  # a cell between two empty cells shares both its marks
-            text = text.replace(2 * mark, f'{mark}nan{mark}')
-        text = text.replace(f'{mark}\n', f'{mark}nan\n').replace(f'\n{mark}', f'\nnan{mark}')
-        if has_words:
-            between = f'[^{re.escape(mark)}\n]'
-            text = re.sub(f'(?i)(?<!{between}) *(?:{MISSING_WORDS}) *(?!{between})', 'nan', text)
-        return text.split('\n')
-
-    def _with_seconds(self, lines: list[str], place: int) -> list[str]:
-        """Lines in which the dates of a column are written as seconds since 1970."""
-        mark = self.head.delimiter
-        cells = [line.split(mark, place + 1) for line in lines]
-        written = [row[place].strip() if len(row) > place else '' for row in cells]
-        joint = mark or ' '
-        return [
-            joint.join([*row[:place], value, *row[place + 1 :]]) if len(row) > place else line
-            for row, value, line in zip(cells, _seconds(written), lines, strict=True)
-        ]
+        return np.loadtxt(
+            lines,
+            delimiter=self.head.delimiter,
+            usecols=self.indices,
+            converters=readers or None,
+            comments=None,
+            ndmin=2,
+            encoding='utf-8',
+        )
 
     def _parse_cells(self, lines: Sequence[str], first: int) -> np.ndarray:
         rows = []
@@ -250,33 +227,25 @@ class _BlockParser:
 
     def _number(self, cell: str, line: int, index: int) -> float:
         try:
-            return float(cell)
+            return self.readers[index](cell)
         except ValueError:
-            if cell.strip().lower() not in MISSING:
-                self.text_cells += 1
-                self.first_text = self.first_text or (line, self.head.names[index], cell.strip())
+            self.text_cells += 1
+            self.first_text = self.first_text or (line, self.head.names[index], cell.strip())
             return np.nan
 
 
-def _seconds(dates: Sequence[str]) -> list[str]:
-    """Seconds since 1970 of dates, with or without a zone; what is no date stays."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # numpy applies a zone and warns that it does not keep it
-            moments = np.array(dates, dtype='datetime64[us]')
-    except ValueError:
-        return [_second(date) for date in dates]
-    seconds = (moments.astype(np.int64) * 1e-6).tolist()
-    known = (~np.isnat(moments)).tolist()
-    return [repr(second) if is_known else date for second, is_known, date in zip(seconds, known, dates, strict=True)]
+def _known(cell: str) -> float:
+    """A number, NaN where it is missing."""
+    return np.nan if cell.strip().lower() in MISSING else float(cell)
 
 
-def _second(date: str) -> str:
+def _seconds(cell: str) -> float:
+    """Seconds since 1970 of a date, with or without a zone; a number stays."""
     try:
-        moment = datetime.fromisoformat(date)
+        return _known(cell)
     except ValueError:
-        return date
-    return repr((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp())
+        moment = datetime.fromisoformat(cell.strip())
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def _opened(path: str | Path) -> BinaryIO:
