@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 
@@ -28,30 +28,28 @@ from swath_sysid.formats.untrusted_yaml import text_of
 class _Ratios:
     """Ratios to the inertia with their covariance, in the order of the file."""
 
+    equation: str
     ratios: Annotated[dict[str, Stated], stated_of(RATIO_UNITS, 'ratio')]
     covariance: Any
 
     @classmethod
-    def of(cls, names: Sequence[str], values: Sequence[float], matrix: np.ndarray) -> '_Ratios':
-        std = np.sqrt(np.diag(matrix)).tolist()
-        ratios = {n: Stated(float(v), s, RATIO_UNITS[n]) for n, v, s in zip(names, values, std, strict=True)}
-        return cls(ratios, matrix.tolist())
+    def of(cls, equation: Equation, values: Sequence[float], matrix: np.ndarray, **more: Any) -> Self:
+        each = zip(equation.terms, values, np.sqrt(np.diag(matrix)).tolist(), strict=True)
+        ratios = {name: Stated(float(value), std, RATIO_UNITS[name]) for name, value, std in each}
+        return cls(equation.name, ratios, matrix.tolist(), **more)
 
-    def equation(self, name: str, where: str) -> tuple[Equation, list[float], np.ndarray]:
+    def known(self, where: str) -> tuple[Equation, np.ndarray, np.ndarray]:
         """The equation, its ratios, and their covariance, both in the order of its terms."""
-        equation = built(lambda: Equation(name, tuple(self.ratios)), where)
+        equation = built(lambda: Equation(self.equation, tuple(self.ratios)), where)
         matrix = covariance(self.covariance, tuple(self.ratios), self.ratios, where)
         order = [tuple(self.ratios).index(term) for term in equation.terms]
-        return equation, [self.ratios[term].value for term in equation.terms], matrix[np.ix_(order, order)]
+        return equation, np.array([self.ratios[term].value for term in equation.terms]), matrix[np.ix_(order, order)]
 
 
 @dataclass(frozen=True)
-class _Axis:
+class _Axis(_Ratios):
     """The model of one axis; null stands for what is not known."""
 
-    equation: str
-    ratios: Annotated[dict[str, Stated], stated_of(RATIO_UNITS, 'ratio')]
-    covariance: Any
     trim_rad: Annotated[float, number(-math.pi, math.pi)]
     trim_std_rad: Annotated[float, if_known(number(lowest=0.0))]
     friction_rate_rad_s: Annotated[float, number(above=0.0)]
@@ -132,40 +130,31 @@ def _identified(plain: _Axis, axis: str, where: str) -> IdentifiedModel:
     smallest, largest = plain.valid_amplitude_rad
     if not smallest <= largest:
         raise InputError(f'{where}, valid_amplitude_rad: give the smallest and the largest amplitude, in this order')
-    equation, values, matrix = _Ratios(plain.ratios, plain.covariance).equation(plain.equation, where)
-    ratios = dict(zip(equation.terms, values, strict=True))
+    equation, ratios, matrix = plain.known(where)
+    values = dict(zip(equation.terms, ratios.tolist(), strict=True))
     model = DecayModel.from_terms(
-        equation, ratios, trim=plain.trim_rad, friction_rate=plain.friction_rate_rad_s, axis=axis
+        equation, values, trim=plain.trim_rad, friction_rate=plain.friction_rate_rad_s, axis=axis
     )
     built(lambda: check_physical(model), where)
-    posterior = None if plain.posterior is None else plain.posterior.equation('posterior', f'{where}, posterior')
+    posterior = None if plain.posterior is None else HullPosterior(*plain.posterior.known(f'{where}, posterior'))
     return IdentifiedModel(
-        model,
-        matrix,
-        plain.trim_std_rad,
-        (smallest, largest),
-        plain.metrics,
-        plain.provenance,
-        None if posterior is None else HullPosterior(posterior[0], np.array(posterior[1]), posterior[2]),
+        model, matrix, plain.trim_std_rad, (smallest, largest), plain.metrics, plain.provenance, posterior
     )
 
 
 def _axis_of(identified: IdentifiedModel) -> _Axis:
     model, posterior = identified.model, identified.posterior
-    ratios = _Ratios.of(tuple(model.terms), tuple(model.terms.values()), identified.covariance)
-    return _Axis(
-        equation=model.equation.name,
-        ratios=ratios.ratios,
-        covariance=ratios.covariance,
+    return _Axis.of(
+        model.equation,
+        list(model.terms.values()),
+        identified.covariance,
         trim_rad=float(model.trim),
         trim_std_rad=float(identified.trim_std),
         friction_rate_rad_s=float(model.friction_rate),
         valid_amplitude_rad=identified.amplitude_range,
         metrics=identified.metrics,
         provenance=identified.provenance,
-        posterior=None
-        if posterior is None
-        else _Ratios.of(posterior.equation.terms, posterior.ratios.tolist(), posterior.covariance),
+        posterior=posterior and _Ratios.of(posterior.equation, posterior.ratios.tolist(), posterior.covariance),
     )
 
 

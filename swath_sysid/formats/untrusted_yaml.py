@@ -159,15 +159,12 @@ _PlainDumper.add_implicit_resolver('tag:yaml.org,2002:float', _LIKE_A_NUMBER, li
 
 
 def _check_text(text: str, source: str) -> None:
-    too_large = f'{source} is larger than {LARGEST_TEXT // 1024} kB: this is not a file of this software'
-    if len(text) > LARGEST_TEXT:
-        raise InputError(too_large)
     try:
         size = len(text.encode('utf-8'))
     except UnicodeEncodeError as error:
         raise InputError(f'{source} is not YAML: it holds characters that no text has') from error
     if size > LARGEST_TEXT:
-        raise InputError(too_large)
+        raise InputError(f'{source} is larger than {LARGEST_TEXT // 1024} kB: this is not a file of this software')
     # a text of nothing but %TAG costs the parser seconds
     if _DIRECTIVE.search(text):
         raise InputError(f'{source}: directives (lines that begin with %) are not understood: leave them out')
