@@ -20,9 +20,9 @@ from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
-from swath_sysid.formats.input_files import existing
+from swath_sysid.formats.input_files import existing, shown
 from swath_sysid.formats.schema import anything, built, named, number, one_of, one_or_more, record, text, whole
-from swath_sysid.formats.untrusted_yaml import plain_content, shown, text_of
+from swath_sysid.formats.untrusted_yaml import plain_content, text_of
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
 #: Placeholder of a pattern to the field it fills and what it matches.

@@ -10,8 +10,8 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.input_files import reading
-from swath_sysid.formats.tables import Progress, TableHead, listed_names, read_columns, read_head, shown
+from swath_sysid.formats.input_files import reading, shown
+from swath_sysid.formats.tables import Progress, TableHead, listed_names, read_columns, read_head
 
 #: Units as the names of columns end in them, with their size in SI.
 UNITS = {

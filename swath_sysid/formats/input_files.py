@@ -7,6 +7,8 @@ from pathlib import Path
 
 from swath_sysid.common.errors import InputError
 
+LONGEST_SHOWN = 80
+
 
 def existing(path: str | Path, named: str = '') -> Path:
     """The path of a file or folder that is there; the error may name it otherwise."""
@@ -23,3 +25,10 @@ def reading(path: str | Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}') from error
+
+
+def shown(value: object) -> str:
+    """A value or a text from a file as a message shows it: printable, on one line, at most 80 characters."""
+    text = ' '.join(str(value)[: 4 * LONGEST_SHOWN].split())
+    text = ''.join(letter if letter.isprintable() else '?' for letter in text)
+    return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'

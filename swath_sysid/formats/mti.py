@@ -20,6 +20,7 @@ SAMPLE_TIME_FINE_WRAP = 1 << 32
 PACKET_COUNTER_WRAP = 1 << 16
 
 COUNTERS = ('PacketCounter', 'Counter')
+CLOCKS = ('SampleTimeFine', *COUNTERS)
 #: Column to reading: angles in deg, the quaternion with its real part first, rates in rad/s, acceleration in m/s^2.
 READINGS = {
     **dict(zip(('Roll', 'Pitch', 'Yaw'), ('roll', 'pitch', 'yaw'), strict=True)),
@@ -31,14 +32,13 @@ READINGS = {
 #: Mat[row][column] turns sensor vectors into world vectors; its last row is the world's up in sensor axes.
 MATRIX_LAST_ROW = ('Mat[3][1]', 'Mat[3][2]', 'Mat[3][3]')
 
-LOOKED_FOR = 'Roll, Pitch, Quat_q0..3, Mat[3][1..3], Gyr_X, Gyr_Y'
+MOTION = [*(name for name in READINGS if not name.startswith('Acc')), *MATRIX_LAST_ROW]
 
 
 def is_mti(names: Sequence[str]) -> bool:
     """Whether a table with columns of these names is an MTi export."""
-    if 'SampleTimeFine' in names or 'PacketCounter' in names:
-        return True
-    return 'Counter' in names and any(name in names for name in (*READINGS, *MATRIX_LAST_ROW))
+    known = 'Counter' in names and not {*READINGS, *MATRIX_LAST_ROW}.isdisjoint(names)
+    return known or 'SampleTimeFine' in names or 'PacketCounter' in names
 
 
 def read_mti(
@@ -54,34 +54,21 @@ def read_mti(
     """
     with reading(path):
         head = read_head(path)
-        wanted = [name for name in ('SampleTimeFine', *COUNTERS, *READINGS, *MATRIX_LAST_ROW) if name in head.names]
-        if not any(name in wanted for name in (*READINGS, *MATRIX_LAST_ROW) if not name.startswith('Acc')):
-            raise InputError(
-                f'{path} holds no roll or pitch motion: looked for {LOOKED_FOR}, '
-                f'found {listed_names(head.names)}; export them in MT Manager'
-            )
-        if not any(name in wanted for name in ('SampleTimeFine', *COUNTERS)):
-            raise InputError(
-                f'{path} holds no time: looked for SampleTimeFine, PacketCounter, '
-                f'found {listed_names(head.names)}; export one of them in MT Manager'
-            )
+        wanted = [name for name in (*CLOCKS, *READINGS, *MATRIX_LAST_ROW) if name in head.names]
+        for kind, sought in (('roll or pitch motion', MOTION), ('time', CLOCKS)):
+            if not set(sought) & set(wanted):
+                raise InputError(
+                    f'{path} holds no {kind}: looked for {", ".join(sought)}, found {listed_names(head.names)}; export '
+                    'one of them in MT Manager'
+                )
         values, advice = read_columns(path, head, [head.names.index(name) for name in wanted], progress)
     columns = dict(zip(wanted, values, strict=True))
-    time = _time(path, columns, head.remarks)
-    return assemble_trial(
-        time, _readings(columns), Installation(frame or 'flu', mounting), source=str(path), advice=advice
-    )
-
-
-def _readings(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """What the sensor read, by our names and in SI units."""
     readings = {reading: columns[name] for name, reading in READINGS.items() if name in columns}
-    for angle in ('roll', 'pitch', 'yaw'):
-        if angle in readings:
-            readings[angle] = np.radians(readings[angle])
+    readings |= {angle: np.radians(readings[angle]) for angle in ('roll', 'pitch', 'yaw') if angle in readings}
     if 'roll' not in readings and all(name in columns for name in MATRIX_LAST_ROW):
         readings['roll'], readings['pitch'] = tilt_angles(*(columns[name] for name in MATRIX_LAST_ROW))
-    return readings
+    time = _time(path, columns, head.remarks)
+    return assemble_trial(time, readings, Installation(frame or 'flu', mounting), source=str(path), advice=advice)
 
 
 def _time(path: str | Path, columns: dict[str, np.ndarray], remarks: dict[str, str]) -> np.ndarray:

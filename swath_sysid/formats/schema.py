@@ -12,7 +12,8 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.untrusted_yaml import LONGEST_NUMBER, shown
+from swath_sysid.formats.input_files import shown
+from swath_sysid.formats.untrusted_yaml import LONGEST_NUMBER
 
 Built = TypeVar('Built')
 Check = Callable[[Any, str], Any]  #: Of a value and its place in the file.

@@ -13,6 +13,7 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.input_files import shown
 
 COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
 BLOCK_BYTES = 1 << 20  #: How much text is parsed at once; a longer line is not a row of a table.
@@ -131,12 +132,6 @@ def listed_names(names: Sequence[str]) -> str:
     """The names of columns, fit for one line of a message."""
     listed = ', '.join(shown(name) for name in names[:12])
     return f'{listed} and {len(names) - 12} more' if len(names) > 12 else listed
-
-
-def shown(text: str) -> str:
-    """Text from a file, short and printable."""
-    clear = ''.join(letter if letter.isprintable() else '?' for letter in text)
-    return clear if len(clear) <= 40 else clear[:40] + '...'
 
 
 class _BlockParser:

@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import LONGEST_SHOWN, shown
 from swath_sysid.formats.plain_data import finite_or_none
 
 LARGEST_TEXT = 256 * 1024  #: Bytes. A model of both axes scheduled on five drafts has about 32,000.
@@ -21,7 +22,6 @@ DEEPEST = 20  #: Lists and mappings inside each other; the deepest that is writt
 MAX_VALUES = 8_000  #: A model of both axes scheduled on five drafts has about 2,200; that many are read within 25 ms.
 LONGEST_NUMBER = 40  #: Characters; a float has at most 24, and nothing that is counted here has 39 digits.
 
-LONGEST_SHOWN = 80
 
 _PARSER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 _NULLS = {'', '~', 'null', 'Null', 'NULL'}
@@ -33,12 +33,6 @@ _FLOAT = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?')
 _NOT_FINITE = re.compile(r'[-+]?\.(?:inf|Inf|INF|nan|NaN|NAN)')
 _LIKE_A_NUMBER = re.compile(r'[-+]?\.?[0-9][-+.0-9eE]*')
 _DIRECTIVE = re.compile(r'^%', re.MULTILINE)
-
-
-def shown(value: object) -> str:
-    """A value as an error message shows it: on one line, at most 80 characters."""
-    text = ' '.join(str(value)[: 4 * LONGEST_SHOWN].split())
-    return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
 
 
 def text_of(path: str | Path, what: str = 'model file') -> str:
