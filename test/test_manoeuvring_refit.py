@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from manoeuvring_runs import OLD
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.identification.refit import (
     ManoeuvreRefitRequest,
@@ -21,28 +21,26 @@ from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 
 pytestmark = pytest.mark.slow
 
-OLD = preset('wamv-vrx-old')
 SETTINGS = ManoeuvringSettings(mass=180.0, generations=2, population=12)
-
-
-def filled(names=('speed_up', 'turns_fast', 'zigzag_20'), seed=1, **options):
-    """A window that saw these runs one after the other."""
-    window = ManoeuvringWindow(**options)
-    programme = trial_programme(OLD)
-    start = 0.0
-    for k, name in enumerate(names):
-        m = with_noise(programme[name], SensorNoise(), 10 * seed + k)
-        for i in range(m.time.size):
-            window.add_thrust('port', m.port[i])
-            window.add_thrust('starboard', m.starboard[i])
-            window.add_motion(start + m.time[i], m.surge[i], m.sway[i], m.yaw_rate[i], m.heading[i], m.x[i], m.y[i])
-        start += m.time[-1] + 10.0
-    return window
 
 
 @pytest.fixture(scope='module')
 def window():
-    return filled()
+    """One that saw three runs one after the other."""
+    window, start = ManoeuvringWindow(), 0.0
+    for k, name in enumerate(('speed_up', 'turns_fast', 'zigzag_20')):
+        m = with_noise(trial_programme(OLD)[name], SensorNoise(), 10 + k)
+        columns = (m.time + start, m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y)
+        for port, starboard, *motion in zip(m.port, m.starboard, *columns, strict=True):
+            thrusts(window, port, starboard)
+            window.add_motion(*motion)
+        start += m.time[-1] + 10.0
+    return window
+
+
+def thrusts(window, port, starboard):
+    window.add_thrust('port', port)
+    window.add_thrust('starboard', starboard)
 
 
 @pytest.fixture(scope='module')
@@ -61,8 +59,7 @@ def test_the_window_keeps_what_came(window):
 
 def test_memory_is_fixed_and_the_oldest_give_way():
     window = ManoeuvringWindow(duration=60.0)
-    window.add_thrust('port', 0.5)
-    window.add_thrust('starboard', 0.4)
+    thrusts(window, 0.5, 0.4)
     for k in range(20000):
         window.add_motion(0.01 * k, 1.0, 0.0, 0.1, 0.0, 0.0, 0.0)
     trial = window.trial()
@@ -77,8 +74,7 @@ def test_what_is_wrong_is_counted_and_left_out():
         window.trial()
     window.add_motion(0.0, 1, 0, 0, 0, 0, 0)
     window.add_thrust('port', float('nan'))
-    window.add_thrust('port', 50.0)
-    window.add_thrust('starboard', 40.0)
+    thrusts(window, 50.0, 40.0)
     with pytest.raises(InputError, match='odometry'):
         window.trial()
     for stamp in (0.0, 0.1, 0.1, 0.05, 0.2):
@@ -94,8 +90,7 @@ def test_what_is_wrong_is_counted_and_left_out():
 
 def test_odometry_without_speeds_leaves_them_to_the_pose():
     window = ManoeuvringWindow()
-    window.add_thrust('port', 50.0)
-    window.add_thrust('starboard', 40.0)
+    thrusts(window, 50.0, 40.0)
     for k in range(60):
         window.add_motion(0.1 * k, 0.0, 0.0, 0.0, 0.1, 0.1 * k, 0.0)
     run = prepare(window.trial())

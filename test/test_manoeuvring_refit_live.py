@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from live_bench import Bench, settings, start_node, stop, wait_for  # noqa: E402
+from manoeuvring_runs import OLD  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from std_msgs.msg import Float32, Float64, String  # noqa: E402
@@ -15,7 +16,6 @@ from std_msgs.msg import Float32, Float64, String  # noqa: E402
 from swath_sysid.formats.manoeuvring_messages import odometry_message  # noqa: E402
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model  # noqa: E402
 from swath_sysid.formats.messages import stamp_ns  # noqa: E402
-from swath_sysid.manoeuvring.hull.presets import preset  # noqa: E402
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise  # noqa: E402
 from swath_sysid.manoeuvring.hull.simulation import simulate  # noqa: E402
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: E402
@@ -23,7 +23,6 @@ from swath_sysid.nodes.qos import LATCHED  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
-OLD = preset('wamv-vrx-old')
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 START = 1000.0
 SEND_RATE = 250.0

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from manoeuvring_runs import trial_of
+from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -74,45 +75,23 @@ def test_bag_round_trip(tmp_path, manoeuvres, name):
 
 
 def test_bag_with_joint_states_and_a_twist_in_world_axes(tmp_path, manoeuvres):
-    store = get_typestore(Stores.ROS2_JAZZY)
-    types, m = store.types, manoeuvres['mixed']
+    store, m = get_typestore(Stores.ROS2_JAZZY), manoeuvres['mixed']
     odometry, joints = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/JointState'
-    with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    write_manoeuvring_bag(tmp_path / 'plain', m)
+    with (
+        AnyReader([tmp_path / 'plain'], default_typestore=store) as reader,
+        Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
         connections = {t: writer.add_connection(f'/{t[-8:]}', t, typestore=store) for t in (odometry, joints)}
-        for k, t in enumerate(m.time):
-            stamp = types['builtin_interfaces/msg/Time'](sec=int(t), nanosec=round((t % 1) * 1e9) % 10**9)
-            header = types['std_msgs/msg/Header'](stamp=stamp, frame_id='odom')
-            vector = types['geometry_msgs/msg/Vector3']
-            c, s = np.cos(m.heading[k]), np.sin(m.heading[k])
-            message = types[odometry](
-                header=header,
-                child_frame_id='base_link',
-                pose=types['geometry_msgs/msg/PoseWithCovariance'](
-                    pose=types['geometry_msgs/msg/Pose'](
-                        position=types['geometry_msgs/msg/Point'](x=m.x[k], y=m.y[k], z=0.0),
-                        orientation=types['geometry_msgs/msg/Quaternion'](
-                            x=0.0, y=0.0, z=np.sin(m.heading[k] / 2), w=np.cos(m.heading[k] / 2)
-                        ),
-                    ),
-                    covariance=np.zeros(36),
-                ),
-                twist=types['geometry_msgs/msg/TwistWithCovariance'](
-                    twist=types['geometry_msgs/msg/Twist'](
-                        linear=vector(x=m.surge[k] * c - m.sway[k] * s, y=m.surge[k] * s + m.sway[k] * c, z=0.0),
-                        angular=vector(x=0.0, y=0.0, z=m.yaw_rate[k]),
-                    ),
-                    covariance=np.zeros(36),
-                ),
-            )
-            writer.write(connections[odometry], round(t * 1e9), store.serialize_cdr(message, odometry))
-            message = types[joints](
-                header=header,
-                name=['right_propeller', 'left_propeller'],
-                position=np.zeros(2),
-                velocity=np.zeros(2),
-                effort=np.array([m.starboard[k], m.port[k]]),
-            )
-            writer.write(connections[joints], round(t * 1e9), store.serialize_cdr(message, joints))
+        sent = [row for row in reader.messages() if row[0].msgtype == odometry]
+        for (_, stamp, raw), heading, port, starboard in zip(sent, m.heading, m.port, m.starboard, strict=True):
+            message = store.deserialize_cdr(raw, odometry)
+            twist, c, s = message.twist.twist.linear, np.cos(heading), np.sin(heading)
+            twist.x, twist.y = twist.x * c - twist.y * s, twist.x * s + twist.y * c
+            writer.write(connections[odometry], stamp, store.serialize_cdr(message, odometry))
+            names, efforts = ['right_propeller', 'left_propeller'], np.array([starboard, port])
+            message = store.types[joints](message.header, names, np.zeros(2), np.zeros(2), efforts)
+            writer.write(connections[joints], stamp, store.serialize_cdr(message, joints))
     trial = read_manoeuvring_bag(tmp_path / 'bag')
     assert trial.thrust_input == 'force'
     assert 'twist-in-world-axes' in {a.code for a in trial.advice}
@@ -193,23 +172,19 @@ def test_smoothing_keeps_a_ramp():
     assert np.allclose(smoothed(ramp, 0.1), 0.3 * np.arange(200.0), atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    'text, match',
-    [
+def test_bad_files_are_refused_in_one_sentence(tmp_path):
+    path = tmp_path / 'bad.csv'
+    for text, match in (
         ('', 'empty'),
         ('time_s,port_thrust_n\n0,1\n', 'starboard'),
         ('time_s,port_thrust_n,starboard_thrust_n\n0,1,1\n', 'no motion'),
         ('port_thrust_n,starboard_thrust_n,surge_m_s\n0,1,1\n', 'time'),
         ('time_s,port_command,starboard_command,surge_m_s\n0,50,1,1\n', 'normalise'),
         ('# frame: foo\ntime_s,port_command,starboard_command,surge_m_s\n0,0.5,1,1\n', 'enu or ned'),
-        ('nan rows\n', 'time'),
-    ],
-)
-def test_bad_files_are_refused_in_one_sentence(tmp_path, text, match):
-    path = tmp_path / 'bad.csv'
-    path.write_text(text)
-    with pytest.raises(InputError, match=match):
-        read_manoeuvring_csv(path)
+    ):
+        path.write_text(text)
+        with pytest.raises(InputError, match=match):
+            read_manoeuvring_csv(path)
 
 
 def test_too_short_or_empty_trials(trials):
