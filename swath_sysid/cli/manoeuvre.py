@@ -50,6 +50,21 @@ from swath_sysid.report.manoeuvring_summary import (
 PROGRAMME = 'programme'
 PREDICTOR = 'manoeuvring_predictor'
 
+#: Fields of ``ManoeuvringSettings`` and of ``DriveSettings`` that are flags, with unit and meaning.
+_SETTINGS = (
+    ('inertia', 'KGM2', 'yaw inertia of the craft without added inertia'),
+    ('thrust_per_command', 'N', 'thrust of one thruster at full command ahead'),
+    ('length', 'M', 'length of the hulls, for the prime system'),
+    ('window', 'S', 'length of a free simulation'),
+    ('generations', 'N', 'generations of the initial search'),
+    ('population', 'N', 'candidates per generation'),
+    ('seed', 'N', 'seed of the initial search'),
+)
+_DRIVE = (
+    ('base', 'SHARE', 'mean input'),
+    ('difference', 'SHARE', 'half the difference of the inputs, positive to starboard'),
+)
+
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The sub-verbs and their arguments."""
@@ -94,10 +109,18 @@ def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
     parser.add_argument(
         '--thrust-input', choices=INPUTS, help='thrust in a bag: forces in N, or commands (default: detected)'
     )
-    parser.add_argument('--odometry-topic', metavar='TOPIC')
-    parser.add_argument('--imu-topic', metavar='TOPIC')
-    parser.add_argument('--port-topic', metavar='TOPIC', help='topic of the port thruster')
-    parser.add_argument('--starboard-topic', metavar='TOPIC')
+    for name in ('odometry', 'imu', 'port', 'starboard'):
+        of = f'topic of the {name} thruster' if name in ('port', 'starboard') else None
+        parser.add_argument(f'--{name}-topic', metavar='TOPIC', help=of)
+
+
+def _add_fields(parser: ArgumentParser, fields: Sequence[tuple[str, str, str]], settings: Any) -> None:
+    """Flags of some fields of settings, with their defaults."""
+    for name, unit, meaning in fields:
+        default = getattr(settings, name)
+        kind = int if isinstance(default, int) else finite
+        told = meaning if default is None else f'{meaning} (default: {default})'
+        parser.add_argument('--' + name.replace('_', '-'), type=kind, default=default, metavar=unit, help=told)
 
 
 def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
@@ -131,12 +154,8 @@ def _add_identify(parser: ArgumentParser) -> None:
     )
     parser.add_argument('--no-validation', action='store_true', help='identify from all runs')
     add_setting(parser, '--mass', 'manoeuvring_identifier', 'mass_kg')
-    parser.add_argument('--inertia', type=finite, metavar='KGM2', help='yaw inertia of the craft without added inertia')
-    parser.add_argument(
-        '--thrust-per-command', type=finite, metavar='N', help='thrust of one thruster at full command ahead'
-    )
     add_setting(parser, '--lever', 'manoeuvring_identifier', 'lever_m')
-    parser.add_argument('--length', type=finite, metavar='M', help='length of the hulls, for the prime system')
+    _add_fields(parser, _SETTINGS, ManoeuvringSettings)
     parser.add_argument(
         '--terms', metavar='A,B,..', help='fit exactly these parameters (default: the simplest adequate set)'
     )
@@ -156,20 +175,6 @@ def _add_identify(parser: ArgumentParser) -> None:
         default=CURRENT_CHOICES[0],
         help='auto: one per run if the heading is known; shared: one for all runs; none (default: %(default)s)',
     )
-    parser.add_argument(
-        '--window', type=finite, default=20.0, metavar='S', help='length of a free simulation (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--generations',
-        type=int,
-        default=15,
-        metavar='N',
-        help='generations of the initial search (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--population', type=int, default=24, metavar='N', help='candidates per generation (default: %(default)s)'
-    )
-    parser.add_argument('--seed', type=int, default=1, metavar='N', help='default: %(default)s')
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
     parser.add_argument('--plot', metavar='DIR', help='write the pictures into this folder')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
@@ -183,18 +188,12 @@ def _identify(arguments: Namespace):
         raise InputError('the seed must not be negative')
     settings = ManoeuvringSettings(
         mass=arguments.mass or None,
-        inertia=arguments.inertia,
-        thrust_per_command=arguments.thrust_per_command,
         lever=arguments.lever or None,
-        length=arguments.length,
         terms=tuple(arguments.terms.split(',')) if arguments.terms else None,
         fixed=dict(assignment(text, 'Xu_dot=-18') for text in arguments.fix),
         towards=dict(_target(text) for text in arguments.towards),
         current=arguments.current,
-        window=arguments.window,
-        generations=arguments.generations,
-        population=arguments.population,
-        seed=arguments.seed,
+        **{name: getattr(arguments, name) for name, _, _ in _SETTINGS},
     )
     both = [*arguments.runs, *(arguments.validate or [])]
     check_outputs([Output('--output', arguments.output), Output('--plot', arguments.plot, is_folder=True)], both)
@@ -341,14 +340,7 @@ def _add_simulate(parser: ArgumentParser) -> None:
         required=True,
         help='a standard test, or a whole programme of trials for identification',
     )
-    parser.add_argument('--base', type=finite, default=0.6, metavar='SHARE', help='mean input (default: %(default)s)')
-    parser.add_argument(
-        '--difference',
-        type=finite,
-        default=0.3,
-        metavar='SHARE',
-        help='half the difference of the inputs, positive to starboard (default: %(default)s)',
-    )
+    _add_fields(parser, _DRIVE, DriveSettings)
     parser.add_argument(
         '--angle-deg', type=finite, default=20.0, metavar='DEG', help='angle of the zig-zag (default: %(default)s)'
     )

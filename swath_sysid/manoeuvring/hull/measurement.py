@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y, Numbers
+from swath_sysid.manoeuvring.motion.trial import turned
 
 INVERSIONS = 4  #: Fixed-point rounds from true to recorded heading.
 
@@ -24,12 +25,6 @@ def recorded_heading(heading: Numbers, p: np.ndarray) -> Numbers:
     for _ in range(INVERSIONS):
         found = heading + deviation(found, p)
     return found
-
-
-def turned(ahead: Numbers, aside: Numbers, angle: Numbers) -> tuple[Numbers, Numbers]:
-    """Components of a vector in axes turned to port by an angle, rad."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return ahead * cosine + aside * sine, aside * cosine - ahead * sine
 
 
 def recorded_speeds(

@@ -10,6 +10,7 @@ from swath_sysid.manoeuvring.hull import terms
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import Numbers
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+from swath_sysid.manoeuvring.motion.trial import turned
 
 STABLE_STEP = 2.0  #: Largest product of step and fastest damping rate; the scheme is stable up to 2.78.
 
@@ -126,11 +127,9 @@ def manoeuvre_of(
 ) -> Manoeuvre:
     """The manoeuvre of u, v, r and heading, x, y, (3, N) each, under inputs (2, N - 1), in steps of s."""
     (u, v, r), (psi, x, y), (port, starboard) = motion, pose, inputs
-    east, north = current
-    surge = u + east * np.cos(psi) + north * np.sin(psi)
-    sway = v - east * np.sin(psi) + north * np.cos(psi)
+    ahead, aside = turned(current[0], current[1], psi)
     held = (np.append(side, side[-1:]) for side in (port, starboard))
-    return Manoeuvre(step * np.arange(u.size), u, v, r, psi, x, y, surge, sway, *held)
+    return Manoeuvre(step * np.arange(u.size), u, v, r, psi, x, y, u + ahead, v + aside, *held)
 
 
 def track(

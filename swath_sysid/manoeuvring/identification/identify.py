@@ -252,50 +252,33 @@ def _searched(problem: Problem, settings: ManoeuvringSettings, note: Callable[[f
 
 
 def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
-    """Derivatives with their flags, and advice for those that cannot be separated."""
+    """Derivatives with their flags, and advice for those that are doubtful."""
     std = np.sqrt(np.diag(found.covariance.matrix))
-    unknowns = problem.unknowns(found.names)
-    flags: dict[str, list[str]] = {name: [] for name in found.names}
+    flags = {name: [problem.flags[name]] if name in problem.flags else [] for name in found.names}
     advice = []
+
+    def warn(key: str, names: tuple[str, ...], **data: object):
+        advice.append(Advice.of(key, name=names[-1], runs=_separating(*names), **data))
+        for name in names:
+            flags[name].append(advice[-1].code)
+
     matrix = correlation(found.covariance.matrix)
-    for i, name in enumerate(found.names):
-        for j in range(i):
-            if abs(matrix[i, j]) > NOT_SEPARABLE:
-                other = found.names[j]
-                flags[name].append('not-separable')
-                flags[other].append('not-separable')
-                advice.append(
-                    Advice.of(
-                        'not-separable: derivatives',
-                        other=other,
-                        name=name,
-                        correlation=matrix[i, j],
-                        runs=_separating(other, name),
-                    )
-                )
-    for k, name in enumerate(found.names):
-        value = found.values[k]
-        if name not in CURRENT and at_bound(problem, name, value):
-            flags[name].append('at-bound')
-            advice.append(Advice.of('at-bound', name=name, value=value, runs=_separating(name)))
-        size = max(abs(value), 0.1 * unknowns.units[k])
-        if name not in CURRENT and not std[k] < UNCERTAIN * size:
-            flags[name].append('uncertain')
-            advice.append(Advice.of('uncertain', name=name, std=std[k], value=value, runs=_separating(name)))
-        if name in problem.flags:
-            flags[name].append(problem.flags[name])
-        if name == 'Xu_dot' and not -STRANGE_MASS * problem.scales.mass < value < 0.2 * problem.scales.mass:
-            flags[name].append('strange-inertia')
-            advice.append(Advice.of('strange-inertia', apparent=problem.scales.mass - value, mass=problem.scales.mass))
-    derivatives = {}
-    for k, name in enumerate(found.names):
+    for i, j in np.argwhere(np.tril(np.abs(matrix), -1) > NOT_SEPARABLE):
+        pair = found.names[j], found.names[i]
+        warn('not-separable: derivatives', pair, other=pair[0], correlation=matrix[i, j])
+    mass, derivatives = problem.scales.mass, {}
+    for name, value, error in zip(found.names, found.values.tolist(), std.tolist(), strict=True):
         if name in CURRENT:
             continue
         parameter = PARAMETERS[INDEX[name]]
-        prime = float(units.to_prime(name, found.values[k])) if parameter.kind in HULL else None
-        derivatives[name] = Derivative(
-            float(found.values[k]), float(std[k]), prime, parameter.unit, tuple(dict.fromkeys(flags[name]))
-        )
+        if at_bound(problem, name, value):
+            warn('at-bound', (name,), value=value)
+        if not error < UNCERTAIN * max(abs(value), 0.1 * problem.scales.unit(name)):
+            warn('uncertain', (name,), value=value, std=error)
+        if name == 'Xu_dot' and not -STRANGE_MASS * mass < value < 0.2 * mass:
+            warn('strange-inertia', (name,), apparent=mass - value, mass=mass)
+        prime = float(units.to_prime(name, value)) if parameter.kind in HULL else None
+        derivatives[name] = Derivative(value, error, prime, parameter.unit, tuple(dict.fromkeys(flags[name])))
     return derivatives, tuple(advice)
 
 

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -98,12 +99,10 @@ def pieces(run: Run) -> list[Run]:
 
 
 def _part(run: Run, span: slice, number: int):
-    cut = {
-        name: getattr(run, name)
-        for name in ('time', 'port', 'starboard', 'driven', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
+    cut: dict[str, Any] = {
+        name: values[..., span] for name, values in vars(run).items() if isinstance(values, np.ndarray)
     }
-    cut = {name: values if values is None else values[span] for name, values in cut.items()}
-    return replace(run, **cut, smooth=run.smooth[:, span], source=f'{run.source} part {number + 1}')
+    return replace(run, **cut, source=f'{run.source} part {number + 1}')
 
 
 def _misfit(scores: Scores, noise: np.ndarray):

@@ -11,14 +11,13 @@ from swath_sysid.manoeuvring.hull.measurement import (
     recorded_position,
     recorded_speeds,
     through_water,
-    turned,
 )
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, substeps_for, track
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.windows import LENGTH, SETTLING, Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run, turned
 
 LEADS = (5.0, 10.0, 20.0)  #: s, at which errors of position and heading are reported.
 RUN_AWAY = 3.0  #: A motion beyond this multiple of the largest measured one has diverged.

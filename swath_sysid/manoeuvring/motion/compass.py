@@ -8,7 +8,7 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.manoeuvring.motion.even import MOVING, even, lowpass, speeds_of_track
-from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial, turned
 
 MIN_MISALIGNMENT = math.radians(4.0)
 SURE = 4.0  #: A significant misalignment is so many standard deviations.
@@ -97,6 +97,5 @@ def _turned(trial: ManoeuvringTrial, offset: float):
     if trial.heading is not None:
         changed['heading'] = trial.heading + offset
     if trial.surge is not None and trial.sway is not None:
-        cosine, sine = math.cos(offset), math.sin(offset)
-        changed.update(surge=trial.surge * cosine + trial.sway * sine, sway=trial.sway * cosine - trial.surge * sine)
+        changed['surge'], changed['sway'] = turned(trial.surge, trial.sway, offset)
     return replace(trial, **changed)

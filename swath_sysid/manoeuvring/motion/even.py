@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from swath_sysid.manoeuvring.motion.resampling import slope
-from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial, turned
 
 MOVING = 0.3  #: m/s; above this the course indicates the heading.
 
@@ -31,8 +31,7 @@ def speeds_of_track(trial: ManoeuvringTrial) -> tuple[np.ndarray, np.ndarray] | 
     _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
     if heading is None or x is None or y is None:
         return None
-    east, north = (slope(p, STEP, 3.1) for p in (x, y))
-    return east * np.cos(heading) + north * np.sin(heading), -east * np.sin(heading) + north * np.cos(heading)
+    return turned(slope(x, STEP, 3.1), slope(y, STEP, 3.1), heading)
 
 
 def lowpass(values: np.ndarray, tau: float) -> np.ndarray:

@@ -18,7 +18,7 @@ from swath_sysid.manoeuvring.motion.resampling import (
     unwrapped,
     without_held,
 )
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, POSE, STEP, ManoeuvringTrial, Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, POSE, STEP, ManoeuvringTrial, Run, turned
 
 
 def prepare(trial: ManoeuvringTrial, gap_means_zero: bool = False, step: float | None = None) -> Run:
@@ -116,11 +116,7 @@ def _derive_channels(
         advice.append(Advice.of('yaw-rate-derived', source=source))
     if heading is None or x is None or y is None or ('surge' in measured and 'sway' in measured):
         return
-    east, north = slope(x, step, 2.1), slope(y, step, 2.1)
-    derived = {
-        'surge': east * np.cos(heading) + north * np.sin(heading),
-        'sway': -east * np.sin(heading) + north * np.cos(heading),
-    }
+    derived = dict(zip(CHANNELS, turned(slope(x, step, 2.1), slope(y, step, 2.1), heading), strict=False))
     missing = [name for name in derived if name not in measured]
     measured.update({name: derived[name] for name in missing})
     advice.append(Advice.of('speed-derived', source=source, missing=' and no '.join(missing)))

@@ -70,3 +70,11 @@ class Run:
     def duration(self) -> float:
         """s."""
         return float(self.time[-1] - self.time[0])
+
+
+def turned(
+    ahead: float | np.ndarray, aside: float | np.ndarray, angle: float | np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Components of a vector in axes turned to port by an angle, rad."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return ahead * cosine + aside * sine, aside * cosine - ahead * sine
