@@ -13,79 +13,55 @@ from swath_sysid.manoeuvring.motion.trial import Run
 
 SPAN = 1.0  #: s.
 
-
-def _changes(series: np.ndarray, span: int):
-    return series[span:] - series[:-span]
+Thrusts = Sequence[tuple[np.ndarray, np.ndarray]]  #: Acting thrust of port and starboard, N, of each run.
 
 
-def _integrals(series: np.ndarray, span: int, step: float):
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (series[1:] + series[:-1]))]) * step
-    return total[span:] - total[:-span]
-
-
-def _regress(columns: Sequence[np.ndarray], target: np.ndarray, lower: Sequence[float], upper: Sequence[float]):
-    """Bounded regression on columns scaled to unit size; zeros where there are too few usable rows."""
-    matrix, target = np.stack(columns, axis=1), np.asarray(target)
-    known = np.all(np.isfinite(matrix), axis=1) & np.isfinite(target)
-    size = np.sqrt(np.mean(matrix[known] ** 2, axis=0)) if known.sum() > 10 * len(columns) else np.zeros(len(columns))
-    if not np.all(size > 0.0):
-        return np.zeros(len(columns))
-    found = lsq_linear(matrix[known] / size, target[known], bounds=(lower, upper))
-    return found.x / size
-
-
-def _rows(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]], features: Callable):
-    """Stacked changes and integrals over all runs: ``features(run, thrust)`` gives the target and the columns."""
-    targets, columns = [], []
-    for run, acting in zip(runs, thrust, strict=True):
+def _regressed(runs: Sequence[Run], thrusts: Thrusts, series: Callable, signs: Sequence[int]) -> np.ndarray:
+    """Coefficients of the columns, zeros where there are too few usable samples. ``series`` makes target and columns of
+    u, v, r, port and starboard; ``signs``: 1 for a coefficient of at least 0, -1 of at most 0, 0 for any.
+    """
+    targets, rows = [], []
+    for run, sides in zip(runs, thrusts, strict=True):
         span = max(1, round(SPAN / run.step))
-        target, series = features(run, acting)
-        driven = np.where(run.driven, 0.0, np.nan)
-        targets.append(_changes(target, span))
-        columns.append([_integrals(s + driven, span, run.step) for s in series])
-    return np.concatenate(targets), [np.concatenate(parts) for parts in zip(*columns, strict=True)]
+        target, *columns = series(*run.smooth, *sides)
+        known = np.array(columns) + np.where(run.driven, 0.0, np.nan)
+        total = np.cumsum(0.5 * (known[:, 1:] + known[:, :-1]), axis=1) * run.step
+        total = np.concatenate([np.zeros((len(columns), 1)), total], axis=1)
+        targets.append(target[span:] - target[:-span])
+        rows.append(total[:, span:] - total[:, :-span])
+    matrix, target = np.concatenate(rows, axis=1).T, np.concatenate(targets)
+    known = np.all(np.isfinite(matrix), axis=1) & np.isfinite(target)
+    size = np.sqrt(np.mean(matrix[known] ** 2, axis=0)) if known.sum() > 10 * len(signs) else np.zeros(len(signs))
+    if not np.all(size > 0.0):
+        return np.zeros(len(signs))
+    sign = np.array(signs)
+    bounds = np.where(sign > 0, 0.0, -np.inf), np.where(sign < 0, 0.0, np.inf)
+    return lsq_linear(matrix[known] / size, target[known], bounds=bounds).x / size
 
 
-def surge_ratios(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+def surge_ratios(runs: Sequence[Run], thrusts: Thrusts) -> np.ndarray:
     """Thrust gain over inertia (at least 0), linear and quadratic damping over inertia (at most 0); zeros where not
     determined.
     """
-
-    def features(run: Run, acting: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        u = run.smooth[0]
-        return u, (acting[0] + acting[1], u, np.abs(u) * u)
-
-    target, columns = _rows(runs, thrust, features)
-    return _regress(columns, target, [0.0, -np.inf, -np.inf], [np.inf, 0.0, 0.0])
+    return _regressed(
+        runs, thrusts, lambda u, v, r, port, starboard: (u, port + starboard, u, np.abs(u) * u), (1, -1, -1)
+    )
 
 
-def yaw_ratios(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+def yaw_ratios(runs: Sequence[Run], thrusts: Thrusts) -> np.ndarray:
     """Gain of the thrust difference over inertia, and linear yaw damping over inertia, shape (2,). Where speed and sway
     are measured the regression includes further damping and the Munk moment, without which a marginally course-stable
     craft looks heavy.
     """
 
-    def features(run: Run, acting: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        r = run.smooth[2]
-        return r, (acting[1] - acting[0], r)
+    def further(u: np.ndarray, v: np.ndarray, r: np.ndarray, *sides: np.ndarray) -> tuple[np.ndarray, ...]:
+        return r, sides[1] - sides[0], r, np.abs(r) * r, np.abs(u) * r, u * v
 
-    def further(run: Run, acting: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        u, v, r = run.smooth
-        return r, (acting[1] - acting[0], r, np.abs(r) * r, np.abs(u) * r, u * v)
-
-    target, columns = _rows(runs, thrust, features)
-    plain = _regress(columns, target, [0.0, -np.inf], [np.inf, 0.0])
-    target, columns = _rows(runs, thrust, further)
-    rich = _regress(columns, target, [0.0, *3 * [-np.inf], -np.inf], [np.inf, 0.0, 0.0, 0.0, np.inf])
+    plain = _regressed(runs, thrusts, lambda u, v, r, port, starboard: (r, starboard - port, r), (1, -1))
+    rich = _regressed(runs, thrusts, further, (1, -1, -1, -1, 0))
     return np.array([rich[0], plain[1] * rich[0] / plain[0]]) if rich[0] > plain[0] > 0.0 else plain
 
 
-def sway_ratios(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+def sway_ratios(runs: Sequence[Run], thrusts: Thrusts) -> np.ndarray:
     """Mass over sway inertia (of -u r), and linear sway damping over inertia, shape (2,)."""
-
-    def features(run: Run, _: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        u, v, r = run.smooth
-        return v, (-u * r, v)
-
-    target, columns = _rows(runs, thrust, features)
-    return _regress(columns, target, [0.0, -np.inf], [np.inf, 0.0])
+    return _regressed(runs, thrusts, lambda u, v, r, port, starboard: (v, -u * r, v), (1, -1))

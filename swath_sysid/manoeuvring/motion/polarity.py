@@ -138,8 +138,7 @@ _CHANNELS: dict[str, tuple[Callable[[ManoeuvringTrial], tuple | None], str]] = {
 
 def _with_thrust_ahead(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
     """The trials with thrust, or surge, reversed where the craft moves astern under positive thrust."""
-    best = max((_likeness([_total_and_surge(t, tau) for t in trials]) for tau in (0.5, 2.0, 5.0)), key=abs)
-    if best > -SEEN_IN_SPEED:
+    if _thrust_likeness(trials, 'surge', 1.0, 0.1, (0.5, 2.0, 5.0)) > -SEEN_IN_SPEED:
         return trials
     # a surge that agrees with the track is not suspected, nor a thrust that turns the craft as it should
     confirmed = any(t.x is not None and t.heading is not None for t in trials)
@@ -148,34 +147,29 @@ def _with_thrust_ahead(trials: Sequence[ManoeuvringTrial], advice: list[list[Adv
     return _reversed(trials, advice, ('surge',), 'surge-reversed')
 
 
-def _driven(port: np.ndarray, starboard: np.ndarray):
-    """Samples where the thrust drives the craft ahead or astern instead of turning it in place."""
-    return np.abs(starboard + port) > DRIVEN * np.abs(starboard - port)
+def _thrust_likeness(
+    trials: Sequence[ManoeuvringTrial], name: str, side: float, least: float, lags: tuple[float, ...]
+) -> float:
+    """Correlation of a motion with the starboard thrust plus ``side`` times the port thrust, at the first-order lag, s,
+    where it is largest. Only motion of a root mean square beyond ``least`` counts, and only where the thrust drives the
+    craft ahead or astern instead of turning it in place.
+    """
 
+    def pair(trial: ManoeuvringTrial, lag: float) -> tuple | None:
+        _, (motion, heading, port, starboard) = even(trial, name, 'heading', 'port', 'starboard')
+        if motion is None and name == 'yaw_rate' and heading is not None:
+            motion = np.gradient(lowpass(heading, 0.5), STEP)
+        if motion is None or port is None or starboard is None or np.sqrt(np.mean(motion**2)) < least:
+            return None
+        driven = np.abs(starboard + port) > DRIVEN * np.abs(starboard - port)
+        return lowpass(starboard + side * port, lag)[driven], motion[driven]
 
-def _total_and_surge(trial: ManoeuvringTrial, tau: float):
-    _, (surge, port, starboard) = even(trial, 'surge', 'port', 'starboard')
-    if surge is None or port is None or starboard is None:
-        return None
-    if np.std(surge) < 0.1 and abs(np.mean(surge)) < 0.2:
-        return None
-    keep = _driven(port, starboard)
-    return lowpass(port + starboard, tau)[keep], surge[keep]
+    return max((_likeness([pair(t, lag) for t in trials]) for lag in lags), key=abs)
 
 
 def _turning_likeness(trials: Sequence[ManoeuvringTrial]):
     """Correlation of the thrust difference with the yaw rate."""
-    return max((_likeness([_difference_and_rate(t, tau) for t in trials]) for tau in (0.3, 1.0, 3.0)), key=abs)
-
-
-def _difference_and_rate(trial: ManoeuvringTrial, tau: float):
-    _, (rate, heading, port, starboard) = even(trial, 'yaw_rate', 'heading', 'port', 'starboard')
-    if rate is None and heading is not None:
-        rate = np.gradient(lowpass(heading, 0.5), STEP)
-    if rate is None or port is None or starboard is None or np.sqrt(np.mean(rate**2)) < 0.01:
-        return None
-    keep = _driven(port, starboard)
-    return lowpass(starboard - port, tau)[keep], rate[keep]
+    return _thrust_likeness(trials, 'yaw_rate', -1.0, 0.01, (0.3, 1.0, 3.0))
 
 
 def _with_sides(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
