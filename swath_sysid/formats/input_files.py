@@ -8,6 +8,7 @@ from pathlib import Path
 from swath_sysid.common.errors import InputError
 
 LONGEST_SHOWN = 80
+BLOCK_BYTES = 1 << 20  #: How much of a file is read at once; a longer line is not a row of a table.
 
 
 def existing(path: str | Path, named: str = '') -> Path:

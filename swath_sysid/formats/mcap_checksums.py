@@ -13,13 +13,13 @@ from typing import BinaryIO
 
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 
+from swath_sysid.formats.input_files import BLOCK_BYTES
+
 MAGIC = b'\x89MCAP0\r\n'
 FOOTER, CHUNK, DATA_END = 0x02, 0x06, 0x0F
 HEAD = struct.Struct('<BQ')
 FOOTER_BYTES = HEAD.size + 20 + len(MAGIC)
 CHUNK_CHECKSUM_AT = 24  #: Behind its times and its uncompressed size.
-
-BLOCK_BYTES = 1 << 20
 
 
 def _records(file: BinaryIO) -> Iterator[tuple[int, int, int]]:

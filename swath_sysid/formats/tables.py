@@ -13,10 +13,9 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
-from swath_sysid.formats.input_files import shown
+from swath_sysid.formats.input_files import BLOCK_BYTES, shown
 
 COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
-BLOCK_BYTES = 1 << 20  #: How much text is parsed at once; a longer line is not a row of a table.
 HEAD_BYTES = 1 << 16  #: How much text is looked at to find the columns.
 LARGEST_RECODED = 1 << 27  #: Bytes of a file in UTF-16 that are read; a longer one is to be saved in UTF-8.
 
