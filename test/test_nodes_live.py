@@ -260,7 +260,7 @@ def test_a_worker_that_dies_is_reported_and_the_next_identification_works(identi
     for pid in before:
         os.kill(pid, signal.SIGKILL)
     answer = bench.wait_for_answer(running_one, 'identify')
-    assert not answer.success and 'was started again' in answer.message
+    assert not answer.success and 'was restarted' in answer.message
     wait_for(lambda: bench.counts('identifier', 'identification')['identification-worker-died'] == 1, 'report')
     assert bench.set_parameters('identifier', population=0, generations=0) == []
     assert 'pitch: ' in identified.identify().message
@@ -371,7 +371,7 @@ def test_each_node_runs_by_itself_and_ends_cleanly_whatever_the_signal(tmp_path)
         assert code == 0, output
         assert 'Traceback' not in output
         assert 'ready: ' in output and 'waiting for the first message on /alone/' in output
-        assert ('no parameter window_sec, so it is left out: did you mean window_s?' in output) == (workers == 0)
+        assert ('no parameter window_sec, so it is ignored: did you mean window_s?' in output) == (workers == 0)
         wait_for(lambda left=left: not any(os.path.exists(f'/proc/{pid}') for pid in left), 'end of the workers')
     bench.close()
 

@@ -154,7 +154,7 @@ def test_to_cancel_nothing_does_nothing(worker):
 def test_a_worker_that_dies_at_work_is_reported_and_started_again(worker):
     before = len(worker.deaths)
     ending = submit(worker, dying).wait()
-    assert isinstance(ending.error, WorkerError) and 'started again' in str(ending.error)
+    assert isinstance(ending.error, WorkerError) and 'was restarted' in str(ending.error)
     assert len(worker.deaths) == before + 1
     assert submit(worker, double, 7).wait().result == 14
 

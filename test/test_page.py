@@ -151,7 +151,7 @@ def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
     tank.look()
     screen.wait_for('nodes-missing: start the nodes', 'cure')
     tank.send(3.0)
-    screen.wait_for('Lie still')
+    screen.wait_for('Keep')
     tank.send(REST_S)
     screen.wait_for('Now push the hull down at the bow by 5 degrees and let go.')
     tank.release(5.0, duration=3.0)

@@ -61,7 +61,7 @@ def test_health_has_a_line_for_every_status_and_names_the_silent(tank):
     }
     assert lines['Sensor'][0] == 0 and lines['Sensor'][1].endswith('Hz, receiving /imu/data')
     assert 'roll 0.0' in lines['Noise of the angles'][1]
-    assert health({}, {})[0] == ('Sensor', 1, 'no word from predictor')
+    assert health({}, {})[0] == ('Sensor', 1, 'no diagnostics from predictor')
 
 
 def test_the_forecast_stands_behind_now_with_its_intervals(tank):

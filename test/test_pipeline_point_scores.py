@@ -137,7 +137,7 @@ def test_the_verb_scores_points_and_the_sensor(record, tmp_path, capsys):
         assert len(velocity['coverage']['90']) == 2 and velocity['deviation_m_s'] > 0.0
     assert main(['forecast', record, '--point', 'bow:2.5,0,0', *options[:4]]) == 0
     told = capsys.readouterr().out
-    for words in ('bow: RMSE', 'vertical velocity', 'm/s', 'persistence', '90 % held'):
+    for words in ('bow: RMSE', 'vertical velocity', 'm/s', 'persistence', '90 % coverage'):
         assert words in told
 
 
@@ -145,7 +145,7 @@ def test_the_verb_scores_points_and_the_sensor(record, tmp_path, capsys):
     ('points', 'words'),
     [
         (['bow:1,2,3', 'bow:1,2,4'], 'given twice'),
-        (['sensor:1,0,0'], "sensor's own place"),
+        (['sensor:1,0,0'], "sensor's own position"),
     ],
 )
 def test_points_that_contradict_each_other_are_refused(record, points, words, capsys):

@@ -45,7 +45,7 @@ def run(arguments: Namespace) -> int:
         path = Path(Path(arguments.new) / MANIFEST if arguments.output is None else arguments.output)
         check_outputs([Output('--output', path)])
         write_new_manifest(arguments.new, path)
-        print(f'{path}: look through it, then: swath-sysid campaign {path} --output FOLDER')
+        print(f'{path}: check it, then run: swath-sysid campaign {path} --output FOLDER')
         return 0
     if arguments.output is None:
         raise InputError('give --output with the folder of the report')

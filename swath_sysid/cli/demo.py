@@ -238,7 +238,7 @@ def _demonstrate(craft: _Craft, stage: _Stage):
     received = stage.listener.received
     starting = f'starting (the first start takes a minute): {craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
     if not stage.wait(starting, stage.listener.is_ready, START_TIMEOUT_S):
-        raise InputError(f'nothing came from the nodes within {START_TIMEOUT_S:g} s: see demo.log')
+        raise InputError(f'the nodes sent nothing within {START_TIMEOUT_S:g} s: see demo.log')
     stage.pause('still water, no model', PAUSE_S)
     for attempt in range(ATTEMPTS):
         first = stage.release('lifting the craft')
@@ -246,7 +246,7 @@ def _demonstrate(craft: _Craft, stage: _Stage):
         if stage.wait(waiting, lambda: received.model_ns is not None, TIMEOUT_S):
             break
         if attempt == ATTEMPTS - 1:
-            raise InputError(f'no model came within {TIMEOUT_S:g} s after either release: see demo.log')
+            raise InputError(f'no model was published within {TIMEOUT_S:g} s of either release: see demo.log')
     stage.pause('identified', PAUSE_S)
     second = stage.release('lifting the craft again')
     stage.pause('forecasting with the identified model', (second - received.angles[-1][0]) * NANOSECOND + SCORED_SPAN)

@@ -158,8 +158,8 @@ def _print_skill(skill: Any, name: str) -> None:
         _print_point(console, skill, point, kinds)
     _print_quiescence(console, skill)
     console.print(
-        f'a sample {1e3 * skill.step_time["median"]:.2f} ms (median), '
-        f'a refit {1e3 * skill.refit_time["median"]:.0f} ms (most {1e3 * skill.refit_time["most"]:.0f} ms)'
+        f'processing: {1e3 * skill.step_time["median"]:.2f} ms per sample (median), '
+        f'{1e3 * skill.refit_time["median"]:.0f} ms per refit (longest {1e3 * skill.refit_time["most"]:.0f} ms)'
     )
 
 
@@ -243,7 +243,7 @@ def _with_sensor(points: list[Point]) -> tuple[Point, ...]:
     if twice:
         raise InputError(f'the point {twice[0]} is given twice: name each point once')
     if any(point.name == SENSOR.name and point != SENSOR for point in points):
-        raise InputError(f"'{SENSOR.name}' is the sensor's own place, 0,0,0: give the point another name")
+        raise InputError(f"'{SENSOR.name}' names the sensor's own position, 0,0,0: give the point another name")
     return (SENSOR, *(point for point in points if point != SENSOR)) if points else ()
 
 

@@ -140,8 +140,8 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
     refused = [name for name in ('equation', 'inertia', 'mass', 'extinction') if getattr(arguments, name)]
     if refused:
         raise InputError(
-            f'--{refused[0]} has no meaning for motion in waves, which gives a linear equivalent only: leave it out, '
-            'or give the record of a free decay'
+            f'--{refused[0]} cannot be used with motion in waves, which gives only an equivalent linear hull: leave it '
+            'out, or give the record of a free decay'
         )
     with progress_of('identify at sea') as progress:
         found = identify_at_sea(
@@ -158,7 +158,7 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
     print_result(arguments.json, data, at_sea_in_words(found))
     if arguments.output and not found.is_usable:
         raise InputError(
-            f'{arguments.output} was not written, this sea does not determine the hull: record longer, on another '
+            f'{arguments.output} was not written, as these waves do not determine the hull: record longer, on another '
             'heading or in another sea, or record a free decay in still water'
         )
     return 0

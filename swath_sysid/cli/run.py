@@ -29,7 +29,7 @@ MODEL_PARAMETERS = {
 END_S = 15.0  #: Within which a process has to end before it is killed.
 
 OPEN_TO_THE_SUBNET = (
-    'these nodes can be used from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to this machine'
+    'the whole subnet can use these nodes: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST restricts them to this machine'
 )
 
 

@@ -37,7 +37,7 @@ class Predictor(Node):
 
     def __init__(self) -> None:
         super().__init__('predictor')
-        self.get_logger().info('loading the filters: up to a minute after an installation, then seconds')
+        self.get_logger().info('loading the filters, which takes seconds, or up to a minute after an installation')
         uncompiled = why_uncompiled()  # which loads numba now, not amid the first samples
         warm_up()
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)

@@ -45,7 +45,7 @@ class SeaFitting:
             self._is_fitting = False
             if error is not None:
                 self._health.note(NOT_FITTED, 'waves')
-                self._logger.error(f'the sea was not fitted, {error}')
+                self._logger.error(f'the waves were not fitted: {error}')
                 continue
             if self._newest_ns >= self._due_ns:
                 self._health.note(LATE_FIT)

@@ -66,7 +66,7 @@ class WindowClient:
             self._on_window(self.newest)
 
     def _give_up(self) -> None:
-        self.stop_waiting('no window came within window_timeout_s: check that imu_buffer publishes motion/window')
+        self.stop_waiting('no window arrived within window_timeout_s: check that imu_buffer publishes motion/window')
 
     def _on_answer(self, future: Future) -> None:
         if not future.result().success:

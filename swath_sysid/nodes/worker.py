@@ -103,7 +103,7 @@ class Worker:
         try:
             how = self._process.restart()
         except OSError as error:
-            return WorkerError(f'the worker process ended and cannot be started again ({error.strerror})')
+            return WorkerError(f'the worker process ended and cannot be restarted ({error.strerror})')
         if self._on_death is not None:
             self._on_death()
-        return WorkerError(f'the worker process ended {how} and was started again: try again')
+        return WorkerError(f'the worker process ended {how} and was restarted: try again')

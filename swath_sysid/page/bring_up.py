@@ -243,7 +243,7 @@ class BringUp:
         if shown is not None:
             return shown
         if self._newest - self._begun < LONGEST_UNREST:
-            return Guidance(REST, 'Lie still, hands off, until the craft has come to rest.')
+            return Guidance(REST, 'Keep your hands off until the craft is at rest.')
         std = np.degrees(np.std(facts.motions[self.axis].between(self._newest - LONGEST_UNREST, None).primary))
         return _waves(REST, f'The craft does not come to rest: {self.axis} of {std:.2g} deg (standard deviation).')
 
@@ -254,8 +254,10 @@ class BringUp:
             return None
         offset = max(abs(levels[axis] - self._levels.get(axis, levels[axis])) for axis in levels)
         if self._has_moved and offset > SMALLEST_PUSH:
-            cure = 'let go at once, hands and lines off; if nobody holds it, it has a new trim: press Release again'
-            return Guidance(PUSH, f'The hull is held {np.degrees(offset):.1f} deg from its rest.', 'held', cure)
+            cure = 'let go at once, hands and lines off. If nobody holds it, its trim has changed: press Release again'
+            return Guidance(
+                PUSH, f'The hull is held {np.degrees(offset):.1f} deg from its rest position.', 'held', cure
+            )
         if self._has_moved:
             self._fault = self._no_decay(facts)
         self._levels, self._rest_end, self._has_moved = levels, self._newest, False
@@ -264,7 +266,7 @@ class BringUp:
         if (shown := self._judgement(facts)) is not None:
             return shown
         if not facts.value('predictor: installation', 'judgements'):
-            return Guidance(REST, 'Lie still, hands off: gravity is compared with the attitude.')
+            return Guidance(REST, 'Keep the craft still: gravity is compared with the attitude.')
         known = '' if facts.model is None else f'A model is known: {described(facts.model)}.'
         return Guidance(PUSH, f'At rest. Now {self._ask}.', cure=known)
 
@@ -273,7 +275,7 @@ class BringUp:
         if max(self._since_rest(facts, axis)[0] for axis in AXES) < SMALLEST_PUSH:
             return self._fault
         if len(split_at_pauses(facts.motions[self.axis].between(self._rest_end, None))) > 1:
-            cure = 'free the machine of other work, or press Identify: the buffer may have them all'
+            cure = 'stop other programs on the machine, or press Identify: the buffer may have every sample'
             return Guidance(PUSH, 'Samples were lost on the way to the page.', 'samples-lost', cure, 'identify')
         return self._other_axis(facts) or Guidance(PUSH, 'That was no free decay.', 'no-decay', NO_DECAY)
 

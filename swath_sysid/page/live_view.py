@@ -42,7 +42,7 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
     for status, name in STATUSES.items():
         report = statuses.get(status)
         if report is None:
-            lines.append((name, WARN, f'no word from {status.partition(":")[0]}'))
+            lines.append((name, WARN, f'no diagnostics from {status.partition(":")[0]}'))
             continue
         rate = f'{float(str(report.values["rate_hz"])):.1f} Hz, ' if 'rate_hz' in report.values else ''
         lines.append((name, report.level, rate + report.message))

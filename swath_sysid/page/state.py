@@ -42,9 +42,9 @@ NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No fr
 #: Label and meaning.
 BUTTONS = {
     'identify': ('Identify', 'fit a model to the last minute of motion now'),
-    'accept': ('Accept', 'keep this model: further motion is not fitted by itself any more'),
+    'accept': ('Accept', 'keep this model: further motion is no longer fitted automatically'),
     'save': ('Save', 'write the model to a file on the machine of the page'),
-    'restart': ('Release again', 'start again with the rest before a push'),
+    'restart': ('Release again', 'start over with the craft at rest'),
     'refine': ('Refine', 'let further releases refine the model again'),
     'rollback': ('Rollback', 'return to the previous model; asks first'),
     'record': ('Record', 'write every topic to a bag on the machine of the page; once more ends it'),
@@ -233,7 +233,7 @@ def refusals(facts: Facts) -> dict[str, str]:
     reasons = {
         'identify': busy or ('' if facts.motions or facts.silence < float('inf') else 'no motion was measured yet'),
         'accept': NO_MODEL if model is None else 'this model is kept already' if facts.is_kept else busy,
-        'refine': '' if facts.is_kept else 'releases refine the model as it is',
+        'refine': '' if facts.is_kept else 'releases already refine the model',
         'save': NO_MODEL if model is None else '',
         'rollback': busy
         or ('' if facts.value(IDENTIFICATION, 'rollbacks_kept') else 'the identifier holds no model before this one'),
@@ -245,7 +245,7 @@ def refusals(facts: Facts) -> dict[str, str]:
 
 def rollback_question(facts: Facts, folder: str) -> str:
     """The question before the present model is replaced."""
-    goes = '' if facts.model is None else f' {described(facts.model)} goes.'
+    goes = '' if facts.model is None else f' {described(facts.model)} is withdrawn.'
     last = facts.value(IDENTIFICATION, 'rollbacks_kept') <= 1.0
-    left = ' No other model is kept: forecasts may then do without one.' if last else ''
+    left = ' No earlier model is kept: forecasts may then have no model.' if last else ''
     return f'Return to the previous model?{goes}{left} The current model is saved first, in {folder}.'

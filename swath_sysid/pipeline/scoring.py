@@ -117,7 +117,7 @@ def score(
     """Score the forecasts of a run and the baselines at the same instants.
 
     Every forecast issued between `warmup` and `until` counts, unless nothing was measured at the time that it is
-    for; where a method has no value the last angle measured, persistence, stands in for it.
+    for. Where a method has no value, persistence (the last measured angle) replaces it.
 
     Args:
         trial: The whole record.
@@ -156,8 +156,8 @@ def score(
     until = end - start if until is None else float(until)
     if min(until, end - start) <= warmup or end - start <= warmup + leads[-1]:
         raise InputError(
-            f'{name} lasts {end - start:.0f} s and nothing of it is scored after the warm-up of {warmup:.0f} s at the '
-            f'longest lead of {leads[-1]:g} s: shorten the warm-up'
+            f'{name} lasts {end - start:.0f} s so no forecast is left to score after the warm-up of {warmup:.0f} s at '
+            f'the longest lead of {leads[-1]:g} s: shorten the warm-up'
         )
     scored = tuple(s for s in run.steps if start + warmup <= s.stamp <= start + until)
     if not scored:
@@ -273,7 +273,7 @@ class _Occasions(NamedTuple):
 def _score(
     record: Record, name: str, at: _Occasions, methods: Mapping[str, np.ndarray], half_width: np.ndarray, stand_in: str
 ):
-    """Scores of the methods' forecasts of a channel; where one has no value the one named stands in."""
+    """Scores of the methods' forecasts of a channel; the named method replaces those without a value."""
     stamps, leads = at.stamps, at.leads
     truth = record.at(stamps[:, None] + leads, [record.names.index(name)])[..., 0]
     resting, baselines = methods[stand_in], [method for method in methods if method != FORECAST]

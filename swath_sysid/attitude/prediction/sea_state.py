@@ -86,8 +86,8 @@ def sea_state(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, ste
     height, least_height = 4.0 * math.sqrt(m0), _MEASURABLE * 4.0 * math.sqrt(of_noise)
     if not height > least_height:
         raise InputError(
-            f'there is no sea that can be measured: {height:.2g} m is no higher than the noise of the sensor may show '
-            f'({least_height:.2g} m)'
+            f'the waves are below the noise floor: a significant height of {height:.2g} m may be noise of the sensor, '
+            f'which shows up to {least_height:.2g} m'
         )
     # a spectrum of few segments is too large where it is squared, by its own variance
     segments = _SEGMENTS_IN_EFFECT * (2.0 * duration / (rows * step) - 1.0)

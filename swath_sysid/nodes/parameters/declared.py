@@ -71,7 +71,7 @@ def _warn_of_unknown(node: Node, names: set[str]) -> None:
             continue
         meant = get_close_matches(name, sorted(known), 1)
         hint = f'did you mean {meant[0]}?' if meant else 'see `ros2 param list`'
-        node.get_logger().warning(f'there is no parameter {name}, so it is left out: {hint}')
+        node.get_logger().warning(f'there is no parameter {name}, so it is ignored: {hint}')
 
 
 def _plain(value: Any) -> Any:

@@ -82,7 +82,7 @@ def _names(group: str, values: Values) -> list[str]:
     for name in names:
         if not re.fullmatch(r'[a-z][a-z0-9_]*', name) or names.count(name) > 1:
             raise InputError(
-                f"the parameter {group} cannot hold '{name}': give each point a name of its own, of small letters, "
+                f"the parameter {group} cannot hold '{name}': give each point its own name of lower-case letters, "
                 'digits and underscores'
             )
     return names
