@@ -15,8 +15,8 @@ from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study,
 from swath_sysid.campaign.papers.publication import DECAY_STUDIES, STUDIES, citation, decay_publication, printed_values
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.report.campaign_page import escaped
-from swath_sysid.report.paper_decay_numbers import trend_of
+from swath_sysid.report.html_page import escaped
+from swath_sysid.report.paper_decay_claims import trend_of
 from swath_sysid.report.paper_manoeuvring import manoeuvring_page
 
 

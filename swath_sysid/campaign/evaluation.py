@@ -7,7 +7,6 @@ general hull on all records of a draft jointly precedes them.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -37,6 +36,7 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import as_plain
+from swath_sysid.common.rounding import percent
 
 CONFIDENCE = 0.95
 ORDER_TOLERANCE = 1e-9
@@ -406,19 +406,14 @@ def noise_statement(
         if len(same) > 1:
             between.append(np.std(same, ddof=1) / np.mean(same))
     words = [
-        f'Within a condition the objective values of the equations differ by {_percent(np.median(ranges))} (median; '
-        f'largest {_percent(max(ranges))})'
+        f'Within a condition the objective values of the equations differ by {percent(np.median(ranges), 2)} (median; '
+        f'largest {percent(max(ranges), 2)})'
     ]
     if between:
-        words.append(f'between repeats of one condition by {_percent(np.median(between))} (standard deviation)')
+        words.append(f'between repeats of one condition by {percent(np.median(between), 2)} (standard deviation)')
     verdict = (
         'no difference exceeds the noise: these values do not distinguish the equations'
         if beyond == 0
         else f'{beyond} of {total} differences from the best exceed the noise (95 %); they are marked'
     )
     return ', '.join(words) + f'; {verdict}.'
-
-
-def _percent(share: Any) -> str:
-    """With two digits, never as a power of ten."""
-    return f'{float(f"{100.0 * share:.2g}"):.12g} %'

@@ -60,14 +60,15 @@ def run(arguments: Namespace) -> int:
             progress=lambda done, name: progress(done / len(equations), name),
         )
     choice = found.choice.identification
-    write_fit(arguments, choice, fit_figure, is_to_be_written(arguments, choice.verdict))
-    advice = (*choice.advice, *choice.verdict.warnings)
-    show_advice(advice)
+    written = write_fit(arguments, choice, fit_figure, is_to_be_written(arguments, choice.verdict))
+    show_advice(choice.advice)
     if arguments.json:
         data = comparison_as_data(found, time.perf_counter() - began)
-        print(json.dumps({**data, **warnings_as_data((*read_advice, *advice))}, indent=2))
+        advice = (*read_advice, *choice.advice, *choice.verdict.warnings)
+        print(json.dumps({**data, **warnings_as_data(advice)}, indent=2))
     else:
         _print_ranking(found)
+        print(f'Choice: {found.reason}', f'The fit is {choice.verdict}', *written, sep='\n')
     return exit_code_of(arguments, choice.verdict)
 
 
@@ -91,4 +92,3 @@ def _print_ranking(comparison: Comparison) -> None:
             style='bold' if ranked is comparison.choice else None,
         )
     Console(file=sys.stdout, width=None if sys.stdout.isatty() else 120).print(table)
-    print(f'Choice: {comparison.reason}')

@@ -22,10 +22,9 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.at_sea_figure import at_sea_figure
-from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
 from swath_sysid.report.extinction_tables import tank_tables
 from swath_sysid.report.fit_figure import fit_figure
-from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, warnings_as_data
+from swath_sysid.report.fit_summary import at_sea_as_data, at_sea_in_words, fit_as_data, fit_in_words, warnings_as_data
 from swath_sysid.report.tables import table_as_data, table_in_words
 
 
@@ -96,13 +95,13 @@ def run(arguments: Namespace) -> int:
         found = identify_problem(problem, settings, progress=progress)
     inertia = particulars.inertia_of(found.model)
     tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
-    write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict))
+    written = write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict))
     # the lines of the result begin with the verdict
     show_advice((*found.advice, *found.verdict.warnings) if arguments.json else found.advice)
     data = fit_as_data(found, time.perf_counter() - began, inertia)
     data |= {table.name: table_as_data(table) for table in tables}
     data |= warnings_as_data((*read_advice, *found.advice, *found.verdict.warnings))
-    lines = [*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t)))]
+    lines = [*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t))), *written]
     print_result(arguments.json, finite_or_none(data), lines)
     return exit_code_of(arguments, found.verdict)
 
@@ -152,10 +151,10 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
             searched=not arguments.at_sea,
             progress=progress,
         )
-    write_fit(arguments, found, at_sea_figure, found.is_usable)
+    written = write_fit(arguments, found, at_sea_figure, found.is_usable)
     show_advice(found.advice)
     data = {**at_sea_as_data(found, time.perf_counter() - began), **warnings_as_data((*read_advice, *found.advice))}
-    print_result(arguments.json, data, at_sea_in_words(found))
+    print_result(arguments.json, data, [*at_sea_in_words(found), *written])
     if arguments.output and not found.is_usable:
         raise InputError(
             f'{arguments.output} was not written, as these waves do not determine the hull: record longer, on another '

@@ -117,13 +117,17 @@ def trials_of(arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...], st
     return trials, advice, axis
 
 
-def write_fit(arguments: Namespace, found: Any, draw: Callable[[Any], 'Figure'], is_usable: bool) -> None:
-    """Write the model file of a fit that is usable, and its picture, where they were asked for."""
+def write_fit(arguments: Namespace, found: Any, draw: Callable[[Any], 'Figure'], is_usable: bool) -> list[str]:
+    """Write the model file of a fit that is usable, and its picture, where asked for; a line on each written file."""
+    written = []
     if arguments.output and is_usable:
         identified = found.identified_model(provenance_of(arguments.trials))
         write_model(arguments.output, {found.model.axis: identified})
+        written.append(f'wrote the model file {arguments.output}')
     if arguments.plot:
         save_figure(draw(found), arguments.plot)
+        written.append(f'wrote the picture {arguments.plot}')
+    return written
 
 
 def chosen_axis(trials: Sequence[Trial], asked: str | None) -> str:

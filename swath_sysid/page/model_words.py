@@ -10,6 +10,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.uncertainty import AmplitudeBands, amplitude_bands
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.common.rounding import percent
 
 ASSUMED_REACH = float(np.radians(5.0))  #: Largest amplitude shown of a model that states none.
 NOT_JUDGED = 'not judged'
@@ -55,7 +56,7 @@ def releases_in(model: IdentifiedModel) -> int:
 def error_of(model: IdentifiedModel) -> str:
     """Expected error of the next release's motion; empty where not known."""
     error = model.metrics.get('motion_error')
-    return f'{100.0 * error:.2g} %' if isinstance(error, float) and isfinite(error) else ''
+    return percent(error, 2) if isinstance(error, float) and isfinite(error) else ''
 
 
 def gain(models: Sequence[IdentifiedModel]) -> str:

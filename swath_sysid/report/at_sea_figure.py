@@ -97,9 +97,12 @@ def _magnification(hertz: np.ndarray, period: float, damping: float):
 
 def _decrement(axes: Axes, found: AtSeaIdentification):
     d = found.decrement
-    axes.plot(d.lag, np.degrees(d.measured), color=MEASURED, linewidth=1.4, label='random decrement, measured')
-    axes.plot(d.lag, np.degrees(d.fitted), '--', color=MODEL, linewidth=1.2, label='of the fitted spectrum')
-    axes.plot(d.lag, np.degrees(d.free_decay), color=SERIES[3], linewidth=1.0, label='free decay of the hull')
+    for values, style, colour, label in (
+        (d.measured, '-', MEASURED, 'random decrement, measured'),
+        (d.fitted, '--', MODEL, 'of the fitted spectrum'),
+        (d.free_decay, '-', SERIES[3], 'free decay of the hull'),
+    ):
+        axes.plot(d.lag, np.degrees(values), style, color=colour, linewidth=1.2, label=label)
     axes.axhline(0.0, color=MEASURED, linewidth=0.5)
     axes.set(xlabel='s after crossing', ylabel=f'{found.model.axis}, deg')
     axes.legend(frameon=False, fontsize='small', loc='upper right')

@@ -3,33 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import cycle
 from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
 
 from swath_sysid.attitude.identification.extinction import (
+    Extinction,
     Particulars,
+    Peaks,
     extinction_of,
     froude_number,
     measured_peaks,
     tank_quantities,
 )
 from swath_sysid.common.errors import InputError
-from swath_sysid.report.campaign_figures import STYLE, legend_below, panel
-from swath_sysid.report.campaign_page import Drawing
+from swath_sysid.common.rounding import digits
+from swath_sysid.report.campaign_figures import legend_below, panel
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.extinction_tables import (
     CURVE_COLUMNS,
     CURVE_NOTE,
     QUANTITY_COLUMNS,
     curve_rows,
+    disagreement,
     peaks_table,
     quantity_row,
 )
-from swath_sysid.report.figures import MEASURED, SERIES, two_std_band
-from swath_sysid.report.tables import Column, Table, digits
+from swath_sysid.report.figures import CROSS, MEASURED, SERIES, two_std_band
+from swath_sysid.report.html_page import Drawing
+from swath_sysid.report.tables import Column, Table, columns_of
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.identify import Identification
@@ -89,133 +95,151 @@ def particulars_of(outcome: CampaignOutcome, condition: Condition) -> Particular
     return Particulars(known('mass_kg'), known('gm_m'), known('inertia_kg_m2'), craft.length_m, craft.beam_m)
 
 
-def _conditions(outcome: CampaignOutcome, axis: AxisOutcome):
-    """Condition, its records, extinction curve or None, joint fit, inertia and particulars."""
-    for condition, fits in sorted(axis.together.items()):
-        members = [k for k, r in enumerate(axis.records) if r.condition == condition]
-        problems = [axis.records[k].problem for k in members]
-        peaks = [measured_peaks(p.motions[0], p.segments[0].period) for p in problems]
+@dataclass(frozen=True)
+class _Decays:
+    """The decays of one condition."""
+
+    condition: Condition
+    members: list[int]  #: Places of its records.
+    peaks: list[Peaks]  #: Of each record.
+    fit: Identification  #: Of all together.
+    particulars: Particulars
+
+    @classmethod
+    def all_of(cls, outcome: CampaignOutcome, axis: AxisOutcome) -> list[_Decays]:
+        """Of every condition of an axis."""
+        found = []
+        for condition, fits in sorted(axis.together.items()):
+            members = [k for k, r in enumerate(axis.records) if r.condition == condition]
+            problems = [axis.records[k].problem for k in members]
+            peaks = [measured_peaks(p.motions[0], p.segments[0].period) for p in problems]
+            found.append(cls(condition, members, peaks, fits[axis.choice], particulars_of(outcome, condition)))
+        return found
+
+    @cached_property
+    def inertia(self) -> float | None:
+        """kg m^2, where it is known."""
+        return self.particulars.inertia_of(self.fit.model)
+
+    @cached_property
+    def curve(self) -> Extinction | None:
+        """The extinction curve, where there are turning points enough."""
         try:
-            curve = extinction_of(peaks)
+            return extinction_of(self.peaks)
         except InputError:
-            curve = None
-        particulars = particulars_of(outcome, condition)
-        fit = fits[axis.choice]
-        yield condition, members, peaks, curve, fit, particulars.inertia_of(fit.model), particulars
+            return None
+
+    @property
+    def label(self) -> str:
+        """Of the legends."""
+        return f'from {self.condition.initial_angle_deg:g} deg'
 
 
 def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, Table]:
     """Tables of one axis: ``damping`` with its budget, ``extinction`` curves, and ``peaks``, every one."""
-    damping, curves, labelled = [], [], []
-    for condition, members, peaks, curve, fit, inertia, particulars in _conditions(outcome, axis):
-        place = condition.loading, condition.initial_angle_deg
-        labelled += [(axis.records[k].name, p) for k, p in zip(members, peaks, strict=True)]
-        at = fit.reference_amplitude
-        repeats = [axis.fits['simulation'][k][axis.choice].bands for k in members]
-        found = tank_quantities(axis.motion, fit.bands, at, inertia, particulars, outcome.manifest.uncertainty, repeats)
+    damping, curves, labelled, findings = [], [], [], []
+    loading = LOADING_NAMES[outcome.quantity]
+    for each in _Decays.all_of(outcome, axis):
+        fit, place = each.fit, (each.condition.loading, each.condition.initial_angle_deg)
+        labelled += [(axis.records[k].name, p) for k, p in zip(each.members, each.peaks, strict=True)]
+        at, repeats = fit.reference_amplitude, [axis.fits['simulation'][k][axis.choice].bands for k in each.members]
+        budget = outcome.manifest.uncertainty
+        found = tank_quantities(axis.motion, fit.bands, at, each.inertia, each.particulars, budget, repeats)
         damping += [(*place, math.degrees(at), *quantity_row(q)) for q in found]
-        terms = {name: fit.ratio(name) for name in fit.model.terms}
-        if curve is not None:
-            curves += [(*place, *row) for row in curve_rows(curve, terms, inertia, particulars, axis.motion)]
-    where = Column(LOADING_NAMES[outcome.quantity], digits(4)), Column('initial angle [deg]', digits(4))
+        if each.curve is not None:
+            terms = {name: fit.ratio(name) for name in fit.model.terms}
+            rows = curve_rows(each.curve, terms, each.inertia, each.particulars, axis.motion)
+            curves += [(*place, *row) for row in rows]
+            findings.append(disagreement(rows, f'{loading} {place[0]:g}, {each.label}: '))
+    where = columns_of({loading: digits(4), 'initial angle [deg]': digits(4)})
     note = (
         'Of the repeats of a condition together, at the geometric mean of the amplitudes seen. Standard uncertainties; '
         'U = 2 times their root sum of squares. Damping in N m s where the inertia is known (GM and mass, or inertia).'
     )
-    budget, columns = (*where, Column('at [deg]', digits(3)), *QUANTITY_COLUMNS), (*where, *CURVE_COLUMNS)
+    budget_columns = (*where, Column('at [deg]', digits(3)), *QUANTITY_COLUMNS)
+    finding = ' '.join(filter(None, findings))
+    name, columns = f'extinction_{axis.axis}', (*where, *CURVE_COLUMNS)
     return {
-        'damping': Table(f'damping_{axis.axis}', f'Damping, {axis.axis}', note, budget, tuple(damping)),
+        'damping': Table(f'damping_{axis.axis}', f'Damping, {axis.axis}', note, budget_columns, tuple(damping)),
         'extinction': Table(
-            f'extinction_{axis.axis}', f'Extinction curves, {axis.axis}', CURVE_NOTE, columns, tuple(curves)
+            name, f'Extinction curves, {axis.axis}', CURVE_NOTE, columns, tuple(curves), finding=finding
         ),
         'peaks': peaks_table(f'peaks_{axis.axis}', labelled),
     }
 
 
-def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
+def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Decrement and equivalent damping against amplitude, a figure a loading."""
-    found = []
-    by_loading: dict[float, list] = {}
-    for item in _conditions(outcome, axis):
-        by_loading.setdefault(item[0].loading, []).append(item)
-    with matplotlib.rc_context(STYLE):
-        for loading, items in by_loading.items():
-            title, name = f'{LOADING_NAMES[outcome.quantity]} {loading:g}', f'{axis.axis}_{loading:g}'
-            curves = f'Extinction curves, {title}: half a cycle, every repeat'
-            damping = (
-                f'Equivalent damping against amplitude, {title}: points of the decrements, bands of the fitted motion '
-                '(two standard deviations), crosses as predicted'
-            )
-            found += [
-                Drawing(f'extinction_{name}', curves, _extinction_figure(items, title, axis)),
-                Drawing(f'damping_{name}', damping, _damping_figure(outcome, items, title, axis)),
-            ]
-    return found
+    every = _Decays.all_of(outcome, axis)
+    for loading in sorted({each.condition.loading for each in every}):
+        items = [each for each in every if each.condition.loading == loading]
+        title, name = f'{LOADING_NAMES[outcome.quantity]} {loading:g}', f'{axis.axis}_{loading:g}'
+        curves = f'Extinction curves, {title}: half a cycle, every repeat'
+        damping = (
+            f'Equivalent damping against amplitude, {title}: points of the decrements, bands of the fitted motion '
+            '(two standard deviations), crosses as predicted'
+        )
+        yield Drawing(f'extinction_{name}', curves, _extinction_figure(items, title, axis))
+        yield Drawing(f'damping_{name}', damping, _damping_figure(outcome, items, title, axis))
 
 
-def _extinction_figure(items: Sequence[tuple], title: str, axis: AxisOutcome):
+def _extinction_figure(items: Sequence[_Decays], title: str, axis: AxisOutcome):
     figure, axes = panel(title=title, xlabel=f'{axis.motion} mean amplitude [deg]', ylabel='decrement [deg]')
-    for k, (condition, _, peaks, curve, *_) in enumerate(items):
-        colour = SERIES[k % len(SERIES)]
-        for p in peaks:
+    for colour, each in zip(cycle(SERIES), items):
+        for p in each.peaks:
             axes.plot(np.degrees(p.mean_amplitude), np.degrees(p.decrement), '.', color=colour, markersize=4)
-        if curve is not None:
-            amplitude = np.linspace(0.0, max(p.mean_amplitude.max() for p in curve.peaks), 60)
-            shown, label = np.degrees(curve.curve(amplitude)), f'from {condition.initial_angle_deg:g} deg'
-            axes.plot(np.degrees(amplitude), shown, color=colour, linewidth=1.2, label=label)
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
-    if axes.lines and any(not str(line.get_label()).startswith('_') for line in axes.lines):
-        legend_below(axes)
+        if each.curve is not None:
+            amplitude = np.linspace(0.0, max(p.mean_amplitude.max() for p in each.curve.peaks), 60)
+            shown = np.degrees(each.curve.curve(amplitude))
+            axes.plot(np.degrees(amplitude), shown, color=colour, linewidth=1.2, label=each.label)
+    axes.set(xlim=(0.0, None), ylim=(0.0, None))
+    legend_below(axes)
     return figure
 
 
-def _damping_figure(outcome: CampaignOutcome, items: Sequence[tuple], title: str, axis: AxisOutcome):
+def _damping_figure(outcome: CampaignOutcome, items: Sequence[_Decays], title: str, axis: AxisOutcome):
     """In N m s where the inertia is known in every condition of the loading, else as a ratio."""
-    dimensional = all(inertia is not None for *_, inertia, _ in items)
+    dimensional = all(each.inertia is not None for each in items)
     symbol = {'roll': 'B44', 'pitch': 'B55'}[axis.motion]
     ylabel = f'{symbol} [N m s]' if dimensional else 'equivalent damping ratio'
     figure, axes = panel(title=title, xlabel=f'{axis.motion} mean amplitude [deg]', ylabel=ylabel)
     highest = 0.0
-    for k, (condition, _, peaks, _, fit, inertia, _) in enumerate(items):
-        colour, bands = SERIES[k % len(SERIES)], fit.bands
-        frequency = bands.curves.frequency
-        factor = 2.0 * inertia * frequency if dimensional else np.ones_like(frequency)
-        value, std = bands.curves.damping_ratio * factor, bands.damping_ratio_std * factor
-        amplitude = np.degrees(bands.curves.amplitude)
-        two_std_band(axes, amplitude, value, std, color=colour, alpha=0.12)
-        axes.plot(amplitude, value, color=colour, linewidth=1.2, label=f'from {condition.initial_angle_deg:g} deg')
-        for p in peaks:
+    for colour, decays in zip(cycle(SERIES), items):
+        bands = decays.fit.bands
+        curves = bands.curves
+        factor = 2.0 * (decays.inertia or 0.0) * curves.frequency if dimensional else np.ones_like(curves.frequency)
+        value, amplitude = curves.damping_ratio * factor, np.degrees(curves.amplitude)
+        two_std_band(axes, amplitude, value, bands.damping_ratio_std * factor, color=colour, alpha=0.12)
+        axes.plot(amplitude, value, color=colour, linewidth=1.2, label=decays.label)
+        for p in decays.peaks:
             half = 0.5 * p.logarithmic_decrement
-            ratio = half / np.hypot(np.pi, half)
-            at = np.interp(p.mean_amplitude, bands.curves.amplitude, factor)
-            axes.plot(np.degrees(p.mean_amplitude), ratio * at, '.', color=colour, markersize=3, alpha=0.7)
+            ratio = half / np.hypot(np.pi, half) * np.interp(p.mean_amplitude, curves.amplitude, factor)
+            axes.plot(np.degrees(p.mean_amplitude), ratio, '.', color=colour, markersize=3, alpha=0.7)
         highest = max(highest, float(np.nanmax(value)))
-    loading = items[0][0].loading
-    fit, inertia = items[-1][4], items[-1][5]
     methods: dict[str, list] = {}
-    for p in outcome.manifest.predictions:
-        if p.axis in (None, axis.motion) and (p.loading is None or math.isclose(p.loading, loading)):
-            value = _predicted(p, fit, inertia, dimensional)
-            if value is not None:
-                methods.setdefault(p.method, []).append((p.amplitude_deg, value))
-    for k, (method, points) in enumerate(sorted(methods.items())):
+    loading = items[0].condition.loading
+    for each in outcome.manifest.predictions:
+        if each.axis in (None, axis.motion) and (each.loading is None or math.isclose(each.loading, loading)):
+            predicted = _predicted(each, items[-1], dimensional)
+            if predicted is not None:
+                methods.setdefault(each.method, []).append((each.amplitude_deg, predicted))
+    for marker, (method, points) in zip(cycle('xP^s'), sorted(methods.items())):
         at, value = zip(*sorted(points), strict=True)
-        axes.plot(at, value, '--', marker='xP^s'[k % 4], color=MEASURED, linewidth=0.8, label=method)
-        highest = max(highest, *(value for _, value in points))
+        axes.plot(at, value, '--', marker=marker, color=MEASURED, linewidth=0.8, label=method, **CROSS)
+        highest = max(highest, *value)
     axes.set_ylim(0.0, 1.4 * highest)
     legend_below(axes)
     return figure
 
 
-def _predicted(prediction: PredictedDamping, fit: Identification, inertia: float | None, dimensional: bool):
+def _predicted(prediction: PredictedDamping, decays: _Decays, dimensional: bool):
     """A prediction in the unit of the figure; None where the inertia that this takes is not known."""
-    curves = fit.bands.curves
-    frequency = float(np.interp(np.radians(prediction.amplitude_deg), curves.amplitude, curves.frequency))
+    curves, inertia = decays.fit.bands.curves, decays.inertia
     moment, ratio = prediction.damping_n_m_s, prediction.damping_ratio
     given = moment if dimensional else ratio
     if given is not None or inertia is None:
         return given
+    at = float(np.interp(np.radians(prediction.amplitude_deg), curves.amplitude, curves.frequency))
     if ratio is not None:
-        return ratio * 2.0 * inertia * frequency
-    return None if moment is None else moment / (2.0 * inertia * frequency)
+        return 2.0 * inertia * at * ratio
+    return None if moment is None else moment / (2.0 * inertia * at)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
-from matplotlib import rcsetup
 
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.common.covariance import correlation
-from swath_sysid.report.campaign_page import Drawing
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.figures import (
+    CROSS,
     MEASURED,
     SERIES,
     TWO_STD,
@@ -26,6 +25,7 @@ from swath_sysid.report.figures import (
     quiet,
     two_std_band,
 )
+from swath_sysid.report.html_page import Drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,32 +37,18 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 4.6, 3.1
 LINE_STYLES = ('-', '--', ':', '-.')
 MAX_POINTS = 500
-STYLE: Any = {
-    'text.color': MEASURED,
-    'axes.labelcolor': MEASURED,
-    'axes.edgecolor': MEASURED,
-    'xtick.color': MEASURED,
-    'ytick.color': MEASURED,
-    # a figure is 350 to 500 px wide on the page, so that a point is about a pixel
-    'font.size': 11.0,
-    'axes.titlesize': 'medium',
-    'legend.fontsize': 10.0,
-    'svg.fonttype': 'none',
-    'axes.prop_cycle': rcsetup.cycler(color=SERIES),
-}
 
 
 def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, list[Drawing]]:
     """Section name to the list of `Drawing` of one axis of a `CampaignOutcome`."""
-    with matplotlib.rc_context(STYLE):
-        return {
-            'decays': list(decay_drawings(outcome, axis)),
-            'against_angle': list(against_angle(outcome, axis)),
-            'against_draft': list(against_draft(outcome, axis)),
-            'amplitude': list(amplitude_drawings(axis)),
-            'records': list(record_drawings(outcome, axis)),
-            'correlations': list(correlation_drawings(outcome, axis)),
-        }
+    return {
+        'decays': list(decay_drawings(outcome, axis)),
+        'against_angle': list(against_angle(outcome, axis)),
+        'against_draft': list(against_draft(outcome, axis)),
+        'amplitude': list(amplitude_drawings(axis)),
+        'records': list(record_drawings(outcome, axis)),
+        'correlations': list(correlation_drawings(outcome, axis)),
+    }
 
 
 def panel(**labels: str) -> tuple[Figure, Axes]:
@@ -76,26 +62,23 @@ def _thinned(size: int):
 
 def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Decays of all drafts on one axis, a figure an angle; with one draft, of all angles on one."""
-    loadings = sorted({c.loading for c in axis.best})
-    several = len(loadings) > 1
-    groups: dict[float | None, list] = {}
+    several = len({c.loading for c in axis.best}) > 1
+    groups: dict[float, list] = {}
     for condition, index in axis.best.items():
-        groups.setdefault(condition.initial_angle_deg if several else None, []).append((condition, index))
-    for angle, members in sorted(groups.items(), key=lambda item: item[0] or 0.0):
-        for what in ('angle', 'rate'):
-            motions = [axis.records[index].problem.motions[0] for _, index in members]
-            if any(getattr(m, what) is None for m in motions):
+        motion = axis.records[index].problem.motions[0]
+        groups.setdefault(condition.initial_angle_deg if several else 0.0, []).append((condition, motion))
+    for angle, members in sorted(groups.items()):
+        title, suffix = (f'from {angle:g} deg', f'{angle:g}deg') if several else ('all angles', 'all')
+        for what, label in (('angle', '[deg]'), ('rate', 'rate [deg/s]')):
+            if any(getattr(motion, what) is None for _, motion in members):
                 continue
-            title = f'from {angle:g} deg' if several else 'all angles'
-            ylabel = f'{axis.motion} [deg]' if what == 'angle' else f'{axis.motion} rate [deg/s]'
-            figure, axes = panel(title=title, xlabel='time since release [s]', ylabel=ylabel)
-            for (condition, _), motion in zip(members, motions, strict=True):
-                label = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
-                time, value = motion.time - motion.time[0], np.degrees(getattr(motion, what))
-                thinned = _thinned(time.size)
-                axes.plot(time[thinned], value[thinned], linewidth=1.1, label=label)
+            figure, axes = panel(title=title, xlabel='time since release [s]', ylabel=f'{axis.motion} {label}')
+            for condition, motion in members:
+                name = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
+                thinned = _thinned(motion.size)
+                time, value = motion.time[thinned] - motion.time[0], np.degrees(getattr(motion, what)[thinned])
+                axes.plot(time, value, linewidth=1.1, label=name)
             axes.legend(frameon=False)
-            suffix = f'{angle:g}deg' if several else 'all'
             yield Drawing(f'decays_{axis.axis}_{what}_{suffix}', f'Recorded decays {title}, best repeats', figure)
 
 
@@ -108,8 +91,7 @@ def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawi
     loadings = sorted({c.loading for c in axis.together})
     for term in axis.schedule.equation.terms:
         figure, axes = _ratio_panel(term, 'initial angle [deg]')
-        for k, loading in enumerate(loadings):
-            colour = SERIES[k % len(SERIES)]
+        for colour, loading in zip(cycle(SERIES), loadings):
             members = sorted(c for c in axis.together if c.loading == loading)
             label = _loading(outcome, members[0])
             _ratios(axes, axis, term, members, 'initial_angle_deg', label, color=colour, linewidth=1.2)
@@ -118,10 +100,11 @@ def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawi
                 for r, fits in zip(axis.records, axis.fits['simulation'], strict=True)
                 if r.condition.loading == loading
             ]
-            axes.plot(*np.transpose(single), 'x', color=colour, markersize=6)
+            axes.plot(*np.transpose(single), 'x', color=colour, **CROSS)
         _finish_ratio(axes)
-        what = 'repeats together with two standard deviations; crosses: single repeats'
-        caption = f'{term} against initial angle: {what}'
+        caption = (
+            f'{term} against initial angle: repeats together with two standard deviations; crosses: single repeats'
+        )
         yield Drawing(f'{term}_against_angle_{axis.axis}', caption, figure)
 
 
@@ -129,22 +112,15 @@ def _ratios(
     axes: Axes, axis: AxisOutcome, term: str, conditions: Sequence[Condition], against: str, label: str, **style: Any
 ):
     """A ratio of the joint fits with two standard deviations, against what the conditions differ in."""
-    values = np.array([axis.together[c][axis.choice].ratio(term) for c in conditions])
-    axes.errorbar(
-        [getattr(c, against) for c in conditions],
-        values[:, 0],
-        TWO_STD * values[:, 1],
-        marker='o',
-        markersize=4,
-        capsize=3,
-        label=label,
-        **style,
-    )
+    value, std = np.array([axis.together[c][axis.choice].ratio(term) for c in conditions]).T
+    style |= {'marker': 'o', 'markersize': 4, 'capsize': 3, 'label': label}
+    axes.errorbar([getattr(c, against) for c in conditions], value, TWO_STD * std, **style)
 
 
 def legend_below(axes: Axes) -> None:
-    """Below the axes, where no curve can run through it."""
-    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.25), ncols=2, frameon=False)
+    """Below the axes, where no curve can run through it; nothing where no curve has a name."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.25), ncols=2, frameon=False)
 
 
 def _ratio_panel(term: str, below: str):
@@ -160,23 +136,21 @@ def _finish_ratio(axes: Axes):
 
 def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Each ratio against loading: a curve an angle, and the scheduled model with its band."""
-    schedule = axis.schedule
+    schedule, quantity = axis.schedule, LOADING_NAMES[outcome.quantity]
     if len(schedule.loadings) < 2:
         return
     angles = sorted({c.initial_angle_deg for c in axis.together})
     fine = np.linspace(schedule.loadings[0], schedule.loadings[-1], 101)
-    ratios, stds = schedule.curve(fine)
-    for column, term in enumerate(schedule.equation.terms):
-        figure, axes = _ratio_panel(term, LOADING_NAMES[outcome.quantity])
-        value = ratios[:, column]
-        two_std_band(axes, fine, value, stds[:, column], color=MEASURED, alpha=0.15)
+    for term, value, std in zip(schedule.equation.terms, *(part.T for part in schedule.curve(fine)), strict=True):
+        figure, axes = _ratio_panel(term, quantity)
+        two_std_band(axes, fine, value, std, color=MEASURED, alpha=0.15)
         axes.plot(fine, value, color=MEASURED, linewidth=1.6, label='all angles: the schedule')
-        for k, angle in enumerate(angles):
+        for colour, angle in zip(cycle(SERIES), angles):
             members = sorted(c for c in axis.together if c.initial_angle_deg == angle)
-            style = {'color': SERIES[k % len(SERIES)], 'linewidth': 0.9, 'linestyle': '--'}
+            style = {'color': colour, 'linewidth': 0.9, 'linestyle': '--'}
             _ratios(axes, axis, term, members, 'loading', f'{angle:g} deg', **style)
         _finish_ratio(axes)
-        caption = f'{term} against {LOADING_NAMES[outcome.quantity]}, two standard deviations'
+        caption = f'{term} against {quantity}, two standard deviations'
         yield Drawing(f'{term}_against_draft_{axis.axis}', caption, figure)
 
 
@@ -184,25 +158,23 @@ def amplitude_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
     """Natural period and equivalent damping against amplitude, all conditions on one axis."""
     loadings = sorted({c.loading for c in axis.together})
     angles = sorted({c.initial_angle_deg for c in axis.together})
-    bands = {condition: fits[axis.choice].bands for condition, fits in sorted(axis.together.items())}
+    several = len(loadings) > 1
+    height = HEIGHT + 0.22 * math.ceil(len(axis.together) / 2)
     for quantity, label in (('period', 'natural period [s]'), ('damping', 'equivalent damping ratio')):
-        height = HEIGHT + 0.22 * math.ceil(len(axis.together) / 2)
         figure, axes = new_panel(WIDTH, height, xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
-        for condition, band in bands.items():
-            amplitude = np.degrees(band.curves.amplitude)
-            value, std = curves_of(band)[label]
-            place = angles.index(condition.initial_angle_deg)
-            style = LINE_STYLES[place % len(LINE_STYLES)]
-            colour = SERIES[(loadings.index(condition.loading) if len(loadings) > 1 else place) % len(SERIES)]
+        for condition, fits in sorted(axis.together.items()):
+            bands, place = fits[axis.choice].bands, angles.index(condition.initial_angle_deg)
+            amplitude, (value, std) = np.degrees(bands.curves.amplitude), curves_of(bands)[label]
+            colour = SERIES[(loadings.index(condition.loading) if several else place) % len(SERIES)]
             two_std_band(axes, amplitude, value, std, color=colour, alpha=0.12)
-            name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if len(loadings) > 1 else '')
+            name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if several else '')
+            style = LINE_STYLES[place % len(LINE_STYLES)]
             axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
         _fit_to_curves(axes)
         if quantity == 'damping':
             axes.set_ylim(bottom=0.0)
         legend_below(axes)
-        quantity_name = label.partition(' [')[0].capitalize()
-        caption = f'{quantity_name} against amplitude, bands of two standard deviations'
+        caption = f'{label.partition(" [")[0].capitalize()} against amplitude, bands of two standard deviations'
         yield Drawing(f'{quantity}_against_amplitude_{axis.axis}', caption, figure)
 
 
@@ -239,14 +211,12 @@ def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterato
     for loading, fits in axis.by_draft.items():
         fit = fits[axis.choice]
         terms = list(fit.model.terms)
-        matrix = correlation(fit.covariance)
+        matrix, count = correlation(fit.covariance), len(terms)
         figure = new_figure(3.4, 3.1)
         axes = figure.subplots()
         axes.pcolormesh(matrix[::-1], cmap='RdBu_r', vmin=-1.0, vmax=1.0, alpha=0.75, edgecolors='none')
-        count = len(terms)
-        for i in range(count):
-            for j in range(count):
-                axes.text(j + 0.5, count - i - 0.5, f'{matrix[i, j]:.2f}', ha='center', va='center', fontsize='small')
+        for (i, j), value in np.ndenumerate(matrix):
+            axes.text(j + 0.5, count - i - 0.5, f'{value:.2f}', ha='center', va='center', fontsize='small')
         axes.set_xticks(np.arange(count) + 0.5, terms)
         axes.set_yticks(np.arange(count) + 0.5, terms[::-1])
         axes.tick_params(length=0)

@@ -18,7 +18,6 @@ from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.model_file import write_scheduled
 from swath_sysid.report.campaign_extinction import conditions_table, extinction_drawings, extinction_tables
 from swath_sysid.report.campaign_figures import campaign_drawings
-from swath_sysid.report.campaign_page import bullets, figures, page, paragraph, table_as_html
 from swath_sysid.report.campaign_tables import (
     coefficient_table,
     coefficients_long_table,
@@ -34,11 +33,12 @@ from swath_sysid.report.campaign_tables import (
     trials_table,
     verdict_table,
 )
-from swath_sysid.report.tables import sentence, table_as_csv
+from swath_sysid.report.html_page import bullets, figures, page, page_style, paragraph, table_as_html
+from swath_sysid.report.tables import table_as_csv
 
 if TYPE_CHECKING:
     from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
-    from swath_sysid.report.campaign_page import Drawing
+    from swath_sysid.report.html_page import Drawing
     from swath_sysid.report.tables import Table
 
 PAGE, MODEL = 'report.html', 'model.yaml'
@@ -57,20 +57,24 @@ def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) ->
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
-    sections, drawn = (
-        [
-            ('short', 'In short', _in_short(outcome)),
-            ('conditions', 'Conditions', [table_as_html(conditions_table(outcome))]),
-        ],
-        [],
-    )
-    for axis in outcome.axes:
-        drawings = campaign_drawings(outcome, axis) | {'extinction': extinction_drawings(outcome, axis)}
-        drawn += [drawing for items in drawings.values() for drawing in items]
-        of_axis = '' if len(outcome.axes) == 1 else f'{axis.axis.capitalize()}: '
-        for anchor, name, parts in _axis_sections(outcome, axis, drawings):
-            name = f'{of_axis}{name[0].lower()}{name[1:]}' if of_axis else name
-            sections.append((f'{axis.axis}-{anchor}', name, parts))
+    with page_style():
+        drawings = [
+            campaign_drawings(outcome, axis) | {'extinction': list(extinction_drawings(outcome, axis))}
+            for axis in outcome.axes
+        ]
+        for drawing in (each for kinds in drawings for items in kinds.values() for each in items):
+            write_text(folder / FIGURES / f'{drawing.name}.svg', drawing.svg)
+    tables = [_axis_tables(outcome, axis) for axis in outcome.axes]
+    sections = [
+        ('short', 'In short', _in_short(outcome)),
+        ('conditions', 'Conditions', [table_as_html(conditions_table(outcome))]),
+    ]
+    for axis, found, drawn in zip(outcome.axes, tables, drawings, strict=True):
+        of_axis = '' if len(outcome.axes) == 1 else f', {axis.axis}'
+        sections += [
+            (f'{axis.axis}-{anchor}', f'{name}{of_axis}', parts)
+            for anchor, name, parts in _axis_sections(axis, found, drawn)
+        ]
     sections += [
         ('trials', 'Trials', [table_as_html(trials_table(outcome))]),
         ('warnings', 'Warnings', _warnings(outcome)),
@@ -78,8 +82,6 @@ def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) ->
     ]
     for table in campaign_tables(outcome):
         write_text(folder / TABLES / f'{table.name}.csv', table_as_csv(table))
-    for drawing in drawn:
-        write_text(folder / FIGURES / f'{drawing.name}.svg', drawing.svg)
     speeds = sorted({axis.speed_m_s for axis in outcome.axes})
     for speed in speeds:
         models = {axis.motion: axis.schedule for axis in outcome.axes if axis.speed_m_s == speed}
@@ -122,7 +124,7 @@ def _in_short(outcome: CampaignOutcome):
             f'<div class="choice"><p><strong>{axis.axis.capitalize()}.</strong> '
             f'{html.escape(axis.ranking.reason)}</p></div>'
         )
-        lines = [f'{sentence(a.message)}.' for a in axis.ranking.findings]
+        lines = [f'{a.message}.' for a in axis.ranking.findings]
         lines += [spread_statement(axis)] if axis.spreads else []
         if axis.is_compared:
             lines += [
@@ -145,14 +147,13 @@ def _order_statement(axis: AxisOutcome):
     return f'No equation fits worse than one that it contains, in any of {len(groups)} rows: the searches converged.'
 
 
-def _axis_sections(outcome: CampaignOutcome, axis: AxisOutcome, drawings: dict[str, list[Drawing]]):
+def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[str, list[Drawing]]):
     """Anchor, name and parts of every section of an axis."""
-    found = _axis_tables(outcome, axis)
     best = {axis.records[k].name for k in axis.best.values()}
     peaks = found['peaks']
     note = f'{peaks.note} Of the best repeats; those of every record are in {TABLES}/{peaks.name}.csv.'
-    found['peaks'] = replace(peaks, note=note, rows=tuple(row for row in peaks.rows if row[0] in best))
-    tables = {name: table_as_html(table) for name, table in found.items()}
+    shown_peaks = replace(peaks, note=note, rows=tuple(row for row in peaks.rows if row[0] in best))
+    tables = {name: table_as_html(table) for name, table in (found | {'peaks': shown_peaks}).items()}
     shown = {kind: figures(items) for kind, items in drawings.items()}
     related = 'Ratios whose correlation is beyond 0.95 cannot be distinguished: use them together only.'
     extinction = [tables[name] for name in ('damping', 'extinction', 'peaks')]
@@ -182,11 +183,12 @@ def _warnings(outcome: CampaignOutcome):
     lines = [f'Manifest, {fault}' for fault in outcome.manifest.faults]
     lines += [f'Left out: {line}' for line in left_out]
     lines += [f'Failed: {line}' for line in outcome.failures]
-    gathered: dict = {}
+    gathered: dict[str, list[str]] = {}
     for t in outcome.trials:
         for advice in t.advice:
-            gathered.setdefault(f'{advice.message}', []).append(t.name)
-    lines += [f'{sentence(m)} ({", ".join(dict.fromkeys(names))})' for m, names in gathered.items()]
+            gathered.setdefault(advice.message, []).append(t.name)
+    # a warning may begin with the name of a term or of a file, whose case is its own
+    lines += [f'{", ".join(dict.fromkeys(names))}: {message}.' for message, names in gathered.items()]
     return [bullets(lines) or paragraph('None.')]
 
 

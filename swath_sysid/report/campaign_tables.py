@@ -12,7 +12,8 @@ from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
 from swath_sysid.campaign.evaluation import beyond_noise, noise_statement, tied_best
-from swath_sysid.report.tables import Column, Table, digits, percent
+from swath_sysid.common.rounding import digits, percent
+from swath_sysid.report.tables import Column, Table
 
 if TYPE_CHECKING:
     from swath_sysid.campaign.evaluation import Condition, Record
@@ -41,6 +42,9 @@ def trials_table(outcome: CampaignOutcome) -> Table:
     def segment(name: str):
         return of_record(lambda r: getattr(r.problem.segments[0], name))
 
+    speed = [('speed [m/s]', of_record(lambda r: r.condition.speed_m_s), digits(4))]
+    if not any(t.entry.speed_m_s for t in outcome.trials):
+        speed = []
     table = Table.of(
         'trials',
         'Trials',
@@ -50,11 +54,7 @@ def trials_table(outcome: CampaignOutcome) -> Table:
         ('axis', lambda t: t.entry.axis),
         (LOADING_NAMES[outcome.quantity], of_record(lambda r: r.condition.loading), digits(4)),
         ('initial angle [deg]', of_record(lambda r: r.condition.initial_angle_deg), digits(4)),
-        *(
-            [('speed [m/s]', of_record(lambda r: r.condition.speed_m_s), digits(4))]
-            if any(t.entry.speed_m_s for t in outcome.trials)
-            else []
-        ),
+        *speed,
         ('repeat', of_record(lambda r: r.repeat), _or_dash),
         ('decay from [s]', segment('start'), digits(5)),
         ('to [s]', segment('end'), digits(5)),
@@ -64,13 +64,8 @@ def trials_table(outcome: CampaignOutcome) -> Table:
         ('SHA-256', lambda t: t.sha256, lambda value: value[:12] or '-'),
     )
     place = [column.name for column in table.columns].index('used')
-    table.marks.update(
-        {
-            (k, place): 'best' if row[place] == 'best' else 'beyond'
-            for k, row in enumerate(table.rows)
-            if row[place] != 'yes'
-        }
-    )
+    marks = {'best': 'best', 'no': 'beyond'}
+    table.marks.update({(k, place): marks[row[place]] for k, row in enumerate(table.rows) if row[place] in marks})
     return table
 
 
@@ -152,33 +147,21 @@ def coefficients_long_table(outcome: CampaignOutcome) -> Table:
     """Every ratio of every fit by the simulation objective: records, conditions, drafts."""
     rows = []
     for axis in outcome.axes:
-        groups = [
-            *(
-                ('record', r.condition.loading, r.condition.initial_angle_deg, r.repeat, own)
-                for r, own in zip(axis.records, axis.fits['simulation'], strict=True)
-            ),
-            *(('condition', c.loading, c.initial_angle_deg, None, own) for c, own in axis.together.items()),
-            *(('draft', loading, None, None, own) for loading, own in axis.by_draft.items()),
+        records = zip(axis.records, axis.fits['simulation'], strict=True)
+        groups: list[tuple] = [
+            ('record', r.condition.loading, r.condition.initial_angle_deg, r.repeat, own) for r, own in records
         ]
+        groups += [('condition', c.loading, c.initial_angle_deg, None, own) for c, own in axis.together.items()]
+        groups += [('draft', loading, None, None, own) for loading, own in axis.by_draft.items()]
         rows += [
             (level, axis.axis, *where, fit.model.equation.name, term, *fit.ratio(term), RATIO_UNITS[term])
             for level, *where, own in groups
             for fit in own
             for term in fit.model.terms
         ]
-    names = (
-        'level',
-        'axis',
-        LOADING_NAMES[outcome.quantity],
-        'initial angle [deg]',
-        'repeat',
-        'equation',
-        'ratio',
-        'value',
-        'standard deviation',
-        'unit',
-    )
-    return Table('coefficients', 'Coefficients', 'All levels.', tuple(map(Column, names)), tuple(rows))
+    names = f'level,axis,{LOADING_NAMES[outcome.quantity]},initial angle [deg],repeat,equation,ratio,value'.split(',')
+    columns = tuple(map(Column, (*names, 'standard deviation', 'unit')))
+    return Table('coefficients', 'Coefficients', 'All levels.', columns, tuple(rows))
 
 
 def ranking_table(axis: AxisOutcome) -> Table:
@@ -274,16 +257,16 @@ def spread_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
 
 def spread_statement(axis: AxisOutcome) -> str:
     """One sentence on how the repeats agree in period and damping; empty where nothing was repeated."""
-    by_quantity = {
-        name: [s.spread / abs(s.mean) for s in axis.spreads if s.quantity == name]
+    shares = [
+        percent(float(np.median([s.spread / abs(s.mean) for s in axis.spreads if s.quantity == name])), 2)
         for name in ('natural_period_s', 'damping_ratio')
-    }
-    if not by_quantity['natural_period_s']:
+        if axis.spreads
+    ]
+    if not shares:
         return ''
-    period, damping = (float(np.median(v)) for v in by_quantity.values())
     return (
-        f'Repeats agree to {100 * period:.2g} % in natural period and {100 * damping:.2g} % in equivalent damping '
-        '(standard deviation, median over the conditions).'
+        f'Repeats agree to {shares[0]} in natural period and {shares[1]} in equivalent damping (standard deviation, '
+        'median over the conditions).'
     )
 
 
@@ -294,10 +277,9 @@ def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bo
         for record, own in zip(axis.records, axis.judgements, strict=True)
         for judged in (own if every_equation else [own[axis.choice]])
     ]
-    name, title = f'errors_{axis.axis}', f'Errors of {axis.ranking.choice.name}, {axis.axis}'
     return Table.of(
-        f'errors_every_equation_{axis.axis}' if every_equation else name,
-        'Errors' if every_equation else title,
+        f'errors_every_equation_{axis.axis}' if every_equation else f'errors_{axis.axis}',
+        'Errors' if every_equation else f'Errors of {axis.ranking.choice.name}, {axis.axis}',
         'Root mean square errors; in percent: of the standard deviation of the measured motion. Forecasts start all '
         'along the record from the measured state, whose own noise they carry; the simulated motion starts once, at '
         'the release.',
@@ -318,7 +300,7 @@ def next_step_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     """The papers' check: ten samples of measured and next-step rate of one record."""
     index = axis.best[_design_condition(axis)]
     record, fit = axis.records[index], axis.fits['simulation'][index][axis.choice]
-    checked = next_step(fit.model.with_trim(fit.states[0].trim), record.problem.motions[0])
+    checked = next_step(fit.model.with_trim(fit.states[0].trim), fit.problem.motions[0])
     steady = np.convolve(np.abs(checked.measured), np.ones(CHECKED_SAMPLES), mode='valid')
     chosen = slice(first := int(np.argmax(steady)), first + CHECKED_SAMPLES)
     samples = np.transpose([checked.time[chosen], checked.measured[chosen], checked.predicted[chosen]]).tolist()

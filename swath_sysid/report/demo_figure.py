@@ -1,4 +1,4 @@
-"""The picture of the demonstration: forecasts against the measured motion, before and after identification."""
+"""The picture of the demonstration: forecasts against the motion of its simulated craft, before and after."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE
-from swath_sysid.report.figures import MEASURED, new_figure, quiet
+from swath_sysid.report.figures import MEASURED, band, new_figure, quiet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 BEFORE, AFTER, BAND = '#e08e2b', '#0b8a83', '#9fd8d2'
 NORMAL_90 = 1.6449
+TRUTH = 'simulated craft'
+DOTS: Any = {'marker': '.', 'linestyle': '', 'markersize': 4.5}
 MAX_LEADS = 4
 
 
@@ -44,75 +46,44 @@ def _draw_run(axes: Axes, demonstration: Demonstration, limit: float):
     # a forecast that was issued while the craft was lifted or held cannot know that it will be released
     before, after = (demonstration.during(forecasts, number) for number in (0, 1))
     ahead = f'forecast {forecasts.lead:g} s ahead'
-    for chosen, colour, name in (
-        (before, BEFORE, f'{ahead}, no model yet'),
-        (after, AFTER, f'{ahead}, identified model'),
-    ):
-        axes.plot(chosen.time - begin, np.degrees(chosen.angle), '.', color=colour, markersize=4.5, label=name)
-    axes.fill_between(
-        after.time - begin,
-        np.degrees(after.angle - NORMAL_90 * after.std),
-        np.degrees(after.angle + NORMAL_90 * after.std),
-        color=BAND,
-        alpha=0.45,
-        linewidth=0,
-        label='its 90 % interval',
-    )
-    axes.plot(
-        demonstration.time - begin, np.degrees(demonstration.angle), color=MEASURED, linewidth=1.5, label='measured'
-    )
+    for chosen, colour, name in ((before, BEFORE, 'no model yet'), (after, AFTER, 'identified model')):
+        style = DOTS | {'color': colour, 'label': f'{ahead}, {name}'}
+        axes.plot(chosen.time - begin, np.degrees(chosen.angle), **style)
+    middle, half_width = np.degrees(after.angle), np.degrees(NORMAL_90 * after.std)
+    band(axes, after.time - begin, middle, half_width, color=BAND, alpha=0.45, label='its 90 % interval')
+    angle = np.degrees(demonstration.angle)
+    axes.plot(demonstration.time - begin, angle, color=MEASURED, linewidth=1.5, label=TRUTH)
+    first, second = demonstration.releases
+    words: Any = {'color': MEASURED, 'fontsize': 'small', 'xytext': (5, 6), 'textcoords': 'offset points'}
     for moment, what in (
-        (demonstration.releases[0], 'release'),
+        (first, 'release'),
         (demonstration.model_time, 'decay noticed,\nmodel identified'),
-        (demonstration.releases[1], 'second release'),
+        (second, 'second release'),
     ):
         axes.axvline(moment - begin, color=MEASURED, linewidth=0.8, linestyle=':')
-        axes.annotate(
-            what, (moment - begin, -limit), xytext=(5, 6), textcoords='offset points', fontsize='small', color=MEASURED
-        )
-    axes.set_xlim(0.0, demonstration.time[-1] - begin)
-    axes.set_ylim(-limit, limit)
-    axes.set_ylabel(f'{demonstration.axis} [deg]')
-    axes.set_xlabel('time [s]')
+        axes.annotate(what, (moment - begin, -limit), **words)
+    axes.set(xlim=(0.0, demonstration.time[-1] - begin), ylim=(-limit, limit))
+    axes.set(xlabel='time [s]', ylabel=f'{demonstration.axis} [deg]')
     axes.legend(frameon=False, loc='upper center', ncols=4, fontsize='small', bbox_to_anchor=(0.5, 1.1))
 
 
 def _draw_lead(axes: Axes, demonstration: Demonstration, forecasts: LeadForecasts, limit: float):
     first, second = demonstration.releases
     moving = (demonstration.time >= second - 0.5) & (demonstration.time <= demonstration.end(1))
-    axes.plot(
-        demonstration.time[moving] - second,
-        np.degrees(demonstration.angle[moving]),
-        color=MEASURED,
-        linewidth=1.2,
-        zorder=3,
-        label='measured',
-    )
-    for number, release, colour, name in (
-        (0, first, BEFORE, 'forecast, previous release'),
-        (1, second, AFTER, 'forecast, this release'),
-    ):
-        scored = demonstration.during(forecasts, number)
-        axes.plot(scored.time - release, np.degrees(scored.angle), '.', color=colour, markersize=4.5, label=name)
+    time, angle = demonstration.time[moving] - second, np.degrees(demonstration.angle[moving])
+    axes.plot(time, angle, color=MEASURED, linewidth=1.2, zorder=3, label=TRUTH)
+    for number, (release, colour, name) in enumerate(((first, BEFORE, 'previous'), (second, AFTER, 'this'))):
+        scored, style = demonstration.during(forecasts, number), DOTS | {'label': f'forecast, {name} release'}
+        axes.plot(scored.time - release, np.degrees(scored.angle), color=colour, **style)
     blind = forecasts.lead + UNAWARE
     axes.axvspan(-0.5, blind, color=MEASURED, alpha=0.05, linewidth=0)
     if blind > 0.25 * SCORED_SPAN:
-        axes.text(
-            0.5 * blind - 0.25,
-            -0.9 * limit,
-            'forecast before\nthe release',
-            ha='center',
-            fontsize='x-small',
-            color=MEASURED,
-            alpha=0.7,
-        )
+        place, words = (0.5 * blind - 0.25, -0.9 * limit), 'forecast before\nthe release'
+        axes.text(*place, words, ha='center', fontsize='x-small', color=MEASURED, alpha=0.7)
     before, after = (demonstration.error(forecasts, number) for number in (0, 1))
-    periods = f'{forecasts.lead / demonstration.period:.2g} period'
-    axes.set_title(
-        f'{forecasts.lead:g} s ahead ({periods})\nNRMSE {before:.2f} → {after:.2f}', fontsize='medium', color=MEASURED
-    )
-    axes.set_xlim(-0.5, SCORED_SPAN)
-    axes.set_ylim(-limit, limit)
+    ahead = f'{forecasts.lead:g} s ahead ({forecasts.lead / demonstration.period:.2g} period)'
+    axes.set_title(f'{ahead}\nNRMSE {before:.2f} → {after:.2f}', fontsize='medium', color=MEASURED)
+    axes.set(xlim=(-0.5, SCORED_SPAN), ylim=(-limit, limit))
 
 
 def _headline(demonstration: Demonstration, verdict: Verdict):

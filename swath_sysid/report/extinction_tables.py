@@ -11,8 +11,10 @@ import numpy as np
 
 from swath_sysid.attitude.identification.extinction import extinction_of, measured_peaks, tank_quantities
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.rounding import digits
+from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.fit_summary import short_name
-from swath_sysid.report.tables import Column, Table, digits
+from swath_sysid.report.tables import Table, columns_of
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.extinction import Extinction, Particulars, Peaks, TankQuantity, TypeB
@@ -21,6 +23,19 @@ if TYPE_CHECKING:
 DEGREE = math.pi / 180.0
 CURVE_TERMS = (('p1', '-', 1.0), ('p2', '1/deg', DEGREE), ('p3', '1/deg^2', DEGREE**2), ("Bertin's N", '1/deg', DEGREE))
 DAMPING_TERMS = (('b1', '1/s', 'N m s'), ('b2', '1/rad', 'N m s^2'), ('b3', 's/rad^2', 'N m s^3'))
+PEAK_COLUMNS = columns_of(
+    {
+        'record': str,
+        'peak': str,
+        'time [s]': digits(5),
+        'angle [deg]': digits(4),
+        'mean amplitude [deg]': digits(4),
+        'decrement [deg]': digits(3),
+        'logarithmic decrement per cycle': digits(3),
+        'period [s]': digits(4),
+        "Bertin's N [1/deg]": digits(3),
+    }
+)
 SOURCES = {
     'sensor_scale': 'sensor scale',
     'time_base': 'time base',
@@ -34,32 +49,22 @@ def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
     """Every turning point with its decrement, angles in deg, of records with their names; the name is the file's."""
     rows = []
     for label, peaks in labelled:
-        measured = (
-            np.degrees(peaks.mean_amplitude),
-            np.degrees(peaks.decrement),
-            peaks.logarithmic_decrement,
-            peaks.period,
-            peaks.bertin * DEGREE,
-        )
         # a decrement belongs to the turning point between its two half cycles
-        between = np.pad(np.array(measured), ((0, 0), (1, 1)), constant_values=np.nan)
-        rows += [
-            (label, k + 1, float(t), math.degrees(a), *map(float, values))
-            for k, (t, a, values) in enumerate(zip(peaks.time, peaks.angle, between.T, strict=True))
-        ]
-    columns = (
-        Column('record'),
-        Column('peak'),
-        Column('time [s]', digits(5)),
-        Column('angle [deg]', digits(4)),
-        Column('mean amplitude [deg]', digits(4)),
-        Column('decrement [deg]', digits(3)),
-        Column('logarithmic decrement per cycle', digits(3)),
-        Column('period [s]', digits(4)),
-        Column("Bertin's N [1/deg]", digits(3)),
-    )
+        between = np.pad(
+            [
+                np.degrees(peaks.mean_amplitude),
+                np.degrees(peaks.decrement),
+                peaks.logarithmic_decrement,
+                peaks.period,
+                peaks.bertin * DEGREE,
+            ],
+            ((0, 0), (1, 1)),
+            constant_values=np.nan,
+        )
+        table = np.vstack([peaks.time, np.degrees(peaks.angle), between]).T.tolist()
+        rows += [(label, number, *values) for number, values in enumerate(table, 1)]
     note = 'The decrement is that of half a cycle, of half the swings before and after the peak: trim cancels.'
-    return Table(name, 'Peaks and decrements', note, columns, tuple(rows))
+    return Table(name, 'Peaks and decrements', note, PEAK_COLUMNS, tuple(rows))
 
 
 def _damping_units(particulars: Particulars, axis: str):
@@ -95,16 +100,34 @@ def curve_rows(
     return rows
 
 
-CURVE_COLUMNS = (
-    Column('quantity'),
-    Column('unit'),
-    Column('extinction curve', digits(4)),
-    Column('std', digits(2)),
-    Column('motion fit', digits(4)),
-    Column('motion fit std', digits(2)),
-    Column('times inertia', digits(4)),
-    Column('its unit'),
-    Column('without dimension', digits(4)),
+def disagreement(rows: Iterable[tuple], where: str = '') -> str:
+    """A sentence on the terms in which curve and fitted motion differ by more than their intervals; empty: in none."""
+    apart = [
+        f'{name} ({digits(3)(curve)} ± {digits(2)(TWO_STD * std)} against {digits(3)(fitted)} ± '
+        f'{digits(2)(TWO_STD * fitted_std)} {unit})'
+        for name, unit, curve, std, fitted, fitted_std, *_ in rows
+        if fitted is not None and std > 0.0 and abs(curve - fitted) > TWO_STD * (std + fitted_std)
+    ]
+    if not apart:
+        return ''
+    return (
+        f'{where}The extinction curve, which sees the peaks alone, and the fitted motion differ by more than their '
+        f'intervals in {" and ".join(apart)}.'
+    )
+
+
+CURVE_COLUMNS = columns_of(
+    {
+        'quantity': str,
+        'unit': str,
+        'extinction curve': digits(4),
+        'std': digits(2),
+        'motion fit': digits(4),
+        'motion fit std': digits(2),
+        'times inertia': digits(4),
+        'its unit': str,
+        'without dimension': digits(4),
+    }
 )
 CURVE_NOTE = (
     'Extinction curve: decrement = p1 a + p2 a^2 + p3 a^3 over the mean amplitude a in deg, whose terms mean linear, '
@@ -115,14 +138,9 @@ CURVE_NOTE = (
 )
 
 
-QUANTITY_COLUMNS = (
-    Column('quantity'),
-    Column('unit'),
-    Column('value', digits(5)),
-    Column('U (k = 2)', digits(2)),
-    Column('type A, fit', digits(2)),
-    Column('type A, repeats', digits(2)),
-    *(Column(f'type B, {name}', digits(2)) for name in SOURCES.values()),
+UNCERTAINTIES = 'U (k = 2)', 'type A, fit', 'type A, repeats', *(f'type B, {name}' for name in SOURCES.values())
+QUANTITY_COLUMNS = columns_of(
+    {'quantity': str, 'unit': str, 'value': digits(5), **dict.fromkeys(UNCERTAINTIES, digits(2))}
 )
 
 
@@ -145,7 +163,9 @@ def tank_tables(identification: Identification, particulars: Particulars, type_b
     found = [peaks_table('peaks', labelled)]
     try:
         rows = curve_rows(extinction_of([p for _, p in labelled]), terms, inertia, particulars, axis)
-        found.append(Table('extinction', 'Extinction curve and damping terms', CURVE_NOTE, CURVE_COLUMNS, tuple(rows)))
+        title = 'Extinction curve and damping terms'
+        curve = Table('extinction', title, CURVE_NOTE, CURVE_COLUMNS, tuple(rows), finding=disagreement(rows))
+        found.append(curve)
     except InputError as error:
         found[0] = replace(found[0], note=f'{error}.')
     title = f'Damping at {math.degrees(at):.3g} deg and its uncertainty'

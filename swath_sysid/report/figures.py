@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 MEASURED, MODEL, RESIDUAL, BAND = '#1f2933', '#d1495b', '#2e86ab', '#9ecae1'
 TWO_STD = 2.0
+CROSS: Any = {'markersize': 7, 'markeredgewidth': 1.8}  #: So that single values are seen among curves.
 SERIES = ('#2e86ab', '#d1495b', '#edae49', '#3b8b5a', '#7b4fa3', '#8c6d46')
 FORMATS = ('png', 'svg', 'pdf')
 
@@ -60,9 +61,14 @@ def draw_fit(above: 'Axes', below: 'Axes', motion: 'AxisMotion', angle: Any, rat
     below.set(xlabel='time [s]', ylabel=f'residual {label[label.index("[") :]}')
 
 
+def band(axes: 'Axes', x: np.ndarray, middle: np.ndarray, half_width: np.ndarray, **style: Any) -> None:
+    """Shade to both sides of a curve."""
+    axes.fill_between(x, middle - half_width, middle + half_width, linewidth=0, **style)
+
+
 def two_std_band(axes: 'Axes', x: np.ndarray, value: np.ndarray, std: np.ndarray, **style: Any) -> None:
     """Shade two standard deviations about a curve."""
-    axes.fill_between(x, value - TWO_STD * std, value + TWO_STD * std, linewidth=0, **style)
+    band(axes, x, value, TWO_STD * std, **style)
 
 
 def curves_of(bands: 'AmplitudeBands') -> dict[str, tuple[Any, Any]]:

@@ -1,4 +1,4 @@
-"""A fit in words and in plain data, for the terminal and for other programs."""
+"""Identifications in words and in plain data, for the terminal and for other programs."""
 
 from __future__ import annotations
 
@@ -16,48 +16,83 @@ from swath_sysid.formats.plain_data import finite_or_none
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
     from swath_sysid.attitude.identification.identify import Identification
     from swath_sysid.attitude.identification.selection import Comparison
     from swath_sysid.common.advice import Advice
 
+SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a JONSWAP sea with a free tail'}
 
-def fit_as_data(identification: Identification, wall_s: float | None = None, inertia: float | None = None) -> dict:
-    """What ``identify --json`` prints, as plain data; an inertia I' adds the coefficients in the published form."""
-    model = identification.model
-    segments = [[record.segment.start, record.segment.end] for record in identification.records]
-    data = {
+
+def _as_data(found: Any, wall_s: float | None) -> dict:
+    """What a fit of decays and one at sea have in common."""
+    model = found.model
+    return {
         'equation': model.equation.name,
-        'published_alike': list(published_alike(model.equation, model.axis)),
         'axis': model.axis,
-        'ratios': {
-            name: {**ratio, 'interval': list(identification.intervals[name])}
-            for name, ratio in ratios_as_data(identification).items()
-        },
-        'verdict': vars(identification.verdict),
-        'known_together': [list(group) for group in _together(identification)],
-        'correlation': correlation(identification.covariance).tolist(),
+        'ratios': ratios_as_data(found),
         'trim_rad': model.trim,
-        'trim_std_rad': identification.trim_std,
-        'natural_period_s': model.natural_period,
-        'damping_ratio': identification.damping_ratio,
-        'reference_amplitude_rad': identification.reference_amplitude,
-        'valid_amplitude_rad': list(identification.amplitude_range),
-        'r2': identification.r2,
-        'rmse': identification.rmse,
-        'rate_rmse': identification.rate_rmse,
-        'objective': {'name': identification.objective, 'value': identification.objective_value},
-        'segment_s': segments[0] if len(segments) == 1 else segments,
-        'sources': [record.motion.source for record in identification.records],
-        'search': {'value': identification.search.value, 'stop': identification.search.stop},
-        'generations': identification.search.generations,
-        'evaluations': identification.search.evaluations,
-        'samples': identification.samples,
-        'effective_samples': identification.effective_samples,
+        'trim_std_rad': found.trim_std,
+        'damping_ratio': found.damping_ratio,
         'wall_s': wall_s,
-        **warnings_as_data(identification.advice),
+        **warnings_as_data(found.advice),
+    }
+
+
+def fit_as_data(found: Identification, wall_s: float | None = None, inertia: float | None = None) -> dict:
+    """What ``identify --json`` prints, as plain data; an inertia I' adds the coefficients in the published form."""
+    data = _as_data(found, wall_s)
+    for name, ratio in data['ratios'].items():
+        ratio['interval'] = list(found.intervals[name])
+    segments = [[record.segment.start, record.segment.end] for record in found.records]
+    data |= {
+        'published_alike': list(published_alike(found.model.equation, found.model.axis)),
+        'verdict': vars(found.verdict),
+        'known_together': [list(group) for group in _together(found)],
+        'correlation': correlation(found.covariance).tolist(),
+        'natural_period_s': found.model.natural_period,
+        'reference_amplitude_rad': found.reference_amplitude,
+        'valid_amplitude_rad': list(found.amplitude_range),
+        **{name: getattr(found, name) for name in ('r2', 'rmse', 'rate_rmse', 'samples', 'effective_samples')},
+        'objective': {'name': found.objective, 'value': found.objective_value},
+        'segment_s': segments[0] if len(segments) == 1 else segments,
+        'sources': [record.motion.source for record in found.records],
+        'search': {'value': found.search.value, 'stop': found.search.stop},
+        'generations': found.search.generations,
+        'evaluations': found.search.evaluations,
     }
     if inertia is not None:
-        data['published_form'] = vars(to_published(model, inertia))
+        data['published_form'] = vars(to_published(found.model, inertia))
+    return finite_or_none(data)
+
+
+def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> dict:
+    """What ``identify --json`` prints of a record in waves; ``misfit`` 1: hull and sea explain the motion."""
+    data = _as_data(found, wall_s) | {
+        'identified_from': 'motion in waves',
+        'natural_period_s': found.natural_period,
+        'natural_period_std_s': found.natural_period_std,
+        'damping_ratio_std': found.damping_ratio_std,
+        'correlation': float(correlation(found.estimate_covariance)[0, 1]),
+        'reference_amplitude_rad': found.amplitude,
+        'reference_amplitude_std_rad': found.amplitude_std,
+        'valid_amplitude_rad': [found.amplitude, found.amplitude],
+        'misfit': found.misfit,
+        'sea': found.sea,
+        'peak_period_s': found.peak_period,
+        'segment_s': [float(found.motion.time[0]), float(found.motion.time[-1])],
+        'sources': [found.motion.source],
+    }
+    return finite_or_none(data)
+
+
+def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> dict:
+    """What ``compare --json`` prints."""
+    ranked = [
+        {**fit_as_data(r.identification), 'terms': r.term_count, 'criterion': r.criterion, 'held_out_nrmse': r.held_out}
+        for r in comparison.ranked
+    ]
+    data = {'ranked': ranked, 'choice': comparison.choice.name, 'reason': comparison.reason, 'wall_s': wall_s}
     return finite_or_none(data)
 
 
@@ -66,52 +101,66 @@ def warnings_as_data(advice: Iterable[Advice]) -> dict[str, list[dict[str, str]]
     return {'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)]}
 
 
-def fit_in_words(identification: Identification, inertia: float | None = None) -> list[str]:
+def fit_in_words(found: Identification, inertia: float | None = None) -> list[str]:
     """Lines for a reader."""
-    model = identification.model
+    model = found.model
+    low, high = (math.degrees(a) for a in found.amplitude_range)
     lines = [
-        f'{model.axis}: {told(model.equation, model.axis)}, {len(identification.records)} record(s)',
-        f'  {identification.verdict}',
-    ]
-    lines += [
-        f'  {short_name(record.motion.source)}: decay from {record.segment.start:.2f} to {record.segment.end:.2f} s, '
-        f'{record.segment.cycles:.1f} cycles'
-        for record in identification.records
-    ]
-    lines += ratio_lines(identification, identification.intervals)
-    lines += _joint_lines(identification)
-    low, high = (math.degrees(a) for a in identification.amplitude_range)
-    lines += [
-        f'  trim {math.degrees(model.trim):.4f} deg +- {math.degrees(identification.trim_std):.2g}',
+        f'{model.axis}: {told(model.equation, model.axis)}, {len(found.records)} record(s)',
+        f'  {found.verdict}',
+        *(
+            f'  {short_name(r.motion.source)}: decay from {r.segment.start:.2f} to {r.segment.end:.2f} s, '
+            f'{r.segment.cycles:.1f} cycles'
+            for r in found.records
+        ),
+        *ratio_lines(found, found.intervals),
+        *_joint_lines(found),
+        f'  trim {math.degrees(model.trim):.4f} deg +- {math.degrees(found.trim_std):.2g}',
         f'  natural period of small motions {model.natural_period:.4f} s, equivalent damping ratio '
-        f'{identification.damping_ratio:.4f} at {math.degrees(identification.reference_amplitude):.2f} deg',
-        f'  R2 {identification.r2:.6f}, {identification.objective} objective {identification.objective_value:.6g}, '
-        f'{identification.effective_samples:.0f} effective of {identification.samples} samples',
-        f'  valid from {low:.2f} to {high:.2f} deg; search ended by {identification.search.stop} after '
-        f'{identification.search.generations} generations',
+        f'{found.damping_ratio:.4f} at {math.degrees(found.reference_amplitude):.2f} deg',
+        f'  R2 {found.r2:.6f}, {found.objective} objective {found.objective_value:.6g}, '
+        f'{found.effective_samples:.0f} effective of {found.samples} samples',
+        f'  valid from {low:.2f} to {high:.2f} deg; search ended by {found.search.stop} after '
+        f'{found.search.generations} generations',
     ]
     if inertia is not None:
-        form = to_published(model, inertia)
-        lines.append('  published form: ' + ', '.join(f'{name} {value:.6g}' for name, value in vars(form).items()))
+        form = vars(to_published(model, inertia))
+        lines.append('  published form: ' + ', '.join(f'{name} {value:.6g}' for name, value in form.items()))
     return lines
 
 
-def _together(identification: Identification) -> tuple[tuple[str, ...], ...]:
-    return known_together(identification.model.equation.terms, identification.covariance)
+def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
+    """Lines for a reader."""
+    model, motion = found.model, found.motion
+    return [
+        f'{model.axis}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
+        f'+- {math.degrees(found.amplitude_std):.2g}',
+        f'  {short_name(motion.source)}: motion in waves from {motion.time[0]:.1f} to {motion.time[-1]:.1f} s',
+        f'  natural period {found.natural_period:.3f} s +- {found.natural_period_std:.2g}, equivalent damping ratio '
+        f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
+        *ratio_lines(found),
+        f'  mean angle {math.degrees(model.trim):.2f} deg +- {math.degrees(found.trim_std):.2g}; waves: {SEAS[found.sea]}',
+        f'  the exciting moment peaks at a period of {found.peak_period:.3g} s; it follows the slope of the waves, so '
+        'their height peaks at a longer one',
+        f'  the spectrum deviates from the fitted one {found.misfit:.2f} times as much as chance alone would make it',
+    ]
 
 
-def _joint_lines(identification: Identification) -> list[str]:
+def _together(found: Identification) -> tuple[tuple[str, ...], ...]:
+    return known_together(found.model.equation.terms, found.covariance)
+
+
+def _joint_lines(found: Identification) -> list[str]:
     """One line that says what the record knows of the terms that it does not separate."""
-    groups = _together(identification)
+    groups, amplitude = _together(found), found.reference_amplitude
     if not groups:
         return []
-    amplitude = identification.reference_amplitude
-    period, damping, period_std, damping_std = identification.bands.at(amplitude)
+    period, damping, period_std, damping_std = found.bands.at(amplitude)
     known = {
         True: f'damping ratio {damping:.4f} +- {damping_std:.2g}',
         False: f'period {period:.4f} +- {period_std:.2g} s',
     }
-    words = [f'{" and ".join((", ".join(g[:-1]), g[-1]))}: {known[g[0] in DAMPING_NAMES]}' for g in groups]
+    words = [f'{", ".join(g[:-1])} and {g[-1]}: {known[g[0] in DAMPING_NAMES]}' for g in groups]
     return [f'  known only together (at {math.degrees(amplitude):.2f} deg): {"; ".join(words)}']
 
 
@@ -123,17 +172,6 @@ def ratio_lines(identified: Any, intervals: dict[str, tuple[float, float]] | Non
         spread = f'< {high:.3g} (95 %)' if low == 0.0 and value < std else f'+- {std:.3g}'
         lines.append(f'  {name:<3}{value:>14.6g}  {spread:<14} {RATIO_UNITS[name]}')
     return lines
-
-
-def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> dict:
-    """What ``compare --json`` prints."""
-    ranked = [
-        {**fit_as_data(r.identification), 'terms': r.term_count, 'criterion': r.criterion, 'held_out_nrmse': r.held_out}
-        for r in comparison.ranked
-    ]
-    return finite_or_none(
-        {'ranked': ranked, 'choice': comparison.choice.name, 'reason': comparison.reason, 'wall_s': wall_s}
-    )
 
 
 def short_name(source: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
-from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, new_figure, quiet
+from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, band, new_figure, quiet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,10 +51,10 @@ def _error(axes: Axes, axis: str, leads: np.ndarray, scores: Any):
     for name, values in scores.nrmse.items():
         if not np.isfinite(values).any():
             continue
-        if name == 'forecast':
-            axes.plot(leads, values, 'o-', color=MODEL, linewidth=2.2, markersize=5, label=LABELS[name], zorder=5)
-        else:
-            axes.plot(leads, values, '.-', color=colours[name], linewidth=1.1, markersize=4, label=LABELS[name])
+        style: dict = {'color': colours.get(name, MODEL), 'label': LABELS[name]}
+        other: dict = {'linewidth': 1.1, 'marker': '.', 'markersize': 4}
+        own: dict = {'linewidth': 2.2, 'markersize': 5, 'marker': 'o', 'zorder': 5}
+        axes.plot(leads, values, **style, **(own if name == 'forecast' else other))
     axes.axhline(1.0, color=MEASURED, linewidth=0.8, linestyle=':')
     axes.set(xscale='log', yscale='log', xlabel='lead, s', ylabel='RMSE / standard deviation', title=f'{axis}: error')
     axes.set_ylim(top=3.0)
@@ -92,8 +92,7 @@ def _stretch(axes: Axes, axis: str, trial: Trial, steps: Sequence[Any]):
         when = step.stamp + step.horizon.leads - start
         middle = np.degrees(fan.angle)
         for level in (2, 1, 0):
-            width = np.degrees(fan.half_width[:, level])
-            axes.fill_between(when, middle - width, middle + width, color=BAND, alpha=0.25 + 0.12 * (2 - level), lw=0)
+            band(axes, when, middle, np.degrees(fan.half_width[:, level]), color=BAND, alpha=0.25 + 0.12 * (2 - level))
         axes.plot(when, middle, color=MODEL, linewidth=1.4, label='forecast, 50, 90, 99 %' if k == 0 else None)
         axes.axvline(step.stamp - start, color=MODEL, linewidth=0.5, alpha=0.5)
     if angle.size and np.isfinite(angle).any():
@@ -112,14 +111,7 @@ def _reliability(axes: Axes, skill: Skill, scores: Any, with_quiescence: bool):
             axes.plot(LEVELS, held, 'o-', color=colour, markersize=4, linewidth=1.0, label=f'{lead:g} s')
     if with_quiescence and skill.quiescence is not None:
         found, enough = skill.quiescence, skill.quiescence.count >= _MIN_COUNT
-        axes.plot(
-            found.forecast[enough],
-            found.observed[enough],
-            's--',
-            color=MODEL,
-            markersize=4,
-            linewidth=1.0,
-            label='quiescence',
-        )
+        style: dict = {'color': MODEL, 'markersize': 4, 'linewidth': 1.0, 'label': 'quiescence'}
+        axes.plot(found.forecast[enough], found.observed[enough], 's--', **style)
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='probability forecast', ylabel='share that held', title='reliability')
     _legend(axes)

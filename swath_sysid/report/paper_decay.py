@@ -11,12 +11,12 @@ from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS
 from swath_sysid.campaign.papers.publication import citation
-from swath_sysid.report.campaign_page import bullets, page, paragraph, table_as_html
+from swath_sysid.common.rounding import percent
 from swath_sysid.report.figures import TWO_STD
+from swath_sysid.report.html_page import bullets, page, page_style, paragraph, table_as_html
+from swath_sysid.report.paper_decay_claims import GENETIC, OURS, UNCHANGED, claims, steps_ahead
 from swath_sysid.report.paper_decay_figures import drawn
-from swath_sysid.report.paper_decay_numbers import checked_models, next_step_errors, printed_steps
 from swath_sysid.report.paper_decay_tables import (
-    claims,
     coefficients,
     equations,
     next_step_table,
@@ -31,50 +31,54 @@ if TYPE_CHECKING:
 
 def decay_page(study: DecayStudy, wall_s: float) -> str:
     """HTML of a `DecayStudy`; ``wall_s`` is how long carrying it out again took."""
-    p = study.publication
-    sections = [
-        ('short', 'In short', [paragraph(citation(p.paper, p.authors)), bullets(_in_short(study, wall_s))]),
-        ('trials', 'Model and trials', [table_as_html(particulars(study)), paragraph(_how_simulated(study), 'note')]),
-        ('method', 'Equations and search', [table_as_html(equations(study)), table_as_html(search_settings(study))]),
-        ('decays', 'Decays', [drawn(study, 'decays')]),
-        ('objective', 'Objective values', [table_as_html(objective_values(study)), drawn(study, 'objective')]),
-        ('chosen', 'The chosen equation', [table_as_html(coefficients(study))]),
-        ('motion', 'Simulated record and identified motion', [drawn(study, 'motion')]),
-        ('next-step', 'One step ahead', [table_as_html(next_step_table(study))] if p.next_step else []),
-        ('angle', 'Coefficients', [drawn(study, 'against-angle'), drawn(study, 'coefficients')]),
-        ('conclusions', 'Conclusions', [table_as_html(claims(study))]),
-        ('limits', 'What cannot come out, and why', [bullets(_limits(study))]),
-    ]
+    p, ahead = study.publication, next_step_table(study)
+    with page_style():
+        sections = [
+            ('short', 'In short', [paragraph(citation(p.paper, p.authors)), bullets(_in_short(study, wall_s))]),
+            ('trials', 'Model and trials', [table_as_html(particulars(study)), paragraph(_simulated(study), 'note')]),
+            (
+                'method',
+                'Equations and search',
+                [table_as_html(equations(study)), table_as_html(search_settings(study))],
+            ),
+            ('decays', 'Decays', [drawn(study, 'decays')]),
+            ('objective', 'Objective values', [table_as_html(objective_values(study)), drawn(study, 'objective')]),
+            ('chosen', 'The chosen equation', [table_as_html(coefficients(study))]),
+            ('motion', 'Simulated record and identified motion', [drawn(study, 'motion')]),
+            ('next-step', 'One step ahead', [table_as_html(ahead)] if ahead else []),
+            ('angle', 'Coefficients', [drawn(study, 'against-angle'), drawn(study, 'coefficients')]),
+            ('conclusions', 'Conclusions', [table_as_html(claims(study))]),
+            ('limits', 'What cannot come out, and why', [bullets(_limits(study))]),
+        ]
     return page(f'{p.title}: the study and its repetition', sections)
 
 
 def _in_short(study: DecayStudy, wall_s: float):
     p, records = study.publication, study.records
-    pairs = sum(
+    contained = sum(
         big != small and equation_named(big).contains(equation_named(small))
         for big in p.equations
         for small in p.equations
-    ) * len(records)
+    )
     beyond = max(s.genetic.value / s.exact.value - 1.0 for r in records for s in r.searched.values())
     inside = [
-        abs(value - r.hull.terms[t]) <= TWO_STD * std
+        abs(value - r.hull.terms[term]) <= TWO_STD * std
         for r in records
-        for t, (value, std) in ((t, r.ours.ratio(t)) for t in r.ours.model.terms)
+        for term, (value, std) in ((t, r.ours.ratio(t)) for t in r.ours.model.terms)
         if std > 0.0
     ]
-    printed = [min(v.values()) for v in p.printed_objective.values()]
-    obtained = [study.chosen(r).genetic.value for r in records]
-    ratio = np.median(np.array(obtained) / printed)
+    printed = [min(values.values()) for values in p.printed_objective.values()]
+    ratio = np.median(np.array([study.chosen(r).genetic.value for r in records]) / printed)
+    repeats = 'one repeat' if p.repeats == 1 else f'the best of {p.repeats}'
     return [
-        f'{len(records)} simulated records, each {"one repeat" if p.repeats == 1 else f"the best of {p.repeats}"}, '
-        f'{len(p.equations)} equations: searched with the ranges '
-        f'and the budget of the study by genetic algorithm and by particle swarm, and fitted by the simulated motion; '
+        f'{len(records)} simulated records, each {repeats}, {len(p.equations)} equations: searched with the ranges and '
+        'the budget of the study by genetic algorithm and by particle swarm, and fitted by the simulated motion; '
         f'{wall_s:.0f} s.',
         f'The objective values come out at {ratio:.2f} of the printed ones (median): they are the noise of the rate, '
-        f'one step ahead, whatever the equation.',
-        f'In the printed table an equation is worse than one that it contains in {len(p.out_of_order)} of {pairs} '
-        f'comparisons, which no converged search can be. Here the genetic search ends within '
-        f'{100.0 * max(beyond, 1e-8):.1g} % of the exact optimum, found by bounded least squares, everywhere.',
+        'one step ahead, whatever the equation.',
+        f'In the printed table an equation is worse than one that it contains in {len(p.out_of_order)} of '
+        f'{contained * len(records)} comparisons, which no converged search can be. Here the genetic search ends '
+        f'within {percent(max(beyond, 1e-10), 1)} of the exact optimum, found by bounded least squares, everywhere.',
         f'The simulated motion brings back the hull: {sum(inside)} of {len(inside)} ratios within two standard '
         f'deviations. The objective of the study does not: {_bias(study)}.',
     ]
@@ -88,13 +92,11 @@ def _bias(study: DecayStudy):
         released = np.radians([r.angle_deg])
         here, there = (amplitude_curves(m.ratios, released, r.hull.friction_rate) for m in (found, r.hull))
         shares.append(float(here.damping_ratio[0] / there.damping_ratio[0]))
-    return (
-        f'its equivalent damping at the release angle is {np.nanmedian(shares):.3g} times that of the hull (median of '
-        'the records)'
-    )
+    times = f'{np.nanmedian(shares):.3g}'
+    return f'its equivalent damping at the release angle is {times} times that of the hull (median of the records)'
 
 
-def _how_simulated(study: DecayStudy):
+def _simulated(study: DecayStudy):
     powers = ', '.join(f'{term} as the power {power:g}' for term, power in study.publication.draft_powers.items())
     return (
         'The measured records were not published, so every record here is simulated: the printed hull with the same '
@@ -105,57 +107,55 @@ def _how_simulated(study: DecayStudy):
 
 
 def _limits(study: DecayStudy):
-    p = study.publication
+    p, pairs = study.publication, study.publication.out_of_order
     lines = [
         "I' and every coefficient multiplied by one number give the same motion, so that I' cannot come out of a free "
         "decay, nor N, W, x and C1 to C3 without it: only their ratios to I' can. The printed I' is where the search "
         'happened to stop.',
-        f'Under noise the objective has its least value at the wrong hull, because the measured rate stands on both '
-        f'sides of it: {_bias(study)}. The smaller the angle, the larger this is against the motion, which makes '
-        'coefficients seem to depend on the angle.',
+        'Under noise the objective has its least value at the wrong hull, because the rate stands on both sides of it: '
+        f'{_bias(study)}. The smaller the angle, the larger this is against the motion, which makes coefficients seem '
+        'to depend on the angle.',
     ]
-    if p.out_of_order:
-        draft, angle, big, small = p.out_of_order[0]
+    if pairs:
+        draft, angle, big, small = pairs[0]
         values = p.printed_objective[draft, angle]
         lines.append(
             f'Printed values that are not optima: for example at {angle:g} deg and {draft:g} T, {big} with '
-            f'{values[big]:.9g} rad/s although it contains {small} with {values[small]:.9g}. Such '
-            f'pairs: {len(p.out_of_order)}. Those digits come from the search, not from the hull.'
+            f'{values[big]:.9g} rad/s although it contains {small} with {values[small]:.9g}. Such pairs: {len(pairs)}. '
+            'Those digits come from the search, not from the hull.'
         )
-    spread = [max(v.values()) / min(v.values()) - 1.0 for v in p.printed_objective.values()]
-    uncertain = [1.0 / math.sqrt(2.0 * r.problem.motions[0].size) for r in study.records]
+    spread = np.median([max(v.values()) / min(v.values()) - 1.0 for v in p.printed_objective.values()])
+    chance = np.median([1.0 / math.sqrt(2.0 * r.problem.motions[0].size) for r in study.records])
     lines.append(
-        f'Within a record the printed values of all equations differ by {100.0 * np.median(spread):.2g} % (median); '
-        f'the noise alone moves a value by {100.0 * np.median(uncertain):.2g} % between repeats. Which equation is '
-        'least is decided by noise where they are closer than that.'
+        f'Within a record the printed values of all equations differ by {percent(spread, 2)} (median); the noise alone '
+        f'moves a value by {percent(chance, 2)} between repeats. Which equation is least is decided by noise where '
+        'they are closer than that.'
     )
-    if p.next_step:
-        lines += _limits_of_the_check(study)
-    weak = sorted(
-        {t for r in study.records for t in r.ours.model.terms if r.ours.ratio(t)[1] > 0.5 * abs(r.hull.terms[t])},
-        key=list(COEFFICIENTS).index,
-    )
+    lines += _limits_of_the_check(study)
+    weak = {t for r in study.records for t in r.ours.model.terms if r.ours.std[t] > 0.5 * abs(r.hull.terms[t])}
     if weak:
         lines.append(
-            f'{", ".join(weak)}: known to worse than half of its value on at least one record; a printed trend of such '
-            'a coefficient is not a finding.'
+            f'{", ".join(sorted(weak, key=list(COEFFICIENTS).index))}: known to worse than half of its value on at '
+            'least one record; a printed trend of such a coefficient is not a finding.'
         )
     return lines
 
 
 def _limits_of_the_check(study: DecayStudy):
-    record, models = checked_models(study)
-    found = [100.0 * np.median(next_step_errors(study, record, ratios)) for ratios in models]
-    _, measured, _, errors = np.array(printed_steps(study).rows).T
-    steps = 100.0 * np.abs(np.diff(measured) / measured[1:])
+    printed, found = study.publication.next_step, steps_ahead(study)
+    if printed is None or found is None:
+        return []
+    by_study, by_ours, unchanged = (percent(float(np.median(found.error(by)))) for by in (GENETIC, OURS, UNCHANGED))
+    _, measured, _, errors = np.array(printed.rows).T
+    steps = np.abs(np.diff(measured) / measured[1:]).max()
     lines = [
-        f"The check one step ahead does not distinguish models: the study's method errs by {found[0]:.3g} % there, the "
-        f'simulated motion by {found[1]:.3g} %, no change at all by {found[2]:.3g} % (medians). The noise of two '
-        'readings decides. What distinguishes models is their simulated motion.'
+        f"The check one step ahead does not distinguish models: the study's method errs by {by_study} there, the "
+        f'simulated motion by {by_ours}, no change at all by {unchanged} (medians). The noise of two readings decides. '
+        'What distinguishes models is their simulated motion.'
     ]
-    if steps.max() > 3.0 * errors.max():
+    if steps > 0.03 * errors.max():
         lines.append(
-            f'The printed readings change by up to {steps.max():.2g} % from one to the next, the printed errors are at '
+            f'The printed readings change by up to {percent(steps, 2)} from one to the next, the printed errors are at '
             f'most {errors.max():.3g} %: no prediction from the reading before can follow such noise.'
         )
     return lines

@@ -2,8 +2,6 @@
 
 import csv
 import io
-import math
-import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Self
@@ -17,6 +15,11 @@ class Column:
     show: Callable = str
 
 
+def columns_of(shown: dict[str, Callable]) -> tuple[Column, ...]:
+    """Columns by heading and how their values are shown."""
+    return tuple(Column(name, show) for name, show in shown.items())
+
+
 @dataclass(frozen=True)
 class Table:
     """A table."""
@@ -27,6 +30,7 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[tuple, ...]  #: Raw values, as the CSV file holds them.
     marks: dict = field(default_factory=dict)  #: Row and column to ``best`` or ``beyond``.
+    finding: str = ''  #: A sentence on what the rows show.
 
     def shown(self) -> list[list[str]]:
         """The values as they are shown."""
@@ -47,27 +51,6 @@ class Table:
         return cls(name, title, note, tuple(Column(heading, *show) for heading, _, *show in columns), rows)
 
 
-def digits(count: int) -> Callable[[Any], str]:
-    """A function that shows numbers with this many significant digits."""
-
-    def show(value: Any) -> str:
-        if value is None or (isinstance(value, float) and math.isnan(value)):
-            return '-'
-        return f'{float(f"{value:.{count}g}"):.12g}'
-
-    return show
-
-
-def percent(value: float | None) -> str:
-    """A share, shown in percent."""
-    return '-' if value is None or math.isnan(value) else f'{digits(3)(100.0 * value)} %'
-
-
-def sentence(text: str) -> str:
-    """Text with a capital at its start, unless it starts with the name of a term such as b1."""
-    return text if re.match(r'[a-z]+\d', text) else text[:1].upper() + text[1:]
-
-
 def table_as_csv(table: Table) -> str:
     """Text of a CSV file, its numbers with all their digits."""
     text = io.StringIO()
@@ -82,7 +65,8 @@ def table_in_words(table: Table) -> list[str]:
     kept = table.filled_columns()
     lines = [[table.columns[k].name for k in kept], *([row[k] for k in kept] for row in table.shown())]
     widths = [max(len(line[k]) for line in lines) for k in range(len(kept))]
-    return [table.title, *('  ' + '  '.join(c.rjust(w) for c, w in zip(line, widths, strict=True)) for line in lines)]
+    rows = ['  ' + '  '.join(c.rjust(w) for c, w in zip(line, widths, strict=True)) for line in lines]
+    return [table.title, *rows, *([f'  {table.finding}'] if table.finding else [])]
 
 
 def table_as_data(table: Table) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The page of a campaign: one HTML file that needs nothing else, dark and light, narrow, wide and printed."""
+"""The template of all pages: one HTML file that needs nothing else, dark and light, narrow, wide and printed."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ import html
 import io
 import re
 from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
+from matplotlib import rcsetup
 from matplotlib.figure import Figure
 
-from swath_sysid.report.figures import MEASURED
+from swath_sysid.report.figures import MEASURED, SERIES
 
 if TYPE_CHECKING:
     from swath_sysid.report.tables import Table
@@ -63,6 +65,15 @@ h2,h3{break-after:avoid}
 }
 """
 MANY_COLUMNS = 9
+#: Of every figure of a page, where it is 350 to 500 px wide, so that a point is about a pixel.
+FIGURE_STYLE: Any = {
+    **dict.fromkeys(('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color'), MEASURED),
+    'font.size': 11.0,
+    'axes.titlesize': 'medium',
+    'legend.fontsize': 10.0,
+    'svg.fonttype': 'none',
+    'axes.prop_cycle': rcsetup.cycler(color=SERIES),
+}
 
 
 def escaped(text: object) -> str:
@@ -85,6 +96,11 @@ class Drawing:
         with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': self.name}):
             self.figure.savefig(text, format='svg', metadata={'Date': None, 'Creator': None})
         return text.getvalue()
+
+
+def page_style() -> AbstractContextManager:
+    """The style in which the figures of a page are drawn."""
+    return matplotlib.rc_context(FIGURE_STYLE)
 
 
 def page(title: str, sections: Iterable[tuple[str, str, Sequence[str]]]) -> str:
@@ -136,6 +152,7 @@ def table_as_html(table: Table) -> str:
         f'<table{_css("wide" if len(kept) > MANY_COLUMNS else None)}><thead><tr>{head}</tr></thead><tbody>\n'
         + '\n'.join(f'<tr>{row}</tr>' for row in rows)
         + '\n</tbody></table></div>'
+        + (paragraph(table.finding, 'finding') if table.finding else '')
     )
 
 

@@ -1,0 +1,21 @@
+"""Numbers rounded for readers, never as powers of ten."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+
+def digits(count: int) -> Callable[[Any], str]:
+    """A function that shows numbers with this many significant digits, and what is not known as a dash."""
+
+    def show(value: Any) -> str:
+        if value is None or (isinstance(value, float) and math.isnan(value)):
+            return '-'
+        return f'{float(f"{value:.{count}g}"):.12g}'
+
+    return show
+
+
+def percent(share: float | None, count: int = 3) -> str:
+    """A share in percent, with this many digits."""
+    return '-' if share is None or math.isnan(share) else f'{digits(count)(100.0 * share)} %'
