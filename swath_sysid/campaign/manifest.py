@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -340,51 +341,6 @@ def _without_duplicates(trials: Sequence[TrialEntry], faults: list[str]) -> list
     return kept
 
 
-HEAD = """\
-# A campaign of free-decay trials for: swath-sysid campaign {name} --output FOLDER
-title: {title}
-
-# Particulars; leave out what is not known. Draft factors refer to draft_m.
-craft:
-  name: {title}
-  # length_m: 1.26
-  # beam_m: 0.6
-  # depth_m: 0.37
-  # draft_m: 0.154
-  # displacement_kg: 30
-  # For damping in N m s and without dimension, at the design draft: gm_transverse_m or gm_longitudinal_m (or
-  # inertia_kg_m2). Beside a trial at another loading: mass_kg, gm_m, inertia_kg_m2.
-  # gm_transverse_m: 0.05
-  # For the report: kg_m, gyradius_m, water_density_kg_m3, water_temperature_c, appendages, basin.
-
-# Relative standard uncertainties of what a decay cannot show: sensor_scale, time_base, mass, metacentric_height,
-# inertia.
-# uncertainty: {{sensor_scale: 0.005, metacentric_height: 0.02}}
-
-# Damping predicted otherwise, to be drawn beside the measured one: damping_n_m_s or damping_ratio.
-# predictions:
-#   - {{method: Ikeda, amplitude_deg: 5, damping_ratio: 0.06}}
-
-axis: {axis}
-
-# Without this key one general hull is identified, with the terms that all records of a draft together show. Equations
-# named are fitted instead, and compared where there are several: names of the catalogue or compositions such as
-# 'linear,quadratic|linear,cubic'; '+friction' adds dry friction.
-# equations: [linear, odd-cubic, odd-cubic+friction]
-
-# The simulated motion is always fitted; one-step adds the objective of the papers, biased under noise, for comparison.
-# objectives: [simulation, one-step]
-
-# search: {{algorithm: ga, preset: swath-pitch, seed: 1}}
-
-# Each entry names one file, or by a pattern many. Placeholders: {{angle}} initial angle in deg, {{repeat}},
-# {{draft_factor}}, {{draft}} in m, {{displacement}} in kg, {{speed}} in m/s, {{axis}}; * is anything. What the names
-# do not say is given beside: draft_factor (or draft_m, displacement_kg), speed_m_s, initial_angle_deg, repeat, axis,
-# start_s, end_s, frame, topic.
-trials:
-"""
-
-
 def new_manifest(
     folder: str | Path, axis: str = 'pitch', name: str = 'campaign.yaml', at: str | Path | None = None
 ) -> str:
@@ -408,11 +364,9 @@ def new_manifest(
             hints = '    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
             lines += [f'  - file: {_quoted(way + name)}\n{hints}' for name in names]
     found_axis = next((a for a in AXES if any(a in file.name.lower() for file in files)), axis)
-    return (
-        HEAD.format(name=name, title=_quoted(folder.resolve().name or 'campaign'), axis=found_axis)
-        + '\n'.join(lines)
-        + '\n'
-    )
+    head = resources.files(__package__).joinpath('new_manifest.yaml').read_text(encoding='utf-8')
+    title = _quoted(folder.resolve().name or 'campaign')
+    return head.format(name=name, title=title, axis=found_axis) + '\n'.join(lines) + '\n'
 
 
 def write_new_manifest(folder: str | Path, path: str | Path, axis: str = 'pitch') -> None:

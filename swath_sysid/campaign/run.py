@@ -3,7 +3,6 @@
 import concurrent.futures
 import math
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, field, replace
@@ -243,25 +242,21 @@ def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
 
 def _numbered(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
     """Give repeats without a number the next free one of their condition; refuse those taken twice."""
-    taken: dict[Condition, Counter] = {}
+    stated = {(t.record.condition, t.record.repeat) for t in trials if t.record is not None}
+    found, used = [], set()
     for t in trials:
-        if t.record is not None and t.record.repeat:
-            taken.setdefault(t.record.condition, Counter())[t.record.repeat] += 1
-    found, seen = [], set()
-    for t in trials:
-        if t.record is None:
-            found.append(t)
-            continue
-        r, used = t.record, taken.setdefault(t.record.condition, Counter())
-        number = r.repeat or next(k for k in range(1, len(trials) + 2) if not used[k])
-        if (r.condition, number) in seen:
-            found.append(
-                t.left_out(f'its condition and repeat ({r}) are those of another trial: give it another repeat')
-            )
-            continue
-        seen.add((r.condition, number))
-        used[number] += 1
-        found.append(replace(t, record=replace(r, repeat=number)))
+        if (record := t.record) is not None:
+            condition, number = record.condition, record.repeat
+            numbers = [number] if number else [k for k in range(1, len(trials) + 2) if (condition, k) not in stated]
+            free = next((k for k in numbers if (condition, k) not in used), None)
+            if free is None:
+                t = t.left_out(
+                    f'its condition and repeat ({record}) are those of another trial: give it another repeat'
+                )
+            else:
+                used.add((condition, free))
+                t = replace(t, record=replace(record, repeat=free))
+        found.append(t)
     return found
 
 

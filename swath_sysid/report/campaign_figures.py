@@ -117,10 +117,10 @@ def _ratios(
     axes.errorbar([getattr(c, against) for c in conditions], value, TWO_STD * std, **style)
 
 
-def legend_below(axes: Axes) -> None:
+def legend_below(axes: Axes, columns: int = 2) -> None:
     """Below the axes, where no curve can run through it; nothing where no curve has a name."""
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.25), ncols=2, frameon=False)
+        axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.25), ncols=columns, frameon=False)
 
 
 def _ratio_panel(term: str, below: str):

@@ -42,7 +42,7 @@ figure svg{display:block;width:100%;height:auto;max-height:26rem}
 figcaption{font-size:.85rem;color:var(--faint);overflow-wrap:anywhere}
 table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums;margin:.3rem 0 1rem}
 th,td{padding:.22rem .55rem;text-align:right;border-bottom:1px solid var(--line);overflow-wrap:break-word}
-td:not(.words){white-space:nowrap}
+td:not(.long){white-space:nowrap}
 th{font-weight:600;vertical-align:bottom}
 th:first-child,td:first-child,.words{text-align:left}
 thead th{border-bottom:2px solid var(--line)}
@@ -65,6 +65,7 @@ h2,h3{break-after:avoid}
 }
 """
 MANY_COLUMNS = 9
+LONG_WORDS = 28  #: Characters from which a cell is broken into lines.
 #: Of every figure of a page, where it is 350 to 500 px wide, so that a point is about a pixel.
 FIGURE_STYLE: Any = {
     **dict.fromkeys(('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color'), MEASURED),
@@ -132,18 +133,15 @@ def bullets(lines: Sequence[str]) -> str:
 
 def table_as_html(table: Table) -> str:
     """A table that scrolls where it is too wide, without columns and rows of dashes; nothing where no row is left."""
-    shown = table.shown()
+    shown = [['' if cell == '-' else cell for cell in row] for row in table.shown()]
     kept = table.filled_columns()
-    words = {j for j in kept if any(isinstance(row[j], str) for row in table.rows)}
-    head = ''.join(
-        f'<th scope="col"{_css("words" if j in words else None)}>{escaped(table.columns[j].name)}</th>' for j in kept
-    )
+    words = {j: 'words' for j in kept if any(isinstance(row[j], str) for row in table.rows)}
+    words |= {j: 'words long' for j in words if max(len(row[j]) for row in shown) > LONG_WORDS}
+    head = ''.join(f'<th scope="col"{_css(words.get(j))}>{escaped(table.columns[j].name)}</th>' for j in kept)
     rows = [
-        ''.join(
-            f'<td{_css(table.marks.get((k, j)), "words" if j in words else None)}>{escaped(row[j])}</td>' for j in kept
-        )
+        ''.join(f'<td{_css(table.marks.get((k, j)), words.get(j))}>{escaped(row[j])}</td>' for j in kept)
         for k, row in enumerate(shown)
-        if any(cell not in ('-', '') for cell in row[1:])
+        if any(row[1:])
     ]
     if not rows:
         return ''

@@ -12,7 +12,7 @@ from swath_sysid.manoeuvring.identification.validation import score, simulate_wi
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
-from swath_sysid.report.manoeuvring_summary import short
+from swath_sysid.report.fit_summary import short_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ def run_figures(found: ManoeuvringIdentification, window: float = 20.0) -> dict[
         for number, run in enumerate(runs, 1):
             its_own = None if currents is None else currents[number - 1 : number]
             simulated = simulate_windows(found.model, [run], window, currents=its_own)
-            name = re.sub(r'[^\w-]', '_', short(run.source).rsplit('.', 1)[0])
+            name = re.sub(r'[^\w-]', '_', short_name(run.source).rsplit('.', 1)[0])
             r2 = score(found.model, [run], window, currents=its_own).r2
             figures[f'{label}_{number:02d}_{name}'] = _run_figure(run, simulated, label, r2)
     return figures
@@ -63,8 +63,7 @@ def test_figure(report: ManoeuvringTest, model: ManoeuvringModel) -> Figure:
     elif report.name == 'speed':
         track_axes.plot(report.curve['input'], report.curve['speed_m_s'], 'o-', color=MODEL)
         track_axes.set(xlabel='input of each thruster', ylabel='steady speed (m/s)', title='speed curve')
-        track_axes.set_xlim(left=0)
-        track_axes.set_ylim(bottom=0)
+        track_axes.set(xlim=(0, None), ylim=(0, None))
     else:
         track_axes.plot(m.x, m.y, color=MODEL)
         track_axes.plot(m.x[0], m.y[0], 'o', color=MEASURED, markersize=5)
@@ -136,28 +135,21 @@ def _run_figure(run: Run, simulated: Any, label: str, r2: dict[str, float]):
         span = slice(start, start + steps + 1)
         for c, axes in enumerate(histories[:3]):
             if np.isfinite(run.channels[c]).any() or c == 1:
-                axes.plot(
-                    time[span],
-                    simulated.states[: steps + 1, c, w] * SIZES[c],
-                    color=MODEL,
-                    linewidth=1.4,
-                    label='simulated' if w == 0 else None,
-                )
+                values, label_of = simulated.states[: steps + 1, c, w] * SIZES[c], 'simulated' if w == 0 else None
+                axes.plot(time[span], values, color=MODEL, linewidth=1.4, label=label_of)
                 axes.axvline(time[start], color=MEASURED, alpha=0.12, linewidth=0.8)
         if run.x is not None and run.y is not None:
             # from the smoothed position, as the scores compare it
-            shift = [smoothed(p, run.step, 0.8)[start] - p[start] for p in (run.x, run.y)]
-            track_axes.plot(
-                simulated.x[: steps + 1, w] + shift[0],
-                simulated.y[: steps + 1, w] + shift[1],
-                color=MODEL,
-                linewidth=1.4,
+            x, y = (
+                own[: steps + 1, w] + smoothed(p, run.step, 0.8)[start] - p[start]
+                for own, p in ((simulated.x, run.x), (simulated.y, run.y))
             )
+            track_axes.plot(x, y, color=MODEL, linewidth=1.4)
     histories[0].legend(frameon=False, ncols=2, fontsize='small', loc='lower right', bbox_to_anchor=(1.0, 1.0))
     _draw_thrust(histories[3], time, run, run.thrust_input)
     shares = ', '.join(f'{name.replace("_", " ")} {value:.3f}' for name, value in r2.items() if value == value)
     figure.suptitle(
-        f'{short(run.source)} ({label}): free simulation, each window from its own start\n'
+        f'{short_name(run.source)} ({label}): free simulation, each window from its own start\n'
         f"R2 {shares} (1: perfect, 0: as good as the channel's mean)",
         fontsize='medium',
     )

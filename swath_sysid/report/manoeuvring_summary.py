@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.plain import as_plain
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.manoeuvring.hull.terms import PARAMETERS
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
     from swath_sysid.manoeuvring.hull.terms import Parameter
     from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
+    from swath_sysid.manoeuvring.identification.validation import Scores
     from swath_sysid.manoeuvring.prediction.skill import ForecastScores
 
 MAX_ALIKE = 2  #: Number of warnings of one kind shown in full.
@@ -58,10 +59,7 @@ def identification_as_data(found: ManoeuvringIdentification, wall_s: float | Non
     return finite_or_none(
         {
             'thrust_input': model.thrust_input,
-            'derivatives': {
-                name: {'value': d.value, 'std': d.std, 'prime': d.prime, 'unit': d.unit, 'flags': list(d.flags)}
-                for name, d in found.derivatives.items()
-            },
+            'derivatives': as_plain(found.derivatives),
             'given': found.fixed,
             'prime_units': {
                 'length_m': found.prime_units.length,
@@ -154,30 +152,35 @@ def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
     if CURRENT[0] in found.names:
         several = ' (mean; each run has its own)' if found.has_currents_by_run else ''
         lines.append(f'  current {model.current[0]:+.3f} m/s east, {model.current[1]:+.3f} m/s north{several}')
-    for label, scores in (('identification', found.identification), ('validation', found.validation)):
-        if scores is None:
-            continue
-        r2 = ', '.join(f'{name.replace("_", " ")} {value:.4f}' for name, value in scores.r2.items() if value == value)
-        lines.append(f'  {label}: R2 of free simulation over {scores.windows} windows: {r2}')
-        rmse = ', '.join(
-            f'{name.replace("_", " ")} {value:.3g} {"rad/s" if name == "yaw_rate" else "m/s"}'
-            for name, value in scores.rmse.items()
-            if value == value
-        )
-        lines.append(f'    root mean square errors: {rmse}')
-        if scores.diverged:
-            lines.append(f'    {scores.diverged} windows DIVERGED')
-        errors = [
-            f'{lead:g} s: {scores.position_error[lead]:.2f} m, {scores.heading_error[lead]:.3f} rad'
-            for lead in scores.position_error
-            if scores.heading_error[lead] == scores.heading_error[lead]
-        ]
-        lines.append(f'    error after {"; ".join(errors)}')
+    lines += _scores_in_words('identification', found.identification)
+    lines += [] if found.validation is None else _scores_in_words('validation', found.validation)
     verdict = 'stable' if found.stability.stable else 'NOT stable'
-    lines.append(f'  {verdict} at the speeds and inputs seen (slowest decay {-found.stability.largest_growth:.3g} 1/s)')
-    lines.append('  R2 compares with the mean of each channel: 1 is perfect, 0 is as good as that mean. If a craft')
-    lines.append('  hardly sways, an R2 of sway of -0.1 means only that the error is as large as the sensor noise.')
-    return lines
+    return [
+        *lines,
+        f'  {verdict} at the speeds and inputs seen (slowest decay {-found.stability.largest_growth:.3g} 1/s)',
+        '  R2 compares with the mean of each channel: 1 is perfect, 0 is as good as that mean. If a craft',
+        '  hardly sways, an R2 of sway of -0.1 means only that the error is as large as the sensor noise.',
+    ]
+
+
+def _scores_in_words(label: str, scores: Scores) -> list[str]:
+    named = {name: name.replace('_', ' ') for name in scores.r2}
+    r2 = ', '.join(f'{named[name]} {value:.4f}' for name, value in scores.r2.items() if value == value)
+    units = {'yaw_rate': 'rad/s'}
+    rmse = ', '.join(
+        f'{named[name]} {value:.3g} {units.get(name, "m/s")}' for name, value in scores.rmse.items() if value == value
+    )
+    errors = '; '.join(
+        f'{lead:g} s: {scores.position_error[lead]:.2f} m, {heading:.3f} rad'
+        for lead, heading in scores.heading_error.items()
+        if heading == heading
+    )
+    return [
+        f'  {label}: R2 of free simulation over {scores.windows} windows: {r2}',
+        f'    root mean square errors: {rmse}',
+        *([f'    {scores.diverged} windows DIVERGED'] if scores.diverged else []),
+        f'    error after {errors}',
+    ]
 
 
 def test_as_data(report: ManoeuvringTest, model: ManoeuvringModel) -> dict:
@@ -229,11 +232,6 @@ def forecast_in_words(scores: ForecastScores, future: str) -> list[str]:
             values = ''.join(f'{value:>11.0%}' if value == value else f'{"-":>11}' for value in scores.spread[quantity])
             lines.append(f'    {"model, 90 % interval":<20}{values}')
     return lines
-
-
-def short(source: str) -> str:
-    """Name of a run for titles: the last part of its path."""
-    return PurePath(source).name or source
 
 
 _UNITS = {

@@ -78,7 +78,7 @@ def _in_short(study: DecayStudy, wall_s: float):
         'one step ahead, whatever the equation.',
         f'In the printed table an equation is worse than one that it contains in {len(p.out_of_order)} of '
         f'{contained * len(records)} comparisons, which no converged search can be. Here the genetic search ends '
-        f'within {percent(max(beyond, 1e-10), 1)} of the exact optimum, found by bounded least squares, everywhere.',
+        f'within {percent(max(beyond, 1e-6), 1)} of the exact optimum, found by bounded least squares, everywhere.',
         f'The simulated motion brings back the hull: {sum(inside)} of {len(inside)} ratios within two standard '
         f'deviations. The objective of the study does not: {_bias(study)}.',
     ]

@@ -63,7 +63,7 @@ def _motion(study: DecayStudy, spec: dict[str, Any]) -> Iterator[Drawing]:
             own = simulate(model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
             label = f'model by {BY[by]}'
             axes.plot(time, np.degrees(own[quantity == 'rate']), style, color=colour, label=label)
-        legend_below(axes)
+        legend_below(axes, columns=1)
         place = f'{record.angle_deg:g} deg at {record.draft_factor:g} T'
         yield Drawing(f'motion_{quantity}', f'{quantity}, simulated record and identified models, {place}', figure)
 

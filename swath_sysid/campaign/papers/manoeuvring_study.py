@@ -133,20 +133,9 @@ def _estimated(content: dict, truth: ManoeuvringModel, values: dict[str, float],
 
 
 def _ours(content: dict, runs: dict, towed: dict[str, float]):
+    measured = 'time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y'
     trials = [
-        ManoeuvringTrial(
-            m.time,
-            m.port,
-            m.starboard,
-            surge=m.surge,
-            sway=m.sway,
-            yaw_rate=m.yaw_rate,
-            heading=m.heading,
-            x=m.x,
-            y=m.y,
-            frame='enu',
-            source=name,
-        )
+        ManoeuvringTrial(**{channel: getattr(m, channel) for channel in measured}, frame='enu', source=name)
         for name, (_, m) in runs.items()
     ]
     settings = ManoeuvringSettings(
