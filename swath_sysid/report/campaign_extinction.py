@@ -32,6 +32,7 @@ from swath_sysid.report.extinction_tables import (
     disagreement,
     peaks_table,
     quantity_row,
+    terms_apart,
 )
 from swath_sysid.report.figures import CROSS, MEASURED, SERIES, two_std_band
 from swath_sysid.report.html_page import Drawing
@@ -150,19 +151,19 @@ def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
             terms = {name: fit.ratio(name) for name in fit.model.terms}
             rows = curve_rows(each.curve, terms, each.inertia, each.particulars, axis.motion)
             curves += [(*place, *row) for row in rows]
-            findings.append(disagreement(rows, f'{loading} {place[0]:g}, {each.label}: '))
+            apart = terms_apart(rows)
+            findings.append(apart and f'{loading} {place[0]:g}, {each.label}: {apart}')
     where = columns_of({loading: digits(4), 'initial angle [deg]': digits(4)})
     note = (
         'Of the repeats of a condition together, at the geometric mean of the amplitudes seen. Standard uncertainties; '
         'U = 2 times their root sum of squares. Damping in N m s where the inertia is known (GM and mass, or inertia).'
     )
     budget_columns = (*where, Column('at [deg]', digits(3)), *QUANTITY_COLUMNS)
-    finding = ' '.join(filter(None, findings))
     name, columns = f'extinction_{axis.axis}', (*where, *CURVE_COLUMNS)
     return {
         'damping': Table(f'damping_{axis.axis}', f'Damping, {axis.axis}', note, budget_columns, tuple(damping)),
         'extinction': Table(
-            name, f'Extinction curves, {axis.axis}', CURVE_NOTE, columns, tuple(curves), finding=finding
+            name, f'Extinction curves, {axis.axis}', CURVE_NOTE, columns, tuple(curves), finding=disagreement(findings)
         ),
         'peaks': peaks_table(f'peaks_{axis.axis}', labelled),
     }

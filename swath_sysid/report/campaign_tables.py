@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
 LEAD_NAMES = {0.25: 'a quarter period', 0.5: 'half a period', 1.0: 'one period'}
+QUANTITIES = {'natural_period_s': 'natural period [s]', 'damping_ratio': 'equivalent damping ratio'}
 CHECKED_SAMPLES = 10
 SCHEDULE_POINTS = 9
 
@@ -247,7 +248,7 @@ def spread_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
         axis.spreads,
         loading,
         angle,
-        ('quantity', lambda s: s.quantity),
+        ('quantity', lambda s: s.quantity, lambda name: QUANTITIES.get(name, name)),
         ('mean', lambda s: s.mean, digits(5)),
         ('spread between repeats', lambda s: s.spread, digits(2)),
         ('spread stated by single fits', lambda s: s.stated, digits(2)),

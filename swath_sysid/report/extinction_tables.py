@@ -100,19 +100,22 @@ def curve_rows(
     return rows
 
 
-def disagreement(rows: Iterable[tuple], where: str = '') -> str:
-    """A sentence on the terms in which curve and fitted motion differ by more than their intervals; empty: in none."""
-    apart = [
+def terms_apart(rows: Iterable[tuple]) -> str:
+    """The terms in which curve and fitted motion differ by more than their intervals; empty where they agree."""
+    return ' and '.join(
         f'{name} ({digits(3)(curve)} ± {digits(2)(TWO_STD * std)} against {digits(3)(fitted)} ± '
         f'{digits(2)(TWO_STD * fitted_std)} {unit})'
         for name, unit, curve, std, fitted, fitted_std, *_ in rows
         if fitted is not None and std > 0.0 and abs(curve - fitted) > TWO_STD * (std + fitted_std)
-    ]
-    if not apart:
-        return ''
-    return (
-        f'{where}The extinction curve, which sees the peaks alone, and the fitted motion differ by more than their '
-        f'intervals in {" and ".join(apart)}.'
+    )
+
+
+def disagreement(apart: Iterable[str]) -> str:
+    """The sentence on what `terms_apart` gave; empty where nothing differs."""
+    shown = '; '.join(filter(None, apart))
+    return shown and (
+        'The extinction curve, which sees the peaks alone, and the fitted motion differ by more than their intervals '
+        f'in: {shown}.'
     )
 
 
@@ -164,7 +167,9 @@ def tank_tables(identification: Identification, particulars: Particulars, type_b
     try:
         rows = curve_rows(extinction_of([p for _, p in labelled]), terms, inertia, particulars, axis)
         title = 'Extinction curve and damping terms'
-        curve = Table('extinction', title, CURVE_NOTE, CURVE_COLUMNS, tuple(rows), finding=disagreement(rows))
+        curve = Table(
+            'extinction', title, CURVE_NOTE, CURVE_COLUMNS, tuple(rows), finding=disagreement([terms_apart(rows)])
+        )
         found.append(curve)
     except InputError as error:
         found[0] = replace(found[0], note=f'{error}.')

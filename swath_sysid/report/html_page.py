@@ -50,7 +50,9 @@ td.best{background:var(--good-back);color:var(--good);font-weight:650}
 td.beyond{color:var(--bad)}
 .wide{font-size:.78rem}
 .wide th,.wide td{padding:.2rem .32rem}
-.scroll{overflow-x:auto}
+.scroll{overflow:auto;max-height:44rem}
+.scroll thead th{position:sticky;top:0;background:var(--paper)}
+.finding{border-left:4px solid var(--line);padding-left:.8rem}
 @media print{
 :root{--paper:#fff;--ink:#111;--faint:#444;--line:#bbb;--panel:#fff;--good:#0b5d25;--good-back:#e6f3e8;--bad:#8c1c10;--link:#111}
 body{font-size:10pt}
@@ -60,6 +62,7 @@ main{max-width:none;padding:0}
 table{font-size:7.5pt}
 .wide{font-size:6.2pt}
 tr{break-inside:avoid}
+.scroll{max-height:none;overflow:visible}
 h2,h3{break-after:avoid}
 @page{size:A4 landscape;margin:12mm}
 }
