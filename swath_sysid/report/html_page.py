@@ -98,6 +98,8 @@ class Drawing:
         """The same text every time."""
         text = io.StringIO()
         with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': self.name}):
+            # the ticks follow the size of the panel, and the layout follows the ticks
+            self.figure.draw_without_rendering()
             self.figure.savefig(text, format='svg', metadata={'Date': None, 'Creator': None})
         return text.getvalue()
 
