@@ -48,9 +48,8 @@ from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, explain_abse
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.history import past_of
 from swath_sysid.common.stopping import Progress, ShouldCancel
-
-LONGEST_HISTORY = 20
 
 #: Codes of verdicts whose decays can be fitted together with the next release.
 HARMLESS = ('adequate', 'motion-uncertain')
@@ -327,7 +326,7 @@ class Refitter:
         self.decays: dict[str, HeldDecays] = {}
         self.version = 0
         self.stability = StabilityWatch()
-        self._history = [(each, dict[str, HeldDecays]()) for each in history]
+        self._history = past_of((each, dict[str, HeldDecays]()) for each in history)
         self._forgot = False
 
     def request(self, *windows: MotionTable, is_asked: bool = True, **origin: Any) -> RefitRequest:
@@ -346,7 +345,7 @@ class Refitter:
                 self.decays = {**self.decays, verdict.axis: verdict.decays}
         if not outcome.succeeded:
             return False
-        self._history = [*self._history, before][-LONGEST_HISTORY:]
+        self._history.append(before)
         self.models = {**self.models, **outcome.models}
         self.version += 1
         return True

@@ -1,6 +1,5 @@
 """Refits a manoeuvring model on a window of live motion, accepts it if it is better, and returns to earlier models."""
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.history import past_of
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
@@ -16,7 +16,6 @@ from swath_sysid.manoeuvring.motion.intake import prepare
 from swath_sysid.manoeuvring.motion.resampling import LONGEST_GAP
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, Run
 
-LONGEST_HISTORY = 20
 PIECE = 60.0  #: s; least motion for a refit, and length of the runs that it is cut into; a third of them validates.
 
 
@@ -124,7 +123,7 @@ class ManoeuvreRefitter:
         self, model: IdentifiedManoeuvringModel | None = None, history: Sequence[IdentifiedManoeuvringModel] = ()
     ):
         self.model = model
-        self._history = deque(history, LONGEST_HISTORY)
+        self._history = past_of(history)
 
     def take(self, outcome: ManoeuvreRefitOutcome) -> bool:
         """Accept a refit that found a better model; whether it did."""

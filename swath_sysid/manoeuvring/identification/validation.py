@@ -15,7 +15,7 @@ from swath_sysid.manoeuvring.hull.measurement import (
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, substeps_for, track
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
-from swath_sysid.manoeuvring.identification.windows import LENGTH, SETTLING, Windows, cut
+from swath_sysid.manoeuvring.identification.windows import LENGTH, Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run, turned
 
@@ -52,8 +52,8 @@ def simulate_windows(
     length: float = LENGTH,
     currents: np.ndarray | None = None,
 ) -> Simulated:
-    """Simulate every window of some runs, under currents (R, 2), m/s, or the model's, from its smoothed initial state.
-    An unmeasured sway comes from a simulation started `SETTLING` seconds earlier.
+    """Simulate every window of some runs, under currents (R, 2), m/s, or the model's, from its smoothed initial state;
+    an unmeasured sway starts from zero.
     """
     windows = cut(runs, length)
     currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)
@@ -64,8 +64,7 @@ def simulate_windows(
     p = model.values
     surge, sway, rate = windows.initial
     state = np.stack([*through_water(surge, sway, rate, heading[0], current, p), rate])
-    state[1] = np.where(np.isfinite(windows.initial[1]), state[1], _lead_in_sway(model, windows, acting))
-    state = np.where(np.isfinite(state), state, 0.0)
+    state = np.nan_to_num(state)
     substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), (port, starboard))
     with np.errstate(over='ignore', invalid='ignore'):
         columns = np.repeat(model.values[:, None], windows.count, axis=1)
@@ -170,29 +169,3 @@ def _at_start(windows: Windows, name: str):
             for run, start in zip(windows.run_index, windows.start, strict=True)
         ]
     )
-
-
-def _lead_in_sway(model: ManoeuvringModel, windows: Windows, acting: Sequence[tuple[np.ndarray, np.ndarray]]):
-    """Sway at the start of every window after a lead-in simulation from zero sway."""
-    steps = round(SETTLING / windows.step)
-    sway = np.zeros(windows.count)
-    for w, (index, start) in enumerate(zip(windows.run_index, windows.start, strict=True)):
-        begin = max(0, start - steps)
-        run = windows.runs[index]
-        state = np.array([run.smooth[0, begin], 0.0, run.smooth[2, begin]])
-        if begin == start or not run.driven[begin:start].all():
-            continue
-        port, starboard = (np.ascontiguousarray(side[begin:start, None]) for side in acting[index])
-        with np.errstate(over='ignore', invalid='ignore'):
-            found = runge_kutta_columns(
-                np.where(np.isfinite(state), state, 0.0)[:, None],
-                port,
-                starboard,
-                UNDISTURBED,
-                model.values[:, None],
-                model.active,
-                windows.step,
-                substeps_for(model, windows.step, state * 0.0, (port, starboard)),
-            )[-1, 1, 0]
-        sway[w] = found if np.isfinite(found) else 0.0
-    return sway
