@@ -39,7 +39,6 @@ from swath_sysid.common.plain import as_plain
 from swath_sysid.common.rounding import percent
 
 CONFIDENCE = 0.95
-ORDER_TOLERANCE = 1e-9
 SHOWN_RECORDS = 3
 TIE = 1e-7  #: Relative difference of objective values below which they are equal.
 
@@ -108,8 +107,7 @@ def out_of_order(fits: Sequence[Identification]) -> tuple[tuple[str, str], ...]:
         (big.model.equation.name, small.model.equation.name)
         for big in fits
         for small in fits
-        if set(small.model.terms) < set(big.model.terms)
-        and big.objective_value > small.objective_value * (1.0 + ORDER_TOLERANCE)
+        if set(small.model.terms) < set(big.model.terms) and big.objective_value > small.objective_value * (1.0 + TIE)
     )
 
 

@@ -48,8 +48,6 @@ th:first-child,td:first-child,.words{text-align:left}
 thead th{border-bottom:2px solid var(--line)}
 td.best{background:var(--good-back);color:var(--good);font-weight:650}
 td.beyond{color:var(--bad)}
-.wide{font-size:.78rem}
-.wide th,.wide td{padding:.2rem .32rem}
 .scroll{overflow:auto;max-height:44rem}
 .scroll thead th{position:sticky;top:0;background:var(--paper)}
 .finding{border-left:4px solid var(--line);padding-left:.8rem}
@@ -60,14 +58,12 @@ nav{display:none}
 main{max-width:none;padding:0}
 .figures{grid-template-columns:repeat(3,1fr);gap:.5rem}
 table{font-size:7.5pt}
-.wide{font-size:6.2pt}
 tr{break-inside:avoid}
 .scroll{max-height:none;overflow:visible}
 h2,h3{break-after:avoid}
 @page{size:A4 landscape;margin:12mm}
 }
 """
-MANY_COLUMNS = 9
 LONG_WORDS = 28  #: Characters from which a cell is broken into lines.
 #: Of every figure of a page, where it is 350 to 500 px wide, so that a point is about a pixel.
 FIGURE_STYLE: Any = {
@@ -152,7 +148,7 @@ def table_as_html(table: Table) -> str:
         return ''
     return (
         f'<h3>{escaped(table.title)}</h3><p class="note">{escaped(table.note)}</p><div class="scroll">'
-        f'<table{_css("wide" if len(kept) > MANY_COLUMNS else None)}><thead><tr>{head}</tr></thead><tbody>\n'
+        f'<table><thead><tr>{head}</tr></thead><tbody>\n'
         + '\n'.join(f'<tr>{row}</tr>' for row in rows)
         + '\n</tbody></table></div>'
         + (paragraph(table.finding, 'finding') if table.finding else '')

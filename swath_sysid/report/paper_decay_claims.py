@@ -12,6 +12,7 @@ from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification.forecast_check import next_step
 from swath_sysid.attitude.identification.search import PRESETS
+from swath_sysid.campaign.evaluation import TIE
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS
 from swath_sysid.common.rounding import digits, percent
 from swath_sysid.report.tables import Column, Table
@@ -19,7 +20,8 @@ from swath_sysid.report.tables import Column, Table
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from swath_sysid.campaign.papers.decay_study import DecayStudy, StudiedRecord
+    from swath_sysid.campaign.evaluation import TIE
+from swath_sysid.campaign.papers.decay_study import DecayStudy, StudiedRecord
 
 STEADY = 0.2  #: A curve that changes by less than this share of its largest value hardly changes.
 ZERO_SHARE = 0.01  #: Of the range of a coefficient; what is less is near zero.
@@ -118,7 +120,7 @@ def verdict_mark(verdict: str) -> str:
 
 def _claim_least(study: DecayStudy, claim: dict[str, Any]):
     def least(tables: Iterable[dict[str, float]]):
-        return sum(t[claim['equation']] <= min(t.values()) * (1.0 + 1e-7) for t in tables)
+        return sum(t[claim['equation']] <= min(t.values()) * (1.0 + TIE) for t in tables)
 
     printed, count = least(study.publication.printed_objective.values()), len(study.records)
     here = least({e: s.genetic.value for e, s in r.searched.items()} for r in study.records)

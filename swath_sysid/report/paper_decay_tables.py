@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.identification.search import PRESETS
+from swath_sysid.campaign.evaluation import TIE
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS, SWARM
 from swath_sysid.common.rounding import digits
 from swath_sysid.report.campaign_extinction import PARTICULARS
@@ -14,7 +15,8 @@ from swath_sysid.report.paper_decay_claims import GENETIC, OURS, ROUNDING, UNCHA
 from swath_sysid.report.tables import Column, Table, columns_of
 
 if TYPE_CHECKING:
-    from swath_sysid.campaign.papers.decay_study import DecayStudy
+    from swath_sysid.campaign.evaluation import TIE
+from swath_sysid.campaign.papers.decay_study import DecayStudy
 
 NAMES = PARTICULARS | {
     'speed_kn': 'speed [kn]',
@@ -82,12 +84,12 @@ def objective_values(study: DecayStudy) -> Table:
             'least possible': [record.searched[e].exact.value for e in p.equations],
         }
         for kind, values in kinds.items():
-            marks |= {(len(rows), 3 + k): 'best' for k, v in enumerate(values) if v <= min(values) * (1.0 + 1e-7)}
+            marks |= {(len(rows), 3 + k): 'best' for k, v in enumerate(values) if v <= min(values) * (1.0 + TIE)}
             rows.append((f'{record.angle_deg:g} deg', f'{record.draft_factor:g} T', kind, *values))
     columns = (Column('from'), Column('at'), Column('value'), *(Column(e, digits(7)) for e in p.equations))
     note = (
-        f'rad/s; the least of a row is marked, with all that equal it to 1e-7. Printed ({p.objective.table}): with its '
-        'own records; the others: with those simulated here.'
+        f'rad/s; the least of a row is marked, with all that equal it to {TIE:g}. Printed ({p.objective.table}): with '
+        'its own records; the others: with those simulated here.'
     )
     return Table('objective', 'Objective values by equation, angle and draft', note, columns, tuple(rows), marks)
 
