@@ -16,7 +16,10 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats import bags
 from swath_sysid.formats import messages as layout
 from swath_sysid.formats.bags import is_bag, read_bag, read_imu, write_imu_bag
+from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.formats.topics import IMU
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.simulation import simulate
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 COUNT = 200
@@ -246,6 +249,20 @@ def test_what_is_whole_of_a_cut_off_mcap_is_read(tmp_path):
     folder.mkdir()
     cut.rename(folder / 'bag_0.mcap')
     assert read_bag(folder).time.size == sizes[2]
+
+
+def test_a_broken_chunk_in_a_folder_costs_what_follows_in_either_wing(tmp_path):
+    steps = np.full(2000, 100.0)
+    write_manoeuvring_bag(tmp_path / 'run', simulate(preset('wamv-vrx-old'), steps, steps, 0.1))
+    write_imu_bag(tmp_path / 'trial', Trial(time=0.001 * np.arange(8000), roll=0.1 * np.sin(np.arange(8000) / 500)))
+    for name, read in (('run', read_manoeuvring_bag), ('trial', read_bag)):
+        file = tmp_path / name / f'{name}.mcap'
+        broken = bytearray(file.read_bytes())
+        middle = len(broken) // 2
+        broken[middle : middle + 4096] = bytes(4096)
+        file.write_bytes(broken)
+        trial = read(tmp_path / name)
+        assert trial.time.size > 500 and codes(trial)[0] == 'damaged-bag'
 
 
 def test_split_bag_with_a_lost_part(tmp_path):
