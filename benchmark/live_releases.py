@@ -17,7 +17,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.attitude.hull.simulation import simulate
-from swath_sysid.start import verb_command
+from swath_sysid.common.processes import verb_command
 
 NEXT = np.radians(5.0)
 TIME = np.arange(0.0, 12.0, 0.01)

@@ -36,11 +36,6 @@ def command_line() -> int:
         _end_on_signals(EXIT_INTERRUPTED)
 
 
-def verb_command(verb: str, *options) -> list[str]:
-    """The words that run a verb in a process of its own."""
-    return [sys.executable, '-m', 'swath_sysid.start', verb, *options]
-
-
 def _end_on_signals(code: int):
     def end(*_) -> None:
         os._exit(code)

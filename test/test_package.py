@@ -97,9 +97,9 @@ MAY_IMPORT = {
     'formats': CORE,
     'campaign': CORE | {'formats'},
     'report': CORE | {'formats', 'campaign'},
-    'page': CORE | {'start', 'formats', 'campaign', 'report'},
+    'page': CORE | {'formats', 'campaign', 'report'},
     'nodes': CORE | {'formats', 'page'},
-    'cli': CORE | {'start', 'formats', 'campaign', 'report', 'page', 'nodes'},
+    'cli': CORE | {'formats', 'campaign', 'report', 'page', 'nodes'},
 }
 """Data flows down this list, imports go up it."""
 

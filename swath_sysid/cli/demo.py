@@ -30,13 +30,13 @@ from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.cli.run import process_beside
 from swath_sysid.cli.settings_flags import add_setting
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import verb_command
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.share import share_folder
-from swath_sysid.start import verb_command
 
 if TYPE_CHECKING:
     from swath_sysid.nodes.demo_monitor import Received

@@ -13,10 +13,10 @@ from typing import Any
 
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import verb_command
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.formats.untrusted_yaml import plain_content, text_of
-from swath_sysid.start import verb_command
 
 NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'manoeuvring_predictor')
 

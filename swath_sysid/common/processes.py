@@ -1,9 +1,10 @@
-"""Independent tasks in this process or in several of this machine, all by futures."""
+"""Independent tasks in this process or in several of this machine, by futures, and verbs in processes of their own."""
 
 import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +26,11 @@ class SerialExecutor(Executor):
         except Exception as error:  # noqa: BLE001 - raised again by the result
             future.set_exception(error)
         return future
+
+
+def verb_command(verb: str, *options: str) -> list[str]:
+    """The words that run a verb of the command line in a process of its own."""
+    return [sys.executable, '-m', 'swath_sysid.start', verb, *options]
 
 
 def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], count: int) -> Iterator[Result]:

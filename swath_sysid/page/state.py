@@ -14,6 +14,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import verb_command
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Facts, Guidance
 from swath_sysid.page.charts import motion_changes
@@ -30,7 +31,6 @@ from swath_sysid.page.live_view import (
 )
 from swath_sysid.page.model_words import described, verdict_of
 from swath_sysid.page.release import Release
-from swath_sysid.start import verb_command
 
 CAMPAIGN_PERIOD = 5.0  #: s between scans of the trials' folder.
 
