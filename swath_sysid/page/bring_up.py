@@ -33,8 +33,8 @@ BLOCK_S = 0.5  #: s; rest is judged by means over this time, which average out s
 STILL = SMALLEST_SWING['angle']  #: Peak to peak of such means at rest.
 SMALLEST_PUSH = WindowSettings.smallest_decay  #: The buffer reports no smaller decay.
 
-LONGEST_UNREST = 20.0  #: s without rest after which waves are blamed.
-PATIENCE_S = 10.0  #: s from the end of a decay within which the identification starts.
+#: s without rest after which waves are blamed, and from the end of a decay without an identification.
+PATIENCE_S = 20.0
 
 NO_DECAY = (
     'let go at once instead of lowering it, and keep hands and lines off; a hull that does not oscillate by itself has '
@@ -242,9 +242,9 @@ class BringUp:
         shown = self._fault or self._judgement(facts)
         if shown is not None:
             return shown
-        if self._newest - self._begun < LONGEST_UNREST:
+        if self._newest - self._begun < PATIENCE_S:
             return Guidance(REST, 'Keep your hands off until the craft is at rest.')
-        std = np.degrees(np.std(facts.motions[self.axis].between(self._newest - LONGEST_UNREST, None).primary))
+        std = np.degrees(np.std(facts.motions[self.axis].between(self._newest - PATIENCE_S, None).primary))
         return _waves(REST, f'The craft does not come to rest: {self.axis} of {std:.2g} deg (standard deviation).')
 
     def _at_rest(self, facts: Facts) -> Guidance | None:
@@ -287,7 +287,7 @@ class BringUp:
             return shown
         self._stays = None
         since = facts.motions[self.axis].between(self._rest_end, None)
-        if since.duration > LONGEST_UNREST and keeps_swinging(since) and not find_decays(since):
+        if since.duration > PATIENCE_S and keeps_swinging(since) and not find_decays(since):
             return _waves(DECAY, 'The motion does not die out.')
         if has_swung or beside > max(own, SMALLEST_PUSH):
             return Guidance(DECAY, 'Hands off, and let it roll out.')

@@ -174,10 +174,7 @@ def score(
         missing = round(float(np.nan_to_num(results[axis].stood_in[FORECAST] * results[axis].counted).max()))
         if missing:
             advice.append(Advice.of('forecast-missing', missing=missing, axis=axis))
-    interval = float(np.diff(trial.time).min())
-    short = [f'{lead:g}' for lead in leads if lead < interval]
-    if short:
-        advice.append(Advice.of('leads-between-samples', leads=', '.join(short), interval=interval))
+    advice += _leads_between_samples(leads, trial.time)
     vertical: dict[str, dict[str, QuantitySkill]] = {}
     if points:
         truth = vertical_record(trial, points)
@@ -207,6 +204,13 @@ def score(
         tuple(advice),
         vertical,
     )
+
+
+def _leads_between_samples(leads: np.ndarray, time: np.ndarray) -> list[Advice]:
+    """Advice about leads at which nothing was measured."""
+    interval = float(np.diff(time).min())
+    short = [f'{lead:g}' for lead in leads if lead < interval]
+    return [Advice.of('leads-between-samples', leads=', '.join(short), interval=interval)] if short else []
 
 
 def score_forecasts(
