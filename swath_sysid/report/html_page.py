@@ -43,6 +43,7 @@ figcaption{font-size:.85rem;color:var(--faint);overflow-wrap:anywhere}
 table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums;margin:.3rem 0 1rem}
 th,td{padding:.22rem .55rem;text-align:right;border-bottom:1px solid var(--line);overflow-wrap:break-word}
 td:not(.long){white-space:nowrap}
+td.long{min-width:16rem}
 th{font-weight:600;vertical-align:bottom}
 th:first-child,td:first-child,.words{text-align:left}
 thead th{border-bottom:2px solid var(--line)}
