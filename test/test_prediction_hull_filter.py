@@ -23,7 +23,7 @@ from swath_sysid.attitude.prediction import hull_filter
 from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, HullFilter, HullFilterSettings, HullPrior
 from swath_sysid.attitude.prediction.hull_step import HULL_STATES, RATIOS, hull_step, predict
 from swath_sysid.attitude.prediction.hull_track import HullTrack
-from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
+from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined
 from swath_sysid.common.errors import InputError
 
 NAN = math.nan
@@ -297,17 +297,6 @@ def test_small_releases_too_are_the_hulls_alone(name, degrees):
             assert attitude.is_free
 
 
-def test_hulls_of_which_less_is_known_forecast_wider(monkeypatch):
-    monkeypatch.setattr(hull_filter, 'MARKOV_STD', 1e-3)
-    spreads = []
-    for identified in (known_to(ROLL, 1e-4, 1e-9, 1e-9), known_to(ROLL, 0.02, 0.25, 0.5)):
-        attitude = HullFilter()
-        attitude.set_hull(identified)
-        attitude.start(0.1, 0.0, *VARIANCES)
-        spreads.append(np.sqrt(attitude.forecast(np.array([0.5, 1.0, 2.5]))[2][:, 0, 0]))
-    assert np.all(spreads[1] > 1.1 * spreads[0])
-
-
 def test_the_filter_starts_from_the_posterior_of_every_term():
     """The pruned model is for people: what pruning left out, or in, is not known for certain."""
     every = Equation('general', ('b1', 'b2', 'r1', 'r3'))
@@ -478,12 +467,6 @@ def test_another_hull_leaves_the_motion():
     assert attitude.x[2] == LINEAR.trim and np.array_equal(attitude.P[OF_HULL, OF_HULL], prior.covariance)
     stds = [math.sqrt(d @ prior.covariance @ d) for d in prior.directions.values()]
     assert stds == pytest.approx([0.1, 0.2], rel=0.05)
-
-
-def test_the_markov_moment_has_its_variance_and_fades():
-    moment = markov_moment(0.25, 0.5)
-    assert moment.variance == pytest.approx(0.25, rel=1e-6)
-    assert abs(moment.output @ expm(4.0 * moment.generator) @ moment.stationary @ moment.output) < 1e-3
 
 
 @pytest.mark.parametrize('wrong', [{'gate_probability': 0.5}, {'gate_probability': 0.0}, {'gate_patience': 0}])

@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.variate_analysis import RIDGE, ROWS_A_COEFFICIENT, useful_channels
 
 #: Order of each regression, given enough past; ``ar`` reads its own angle, ``var`` every channel.
 REGRESSIONS = {'ar_40': 40, 'var_40': 40, 'var_60': 60}
@@ -16,15 +17,10 @@ SIMPLE = ('persistence', 'constant_rate', 'mean')
 BASELINES = (*SIMPLE, *REGRESSIONS)
 
 ORDERS = (60, 40, 20, 10, 5, 2, 1)
-ROWS_A_COEFFICIENT = 8  #: With fewer rows than this a regression fits the noise.
-RIDGE = 1e-8  #: A row, in standard deviations; a hundred times as much costs a clean IMU a tenth at the shortest lead.
 REGRESSION_STEP = 0.1  #: s between lags, about: forty of them reach a wave period back, whatever the sensor's rate.
 REFIT_INTERVAL = 10.0  #: s.
 EVEN = 1.5  #: Usual intervals between two samples from which one was lost.
 ON_A_SAMPLE = 0.02  #: Usual intervals from a sample within which a time is the sample's.
-
-_MIN_SHARE = 0.5
-_STILL = 1e-12
 
 
 @dataclass(frozen=True)
@@ -147,7 +143,7 @@ def running_regression(
         # a row of the grid may read the sample after it, which must have come by then
         end = int((refit - start - EVEN * record.interval) / step) + 1
         begin = max(0, end - int(window / step))
-        useful = _useful(grid[begin:end], channels)
+        useful = tuple(channel for channel in useful_channels(grid[begin:end]) if channel in channels)
         fewest = ROWS_A_COEFFICIENT * len(useful)
         supported = next((o for o in ORDERS if o <= order and end - begin - o >= fewest * o), None)
         if now.start == now.stop or not set(targets) <= set(useful) or supported is None:
@@ -165,13 +161,6 @@ def running_regression(
         ahead = (lags @ matrix.reshape(-1, lags.shape[1]).T).reshape(-1, *constant.shape) + constant
         result[now] = ahead * sums.scale[places] + sums.centre[places]
     return result
-
-
-def _useful(values: np.ndarray, channels: Sequence[int]):
-    """Those channels that are mostly there and move."""
-    return tuple(
-        c for c in channels if np.isfinite(values[:, c]).mean() > _MIN_SHARE and np.nanstd(values[:, c]) > _STILL
-    )
 
 
 @dataclass

@@ -32,7 +32,8 @@ class AxisFilter:
     @property
     def motion(self) -> tuple[float, float]:
         """Filtered angle and rate, rad and rad/s."""
-        return self.hull.x.item(0), self.hull.x.item(1)
+        state = self.hull.x
+        return state.item(0), state.item(1)
 
     @property
     def explains(self) -> bool:

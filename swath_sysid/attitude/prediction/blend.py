@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
-from swath_sysid.attitude.prediction.sensor_noise import CREDIBLE
+from swath_sysid.attitude.prediction.sensor_noise import CREDIBLE, MEMORY_OF_SIZE
 
 # s, and as many leads; errors are forgotten with this time constant: those at short leads are many
 _MEMORY, _MEMORY_LEADS = 15.0, 10.0
@@ -13,8 +13,6 @@ _MEMORY, _MEMORY_LEADS = 15.0, 10.0
 _POWER = 8.0
 # s of errors that the candidates' common level, and their own variances, count for: luck in the first decides nothing
 _TRUST = 5.0
-# s; the time constant with which the scale of the variances is forgotten
-_MEMORY_VARIANCE = 60.0
 # a candidate without a forecast is taken to err as much more (mean square) as this than the blend: it must prove itself
 _UNPROVEN = 1.25
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
@@ -44,7 +42,7 @@ class Blend:
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
         self._shape = self._prior.shape[0], self.steps.size, axes
         self._places, self._axes = np.arange(self.steps.size), np.arange(axes)
-        memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, _MEMORY_VARIANCE)
+        memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, MEMORY_OF_SIZE)
         self._keep = (1.0 - step / memory)[:, None]
         self.restart()
 
@@ -92,7 +90,7 @@ class Blend:
         self._judge(blended, interval)
         if foreseeable is not None:
             excused = (self.steps[:, None] > foreseeable) & (self._excused < _MAX_EXCUSED)
-            self._excused += self._step / _MEMORY_VARIANCE * (excused - self._excused)
+            self._excused += self._step / MEMORY_OF_SIZE * (excused - self._excused)
             blended[excused] = np.nan
         was_free = self._was_free[then], self._places[:, None], self._axes
         self._learn(errors, blended, of_average, interval, noise_variance, was_free)
@@ -109,7 +107,7 @@ class Blend:
     def _judge(self, blended: np.ndarray, interval: np.ndarray):
         """Update the errors' mean square and the intervals' coverage of all forecasts."""
         known = np.isfinite(blended) & np.isfinite(interval)
-        gain = self._step / (_MEMORY_VARIANCE + self._step) * known
+        gain = self._step / (MEMORY_OF_SIZE + self._step) * known
         square = np.where(known, blended, 0.0) ** 2
         self.blended_square += gain * (square - self.blended_square)
         self.coverage += gain * ((square <= interval) - self.coverage)
@@ -147,7 +145,7 @@ class Blend:
         # errors that are the sensor's noise for the most part say as little of the rest as their scatter has it
         shown = (true / variance) ** 2
         time, mean_ratio, tail, _ = self._spread[(slice(None), *was_free)]
-        time, gain = self._aged(time, known, 1.0 - self._step / _MEMORY_VARIANCE, shown * self._step)
+        time, gain = self._aged(time, known, 1.0 - self._step / MEMORY_OF_SIZE, shown * self._step)
         # ratio by ratio: a mean of variances would keep the largest for minutes
         ratio = (np.minimum(square, CREDIBLE * variance) - noise_variance) / true
         mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)

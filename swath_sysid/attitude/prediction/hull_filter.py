@@ -40,7 +40,6 @@ IDENTIFIED_TRIM_STD = 5e-4  #: rad; identification reports 3e-5 to 7e-4.
 
 #: Relative std of all restoring and all damping terms without an identified covariance, as of a rebuilt hull.
 ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
-MOST_STD = 1.0  #: Largest relative standard deviation that is used.
 
 #: rad; expected of a craft before it is known, and where a model does not state what it was identified on.
 USUAL_AMPLITUDE = 0.05
@@ -99,7 +98,7 @@ class HullPrior:
         directions = _directions(model, identified.amplitude_range[1], mean)
         of = max(float(d @ covariance @ d) for d in directions.values())
         is_exact = of == 0.0
-        covariance *= MOST_STD**2 / max(of, MOST_STD**2)
+        covariance /= max(of, 1.0)
         for name, ratios in FACTORS.items():
             common = np.zeros(size)
             common[1:][ratios] = mean[1:][ratios]

@@ -20,7 +20,6 @@ from swath_sysid.common.accelerator import accelerated
 
 ANGLE, RATE, TRIM, RATIOS = range(4)  #: Places in the state; the last of the first ratio.
 HULL_STATES = RATIOS + len(TERM_NAMES)  #: Place of the moment's first state.
-CAPSIZED = 1.5  #: rad from trim; no decay model is used beyond.
 LARGEST_JUMP = 10.0  #: rad/s^2; largest moment, and change of it between two samples.
 
 LARGEST_ANGLE_VARIANCE = math.pi**2
@@ -49,14 +48,14 @@ def hull_step(
     middle_x, middle_rate = x + half * rate, rate + half * start
     a = -restoring_slope(middle_x, ratios, active)
     c = -damping_slope(middle_rate, ratios, active, friction_rate)
-    if abs(x) < CAPSIZED and step * max(abs(c), math.sqrt(abs(a))) < 1.0:
+    if abs(x) < 0.5 * math.pi and step * max(abs(c), math.sqrt(abs(a))) < 1.0:
         terms = term_moments(middle_x, middle_rate, friction_rate)
         terms[B2] += of_quadratic * middle_rate
         terms[B3] += of_cubic * middle_rate
         _, x, new_rate = motion_step(x, rate, moment, step, ratios, active, friction_rate)
         angle, rate = x + trim, new_rate
     else:
-        # far outside what the hull was identified on, the equation is not valid (nor stable)
+        # capsized, or far outside what the hull was identified on: the equation is not valid (nor stable)
         a = c = 0.0
         terms = np.zeros(HULL_STATES - RATIOS)
         angle, rate = angle + step * (rate + half * moment), rate + step * moment

@@ -11,11 +11,11 @@ from scipy.linalg import expm, solve_discrete_are
 
 from swath_sysid.attitude.prediction.hull_filter import USUAL_AMPLITUDE
 from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_by_side
+from swath_sysid.attitude.prediction.variate_analysis import RIDGE
 
 _DAMPING = 0.4
 # rad/s; expected of a small craft's motion, and counts for a quarter of its period
 _EXPECTED_FREQUENCY = 1.1
-_NOISE = 1e-8
 
 
 def oscillators(
@@ -44,7 +44,7 @@ def _oscillator(values: np.ndarray, names: Sequence[str], step: float, angle: in
     a = expm(drift * step)
     noise = np.eye(2) - a @ a.T
     if rate is not None:
-        s = noise + _NOISE * np.eye(2)
+        s = noise + RIDGE * np.eye(2)
         return InnovationsModel(
             (names[angle], names[rate]),
             (angle, rate),
@@ -58,8 +58,8 @@ def _oscillator(values: np.ndarray, names: Sequence[str], step: float, angle: in
             a @ a.T,
         )
     c = np.array([[1.0, 0.0]])
-    error = solve_discrete_are(a.T, c.T, noise + _NOISE * np.eye(2), np.array([[_NOISE]]))
-    s = c @ error @ c.T + _NOISE
+    error = solve_discrete_are(a.T, c.T, noise + RIDGE * np.eye(2), np.array([[RIDGE]]))
+    s = c @ error @ c.T + RIDGE
     return InnovationsModel(
         (names[angle],),
         (angle,),
@@ -87,5 +87,5 @@ def angle_statistics(angle: np.ndarray, rate: np.ndarray | None, step: float) ->
     mean = duration / (duration + 2.0 * np.pi / _EXPECTED_FREQUENCY) * np.nanmean(angle)
     expected, known_for = rate_square / _EXPECTED_FREQUENCY**2, 0.5 * np.pi / _EXPECTED_FREQUENCY
     square = (duration * np.nanmean((angle - mean) ** 2) + known_for * expected) / (duration + known_for)
-    deviation = max(np.sqrt(square), _NOISE)
+    deviation = max(np.sqrt(square), RIDGE)
     return mean, deviation, np.sqrt(max(rate_square, 1e-12)) / deviation

@@ -15,12 +15,12 @@ import numpy as np
 from scipy.special import ndtr
 
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
+from swath_sysid.attitude.prediction.sensor_noise import MEMORY_OF_SIZE
 from swath_sysid.common.errors import InputError
 
 AT_A_POINT = POINT_MOTION[:2]  #: What can be limited at each point, beside `ATTITUDE` of the craft.
 
 _ENOUGH = 30
-_SIZE_MEMORY = 60.0  #: s; a shorter one follows wave groups, in which errors grow less than the motion.
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ class Quiescence:
     def _follow_size(self, now: float, activity: np.ndarray):
         """Size of the recent motion, shape (V,)."""
         elapsed, self._last = now - self._last, now
-        gain = elapsed / (_SIZE_MEMORY + elapsed) if elapsed > 0.0 else 1.0
+        gain = elapsed / (MEMORY_OF_SIZE + elapsed) if elapsed > 0.0 else 1.0
         square = activity * activity
         # what was not known until now begins with its first size
         self._square = np.where(np.isnan(self._square), square, self._square + gain * (square - self._square))

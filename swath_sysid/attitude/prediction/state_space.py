@@ -159,20 +159,9 @@ class InnovationsFilter:
         self._recent.append(np.where(seen, z, expected))
 
     def skip(self, count: int) -> None:
-        """Step over ``count`` missing rows by doubling: Q_2n = Q_n + A^n Q_n A^n'."""
+        """Step over ``count`` missing rows."""
         missing = np.full(int(self._places.max(initial=0)) + 1, np.nan)
-        doubled = max(count - _PAST, 0)
-        if doubled:
-            power, noise = self.model.a, self._driven
-            p = np.zeros_like(power) if self._p is None else self._p
-            while doubled:
-                if doubled & 1:
-                    self._x, p = power @ self._x, power @ p @ power.T + noise
-                doubled >>= 1
-                if doubled:
-                    power, noise = power @ power, noise + power @ noise @ power.T
-            self._p = 0.5 * (p + p.T)
-        for _ in range(min(count, _PAST)):
+        for _ in range(count):
             self.step(missing)
 
     def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:

@@ -15,16 +15,15 @@ from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_b
 
 # variance of white noise that every channel is given, over the channel's own: without it, channels of which one follows
 # from others without error have singular innovations; more costs .1 s ahead (1e-6: 5 to 20 %)
-_RIDGE = 1e-8
+RIDGE = 1e-8
 # lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
 MAX_LAGS, _LONGEST_REACH, _MIN_LAGS = 40, 20.0, 2
 _STATES_A_CHANNEL = 7
-_ROWS_A_COEFFICIENT = 8.0
+ROWS_A_COEFFICIENT = 8.0
 _LAGS_A_STATE = 2.0
 _MIN_SHARE = 0.5
 # where losses break up more of the lags than this, gaps of few rows are filled from both sides
 _LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
-_FLAT = 1e-9
 # third differences as many times their median size are not a craft's motion: a spike, or one record joined to another
 _BREAK = 60.0
 LARGEST_RADIUS = 0.9999
@@ -82,7 +81,7 @@ def useful_channels(values: np.ndarray) -> list[int]:
     return [
         place
         for place in range(values.shape[1])
-        if finite[:, place].sum() > _MIN_SHARE * values.shape[0] and np.nanstd(values[:, place]) > _FLAT
+        if finite[:, place].sum() > _MIN_SHARE * values.shape[0] and np.nanstd(values[:, place]) > RIDGE
     ]
 
 
@@ -92,7 +91,7 @@ def without_breaks(rows: np.ndarray) -> np.ndarray:
         return rows
     size = np.abs(np.diff(rows, 3, axis=0))
     # most differences of a coarse sensor are zero, the others several of its steps
-    usual = [np.median(sizes[sizes > _FLAT]) if (sizes > _FLAT).any() else np.inf for sizes in size.T]
+    usual = [np.median(sizes[sizes > RIDGE]) if (sizes > RIDGE).any() else np.inf for sizes in size.T]
     result = rows.copy()
     result[2:-1][(size > _BREAK * np.array(usual)).any(axis=1)] = np.nan
     return result
@@ -102,7 +101,7 @@ def lags_for(rows: np.ndarray, step: float) -> int | None:
     """Lags on either side that rows (N, C), NaN where missing, support; None where none."""
     complete = np.isfinite(rows).all(axis=1)
     for half in range(max_lags(step), _MIN_LAGS - 1, -1):
-        if whole_lags(complete, 2 * half).sum() >= _ROWS_A_COEFFICIENT * half * rows.shape[1]:
+        if whole_lags(complete, 2 * half).sum() >= ROWS_A_COEFFICIENT * half * rows.shape[1]:
             return half
     return None
 
@@ -132,12 +131,12 @@ def fill_short_gaps(rows: np.ndarray) -> np.ndarray:
     for lost in range(1, _LONGEST_FILLED + 1):
         gaps = first[length == lost]
         for side in _SIDES if gaps.size else ():
-            if whole_lags(complete, 2 * side + lost).sum() < _ROWS_A_COEFFICIENT * 2 * side * width:
+            if whole_lags(complete, 2 * side + lost).sum() < ROWS_A_COEFFICIENT * 2 * side * width:
                 continue
             gram, count = lag_gram(rows, 2 * side + lost)
             middle = np.arange(side * width, (side + lost) * width)
             around = np.delete(np.arange(gram.shape[0]), middle)
-            ridge = _RIDGE * count * np.eye(around.size)
+            ridge = RIDGE * count * np.eye(around.size)
             weights = np.linalg.solve(gram[np.ix_(around, around)] + ridge, gram[np.ix_(around, middle)])
             inner = gaps[(gaps >= side) & (gaps + lost + side <= complete.size)]
             lags = np.concatenate([np.arange(lost + side - 1, lost - 1, -1), np.arange(-1, -side - 1, -1)])
@@ -188,7 +187,7 @@ def canonical_state_space(gram: np.ndarray, width: int, states: int) -> tuple[np
     future = np.arange(half).reshape(lags, width)[::-1].ravel()
     past = np.arange(half, 2 * half)
     # in all that follows alike: then S is no less, and every inverse exists
-    gram = gram + _RIDGE * np.eye(2 * half)
+    gram = gram + RIDGE * np.eye(2 * half)
     try:
         white_future = cholesky(gram[np.ix_(future, future)], lower=True)
         white_past = cholesky(gram[np.ix_(past, past)], lower=True)

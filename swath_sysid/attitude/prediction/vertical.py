@@ -21,6 +21,7 @@ from swath_sysid.attitude.motion.vertical import (
     zero_phase_integral,
 )
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
+from swath_sysid.attitude.prediction.sensor_noise import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights
 
 #: Forecast here, with errors correlated with those of `ATTITUDE`; angular accelerations are for points.
@@ -37,7 +38,6 @@ _RIDGE = 1e-5
 #: rad^2 and (rad/s)^2, below any sensor's resolution, for an angle that never changes.
 _UNSEEN_VARIANCE = 1e-12
 _SCORED = 300.0  #: s over which the intervals are calibrated.
-_PRIOR_SCORES = 60.0  #: s; weight of the training variance beside that of the forecasts issued.
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ class VerticalForecaster:
         errors = fit.truth[-count:, None] - self._issued[issued_after % kept, leads]
         errors[(issued_after < 0) | (issued_after < self._rows - kept)] = np.nan
         ratio = np.mean(errors**2 / np.diagonal(fit.covariance, axis1=1, axis2=2)[:, :3], axis=2)
-        prior = _PRIOR_SCORES / self._step
+        prior = MEMORY_OF_SIZE / self._step
         scale = np.sqrt((prior + np.nansum(ratio, axis=0)) / (prior + np.isfinite(ratio).sum(axis=0)))[:, None, None]
         count = len(VERTICAL)
         cross = fit.covariance[:, :count, count:] * scale
