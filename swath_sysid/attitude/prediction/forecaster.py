@@ -28,7 +28,6 @@ from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, ROW_RATE, Histor
 from swath_sysid.attitude.prediction.sea_fit import WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
-from swath_sysid.attitude.prediction.vertical import VerticalRequest
 from swath_sysid.common.errors import InputError
 
 REJECTED = {axis: f'outlier-{axis}' for axis in AXES}
@@ -114,7 +113,7 @@ class Forecaster:
         leads = np.array(s.leads)
         horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
         self._leads = np.unique(np.round(np.concatenate([leads, horizon]), 9))
-        self._asked, self._over_horizon = (self._places_of(wanted) for wanted in (leads, horizon))
+        self._asked, self._over_horizon = (_places_of(wanted, self._leads) for wanted in (leads, horizon))
         self._clock = RowClock()
         # the oldest forecast that is scored lies one longest lead behind the window
         self._history = History(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1)
@@ -127,11 +126,6 @@ class Forecaster:
         self._has_waves = False
         self._bank: Bank | None = None
         self._waiting: SeaFit | None = None
-
-    def _places_of(self, leads: np.ndarray):
-        """Of these among all leads; a slice where they are all, which takes no copy."""
-        places = np.searchsorted(self._leads, leads - 1e-6)
-        return places if places.size < self._leads.size else slice(None)
 
     # -- models and fits
 
@@ -279,17 +273,9 @@ class Forecaster:
             CHANNELS,
             self._past(s.window).copy(),
             dict(self._excitation_requests()),
-            self._vertical_request(),
+            self._points.request(self._clock, self._history.newest),
             self._time >= self._sea_state_due,
         )
-
-    def _vertical_request(self):
-        if self._points.vertical is None:
-            return None
-        # the accelerations of smoothed rows lag behind the attitude, which the hull filters give
-        clock = self._clock
-        delay = (0.5 * clock.samples - 1.0) * clock.interval if clock.is_smoothed else 0.0
-        return VerticalRequest(self._points.vertical.ahead, delay, self._history.newest)
 
     def _excitation_requests(self):
         step, samples = self._clock.step, self._clock.samples
@@ -361,6 +347,12 @@ class Forecaster:
         """The running state, for operators."""
         count = len(self.settings.leads)
         return diagnose(self._axes, self._bank, self._asked, count, self._clock.interval, self._has_waves)
+
+
+def _places_of(wanted: np.ndarray, leads: np.ndarray):
+    """Of these among all leads; a slice where they are all, which takes no copy."""
+    places = np.searchsorted(leads, wanted - 1e-6)
+    return places if places.size < leads.size else slice(None)
 
 
 def _by_axis(places: Sequence[int], mean: np.ndarray, covariance: np.ndarray):

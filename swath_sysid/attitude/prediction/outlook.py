@@ -15,9 +15,9 @@ from swath_sysid.attitude.prediction.quiescence import (
     QuiescenceLimits,
     quantity_at,
 )
-from swath_sysid.attitude.prediction.rows import CHANNELS, History
+from swath_sysid.attitude.prediction.rows import CHANNELS, History, RowClock
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
-from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalForecaster
+from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalForecaster, VerticalRequest
 from swath_sysid.common.row_buffer import RowBuffer
 
 _VERTICAL = [CHANNELS.index(name) for name in (*AXES, *FORCE)]
@@ -48,6 +48,14 @@ class PointForecaster:
         """Use a fit, made with the waves' filter; ``newest`` is the number of the newest row."""
         if self.vertical is not None:
             self.vertical.install(fit, newest, waves)
+
+    def request(self, clock: RowClock, newest: int) -> VerticalRequest | None:
+        """What a fit of the vertical motion needs to know, at the newest row of this number."""
+        if self.vertical is None:
+            return None
+        # the accelerations of smoothed rows lag behind the attitude, which the hull filters give
+        delay = (0.5 * clock.samples - 1.0) * clock.interval if clock.is_smoothed else 0.0
+        return VerticalRequest(self.vertical.ahead, delay, newest)
 
     def step(self, row: np.ndarray, waves: InnovationsFilter | None) -> None:
         """Take the next row of `CHANNELS`, which the waves' filter has taken already."""
