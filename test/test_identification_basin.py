@@ -25,8 +25,7 @@ from swath_sysid.attitude.identification.innovations import disturbance, innovat
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.scoring import CONVERGED, Evaluation, clipped_step, scoring, secant
-from swath_sysid.attitude.motion.releases import find_releases
-from swath_sysid.attitude.motion.segmentation import find_decay
+from swath_sysid.attitude.motion.segmentation import find_decay, find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.accelerator import has_numba
 from swath_sysid.formats.reading import read_trial
@@ -273,7 +272,7 @@ def test_no_release_where_nothing_was_held():
         a * np.cos(w * time + p)
         for a, w, p in zip(rng.rayleigh(0.01, 40), rng.uniform(2, 4, 40), rng.uniform(0, 6.3, 40), strict=True)
     )
-    assert find_releases(AxisMotion('roll', time, waves, None), np.radians(0.4)) == ()
+    assert find_decays(AxisMotion('roll', time, waves, None)) == ()
 
 
 def fit(made, equation, **changed):

@@ -41,10 +41,14 @@ RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)  #: Of a half
 CREEP_PERIODS = 0.6  #: Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping.
 MAX_CREEP = 1.3  #: A swing that turns this much later than a cosine that arrives with it has crept to rest.
 ODD_PERIOD = 0.25  #: A period that differs by this part from the median spans a gap.
-DWELL_BAND = 0.15  #: A craft held at a level stays within this part of the following swing.
-FAR_BAND = 0.35  #: A jump comes from further away than this part: rest lies at half a swing or more.
+HOLD_BAND = 0.5  #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest.
+HELD_PERIODS = 0.5  #: Periods beyond it that no swinging craft stays.
+JUMP_PERIODS = 0.05  #: A rise to it faster than the craft swings: it was dropped, or the record was cut.
 REST_BAND = 0.07  #: Rest means within this part of the first swing about a level.
 SMOOTHED_SAMPLES = 3.0  #: How far the smoothing of a grid reaches, samples.
+REST_POWER = 4.0 / 3.0  #: Log odds of rest over those of motion: logistic regression over `benchmark/decays.py`.
+SWINGS_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
+STOP_PERIODS = 1.0  #: Rest that begins this many periods after the last turning point began with a stop.
 LONGEST_REST = 8.0  #: Rest is looked for over this many periods: more proves nothing further.
 ACTIVE_PART = 0.25  #: Motion that reaches, within a period, this part of the first swing is motion like it.
 
@@ -154,40 +158,6 @@ class Fall:
         """Whether its grid is the one on which to look at its period."""
         return self.period > 0.0 and suits(self.signal, self.period)
 
-    @property
-    def whole_periods(self) -> int:
-        """How many periods its turning points show."""
-        return self._periods[0].size
-
-    @cached_property
-    def scatter(self) -> float:
-        """Relative scatter of the periods about their trend beyond noise, weighted by the squared swings.
-
-        Noise sigma moves a turning point of amplitude a by about sigma P T / (4 pi^2 a), with P samples per period and
-        half of the noise's slope left by the smoothing.
-        """
-        periods, swings = self._periods
-        if periods.size < 3:
-            return np.inf
-        trend = np.convolve(np.pad(periods, 2, mode='edge'), np.full(5, 0.2), mode='valid')
-        about = periods - (trend if periods.size >= 5 else periods.mean())
-        seen = np.average(about**2, weights=swings**2) / self.period**2
-        samples = self.period / self.signal.interval
-        explained = 2.0 * (samples * self.signal.noise / (4.0 * np.pi**2)) ** 2 / np.mean(swings**2)
-        return float(np.sqrt(max(seen - explained, 0.0)))
-
-    @cached_property
-    def roughness(self) -> float:
-        """Scatter of each swing about a parabola in the previous one, as part of the first swing."""
-        bridged = self.bridged[self.first : self.last]
-        sure = ~(bridged[:-1] | bridged[1:])
-        before, after = self.swings[:-1][sure] / self.swings[0], self.swings[1:][sure] / self.swings[0]
-        if after.size < 5:
-            return np.inf
-        law = np.vander(before, 3)
-        residual = after - law @ np.linalg.lstsq(law, after, rcond=None)[0]
-        return float(np.sqrt(np.sum(residual**2) / (after.size - 3)))
-
     def leaving_time(self, turn: int) -> float:
         """Last time near turning point ``turn`` on the way to the next, s."""
         signal = self.signal
@@ -211,53 +181,41 @@ class Fall:
         return float(signal.start + signal.interval * (begin + (near[0] if near.size else end - begin)))
 
     @cached_property
-    def dwell(self) -> float:
-        """Periods for which the signal had stayed near the first turning point at release."""
-        away = np.flatnonzero(np.abs(self._past - self.value[self.first]) > DWELL_BAND * self.swings[0])
-        return self.signal.interval * (away[0] if away.size else self._past.size) / self.period
+    def arrival(self) -> float:
+        """Time since when the signal had stayed on the side of the first turning point, s."""
+        level = self.value[self.first] - self.centre
+        left = np.flatnonzero((self._past - self.centre) / level < HOLD_BAND) if level else np.empty(0)
+        return self.release - self.signal.interval * float(left[0] if left.size else self._past.size)
 
     @property
-    def arrival(self) -> float:
-        """Time since when the signal had stayed near the first turning point, s."""
-        return self.release - self.dwell * self.period
+    def hold(self) -> float:
+        """Periods for which the craft had stayed where it begins, beyond those that a swinging craft does."""
+        stay = (self.release - self.arrival) / self.period - HELD_PERIODS
+        return max(stay, HELD_PERIODS if self.was_dropped else 0.0)
 
-    @cached_property
-    def rise(self) -> float:
-        """Periods it took to come to the first turning point from the side of the next; inf if it did not."""
-        level, following = self.value[self.first], self.value[self.first + 1]
-        part = (self._past - level) / (following - level)
-        arrived, far = np.flatnonzero(np.abs(part) > DWELL_BAND), np.flatnonzero(part > FAR_BAND)
-        if not far.size or part[arrived[0]] < 0.0:
-            return np.inf
-        return self.signal.interval * (far[0] - arrived[0]) / self.period
+    @property
+    def was_dropped(self) -> bool:
+        """Whether it came to the first turning point faster than the craft swings, or the record was cut there."""
+        part = (self._past - self.value[self.first]) / (self.value[self.first + 1] - self.value[self.first])
+        far = np.flatnonzero(part > 1.0 - HOLD_BAND)
+        arrived = np.flatnonzero(np.abs(part) > RELEASE_BAND)
+        return bool(far.size and self.signal.interval * (far[0] - arrived[0]) <= JUMP_PERIODS * self.period)
 
     @cached_property
     def _past(self) -> np.ndarray:
         """Samples up to the release, latest first."""
         return self.signal.value[: self.signal.index(self.release) + 1][::-1]
 
-    def rest_before(self, push: float) -> float:
-        """Longest rest, in periods, that ended no more than ``push`` periods before the first turning point."""
-        signal = self.signal
-        most = int(LONGEST_REST * self.period / signal.interval)
-        ends = [self.release, *(self.time[self.first] - np.arange(0.0, push + 0.01, 0.25) * self.period)]
-        longest = 0
-        for end in ends:
-            at = signal.index(end)
-            past = signal.value[max(0, at - most) : at + 1][::-1]
-            reach = np.maximum.accumulate(past) - np.minimum.accumulate(past)
-            longest = max(longest, int(np.count_nonzero(reach <= 2.0 * REST_BAND * self.swings[0])))
-        return (longest - 1) * signal.interval / self.period
-
-    def rest_after(self, stop: float) -> float:
-        """Longest rest about the centre, in periods, that begins no more than ``stop`` periods after the end."""
+    @cached_property
+    def rest(self) -> float:
+        """Longest rest about the centre, in periods, that begins no more than `STOP_PERIODS` after the end."""
         signal = self.signal
         most = int(LONGEST_REST * self.period / signal.interval)
         begin, end = signal.index(self.release), signal.index(self.end)
-        future = signal.value[begin : end + most + int(stop * self.period / signal.interval) + 1]
+        future = signal.value[begin : end + most + int(STOP_PERIODS * self.period / signal.interval) + 1]
         low = np.abs(future - self.centre) <= REST_BAND * self.swings[0]
         longest = _leading(low[: end - begin][::-1]) + _leading(low[end - begin :][:most])
-        for offset in np.arange(0.25, stop + 0.01, 0.25):
+        for offset in np.arange(0.25, STOP_PERIODS + 0.01, 0.25):
             longest = max(longest, _leading(low[signal.index(self.end + offset * self.period) - begin :][:most]))
         return max(longest - 1, 0) * signal.interval / self.period
 
@@ -268,17 +226,21 @@ class Fall:
         reach = maximum_filter1d(self.signal.value, size) - minimum_filter1d(self.signal.value, size)
         return reach > ACTIVE_PART * self.swings[0]
 
-    def activity_after(self) -> float:
-        """Moving part of the ten periods that begin one period after its end."""
-        begin, end = (self.signal.index(self.end + count * self.period) for count in (1.0, 11.0))
-        return float(np.mean(self.activity[begin:end])) if end > begin else 0.0
-
     def unexplained(self, decays: Sequence['Fall']) -> float:
         """Moving time that belongs to none of the decays nor to what set them going, s."""
         moving, time = self.activity.copy(), self.signal.time
         for decay in decays:
-            moving &= (time < decay.release - 2.0 * decay.period) | (time > decay.end + decay.period)
+            moving &= (time < decay.arrival - 1.0 * decay.period) | (time > decay.end + decay.period)
         return float(np.count_nonzero(moving) * self.signal.interval)
+
+    def is_free(self, decays: Sequence['Fall']) -> bool:
+        """Whether it lies in more rest, in periods, than other motion, in its own durations, after these decays.
+
+        Waves make falls, too, amid motion: in 160 minutes of simulated ones the score of none exceeded one fifth.
+        """
+        motion = self.unexplained([self, *decays]) / (self.end - self.release)
+        evidence = self.rest + self.hold + self.swings.size / SWINGS_FOR_REST
+        return bool(evidence**REST_POWER >= 1.0 + motion)
 
 
 def _leading(mask: np.ndarray) -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swath_sysid.attitude.motion.decay_candidates import ASYMMETRY, Fall, find_falls
-from swath_sysid.attitude.motion.releases import Release, find_releases
+from swath_sysid.attitude.motion.releases import kink_time
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import (
     EvenSignal,
@@ -30,41 +30,20 @@ from swath_sysid.common.errors import InputError
 SMALLEST_SWING = {'angle': float(np.radians(0.4)), 'rate': float(np.radians(1.0))}
 
 SMALLEST_REACH = 2.5  #: A record without a decay within this many times that (1 deg) is too small.
-MIN_SWINGS = 3  #: Three swings show two losses and one rhythm; fewer are taken only where nothing else moves.
-
-#: A fall this long, smooth and regular needs no rest around it: tank decays reach 0.002 and 0.003, seas 0.009 and 0.01.
-SMOOTH_SWINGS, SMOOTH_ROUGHNESS, SMOOTH_SCATTER = 8, 0.005, 0.02
-
-#: Nor does one this long that is smooth and regular within noise: in the seas 20 swings reached 0.023 and 0.006.
-MANY_SWINGS, MANY_ROUGHNESS, MANY_SCATTER = 16, 0.015, 0.03
-
-MAX_SEARCHED = 30.0  #: Other motion may then last this many times longer: in hours of waves anything occurs once.
-WHOLE_SWINGS, WHOLE_PART = 6, 0.8  #: Nor one of so many swings that fills this part of the record: seas reached 0.75.
-
-#: Periods of rest that prove a decay (seas reached 4.8), and how many times longer other motion may then last.
-REST_WANTED, MAX_SEARCHED_WITH_REST = 5.0, 100.0
-
-REST_NEEDED = 1.0  #: Periods of rest that prove it where other motion, per period of rest, lasts no longer.
-MAX_UNEXPLAINED = 2.0  #: In no case may other motion last longer than so many times the decay.
-SHORT_SCATTER = 0.045  #: Scatter of the periods, where it shows three, that such a decay may have.
-REST_IN_JUMP = 1.0  #: Periods of rest that a jump to the first turning point stands for.
+MIN_SWINGS = 3  #: Three swings show two losses and one rhythm; fewer are those of a heavily damped hull.
 
 #: Mean logarithmic decrement per half-cycle below which something sustains the motion; the lightest decay has 0.012.
 MIN_DECREMENT = 0.004
 
-MAX_ACTIVITY_AFTER = 0.5  #: Moving part of the ten periods after a decay that has no rest after it.
-HELD_PERIODS = 0.4  #: Dwelling at the first turning point that no swinging craft does: it was held there.
-JUMP_PERIODS = 0.05  #: A rise to it faster than the craft swings: it was dropped, or the record was cut.
-
-#: Rest that ends this many periods before the first turning point ended with a push; after the last, with a stop.
-PUSH_PERIODS, STOP_PERIODS = 1.25, 1.0
-
+EARLIEST, LATEST = 0.25, 0.05  #: Natural periods about the first of these times between which a release is sought.
+HELD, FALLEN = 0.75, 0.5  #: Parts of its angle between which a release is the first to fall.
 #: Half-cycles left out after a push, as long as they cost no more than this part of the first swing.
 PUSH_MEMORY_SWINGS, PUSH_MEMORY_COST = 2, 0.25
 
 #: With this many swings the tail below this part of the first is left out, as it is as much the basin's motion.
 PLENTY_OF_SWINGS, PLENTIFUL_TAIL = 20, 0.125
 
+BREAKING_PERIODS = 4.0  #: What breaks a decay grows and decays within this time.
 SMALLEST_OF_SEVERAL = 0.3  #: Part of the largest first swing below which a further fall is not a decay of its own.
 FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched counts as over.
 
@@ -72,12 +51,6 @@ FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched 
 SWINGING_PART, MIN_SWINGING, LONGEST_LULL = 0.2, 10, 0.25
 
 FORCED_MOTION = 'forced-motion'
-
-RELEASED_PART = 0.6  #: Natural periods after a release within which its decay is recognised: the first half-cycle.
-QUIET_PERIODS = 2.5  #: A release alone shows a decay where so much of the record follows it.
-
-#: Largest and root mean square motion from a period after such a release on, over the angle released from.
-LOUDEST_REST, MEAN_REST = 0.7, 0.3
 
 
 @dataclass(frozen=True)
@@ -106,12 +79,10 @@ class DecaySegment:
 def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
     decays: list[Fall] = []
-    releases: list[Release] = []
     for piece in split_at_pauses(motion):
         falls = [fall for fall in find_falls(piece) if fall.swings[0] >= SMALLEST_SWING[fall.signal.quantity]]
         decays.extend(_free_falls(falls))
-        releases.extend(find_releases(piece, SMALLEST_SWING['angle']))
-    return _begun_at_releases([_segment_of(fall) for fall in _apart(decays)], releases, motion)
+    return tuple(_segment_of(fall, motion) for fall in _apart(decays))
 
 
 def find_decay(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment:
@@ -172,154 +143,51 @@ def keeps_swinging(motion: AxisMotion) -> bool:
     return bool(at.size >= MIN_SWINGING and lulls.max() <= LONGEST_LULL * motion.duration)
 
 
-def _begun_at_releases(
-    decays: list[DecaySegment], releases: list[Release], motion: AxisMotion
-) -> tuple[DecaySegment, ...]:
-    """The decays with each release's own beginning there, and those that only a release shows."""
-    for release in releases:
-        begun = release.time + RELEASED_PART * release.period
-        own = [d for d in decays if release.hold_start - release.period < d.start < begun]
-        followed = [d for d in own if d.end > begun]
-        if not followed and any(d.start < release.time < d.end for d in decays):
-            continue
-        # what ended before the release was the hand's
-        kept = [d for d in decays if all(d is not other for other in own)]
-        if followed:
-            decays = [_released(d, release) if d is followed[0] else d for d in decays if d in kept or d is followed[0]]
-        elif _comes_to_rest(release, motion):
-            alone = _alone(release, motion)
-            large = [d for d in kept if d.initial_amplitude > alone.initial_amplitude]
-            decays = [*large, alone, *(d for d in kept if d not in large)]
-    return tuple(decays)
-
-
-def _released(decay: DecaySegment, release: Release) -> DecaySegment:
-    """A decay begun at its release."""
-    gained = (decay.start - release.time) / decay.period
-    return replace(
-        decay,
-        start=release.time,
-        beginning='released',
-        cycles=decay.cycles + gained,
-        initial_amplitude=max(abs(release.angle - decay.trim), decay.final_amplitude),
-    )
-
-
-def _comes_to_rest(release: Release, motion: AxisMotion) -> bool:
-    """Whether a craft that had been held for a period swings by far less from a period after its release on."""
-    held, follows = release.time - release.hold_start, motion.time[-1] - release.time
-    if held < release.period or follows < (1.0 + QUIET_PERIODS) * release.period:
-        return False
-    away = _away(motion, release, release.time + release.period, None) / abs(release.angle - release.trim)
-    return bool(away.max() < LOUDEST_REST and np.sqrt(np.mean(away**2)) < MEAN_REST)
-
-
-def _alone(release: Release, motion: AxisMotion) -> DecaySegment:
-    """The decay of a release whose swings the motion around them hides."""
-    end = min(float(motion.time[-1]), release.time + QUIET_PERIODS * release.period)
-    return DecaySegment(
-        start=release.time,
-        end=end,
-        period=release.period,
-        cycles=(end - release.time) / release.period,
-        initial_amplitude=abs(release.angle - release.trim),
-        final_amplitude=float(_away(motion, release, end - 0.5 * release.period, end).max()),
-        trim=release.trim,
-        beginning='released',
-        ending='noise-floor',
-    )
-
-
-def _away(motion: AxisMotion, release: Release, start: float, end: float | None) -> np.ndarray:
-    """Angle from the trim of a release, which is found in angles only, rad."""
-    return np.abs(np.asarray(motion.between(start, end).angle) - release.trim)
-
-
 def _free_falls(falls: Sequence[Fall]) -> list[Fall]:
-    """The falls whose own regularity, or the rest around them, shows that no waves made them."""
-    rhythmic = [fall for fall in falls if _is_rhythmic(fall)]
-    certain = [fall for fall in rhythmic if _is_regular(fall) or _is_settled(fall)]
-    others = [fall for fall in rhythmic if not any(fall is known for known in certain) and _stands_alone(fall, certain)]
-    if certain or others:
-        return certain + others
-    singles = [single for single in (fall.first_swing() for fall in falls) if _is_single_release(single)]
-    # The craft is inclined first and released last.
-    return [max(singles, key=lambda single: single.release)] if singles else []
+    """The falls that no waves made."""
+    possible = [fall if _is_rhythmic(fall) else fall.first_swing() for fall in falls]
+    possible = [fall for fall in possible if fall.is_suited and _comes_to_trim(fall)]
+    free: list[Fall] = []
+    while found := [fall for fall in possible if fall.is_free(free)]:
+        free += found
+        possible = [fall for fall in possible if not any(fall is other for other in found)]
+    return free
 
 
 def _is_rhythmic(fall: Fall) -> bool:
     """Long enough to show a rhythm, which its first half cycle keeps, and truly falling."""
     usual = 0.5 * fall.period
     keeps_time = usual < ASYMMETRY * fall.first_half and fall.first_half < ASYMMETRY * usual
-    return fall.swings.size >= MIN_SWINGS and fall.is_suited and keeps_time and fall.decrement >= MIN_DECREMENT
+    return fall.swings.size >= MIN_SWINGS and keeps_time and fall.decrement >= MIN_DECREMENT
 
 
-def _rest(fall: Fall) -> float:
-    return _rest_before(fall) + fall.rest_after(STOP_PERIODS)
-
-
-def _rest_before(fall: Fall) -> float:
-    return fall.rest_before(PUSH_PERIODS)
-
-
-def _is_regular(fall: Fall) -> bool:
-    """Longer or smoother than waves make a fall, or all that the record holds."""
-    number, duration = fall.swings.size, fall.end - fall.release
-    many = number >= MANY_SWINGS and fall.roughness <= MANY_ROUGHNESS and fall.scatter <= MANY_SCATTER
-    smooth = number >= SMOOTH_SWINGS and fall.roughness <= SMOOTH_ROUGHNESS and fall.scatter <= SMOOTH_SCATTER
-    if (many or smooth) and fall.unexplained([fall]) <= MAX_SEARCHED * duration:
-        return True
-    return number >= WHOLE_SWINGS and duration >= WHOLE_PART * (fall.signal.end - fall.signal.start)
-
-
-def _is_settled(fall: Fall) -> bool:
-    """Followed by a long rest, or begun from one without being swamped afterwards."""
-    rest_after = fall.rest_after(STOP_PERIODS)
-    if rest_after < REST_WANTED and not (_rest(fall) >= REST_WANTED and fall.activity_after() <= MAX_ACTIVITY_AFTER):
-        return False
-    return fall.unexplained([fall]) <= MAX_SEARCHED_WITH_REST * (fall.end - fall.release)
-
-
-def _stands_alone(fall: Fall, certain: Sequence[Fall]) -> bool:
-    """With some rest beside it, in a record in which, for that, little else moves."""
-    regular = fall.whole_periods < 3 or fall.scatter <= SHORT_SCATTER
-    rest = _rest(fall) + (REST_IN_JUMP if fall.rise <= JUMP_PERIODS else 0.0)
-    if not regular or rest < REST_NEEDED:
-        return False
-    return fall.unexplained([fall, *certain]) <= min(rest, MAX_UNEXPLAINED) * (fall.end - fall.release)
-
-
-def _is_single_release(fall: Fall) -> bool:
-    """One that hardly overshoots, with rest before and after: the decay of a heavily damped hull."""
-    return (
-        fall.is_suited
-        and fall.rest_after(STOP_PERIODS) >= REST_NEEDED
-        and (fall.first == 0 or _was_held(fall) or _rest_before(fall) >= REST_NEEDED)
-        and fall.unexplained([fall]) <= fall.end - fall.release
-    )
-
-
-def _was_held(fall: Fall) -> bool:
-    """At its first turning point, until it was let go; or it was dropped there."""
-    return fall.dwell >= HELD_PERIODS or fall.rise <= JUMP_PERIODS
+def _comes_to_trim(fall: Fall) -> bool:
+    """Whether it ends nearer to where the craft is in the last third of the record: a hand inclines it first."""
+    trim = float(np.median(fall.signal.value[-(fall.signal.value.size // 3 + 1) :]))
+    return abs(fall.value[fall.last] - trim) < abs(fall.value[fall.first] - trim)
 
 
 def _apart(falls: Sequence[Fall]) -> list[Fall]:
-    """The falls by decreasing weight, without those that a better one holds, began with or dwarfs."""
+    """The falls by decreasing weight, without those that a better one holds, began with, dwarfs or was broken by."""
     kept: list[Fall] = []
     largest = max((fall.swings[0] for fall in falls), default=0.0)
     for fall in sorted(falls, key=lambda fall: -fall.weight):
-        apart = all(fall.end <= other.arrival or fall.release >= other.end for other in kept)
+        apart = all(fall.end <= other.arrival or fall.release >= _end_of_motion(other, fall) for other in kept)
         if apart and fall.swings[0] >= SMALLEST_OF_SEVERAL * largest:
             kept.append(fall)
     return kept
 
 
-def _segment_of(fall: Fall) -> DecaySegment:
+def _end_of_motion(fall: Fall, following: Fall) -> float:
+    """When a fall is over, with what broke it unless that was held, s."""
+    return fall.end + (BREAKING_PERIODS * fall.period if fall.broken and not following.hold else 0.0)
+
+
+def _segment_of(fall: Fall, motion: AxisMotion) -> DecaySegment:
     """Cut a fall to what is free motion."""
     first, beginning = _free_start(fall)
     last, end, ending = _free_end(fall, first)
-    start = fall.leaving_time(first)
+    start = _release_time(fall, motion) if beginning == 'released' else fall.leaving_time(first)
     left = 100.0 * abs(fall.value[last] - fall.value[last - 1]) / fall.swings[0]
     reliable_end = end if ending == 'record-end' else fall.end if last == fall.last else float(fall.time[last])
     return DecaySegment(
@@ -341,17 +209,35 @@ def _free_start(fall: Fall) -> tuple[int, str]:
     """Index of the turning point after which the motion is free, and how it began."""
     if fall.leaves_in_gap(fall.first) and fall.swings.size > 1:
         return fall.first + 1, 'under-way'
-    if _was_held(fall):
+    if fall.hold:
         return fall.first, 'released'
     if fall.arrival <= fall.signal.start + fall.signal.interval:
         return fall.first, 'record-start'
-    if fall.first == 1 and _rest_before(fall) < REST_NEEDED:
-        return fall.first, 'under-way'
     skipped = 0
     for count in range(1, min(PUSH_MEMORY_SWINGS, fall.swings.size - 1) + 1):
         if fall.swings[count] >= (1.0 - PUSH_MEMORY_COST) * fall.swings[0]:
             skipped = count
     return fall.first + skipped, 'pushed'
+
+
+def _release_time(fall: Fall, motion: AxisMotion) -> float:
+    """When the craft was let go, by the kink in its motion, s; where there is none, when it had left."""
+    signal, towards = fall.signal, float(np.sign(fall.value[fall.first + 1] - fall.value[fall.first]))
+    inside = slice(signal.index(fall.arrival), signal.index(fall.time[fall.first + 1]) + 1)
+    time, away = signal.time[inside], towards * (fall.centre - signal.value[inside])
+    level = float(np.median(away[time <= fall.release]))
+    below = np.flatnonzero((time > fall.time[fall.first]) & (away < FALLEN * level))
+    above = np.flatnonzero(away[: below[0]] >= HELD * level) if below.size else below
+    if not above.size:
+        return fall.release
+    at, later = (
+        np.interp(part * level, away[[last + 1, last]], time[[last + 1, last]])
+        for part, last in ((HELD, above[-1]), (FALLEN, below[0] - 1))
+    )
+    period = 2.0 * np.pi * (later - at) / (np.arccos(FALLEN) - np.arccos(HELD))
+    earliest = max(at - EARLIEST * period, fall.arrival)
+    found = kink_time(motion, earliest, at + LATEST * period, period, -towards * level)
+    return fall.release if found is None else found
 
 
 def _free_end(fall: Fall, first: int) -> tuple[int, float, str]:
@@ -444,7 +330,7 @@ def _within_a_bound(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     ]
     largest = max((fall.swings[0] for fall in falls), default=0.0)
     large = [fall for fall in falls if fall.swings[0] >= 0.5 * largest]
-    return tuple(_segment_of(fall) for fall in _apart(large))
+    return tuple(_segment_of(fall, motion) for fall in _apart(large))
 
 
 def _with_bounds(

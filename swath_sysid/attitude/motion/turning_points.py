@@ -187,8 +187,8 @@ def suits(signal: EvenSignal, period: float) -> bool:
     """Whether to examine a period, s, on this grid; neighbouring grids overlap a little."""
     samples = period / signal.interval
     if signal.smoothed:
-        return MIN_PER_PERIOD <= samples <= 2.2 * MIN_PER_PERIOD
-    return MIN_PER_PERIOD_UNSMOOTHED <= samples <= 1.1 * MIN_PER_PERIOD
+        return 0.75 * MIN_PER_PERIOD <= samples <= 3.0 * MIN_PER_PERIOD
+    return MIN_PER_PERIOD_UNSMOOTHED <= samples <= 1.5 * MIN_PER_PERIOD
 
 
 def prominence_of(signal: EvenSignal) -> float:
