@@ -7,12 +7,32 @@ SENTENCES = {
     'absurd-values': 'impossible values were left out ({channels}): check the units in the column names, and look for '
     'damaged packets',
     'absurd-values: run': '{source}: {number} values of {name} beyond {limit:g} were left out: check its unit',
+    'accelerations-in-g': 'the accelerations average {force:.2f} where gravity is {gravity:.2f} m/s^2: they are in g; '
+    'give them in m/s^2 (multiplied by {gravity:.2f})',
+    'accelerations-scaled': 'the accelerations average {force:.2f} where gravity is {gravity:.2f} m/s^2: give them in '
+    'm/s^2, or calibrate the accelerometer',
     'added-mass-diverges': 'added mass exceeds mass, and the plugin, which applies it with the previous acceleration, '
     'diverges; identify again with the mass as weighed',
+    'angle-late': 'the {axis} angle comes {lag:.2f} s after the {axis} rate: have the driver stamp both when they are '
+    'measured and look for a slow filter on the angle, or move its column by as much',
+    'angles-frozen': 'the orientation has been the same for {seconds:g} s while the rates show motion: check what '
+    'gives the orientation, or have the driver set orientation_covariance[0] to -1',
     'at-anchor': '{source} was left out, because the craft never exceeds {speed:.2f} m/s and {rate:.1f} deg/s, as if '
     'at anchor or drifting: give runs under way',
     'at-bound': '{name} reached the bound of its range ({value:.3g}), so the runs do not determine it: leave it out, '
     'or add {runs}',
+    'axes-of-sensor': '{reading}, which the attitude contradicts: rates and accelerations are turned by {turn} deg '
+    '(roll, pitch, yaw) against the orientation; let the driver give all in the axes of the sensor and set '
+    'mounting_deg to {mounting}',
+    'axes-of-sensor: hanging': '{reading}: set frame to {other_frame} if its axes are {other_axes}, or, if it hangs '
+    'upside down, set mounting_deg to {mounting} (roll, pitch, yaw, of which the yaw does not show)',
+    'axes-of-sensor: not right-angled': 'gravity is {off:.0f} deg away from where the attitude puts it, which no '
+    'right-angled mounting explains: have the driver give orientation and accelerations in the same axes, and '
+    'mounting_deg say how these are mounted',
+    'axes-of-sensor: on its side': '{reading}: set mounting_deg to {mounting} (roll, pitch, yaw, of which the yaw does'
+    ' not show)',
+    'axes-of-sensor: other frame': '{reading}, opposite to that of the attitude: its axes are {other_axes}; set frame '
+    'to {other_frame} (or, if they are {axes}, have the driver give the specific force, which points up at rest)',
     'body-rates': 'the angles or a gyro axis are unknown, so body rates are used as Euler rates, which holds for small '
     'angles only: record roll, pitch and all three gyro axes',
     'clocks-apart': '{path}: header stamps and times of arrival drift apart, so times of arrival are used for all '
@@ -69,6 +89,8 @@ SENTENCES = {
     '{time:.1f} s: the fit bridges this, but record again if the first cycles are missing',
     'gaps: motion': 'the {axis} has {gaps}, the longest of {longest:.2g} s at {time:.1f} s: look for lost messages, '
     'and choose a decay without gaps',
+    'gravity-missing': 'the accelerations average {force:.2f} m/s^2, without gravity: have the driver give the '
+    'specific force, which reads {gravity:.2f} upward at rest, or none',
     'hardly-moves': "'{name}' moves by only {swing:.2g} deg: if it is in rad, name it '{other}'",
     'held-samples': '{source}: {name} changes only every {usual:.0f}th sample, so repeated values are treated as '
     'missing',
@@ -137,6 +159,33 @@ SENTENCES = {
     'and less, so forecast errors may exceed their intervals; identify again after a release from a larger angle',
     'poor-simulation': 'free simulation explains little of the {label} runs ({channels}; r2): look in the pictures for '
     'wind, waves, a wrong thrust or a reversed channel',
+    'rate-late': 'the {axis} rate comes {lag:.2f} s after the {axis} angle: have the driver stamp both when they are '
+    'measured and look for a slow filter on the rate, or move its column by as much',
+    'rate-offset': 'the {axis} rate is {offset:+.1f} deg/s off the change of the angle: calibrate the gyroscope at '
+    'rest, or take the offset away',
+    'rate-scale': 'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: check the units of angle, '
+    'rate and time, and the scale of the gyroscope',
+    'rate-sign': 'roll and pitch rate are the derivatives of their angles with the opposite sign, while the '
+    'accelerations are as they should be: reverse the signs of the rates in the driver or the file',
+    'rate-sign: one': 'the {axis} rate is the derivative of the {axis} angle with the opposite sign: reverse one of '
+    'the two (roll is positive to starboard, pitch bow down, and so are their rates)',
+    'rate-sign: perhaps turned': 'roll and pitch rate are the derivatives of their angles with the opposite sign: '
+    'reverse the signs of the rates in the driver or the file, unless rates and accelerations are turned by {turn} deg'
+    ' (roll, pitch, yaw) against the orientation: then set mounting_deg to {mounting}',
+    'rate-unit': 'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: {unit}; give each in the '
+    'unit expected, or name the one it is in',
+    'rate-unrelated': 'the {axis} angle moves and its rate does not follow it at any delay: check what gives the rate,'
+    ' or leave it out',
+    'rates-swapped': 'the roll rate follows the pitch angle and the pitch rate the roll angle: exchange the x and y '
+    'gyroscopes',
+    'rates-swapped: reversed': 'the roll rate follows the pitch angle and the pitch rate the roll angle: exchange the '
+    'x and y gyroscopes, and reverse both',
+    'rates-turned: half': 'roll and pitch rate are the derivatives of their angles with the opposite sign, and the '
+    'accelerations are opposite too: rates and accelerations are turned by {turn} deg (roll, pitch, yaw) against the '
+    'orientation; let the driver give all in the axes of the sensor and set mounting_deg to {mounting}',
+    'rates-turned: quarter': 'the roll rate follows the pitch angle and the pitch rate the roll angle, one of them '
+    'reversed: rates and accelerations are turned by {turn} deg (roll, pitch, yaw) against the orientation; let the '
+    'driver give all in the axes of the sensor and set mounting_deg to {mounting}',
     'record-not-adequate': '{number} of {records} records are not adequate by themselves ({names}): see their verdicts',
     'repeated-stamps': '{rows} with the same stamp as the previous row were left out: if most rows are affected, write '
     'the time with more digits',
@@ -157,6 +206,10 @@ SENTENCES = {
     'was widened: look for swell beside wind waves, a mooring, a changing speed or a helm. Choose a stretch on a '
     'steady course, or record a free decay in still water',
     'sensor-followed': '{name} jumped and stayed there, so the filter follows it: check the sensor',
+    'sensor-frozen': 'every value of the sensor has been the same for {seconds:g} s while its stamps go on: restart '
+    'its driver, and look for one that repeats its last message',
+    'sensor-turned': 'the attitude averages roll {roll} deg and pitch {pitch} deg, at which no craft floats, so this '
+    'is its mounting: set mounting_deg to {mounting} (roll, pitch, yaw, of which the yaw does not show)',
     'several-decays': '{number} free decays were found, and the one with the most motion is used, from {start:.1f} to '
     '{end:.1f} s: give start and end to use another ({others})',
     'short-rows': '{number} rows end early, the first in line {line}, and their missing cells are treated as missing '

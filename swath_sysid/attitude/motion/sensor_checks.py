@@ -25,6 +25,7 @@ from swath_sysid.attitude.motion.sensor_mount import (
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.sentences import SENTENCES
 
 WINDOW = 30.0  #: s over which the accelerations of waves average out.
 BIN = 0.05  #: s; samples are averaged to this time base, unless their own is coarser: craft roll in 1 s and more.
@@ -82,154 +83,27 @@ OPPOSITE_FRAME = {'flu': 'frd', 'frd': 'flu'}
 
 PARTS = ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate'), ('accel_x', 'accel_y', 'accel_z')
 
-REPEATS, GRAVITY, RATES, OFFSETS = 'repeats', 'gravity', 'rates', 'offsets'
-
-TURN_CURE = (
-    'rates and accelerations are turned by {turn} deg (roll, pitch, yaw) against the orientation; let the driver give '
-    'all of them in the axes of the sensor and set mounting_deg to {mounting}, or all in those of the craft with '
-    'mounting_deg [0, 0, 0]'
+#: All faults, by what must be compared to find them.
+REPEAT_CODES = frozenset({'sensor-frozen', 'angles-frozen'})
+GRAVITY_CODES = frozenset(
+    {'accelerations-in-g', 'gravity-missing', 'accelerations-scaled', 'sensor-turned', 'axes-of-sensor'}
 )
-CROSSED = 'the roll rate follows the pitch angle and the pitch rate the roll angle'
-BOTH_REVERSED = 'roll and pitch rate are the derivatives of their angles with the opposite sign'
-REVERSE_BOTH = 'reverse the signs of the rates in the driver or the file'
-MOUNTING_CURE = 'set mounting_deg to {mounting} (roll, pitch, yaw, of which the yaw does not show)'
-
-
-@dataclass(frozen=True)
-class Fault:
-    """What can be wrong with a sensor."""
-
-    code: str
-    compared: str  #: What must be compared to find it: `REPEATS`, `GRAVITY`, `RATES` or `OFFSETS`.
-    sentence: str
-    refuses: bool = True  #: Whether nothing should be identified or forecast from such data.
-
-
-#: All faults. Those that do not refuse leave the rest of the data usable.
-FAULTS = {
-    'all frozen': Fault(
-        'sensor-frozen',
-        REPEATS,
-        'every value of the sensor has been the same for {seconds:g} s while its stamps go on: restart its driver, and '
-        'look for one that repeats its last message',
-        refuses=False,
-    ),
-    'angles frozen': Fault(
-        'angles-frozen',
-        REPEATS,
-        'the orientation has been the same for {seconds:g} s while the rates show motion: check what gives the '
-        'orientation, or have the driver set orientation_covariance[0] to -1',
-        refuses=False,
-    ),
-    'in g': Fault(
-        'accelerations-in-g',
-        GRAVITY,
-        'the accelerations average {force:.2f} where gravity is {gravity:.2f} m/s^2: they are in g; give them in m/s^2 '
-        '(multiplied by {gravity:.2f})',
-    ),
-    'no gravity': Fault(
-        'gravity-missing',
-        GRAVITY,
-        'the accelerations average {force:.2f} m/s^2, without gravity: have the driver give the specific force, which '
-        'reads {gravity:.2f} upward at rest, or none',
-        refuses=False,
-    ),
-    'scaled': Fault(
-        'accelerations-scaled',
-        GRAVITY,
-        'the accelerations average {force:.2f} where gravity is {gravity:.2f} m/s^2: give them in m/s^2, or calibrate '
-        'the accelerometer',
-        refuses=False,
-    ),
-    'listing': Fault(
-        'sensor-turned',
-        GRAVITY,
-        'the attitude averages roll {roll} deg and pitch {pitch} deg, at which no craft floats, so this is its '
-        'mounting: ' + MOUNTING_CURE,
-    ),
-    'other frame': Fault(
-        'axes-of-sensor',
-        GRAVITY,
-        '{reading}, opposite to that of the attitude: its axes are {other_axes}; set frame to {other_frame} (or, if '
-        'they are {axes}, have the driver give the specific force, which points up at rest)',
-    ),
-    'turned': Fault('axes-of-sensor', GRAVITY, '{reading}, which the attitude contradicts: ' + TURN_CURE),
-    'not right-angled': Fault(
-        'axes-of-sensor',
-        GRAVITY,
-        'gravity is {off:.0f} deg away from where the attitude puts it, which no right-angled mounting explains: have '
-        'the driver give orientation and accelerations in the same axes, and mounting_deg say how these are mounted',
-    ),
-    'on its side': Fault('axes-of-sensor', GRAVITY, '{reading}: ' + MOUNTING_CURE),
-    'hanging': Fault(
-        'axes-of-sensor',
-        GRAVITY,
-        '{reading}: set frame to {other_frame} if its axes are {other_axes}, or, if it hangs upside down, '
-        + MOUNTING_CURE,
-    ),
-    'crossed': Fault('rates-swapped', RATES, CROSSED + ': exchange the x and y gyroscopes'),
-    'crossed and reversed': Fault(
-        'rates-swapped', RATES, CROSSED + ': exchange the x and y gyroscopes, and reverse both'
-    ),
-    'quarter turn': Fault('rates-turned', RATES, CROSSED + ', one of them reversed: ' + TURN_CURE),
-    'half turn': Fault('rates-turned', RATES, BOTH_REVERSED + ', and the accelerations are opposite too: ' + TURN_CURE),
-    'both reversed': Fault(
-        'rate-sign', RATES, BOTH_REVERSED + ', while the accelerations are as they should be: ' + REVERSE_BOTH
-    ),
-    'both reversed or half turn': Fault(
-        'rate-sign', RATES, BOTH_REVERSED + ': ' + REVERSE_BOTH + ', unless ' + TURN_CURE
-    ),
-    'reversed': Fault(
+RATE_CODES = frozenset(
+    {
+        'rates-swapped',
+        'rates-turned',
         'rate-sign',
-        RATES,
-        'the {axis} rate is the derivative of the {axis} angle with the opposite sign: reverse one of the two (roll is '
-        'positive to starboard, pitch bow down, and so are their rates)',
-    ),
-    'unit': Fault(
         'rate-unit',
-        RATES,
-        'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: {unit}; give each in the unit '
-        'expected, or name the one it is in',
-    ),
-    'scale': Fault(
         'rate-scale',
-        RATES,
-        'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: check the units of angle, rate and '
-        'time, and the scale of the gyroscope',
-    ),
-    'late': Fault(
         'rate-late',
-        RATES,
-        'the {axis} rate comes {lag:.2f} s after the {axis} angle: have the driver stamp both when they are measured '
-        'and look for a slow filter on the rate, or move its column by as much',
-    ),
-    'early': Fault(
         'angle-late',
-        RATES,
-        'the {axis} angle comes {lag:.2f} s after the {axis} rate: have the driver stamp both when they are measured '
-        'and look for a slow filter on the angle, or move its column by as much',
-    ),
-    'unrelated': Fault(
         'rate-unrelated',
-        RATES,
-        'the {axis} angle moves and its rate does not follow it at any delay: check what gives the rate, or leave it '
-        'out',
-    ),
-    'offset': Fault(
-        'rate-offset',
-        OFFSETS,
-        'the {axis} rate is {offset:+.1f} deg/s off the change of the angle: calibrate the gyroscope at rest, or take '
-        'the offset away',
-    ),
-}
+    }
+)
+OFFSET_CODES = frozenset({'rate-offset'})
 
-
-def _codes(compared: str) -> frozenset[str]:
-    return frozenset(fault.code for fault in FAULTS.values() if fault.compared == compared)
-
-
-REPEAT_CODES, GRAVITY_CODES, RATE_CODES, OFFSET_CODES = map(_codes, (REPEATS, GRAVITY, RATES, OFFSETS))
-DOUBTFUL_CODES = frozenset(fault.code for fault in FAULTS.values() if not fault.refuses)
+#: Those that leave the rest of the data usable.
+DOUBTFUL_CODES = frozenset({'accelerations-scaled', 'angles-frozen', 'gravity-missing', 'sensor-frozen'})
 
 
 @dataclass(frozen=True)
@@ -370,12 +244,11 @@ def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tu
     )
 
 
-def _found(name: str, axis: str | None = None, **values: Any) -> list[Contradiction]:
-    """A fault of the table with its values; nothing where one of them is not finite."""
+def _found(key: str, axis: str | None = None, **values: Any) -> list[Contradiction]:
+    """A fault of the catalogue with its values; nothing where one of them is not finite."""
     if not all(isfinite(value) for value in values.values() if isinstance(value, float)):
         return []
-    fault = FAULTS[name]
-    return [Contradiction(fault.code, fault.sentence.format(axis=axis, **values), axis)]
+    return [Contradiction(key.partition(':')[0], SENTENCES[key].format(axis=axis, **values), axis)]
 
 
 def _repeats(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.ndarray) -> list[Contradiction] | None:
@@ -389,13 +262,13 @@ def _repeats(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.
         before = steps[:since, 3:]  # the noise of rates and accelerations; angles that come alone may stand still
         resolution = np.min(before, axis=0, where=before > 0.0, initial=np.inf)
         usual = np.median(before[-(MIN_BINS // 2) :], axis=0)
-        return _found('all frozen', seconds=FROZEN) if np.any(usual >= MIN_STEPS * resolution) else []
+        return _found('sensor-frozen', seconds=FROZEN) if np.any(usual >= MIN_STEPS * resolution) else []
     still = min(int(np.searchsorted(time, time[-1] - FROZEN)), time.size - MIN_BINS // 2)
     if still <= 0:
         return []
     angles_still = np.isfinite(angles[still:, :2]).all() and not np.any(steps[still:, :3] > 0.0)
     is_turning = angles_still and _is_turning(rates[still:, :2], float(np.median(np.diff(time))))
-    return _found('angles frozen', seconds=FROZEN) if is_turning else []
+    return _found('angles-frozen', seconds=FROZEN) if is_turning else []
 
 
 def _is_turning(rates: np.ndarray, step: float) -> bool:
@@ -436,7 +309,7 @@ def _gravity_against_attitude(
     in_g = abs(size * STANDARD_GRAVITY - 1.0) <= GRAVITY_TOLERANCE
     found: list[Contradiction] = []
     if abs(size - 1.0) > GRAVITY_TOLERANCE:
-        name = 'in g' if in_g else 'no gravity' if size < NO_GRAVITY else 'scaled'
+        name = 'accelerations-in-g' if in_g else 'gravity-missing' if size < NO_GRAVITY else 'accelerations-scaled'
         found = _found(name, force=size * STANDARD_GRAVITY, gravity=STANDARD_GRAVITY)
     if size <= NO_GRAVITY and not in_g:
         return False, found + ([] if up is None else _list_of_craft(up, installation))
@@ -456,7 +329,7 @@ def _list_of_craft(up: np.ndarray, installation: Installation) -> list[Contradic
     roll, pitch = attitude.tilt_angles(*up)
     mounting = mounting_after((nearest_quarter(roll), nearest_quarter(pitch), 0.0), installation)
     degrees = in_degrees([roll, pitch])
-    return _found('listing', roll=degrees[0], pitch=degrees[1], mounting=mounting)
+    return _found('sensor-turned', roll=degrees[0], pitch=degrees[1], mounting=mounting)
 
 
 def _turned_gravity(
@@ -473,10 +346,12 @@ def _turned_gravity(
     reading = _reading_of(direction)
     # the frame explains opposite gravity, unless rates say otherwise
     if -cosine >= CONTRADICTED and (best is None or as_it_is >= best_score - 1e-6):
-        return False, _found('other frame', reading=reading, **_frames(installation))
+        return False, _found('axes-of-sensor: other frame', reading=reading, **_frames(installation))
     if best is None:
-        return True, _found('not right-angled', off=float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))))
-    return True, _found('turned', reading=reading, **_turn_values(angles_of(best), installation))
+        return True, _found(
+            'axes-of-sensor: not right-angled', off=float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+        )
+    return True, _found('axes-of-sensor', reading=reading, **_turn_values(angles_of(best), installation))
 
 
 def _direction_alone(direction: np.ndarray, installation: Installation) -> list[Contradiction]:
@@ -485,7 +360,7 @@ def _direction_alone(direction: np.ndarray, installation: Installation) -> list[
     if direction[2] >= MIN_UPRIGHT or turn[2] @ direction < MIN_UPRIGHT:
         return []
     return _found(
-        'hanging' if direction[2] <= -MIN_UPRIGHT else 'on its side',
+        'axes-of-sensor: hanging' if direction[2] <= -MIN_UPRIGHT else 'axes-of-sensor: on its side',
         reading=_reading_of(direction),
         mounting=mounting_after(angles_of(turn), installation),
         **_frames(installation),
@@ -546,14 +421,16 @@ def _rearranged(
         return []
     if 'exchanged' in name:
         # what stands exchanged in FRD axes is exchanged and reversed in those of the craft
-        return _found('crossed' if (name == 'exchanged') == (installation.frame == 'flu') else 'crossed and reversed')
+        return _found(
+            'rates-swapped' if (name == 'exchanged') == (installation.frame == 'flu') else 'rates-swapped: reversed'
+        )
     if name in ('to port', 'to starboard'):
         turn = (0.0, 0.0, 0.5 * np.pi if name == 'to port' else -0.5 * np.pi)
-        return _found('quarter turn', **_turn_values(turn, installation))
+        return _found('rates-turned: quarter', **_turn_values(turn, installation))
     if name == 'reversed' and len(slopes) == 2:
-        both = {-1: 'half turn', 0: 'both reversed or half turn', 1: 'both reversed'}[accelerations]
+        both = {-1: 'rates-turned: half', 0: 'rate-sign: perhaps turned', 1: 'rate-sign'}[accelerations]
         return _found(both, **_turn_values((0.0, 0.0, np.pi), installation))
-    return _found('reversed', AXES[slopes[0].axis] if name == 'reversed' else name.split()[0])
+    return _found('rate-sign: one', AXES[slopes[0].axis] if name == 'reversed' else name.split()[0])
 
 
 def _scale(slope: Slope) -> list[Contradiction]:
@@ -562,7 +439,11 @@ def _scale(slope: Slope) -> list[Contradiction]:
         return []
     unit = next((unit for factor, unit in UNITS.items() if _is_near(slope.gain, factor)), None)
     axis = AXES[slope.axis]
-    return _found('scale', axis, gain=slope.gain) if unit is None else _found('unit', axis, gain=slope.gain, unit=unit)
+    return (
+        _found('rate-scale', axis, gain=slope.gain)
+        if unit is None
+        else _found('rate-unit', axis, gain=slope.gain, unit=unit)
+    )
 
 
 def _is_near(gain: float, factor: float) -> bool:
@@ -574,7 +455,7 @@ def _delay(slope: Slope, interval: float) -> list[Contradiction]:
     limit = max(LAG_INTERVALS * interval, LAG_PHASE / slope.frequency, SIGNIFICANT * slope.lag_std)
     if slope.lagged < EXPLAINS or not abs(slope.lag) > limit:
         return []
-    return _found('late' if slope.lag > 0.0 else 'early', AXES[slope.axis], lag=abs(slope.lag))
+    return _found('rate-late' if slope.lag > 0.0 else 'angle-late', AXES[slope.axis], lag=abs(slope.lag))
 
 
 def _unrelated(slope: Slope) -> list[Contradiction]:
@@ -583,7 +464,7 @@ def _unrelated(slope: Slope) -> list[Contradiction]:
     largest_gain = slope.gain / max(slope.lagged**2, 1e-6)
     least = EXPLAINS if largest_gain < 1.0 / UNIT_TOLERANCE else UNRELATED
     is_poor = slope.lagged < least and slope.gain < UNRELATED**2 and slope.differs and slope.speed >= MIN_RATE
-    return _found('unrelated', AXES[slope.axis]) if is_poor else []
+    return _found('rate-unrelated', AXES[slope.axis]) if is_poor else []
 
 
 def _offsets(step: float, angles: np.ndarray, rates: np.ndarray) -> list[Contradiction]:
@@ -594,7 +475,7 @@ def _offsets(step: float, angles: np.ndarray, rates: np.ndarray) -> list[Contrad
         contradiction
         for axis, offset, deviation in zip(AXES, mean.tolist(), std.tolist(), strict=True)
         if abs(offset) > max(MAX_OFFSET, SIGNIFICANT * deviation)
-        for contradiction in _found('offset', axis, offset=float(np.degrees(offset)))
+        for contradiction in _found('rate-offset', axis, offset=float(np.degrees(offset)))
     ]
 
 
