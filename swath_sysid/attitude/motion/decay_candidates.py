@@ -47,10 +47,11 @@ JUMP_PERIODS = 0.05  #: A rise to it faster than the craft swings: it was droppe
 REST_BAND = 0.07  #: Rest means within this part of the first swing about a level.
 SMOOTHED_SAMPLES = 3.0  #: How far the smoothing of a grid reaches, samples.
 REST_POWER = 4.0 / 3.0  #: Log odds of rest over those of motion: logistic regression over `benchmark/decays.py`.
+HOLD_FOR_REST = 2.0  #: Periods of rest that a period of being held is worth.
 SWINGS_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
 STOP_PERIODS = 1.0  #: Rest that begins this many periods after the last turning point began with a stop.
 LONGEST_REST = 8.0  #: Rest is looked for over this many periods: more proves nothing further.
-ACTIVE_PART = 0.25  #: Motion that reaches, within a period, this part of the first swing is motion like it.
+ACTIVE_PART = 0.45  #: Motion that reaches, within a period, this part of the first swing is motion like it.
 
 
 @dataclass(frozen=True)
@@ -239,7 +240,7 @@ class Fall:
         Waves make falls, too, amid motion: in 160 minutes of simulated ones the score of none exceeded one fifth.
         """
         motion = self.unexplained([self, *decays]) / (self.end - self.release)
-        evidence = self.rest + self.hold + self.swings.size / SWINGS_FOR_REST
+        evidence = self.rest + HOLD_FOR_REST * self.hold + self.swings.size / SWINGS_FOR_REST
         return bool(evidence**REST_POWER >= 1.0 + motion)
 
 

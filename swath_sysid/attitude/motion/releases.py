@@ -9,7 +9,7 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.signals import noise_level
 
 #: Natural periods before and after a release that show its kink, in three rounds, each about the best of the last.
-BEFORE, AFTER = (0.15, 0.2, 0.1), (0.2, 0.3, 0.2)
+BEFORE, AFTER = (0.15, 0.2, 0.1), (0.2, 0.3, 0.15)
 CLOSER = 0.15, 0.05  #: Natural periods about the best time of a round within which the next are tried.
 HAND = 3, 3, 2  #: Degrees of the polynomials that follow a hand's wobble before the release,
 HULL = 4  #: ... and the free motion after it.
