@@ -21,13 +21,12 @@ from swath_sysid.attitude.identification.basin_likelihood import (
 )
 from swath_sysid.attitude.identification.fit_quality import rate_mismatch
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
-from swath_sysid.attitude.identification.innovations import disturbance, innovations
+from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, disturbance, innovations
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.scoring import CONVERGED, Evaluation, clipped_step, scoring, secant
 from swath_sysid.attitude.motion.segmentation import find_decay, find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.common.accelerator import has_numba
 from swath_sysid.formats.reading import read_trial
 
 _PLACE = Path(__file__).resolve().parents[1] / 'benchmark' / 'basin.py'
@@ -87,7 +86,7 @@ def run_filter(ratios, basin, step, counts, readings, bend=0.0):
     active = tuple(k in (1, 4) for k in range(9))
     hulls, basins = np.array(ratios)[:, None] * [1.0, 1.2], basin[:, None] * [1.0, 0.7]
     states, record = np.array([[0.1], [-0.05], [0.01]]) * [1.0, 0.9], (step, bend, *readings, counts)
-    return innovations(hulls, active, 0.01, basins, states, 0.03, np.zeros(2), *record)
+    return innovations(Hulls(hulls, active, 0.01), basins, states, 0.03, np.zeros(2), BlockedRecord(*record))
 
 
 def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():
@@ -131,16 +130,11 @@ def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():
 
 
 def test_filter_is_the_same_one_by_one_compiled_and_all_at_once(monkeypatch):
-    if not has_numba():
-        monkeypatch.setattr(filter_module, 'propagate', filter_module.propagate_one)
-        monkeypatch.setattr(filter_module, 'read', filter_module.read_one)
     monkeypatch.setattr(filter_module, 'has_numba', lambda: True)
     one_by_one = run_filter(*linear_case(), 0.002)
     for module in (compiled, filter_module):
         for name, function in list(vars(module).items()):
             monkeypatch.setattr(module, name, getattr(function, '__wrapped__', function))
-    monkeypatch.setattr(filter_module, 'propagate', filter_module.propagate_all)
-    monkeypatch.setattr(filter_module, 'read', filter_module.read_all)
     monkeypatch.setattr(filter_module, 'has_numba', lambda: False)
     assert run_filter(*linear_case(), 0.002) == pytest.approx(one_by_one, rel=1e-9, abs=1e-12)
 

@@ -13,14 +13,14 @@ from scipy.special import ndtr, ndtri
 
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring_slope
-from swath_sysid.attitude.identification.innovations import innovations
+from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, innovations
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.scoring import Evaluation, scoring, search_each
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
-STEPS_PER_PERIOD = 24
+STEPS_PER_PERIOD = 16
 #: Standard deviation, dimensionless, of what a ratio may be before the record is seen: beyond any craft's.
 RATIO_PRIOR = 4.0
 BIAS_PRIOR = float(np.radians(2.0))  #: rad/s: an uncalibrated gyro's.
@@ -56,36 +56,25 @@ INTERVAL = 0.95
 NORMAL = float(ndtri(0.5 * (1.0 + INTERVAL)))
 
 
-@dataclass(frozen=True)
-class BlockedRecord:
-    """A record in means over blocks of one step."""
-
-    step: float  #: s.
-    bend: float  #: See `innovations`, s^2.
-    angle: np.ndarray  #: (N,); rad and rad/s; zero where not measured.
-    rate: np.ndarray  #: (N,); rad and rad/s; zero where not measured.
-    counts: np.ndarray  #: (N, 2)
-
-    @classmethod
-    def of(cls, motion: AxisMotion, frequency: float) -> 'BlockedRecord':
-        """Average a motion over even blocks, a part of the period of ``frequency``, rad/s, long."""
-        interval = motion.sample_interval
-        samples = max(1, round(2.0 * np.pi / frequency / STEPS_PER_PERIOD / interval))
-        step = samples * interval
-        block = np.floor((motion.time - motion.time[0]) / step + 0.5 / samples).astype(int)
-        count = np.bincount(block).astype(float)
-        filled = count > 0.0
-        middle = motion.time[0] + step * np.flatnonzero(filled) + 0.5 * (samples - 1) * interval
-        late = np.bincount(block, motion.time)[filled] / count[filled] - middle
-        means = [np.zeros(count.size), np.zeros(count.size)]
-        for mean, values in zip(means, (motion.angle, motion.rate), strict=True):
-            if values is not None:
-                mean[filled] = np.bincount(block, values)[filled] / count[filled]
-                # samples that come at uneven times are not centred on their block
-                mean[filled] -= late * np.gradient(mean[filled], middle + late)
-        measured = [motion.angle is not None, motion.rate is not None]
-        counts = count[:, None] * np.array(measured, dtype=float)
-        return cls(step, (samples**2 - 1) * interval**2 / 24.0, means[0], means[1], counts)
+def blocked(motion: AxisMotion, frequency: float) -> BlockedRecord:
+    """Means of a motion over even blocks, a part of the period of ``frequency``, rad/s, long."""
+    interval = motion.sample_interval
+    samples = max(1, round(2.0 * np.pi / frequency / STEPS_PER_PERIOD / interval))
+    step = samples * interval
+    block = np.floor((motion.time - motion.time[0]) / step + 0.5 / samples).astype(int)
+    count = np.bincount(block).astype(float)
+    filled = count > 0.0
+    middle = motion.time[0] + step * np.flatnonzero(filled) + 0.5 * (samples - 1) * interval
+    late = np.bincount(block, motion.time)[filled] / count[filled] - middle
+    means = [np.zeros(count.size), np.zeros(count.size)]
+    for mean, values in zip(means, (motion.angle, motion.rate), strict=True):
+        if values is not None:
+            mean[filled] = np.bincount(block, values)[filled] / count[filled]
+            # samples that come at uneven times are not centred on their block
+            mean[filled] -= late * np.gradient(mean[filled], middle + late)
+    measured = [motion.angle is not None, motion.rate is not None]
+    counts = count[:, None] * np.array(measured, dtype=float)
+    return BlockedRecord(step, (samples**2 - 1) * interval**2 / 24.0, means[0], means[1], counts)
 
 
 @dataclass(frozen=True)
@@ -125,7 +114,7 @@ class BasinLikelihood:
     ) -> None:
         self.equation = equation
         self.ratio_prior = np.broadcast_to(ratio_prior, len(equation.terms))
-        self._records = [BlockedRecord.of(m, scales.frequency) for m in motions]
+        self._records = [blocked(m, scales.frequency) for m in motions]
         self._active = equation.active
         self._names = equation.terms
         self._terms = equation.indices
@@ -221,20 +210,8 @@ class BasinLikelihood:
         """Of a record, at B points, shape (2, 2 N, B)."""
         record = self._records[index]
         ratios, basin, states = self.unpack(points)
-        found = innovations(
-            ratios.T,
-            self._active,
-            self._friction_rate,
-            basin.T,
-            states[:, index].T,
-            BIAS_PRIOR,
-            self._floor,
-            record.step,
-            record.bend,
-            record.angle,
-            record.rate,
-            record.counts,
-        )
+        hulls = Hulls(ratios.T, self._active, self._friction_rate)
+        found = innovations(hulls, basin.T, states[:, index].T, BIAS_PRIOR, self._floor, record)
         return found.reshape(2, -1, len(points))
 
     def evaluate(self, points: Sequence[np.ndarray] | np.ndarray) -> list[Evaluation]:
