@@ -322,7 +322,7 @@ def test_least_squares_stays_where_the_likelihood_leaves_its_period(bench):
     made = bench.made_trial('swath-roll 5', bench.SCENES['white'], 0)
     found = fit(made, 'linear')
     truth = 2 * np.pi / np.sqrt(made.truth['s1'])
-    assert found.basin is None and found.log_likelihood is not None
+    assert found.basin is None
     assert found.model.natural_period == pytest.approx(truth, rel=0.05)
     assert found.verdict.level != 'adequate'
 

@@ -19,11 +19,11 @@ from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_tri
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
 from swath_sysid.attitude.identification.pruning import log_evidence, prune
-from swath_sysid.attitude.identification.scoring import Evaluation, search_each
+from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.common.errors import InputError
 
 
-class Regression:
+class Regression(LogPosterior):
     """A linear regression: its evidence is known in closed form."""
 
     def __init__(self, equation, truth, samples=40):
@@ -45,7 +45,7 @@ class Regression:
 
     def optimum(self):
         n = len(self.equation.terms)
-        (found,) = search_each(self.evaluate, [np.zeros(n)], self.lowest, np.full(n, np.inf), [np.zeros(n, dtype=bool)])
+        (found,) = self.search_each([np.zeros(n)], [np.zeros(n, dtype=bool)])
         return found
 
 

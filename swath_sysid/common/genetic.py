@@ -10,25 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from swath_sysid.common.stopping import AskAndTell
+from swath_sysid.common.stopping import AskAndTell, SearchBudget
 
 BLEND = 0.6
 
 
 @dataclass(frozen=True)
-class GeneticSettings:
+class GeneticSettings(SearchBudget):
     """Parameters of the genetic algorithm; the papers name them without definition."""
 
-    generations: int = 300
-    population: int = 80
     crossover: float = 0.8  #: Probability that a pair of parents is recombined, else the first is copied.
     mutation: float = 0.15  #: Probability that a variable of a child is disturbed.
     genetic_factor: float = 0.05  #: Share of the population that is inherited unchanged (elitism).
     evolution_weight: float = 0.9  #: Probability that the better of two wins the tournament for parenthood.
     final_mutation: float | None = None  #: If given, mutation falls geometrically to this over the budget.
-    patience: int = 25  #: Generations without improvement before it stops; 0: never.
-    tolerance: float = 1e-4  #: Relative improvement of the objective that counts as one.
-    spread_tolerance: float = 1e-4  #: Spread of the population, as a share of the range, below which it has converged.
 
 
 class GeneticSearch(AskAndTell):

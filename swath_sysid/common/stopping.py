@@ -1,7 +1,7 @@
 """The common part of searches with ask and tell, and the named reasons for which they stop."""
 
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,19 +12,15 @@ Progress = Callable[[float], None]  #: Is called with the share done, 0 to 1.
 ShouldCancel = Callable[[], bool]  #: Is asked often whether to raise `Cancelled`.
 
 
-class SearchBudget(Protocol):
-    """The settings of a search that end it, and the size of its population; see `GeneticSettings`."""
+@dataclass(frozen=True)
+class SearchBudget:
+    """What ends a search, and the size of its population."""
 
-    @property
-    def generations(self) -> int: ...
-    @property
-    def population(self) -> int: ...
-    @property
-    def patience(self) -> int: ...
-    @property
-    def tolerance(self) -> float: ...
-    @property
-    def spread_tolerance(self) -> float: ...
+    generations: int = 300
+    population: int = 80
+    patience: int = 25  #: Generations without improvement before it stops; 0: never.
+    tolerance: float = 1e-4  #: Relative improvement of the objective that counts as one.
+    spread_tolerance: float = 1e-4  #: Spread of the population, as a share of the range, below which it has converged.
 
 
 class AskAndTell:

@@ -8,22 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from swath_sysid.common.stopping import AskAndTell
+from swath_sysid.common.stopping import AskAndTell, SearchBudget
 
 #: Share of its velocity that a particle keeps, and its pull to its own best place and to the swarm's, by that paper.
 INERTIA_WEIGHT, ACCELERATION = 0.7298, 1.49618
 
 
 @dataclass(frozen=True)
-class SwarmSettings:
-    """Parameters of the swarm; the stop rules are those of `GeneticSettings`."""
+class SwarmSettings(SearchBudget):
+    """Parameters of the swarm."""
 
-    generations: int = 300
-    population: int = 80
     fastest: float = 0.3  #: Greatest velocity as a share of the range.
-    patience: int = 25
-    tolerance: float = 1e-4
-    spread_tolerance: float = 1e-4
 
 
 class ParticleSwarm(AskAndTell):

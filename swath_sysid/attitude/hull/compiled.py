@@ -11,7 +11,8 @@ restoring_slope = accelerated(terms.restoring_slope)
 term_moments = accelerated(terms.term_moments)
 
 
-def step_of_arrays(
+@accelerated
+def motion_step(
     x: Value, rate: Value, moment: float, step: float, ratios: Value, active: tuple[bool, ...], friction_rate: float
 ) -> tuple[Value, Value, Value]:
     """One classical Runge-Kutta step, s, of a hull under a held moment over inertia, rad/s^2.
@@ -27,7 +28,3 @@ def step_of_arrays(
     w4 = rate + step * a3
     a4 = moment - damping_moment(w4, ratios, active, friction_rate) - restoring_moment(x + step * w3, ratios, active)
     return a1, x + sixth * (rate + 2.0 * (w2 + w3) + w4), rate + sixth * (a1 + 2.0 * (a2 + a3) + a4)
-
-
-#: `step_of_arrays` for floats, compiled where numba is; also for the loops that are compiled themselves.
-motion_step = accelerated(step_of_arrays)

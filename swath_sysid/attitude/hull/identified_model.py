@@ -25,6 +25,12 @@ class HullPosterior:
             values.flags.writeable = False
             object.__setattr__(self, name, values)
 
+    def about(self, equation: Equation, ratios: np.ndarray) -> np.ndarray:
+        """Covariance (n, n) of an equation's terms about ratios (9,) from which other terms were pruned."""
+        places = [self.equation.terms.index(name) for name in equation.terms]
+        away = ratios[equation.indices] - self.ratios[places]
+        return self.covariance[np.ix_(places, places)] + np.outer(away, away)
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, HullPosterior):
             return NotImplemented

@@ -1,30 +1,25 @@
-"""Terms that an equation lacks and the motion shows.
+"""Which likelihood suits some records, and the term that an equation lacks and their motion shows.
 
-With the likelihood: a ratio test of the equation against one with every smooth term (Wilks 1938).
-With least squares: a score test of each term at the optimum without it (Rao 1948).
+A likelihood-ratio test of the equation against one with every other term (Wilks 1938).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtrc
 
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
-from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood, Evaluation
-from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit
-from swath_sysid.attitude.identification.problem import Problem
-from swath_sysid.common.covariance import sandwich_covariance
+from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
+from swath_sysid.attitude.identification.motion_fit import InitialState
+from swath_sysid.attitude.identification.problem import Problem, motion_fit
+from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
+from swath_sysid.attitude.identification.residual_posterior import residual_posterior
+from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 
-if TYPE_CHECKING:
-    from swath_sysid.attitude.identification.identify import Identification
-
-SIGNIFICANT = 3.5  #: Standard deviations from zero that chance does not reach with four terms tested at once.
 CHANCE = 0.003  #: Probability that the likelihood ratio calls a complete equation incomplete.
-TERMS = (*DAMPING_NAMES, 'r2', 'r3')
-SMOOTH_TERMS = tuple(name for name in TERMS if name != 'b0')
+SMOOTH_TERMS = (*DAMPING_NAMES[1:], 'r2', 'r3')
 
 
 @dataclass(frozen=True)
@@ -32,100 +27,85 @@ class AbsentTerm:
     """A term that an equation lacks."""
 
     name: str
-    #: Standard deviations from zero of one Gauss-Newton step, or the root of twice the gain in log-likelihood.
-    significance: float
+    significance: float  #: Root of twice the gain in log-likelihood by all that it lacks.
 
 
-def absent_term(found: 'Identification') -> AbsentTerm | None:
-    """The missing term that the least-squares residuals show most; None where no term is significant."""
-    equation = found.model.equation
-    terms = []
-    for name in _lacking(equation, TERMS):
-        step, std = _step_of_least_squares(found, _with_terms(equation, [name]), name)
-        # damping takes energy out: a term that would put it in stands for something else
-        if std > 0.0 and np.isfinite(step / std) and (step > 0.0 or name not in DAMPING_NAMES):
-            terms.append(AbsentTerm(name, abs(step) / std))
-    best = max(terms, key=lambda term: term.significance, default=None)
-    return best if best is not None and best.significance > SIGNIFICANT else None
+def suits_likelihood(problem: Problem, equation: Equation) -> bool:
+    """Whether coefficients come from the likelihood of a basin that moves: with angle and rate in each record.
 
-
-def fit_and_test(
-    problem: Problem, equation: Equation, ratios: np.ndarray, states: Sequence[InitialState]
-) -> tuple[BasinFit | None, AbsentTerm | None]:
-    """The likelihood's optimum, started from ratios (9,) and states, and the term whose absence it shows.
-
-    The equation has no dry friction. The optimum is None where the motion diverges, the term where chance explains the
-    likelihood ratio.
+    The likelihood takes the two to differ by noise and a bias only, and so tells the craft's motion from the
+    sensor's. An angle alone mostly comes filtered or rounded, from optical tracking, and is trusted far beyond what it
+    is worth; dry friction is not smooth enough for the filter.
     """
-    likelihood = _likelihood(problem, equation)
-    optima = likelihood.minimise(likelihood.starts(ratios, states))
-    if not optima:
-        return None, None
-    added = _lacking(equation, SMOOTH_TERMS)
-    if not added:
-        return likelihood.described(optima), None
-    richer = _with_terms(equation, added)
-    is_new = np.array([name in added for name in richer.terms])
-    places = np.flatnonzero(np.r_[~is_new, np.ones(optima[0].z.size - len(equation.terms), dtype=bool)])
-    start = np.zeros(optima[0].z.size + len(added))
-    start[places] = optima[0].z
-    complete = _likelihood(problem, richer)
-    complete_optima = complete.minimise([start])
-    if not complete_optima or _is_chance(complete_optima, optima, len(added)):
-        return likelihood.described(optima), None
-    # what is missing may have been a better optimum of the equation itself
-    optima = likelihood.minimise([optima[0].z, complete_optima[0].z[places]])
-    basin = likelihood.described(optima)
-    if _is_chance(complete_optima, optima, len(added)):
-        return basin, None
-    with_all = complete.described(complete_optima)
-    strength = np.abs(with_all.ratios[richer.indices]) / np.sqrt(np.diag(with_all.covariance))
-    name = richer.terms[int(np.argmax(np.where(is_new, strength, -1.0)))]
-    return basin, AbsentTerm(name, float(np.sqrt(2.0 * (with_all.log_likelihood - basin.log_likelihood))))
+    both = all(m.angle is not None and m.rate is not None for m in problem.motions)
+    return both and 'b0' not in equation.terms
 
 
-def lacks_terms(equation: Equation) -> bool:
-    """Whether a smooth term can still be added to an equation."""
-    return bool(_lacking(equation, SMOOTH_TERMS))
+def basin_likelihood(
+    problem: Problem, equation: Equation, ratio_prior: np.ndarray | float = LINEAR_PRIOR
+) -> BasinLikelihood:
+    """The likelihood of an equation on the undisturbed motion of a problem's records."""
+    record = problem.observed, problem.states
+    return BasinLikelihood(*record, equation, problem.scales, problem.friction_rate, ratio_prior)
 
 
-def _lacking(equation: Equation, names: Sequence[str]):
+def lacking(equation: Equation, names: Sequence[str]) -> list[str]:
     """The names that can still be added to an equation: s2 replaces r2."""
     taken = (*equation.terms, *(('r2',) if 's2' in equation.terms else ()))
     return [name for name in names if name not in taken]
 
 
-def _is_chance(complete: Sequence[Evaluation], optima: Sequence[Evaluation], added: int):
-    gained = optima[0].cost - complete[0].cost
-    return bool(chdtrc(added, max(2.0 * gained, 0.0)) > CHANCE)
+def absent_by_residuals(
+    problem: Problem, equation: Equation, ratios: np.ndarray, states: Sequence[InitialState]
+) -> AbsentTerm | None:
+    """The term that the least-squares residuals show most, dry friction included, at ratios (9,) and states."""
+    added = lacking(equation, ('b0', *SMOOTH_TERMS))
+    if not added:
+        return None
+    richer = _with_terms(equation, added)
+    start = motion_fit(problem, richer).pack(ratios, states)
+    posterior, complete = residual_posterior(problem, richer, start)
+    held = np.r_[[name in added for name in richer.terms], np.zeros(start.size - len(richer.terms), dtype=bool)]
+    (without,) = posterior.search_each([start], [held])
+    return _shown(posterior, complete, without, added)
 
 
-def _likelihood(problem: Problem, equation: Equation):
-    return BasinLikelihood(problem.observed, problem.states, equation, problem.scales, problem.friction_rate)
+def basin_fit(
+    problem: Problem, equation: Equation, ratios: np.ndarray, states: Sequence[InitialState]
+) -> tuple[BasinFit | None, AbsentTerm | None]:
+    """The likelihood's optimum, started from ratios (9,) and states, and the term whose absence it shows.
+
+    The equation has no dry friction. The optimum is None where the motion diverges.
+    """
+    likelihood, added = basin_likelihood(problem, equation), lacking(equation, SMOOTH_TERMS)
+    optima, absent = likelihood.minimise(likelihood.starts(ratios, states)), None
+    if optima and added:
+        richer = basin_likelihood(problem, _with_terms(equation, added))
+        own = np.ones(optima[0].z.size + len(added), dtype=bool)
+        own[[richer.equation.terms.index(name) for name in added]] = False
+        start = np.zeros(own.size)
+        start[own] = optima[0].z
+        complete = richer.minimise([start])
+        if complete and _shown(richer, complete[0], optima[0], added) is not None:
+            # what is missing may have been a better optimum of the equation itself
+            optima = likelihood.minimise([optima[0].z, complete[0].z[own]])
+            absent = _shown(richer, complete[0], optima[0], added)
+    return (likelihood.described(optima) if optima else None), absent
 
 
 def _with_terms(equation: Equation, names: Sequence[str]):
-    return Equation(f'{equation.name} and {", ".join(names)}', (*equation.terms, *names))
+    return replace(equation, name=f'{equation.name} and {", ".join(names)}', terms=(*equation.terms, *names))
 
 
-def _step_of_least_squares(found: 'Identification', equation: Equation, name: str):
-    """Gauss-Newton step of a term, and its standard deviation under autocorrelated residuals."""
-    problem = found.problem
-    fit = MotionFit(problem.motions, equation, problem.scales, problem.noise, problem.friction_rate)
-    parameters = fit.pack(found.model.ratios, found.states)
-    residuals, jacobians = fit.residuals_and_jacobian(parameters)
-    free = _free(found, equation, name, parameters.size)
-    jacobians = [j[:, free] for j in jacobians]
-    covariance = sandwich_covariance(residuals, jacobians, problem.shortest_memory).matrix
-    step = -np.linalg.lstsq(np.concatenate(jacobians), np.concatenate(residuals), rcond=None)[0]
-    place = np.count_nonzero(free[: equation.terms.index(name)])
-    return float(step[place]), float(np.sqrt(covariance[place, place]))
-
-
-def _free(found: 'Identification', equation: Equation, name: str, size: int):
-    """Mask of the parameters that are not held at a bound."""
-    free = np.ones(size, dtype=bool)
-    free[: len(equation.terms)] = [
-        term == name or term not in DAMPING_NAMES or found.model.terms[term] > 0.0 for term in equation.terms
+def _shown(posterior: LogPosterior, complete: Evaluation, without: Evaluation, added: Sequence[str]):
+    """The added term that alone explains most; None where chance explains what all of them gain."""
+    gain = without.cost - complete.cost
+    if not (complete.is_finite and chdtrc(len(added), max(2.0 * gain, 0.0)) < CHANCE):
+        return None
+    held = np.zeros((len(added), complete.z.size), dtype=bool)
+    held[:, : len(posterior.equation.terms)] = [
+        [each in added and each != name for each in posterior.equation.terms] for name in added
     ]
-    return free
+    alone = posterior.search_each([np.where(stays, 0.0, complete.z) for stays in held], list(held))
+    best = min(range(len(added)), key=lambda place: alone[place].cost)
+    return AbsentTerm(added[best], float(np.sqrt(2.0 * gain)))

@@ -15,12 +15,11 @@ from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import TERM_INDEX, TERM_NAMES
 from swath_sysid.attitude.identification.sea_motion import (
-    BAND_RATIO,
     EDGE_PERIODS,
     GAUSSIAN_RATE,
-    MIN_REACH,
     Heave,
     SeaMotion,
     TermSpectra,
@@ -56,9 +55,6 @@ MEAN_PEAKEDNESS = 3.3
 _FLOOR_PRIOR = (-7.0, 2.0)
 _FREQUENCY_STARTS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
 _PEAK_STARTS = (0.7, 1.0, 1.4)
-
-#: The excitation ends where it falls by this factor between bands this wide, as from a wave maker; no sea does.
-CLIFF, CLIFF_WIDTH = 12.0, 1.12
 
 #: The measured heave spectrum is used unless its misfit is this many times that of JONSWAP.
 HEAVE_PREFERRED = 1.5
@@ -221,11 +217,6 @@ def _best_fit(motion: AxisMotion, heave: Heave | None, progress: Progress | None
     sea, spectra = _prepared(motion)
     plain = _Fit(sea, spectra, _Jonswap(sea))
     others = plain.optima(lambda share: report(0.5 * share), should_cancel)
-    end = _cliff(spectra.frequency, plain.parts(others[0].x)[0])
-    if end is not None and end > MIN_REACH * sea.peak:
-        spectra = spectra.below(end)
-        plain = _Fit(sea, spectra, _Jonswap(sea))
-        others = plain.optima(None, should_cancel)
     shown = heave_spectrum(heave, sea, spectra)
     if shown is None:
         report(1.0)
@@ -235,19 +226,6 @@ def _best_fit(motion: AxisMotion, heave: Heave | None, progress: Progress | None
     if seen.deviance(optima[0].x) > HEAVE_PREFERRED * max(1.0, plain.deviance(others[0].x)):
         return plain, others
     return seen, optima
-
-
-def _cliff(frequency: np.ndarray, excitation: np.ndarray):
-    """Frequency at which the excitation ends abruptly, rad/s; None where it does not."""
-    top = int(excitation.argmax())
-    total = np.concatenate([[0.0], np.cumsum(excitation)])
-    width = max(2, int(round(np.log(CLIFF_WIDTH) / np.log(BAND_RATIO))))
-    at = np.arange(top + width, frequency.size - 1)
-    if not at.size:
-        return None
-    after = np.minimum(at + width, frequency.size)
-    fall = (total[at] - total[at - width]) / width / ((total[after] - total[at]) / (after - at))
-    return float(frequency[at[fall.argmax()]]) if fall.max() > CLIFF else None
 
 
 def _prepared(motion: AxisMotion):
@@ -553,16 +531,8 @@ def _decrement(sea: SeaMotion, spectra: FittedSpectra, model: DecayModel):
     level = np.sqrt(2.0) * sea.angle_std
     power = np.gradient(spectra.frequency) * spectra.fitted
     fitted = level * np.cos(np.outer(lag, spectra.frequency)) @ (power / power.sum())
-    return Decrement(lag, measured, fitted, _free_decay(model, level, lag))
-
-
-def _free_decay(model: DecayModel, level: float, lag: np.ndarray):
-    """From rest at an angle, of a linear hull with any damping."""
-    roots = np.roots([1.0, model.terms['b1'], model.terms['r1']]).astype(complex)
-    if abs(roots[0] - roots[1]) < 1e-6 * abs(roots[0]):
-        roots[0] *= 1.0 + 1e-6
-    first = roots[1] / (roots[1] - roots[0])
-    return level * (first * np.exp(roots[0] * lag) + (1.0 - first) * np.exp(roots[1] * lag)).real
+    decay, _ = simulate(model.with_trim(0.0), level, 0.0, lag)
+    return Decrement(lag, measured, fitted, decay)
 
 
 def _advice(

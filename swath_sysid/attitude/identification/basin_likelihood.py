@@ -15,14 +15,13 @@ from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring_slope
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, innovations
 from swath_sysid.attitude.identification.motion_fit import InitialState
+from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
 from swath_sysid.attitude.identification.scaling import Scales
-from swath_sysid.attitude.identification.scoring import Evaluation, scoring, search_each
+from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
-STEPS_PER_PERIOD = 16
-#: Standard deviation, dimensionless, of what a ratio may be before the record is seen: beyond any craft's.
-RATIO_PRIOR = 4.0
+STEPS_PER_PERIOD = 24  #: With 16, cubic damping at 15 deg comes out 4 standard deviations off.
 BIAS_PRIOR = float(np.radians(2.0))  #: rad/s: an uncalibrated gyro's.
 #: Initial state and trim, as parts of the first amplitude, about the first estimates: these are the same for every
 #: equation, so that likelihoods can be compared.
@@ -46,8 +45,6 @@ STARTING_LEVELS = 0.003, 0.05, 0.3
 #: Logarithms of the disturbance's level and frequency, as in `BASIN_PRIORS`, over which the posterior is summed.
 DISTURBANCES = np.arange(-11.0, 2.5), np.linspace(-0.8, 0.8, 9)
 UNLIKELY = 3.0  #: Logarithm of the probability below the largest from which no neighbour on that grid is looked at.
-SAME_MODE = 0.5  #: Standard deviations of each ratio within which two optima are one;
-SAME_COST = 1.0  #: negative log posterior above an optimum from which a search that passes it may still go elsewhere.
 LOG_LIMITS = 7.0
 LARGEST_SHAPE = 0.9  #: Damping and spread of the disturbance stay below this.
 MIN_NOISE = 1e-4  #: Of the amplitude: white noise where third differences show none.
@@ -79,21 +76,15 @@ def blocked(motion: AxisMotion, frequency: float) -> BlockedRecord:
 
 @dataclass(frozen=True)
 class BasinFit:
-    """The optimum of the likelihood."""
+    """The mean of the likelihood's posterior."""
 
-    optimum: np.ndarray  #: (n + 11 + 3 M,); Parameters of `BasinLikelihood` where it is largest, dimensionless.
     ratios: np.ndarray  #: (9,)
-    covariance: np.ndarray  #: (n, n); Of the ratios in use, about the optimum.
-    intervals: np.ndarray  #: (n, 2); 95 % of each ratio; one-sided where it ended at its limit.
+    covariance: np.ndarray  #: (n, n); Of the ratios in use.
     basin: np.ndarray  #: (11,); See `innovations`.
-    states: np.ndarray  #: (M, 3); Angle from trim, rad, rate, rad/s, and trim, rad, in the middle of each first block.
     trim_std: float  #: rad; root mean square over the records.
-    log_likelihood: float  #: At the optimum, less the prior's cost.
-    #: tuple of (N, 2); Innovations over their standard deviations, of each record; NaN where nothing was read.
-    normalised: tuple
 
 
-class BasinLikelihood:
+class BasinLikelihood(LogPosterior):
     """Negative log posterior of an equation's dimensionless ratios and the basin's parameters on some records.
 
     Args:
@@ -110,7 +101,7 @@ class BasinLikelihood:
         equation: Equation,
         scales: Scales,
         friction_rate: float,
-        ratio_prior: np.ndarray | float = RATIO_PRIOR,
+        ratio_prior: np.ndarray | float = LINEAR_PRIOR,
     ) -> None:
         self.equation = equation
         self.ratio_prior = np.broadcast_to(ratio_prior, len(equation.terms))
@@ -202,10 +193,6 @@ class BasinLikelihood:
         states = z[..., shared:].reshape(*z.shape[:-1], -1, 3) * self._state_units
         return ratios, basin * self._basin_units, states
 
-    def innovations(self, z: np.ndarray) -> list[np.ndarray]:
-        """Innovations and variances of each record, shape (2, 2 N)."""
-        return [self._innovations_of(k, z[None])[..., 0] for k in range(len(self._records))]
-
     def _innovations_of(self, index: int, points: np.ndarray):
         """Of a record, at B points, shape (2, 2 N, B)."""
         record = self._records[index]
@@ -243,50 +230,8 @@ class BasinLikelihood:
             for z, cost, gradient, information in zip(points, costs, gradients, informations, strict=True)
         ]
 
-    def minimise(self, starts: Sequence[np.ndarray], held: Sequence[int] | np.ndarray = ()) -> list[Evaluation]:
-        """The optima found from some parameters, side by side, the most likely first.
-
-        A search ends where it comes to an optimum that another has found.
-
-        Args:
-            starts: sequence of (p,); dimensionless.
-            held: Places of parameters that stay as they start.
-
-        Returns:
-            Empty where the motion runs away from each start. Without those whose upright position is unstable, if there
-            are others: a craft at rest some way from a position that throws it off swings about as likely.
-        """
-        searches = []
-        for z in starts:
-            bounds = self.lowest.copy(), np.full(z.size, np.inf)
-            for bound in bounds:
-                bound[[*held]] = z[[*held]]
-            searches.append(scoring(np.clip(z, *bounds), *bounds))
-        asked = {k: next(search) for k, search in enumerate(searches)}
-        lowest: dict[int, Evaluation] = {}
-        optima: list[Evaluation] = []
-        while asked:
-            evaluations = self.evaluate(list(asked.values()))
-            for k, evaluation in zip(list(asked), evaluations, strict=True):
-                lowest[k] = min(lowest.get(k, evaluation), evaluation, key=lambda each: each.cost)
-                try:
-                    asked[k] = searches[k].send(evaluation)
-                except StopIteration as end:
-                    optima.append(end.value)
-                    del asked[k]
-            ended = [o for o in optima if o.is_finite]
-            asked = {k: z for k, z in asked.items() if not any(self._is_at(lowest[k], o) for o in ended)}
-        found = sorted((o for o in optima if o.is_finite), key=lambda optimum: optimum.cost)
-        return [o for o in found if self._is_upright(o)] or found
-
-    def _is_at(self, point: Evaluation, optimum: Evaluation):
-        """Whether a point is one that an optimum stands for: hardly less likely, and the same ratios."""
-        if not optimum.cost <= point.cost < optimum.cost + SAME_COST:
-            return False
-        std = np.sqrt(np.diag(np.linalg.inv(optimum.information)))
-        return bool(np.all(np.abs(point.z - optimum.z)[: self.term_count] < SAME_MODE * std[: self.term_count]))
-
-    def _is_upright(self, point: Evaluation):
+    def is_upright(self, point: Evaluation) -> bool:
+        """Whether the craft returns to its upright position."""
         return restoring_slope(0.0, self.unpack(point.z)[0], self._active) > 0.0
 
     def starts(self, ratios: np.ndarray, states: Sequence[InitialState]) -> list[np.ndarray]:
@@ -302,32 +247,12 @@ class BasinLikelihood:
         return starts
 
     def described(self, optima: Sequence[Evaluation]) -> BasinFit:
-        """The mean of the posterior about some optima, and how well it is known.
-
-        Args:
-            optima: At least one, the most likely first.
-        """
+        """The mean of the posterior about some optima, the most likely first, and how well it is known."""
         n, units = self.term_count, self._ratio_units
         z, covariance = self._posterior(optima)
-        std = np.sqrt(np.diag(covariance)[:n])
-        intervals = np.array([interval(*row) for row in zip(z[:n], std, self._bounded, strict=True)])
-        found_ratios, basin, states = self.unpack(z)
-        normalised = tuple(
-            np.where(r.counts > 0.0, (e / np.sqrt(s)).reshape(-1, 2), np.nan)
-            for r, (e, s) in zip(self._records, self.innovations(z), strict=True)
-        )
-        trim_variance = np.mean(np.diag(covariance)[self._shared + 2 :: 3])
-        return BasinFit(
-            optimum=optima[0].z,
-            ratios=found_ratios,
-            covariance=covariance[:n, :n] * np.outer(units, units),
-            intervals=intervals * units[:, None],
-            basin=basin,
-            states=states,
-            trim_std=float(np.sqrt(trim_variance)) * self._state_units[2],
-            log_likelihood=-optima[0].cost,
-            normalised=normalised,
-        )
+        ratios, basin, _ = self.unpack(z)
+        trim_std = float(np.sqrt(np.mean(np.diag(covariance)[self._shared + 2 :: 3]))) * self._state_units[2]
+        return BasinFit(ratios, covariance[:n, :n] * np.outer(units, units), basin, trim_std)
 
     def _posterior(self, optima: Sequence[Evaluation]):
         """Mean (p,) and covariance of the parameters: a mixture over levels and frequencies of the disturbance.
@@ -378,8 +303,7 @@ class BasinLikelihood:
         points = [start.z.copy() for start in starts.values()]
         for point, cell in zip(points, starts, strict=True):
             point[held] = [grid[k] for grid, k in zip(DISTURBANCES, cell, strict=True)]
-        highest = np.full(held.size, np.inf)
-        found = search_each(self.evaluate, points, self.lowest, highest, [held] * len(points))
+        found = self.search_each(points, [held] * len(points))
         return dict(zip(starts, found, strict=True))
 
     def _height(self, node: Evaluation):
@@ -395,20 +319,11 @@ def _neighbours(cell: tuple[int, ...]):
     return [each for each in beside if all(0 <= k < grid.size for k, grid in zip(each, DISTURBANCES, strict=True))]
 
 
-def interval(value: float, std: float, bounded: bool) -> np.ndarray:
-    """95 % of a Gaussian, or, where that reaches below a bound at zero, of what of it lies above: from zero up.
-
-    Args:
-        value, std: Estimate and its standard deviation, of one unit.
-        bounded: Whether values below zero are impossible.
-
-    Returns:
-        ndarray, shape (2,)
-    """
-    low, high = value + std * NORMAL * np.array([-1.0, 1.0])
-    if bounded and low < 0.0:
-        low, high = 0.0, value - std * ndtri((1.0 - INTERVAL) * ndtr(value / std))
-    return np.array([low, high])
+def interval(value: float, std: float, bounded: bool) -> tuple[float, float]:
+    """95 % of a Gaussian, or, where that reaches below a bound at zero, of what of it lies above: from zero up."""
+    if bounded and value < NORMAL * std:
+        return 0.0, float(value - std * ndtri((1.0 - INTERVAL) * ndtr(value / std)))
+    return value - NORMAL * std, value + NORMAL * std
 
 
 def _white(channels: Sequence[np.ndarray | None], least: float):

@@ -247,20 +247,6 @@ class TankQuantity:
         return COVERAGE_FACTOR * self.combined
 
 
-def _at(bands: AmplitudeBands, name: str, amplitude: float):
-    return float(np.interp(amplitude, bands.curves.amplitude, getattr(bands.curves, name)))
-
-
-def _std_at(bands: AmplitudeBands, name: str, amplitude: float):
-    return float(np.interp(amplitude, bands.curves.amplitude, getattr(bands, f'{name}_std')))
-
-
-def _slope_at(bands: AmplitudeBands, name: str, amplitude: float):
-    """d ln(quantity) / d ln(amplitude): the effect of an error of the sensor's scale."""
-    logarithm = np.log(np.maximum(getattr(bands.curves, name), 1e-300))
-    return float(np.interp(amplitude, bands.curves.amplitude, np.gradient(logarithm, np.log(bands.curves.amplitude))))
-
-
 _FROM_HYDROSTATICS = {'time_base': 1, 'mass': 1, 'metacentric_height': 1}
 _FROM_INERTIA = {'time_base': -1, 'inertia': 1}
 
@@ -300,11 +286,11 @@ def tank_quantities(
 
 def _with_budget(row: tuple, bands: AmplitudeBands, amplitude: float, type_b: TypeB, repeats: Sequence[AmplitudeBands]):
     name, unit, formula, depends_on, exponents = row
-    value = formula(*(_at(bands, q, amplitude) for q in _BOTH))
-    relative = [_std_at(bands, q, amplitude) / abs(_at(bands, q, amplitude)) for q in depends_on]
-    singles = [formula(*(_at(r, q, amplitude) for q in _BOTH)) for r in repeats]
+    own, *others = (dict(zip(_BOTH, b.quantities_at(amplitude), strict=True)) for b in (bands, *repeats))
+    value, *singles = (formula(*(quantities[q][0] for q in _BOTH)) for quantities in (own, *others))
+    relative = [own[q][1] / abs(own[q][0]) for q in depends_on]
     shares = {source: power * getattr(type_b, source) for source, power in exponents.items()}
-    shares['sensor_scale'] = type_b.sensor_scale * sum(_slope_at(bands, q, amplitude) for q in depends_on)
+    shares['sensor_scale'] = type_b.sensor_scale * sum(own[q][2] for q in depends_on)
     return TankQuantity(
         name,
         unit,

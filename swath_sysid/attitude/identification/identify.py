@@ -1,6 +1,6 @@
 """From measured decays to a hull model: search, refine, and state the uncertainty."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Self, get_type_hints
@@ -12,23 +12,24 @@ from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
 from swath_sysid.attitude.identification.absent_terms import (
+    SMOOTH_TERMS,
     AbsentTerm,
-    absent_term,
-    fit_and_test,
-    lacks_terms,
+    absent_by_residuals,
+    basin_fit,
+    lacking,
+    suits_likelihood,
 )
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
-from swath_sysid.attitude.identification.default_hull import pruned_hull, suits_likelihood
+from swath_sysid.attitude.identification.default_hull import FittedHull, pruned_hull
 from swath_sysid.attitude.identification.fit_quality import Verdict, judge
 from swath_sysid.attitude.identification.motion_fit import (
     SEARCH_STEPS_PER_PERIOD,
     STARTING_TOLERANCE,
     TOLERANCE,
     InitialState,
-    MotionFit,
 )
 from swath_sysid.attitude.identification.one_step import OneStepObjective
-from swath_sysid.attitude.identification.problem import Problem, amplitudes_seen, block_means, motion_fit, prepare
+from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit, prepare
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER
 from swath_sysid.attitude.identification.search import (
     PRESETS,
@@ -131,19 +132,15 @@ class Identification:
 
     model: DecayModel
     covariance: np.ndarray  #: (n, n); Of the ratios of the model's terms, in their order.
-    #: 95 % of each ratio in use; of a damping ratio that the record does not tell from zero, from zero up.
-    intervals: dict[str, tuple[float, float]]
     trim_std: float  #: rad; NaN where no angle was measured.
     states: tuple[InitialState, ...]  #: Of each record.
     #: Root mean square of the weighted residuals (simulation), or F in rad/s (one-step), at its own optimum.
     objective_value: float
-    samples: int  #: Measured values, angles and rates.
     effective_samples: float  #: Independent samples that would leave the same uncertainty.
     search: SearchResult
     problem: Problem
     settings: IdentificationSettings
     basin: BasinFit | None = None  #: Fit of the likelihood; None where the ratios are those of least squares.
-    log_likelihood: float | None = None  #: At its optimum; None where the likelihood does not suit the record.
     absent_term: AbsentTerm | None = None  #: That the equation lacks and the motion shows most.
     posterior: HullPosterior | None = None  #: Of every term, those pruned included; None where the equation was named.
 
@@ -206,6 +203,17 @@ class Identification:
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % of each ratio in use; of a damping ratio that the record does not tell from zero, from zero up."""
+        terms, std = self.model.terms, self.std
+        return {name: interval(terms[name], std[name], name in DAMPING_NAMES) for name in terms}
+
+    @property
+    def samples(self) -> int:
+        """Measured values, angles and rates."""
+        return sum(m.size for each in self.problem.motions for m in (each.angle, each.rate) if m is not None)
+
     def ratio(self, term: str) -> tuple[float, float]:
         """Value and standard deviation of one ratio in use."""
         return self.model.terms[term], self.std[term]
@@ -218,7 +226,7 @@ class Identification:
     @property
     def amplitude_range(self) -> tuple[float, float]:
         """Smallest and largest amplitude seen, rad: where the model is valid."""
-        return amplitudes_seen(self.problem)
+        return self.problem.amplitudes_seen
 
     @property
     def reference_amplitude(self) -> float:
@@ -330,24 +338,11 @@ def identify_problem(
         fit, parameters = _refine_outwards(problem, equation, space, best, tolerance, should_cancel)
     report(0.5 * (1.0 + SEARCH_SHARE))
     if settings.equation == AUTO and settings.objective == 'simulation':
-        hull = pruned_hull(problem, *fit.unpack(parameters))
-        fit = motion_fit(problem, hull.equation)
-        concluded = conclude(problem, settings, hull.equation, fit, hull.parameters, found, hull.basin)
-        identified = _with_every_term(concluded, hull.posterior)
+        identified = conclude(problem, settings, found, pruned_hull(problem, *fit.unpack(parameters)))
     else:
-        identified = refined_in_basin(conclude(problem, settings, equation, fit, parameters, found))
+        identified = refined_in_basin(conclude(problem, settings, found, FittedHull(equation, parameters)))
     report(1.0)
     return identified
-
-
-def _with_every_term(found: Identification, posterior: HullPosterior):
-    """The fit of a pruned hull, with the uncertainty from the terms that were pruned."""
-    places = [posterior.equation.terms.index(name) for name in found.model.equation.terms]
-    away = found.model.ratios[found.model.equation.indices] - posterior.ratios[places]
-    covariance = posterior.covariance[np.ix_(places, places)] + np.outer(away, away)
-    terms = zip(found.model.terms.items(), np.sqrt(np.diag(covariance)), strict=True)
-    intervals = {name: tuple(interval(value, std, name in DAMPING_NAMES).tolist()) for (name, value), std in terms}
-    return replace(found, covariance=covariance, intervals=intervals, posterior=posterior)
 
 
 def refit_from(
@@ -362,7 +357,7 @@ def refit_from(
     fit = motion_fit(problem, equation)
     space = _space(problem, equation, settings)
     parameters, _, _ = fit.refine(fit.pack(ratios, states), space.ratio_lower, space.ratio_upper)
-    return refined_in_basin(conclude(problem, settings, equation, fit, parameters, search))
+    return refined_in_basin(conclude(problem, settings, search, FittedHull(equation, parameters)))
 
 
 def refined_in_basin(found: Identification) -> Identification:
@@ -371,31 +366,26 @@ def refined_in_basin(found: Identification) -> Identification:
     Least squares stays where the equation lacks a term, whose effect the likelihood would attribute to basin motion;
     where the natural period leaves that of least squares; and where the simulated motion diverges.
     """
-    problem, equation = found.problem, found.model.equation
     if found.objective == 'one-step':
         return found
-    if not suits_likelihood(problem, equation):
-        return replace(found, absent_term=absent_term(found))
+    problem, equation, ratios = found.problem, found.model.equation, found.model.ratios
     states = found.states
-    basin, lacking = fit_and_test(problem, equation, found.model.ratios, states)
+    basin, absent = (
+        basin_fit(problem, equation, ratios, states) if suits_likelihood(problem, equation) else (None, None)
+    )
     if basin is None:
-        return replace(found, absent_term=absent_term(found))
+        return replace(found, absent_term=absent_by_residuals(problem, equation, ratios, states))
     fit = motion_fit(problem, equation)
     parameters = fit.pack(basin.ratios, states)
-    if not all(np.isfinite(channel).all() for pair in fit.simulated(parameters) for channel in pair):
-        return replace(found, absent_term=lacking, log_likelihood=basin.log_likelihood)
-    parameters = fit.refine_states(parameters)
-    refined = conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
-    moved = lacks_terms(equation) and _has_left(refined, found)
-    if moved:
-        lacking = lacking or absent_term(found)
-    best = refined if lacking is None and not moved else found
-    return replace(
-        best,
-        objective_value=found.objective_value,
-        absent_term=lacking,
-        log_likelihood=basin.log_likelihood,
-    )
+    if not fit.returns(parameters):
+        return replace(found, absent_term=absent)
+    hull = FittedHull(equation, fit.refine_states(parameters), basin)
+    refined = conclude(problem, found.settings, found.search, hull)
+    moved = bool(lacking(equation, SMOOTH_TERMS)) and _has_left(refined, found)
+    if moved and absent is None:
+        absent = absent_by_residuals(problem, equation, ratios, states)
+    best = refined if absent is None and not moved else found
+    return replace(best, objective_value=found.objective_value, absent_term=absent)
 
 
 def _has_left(refined: Identification, found: Identification):
@@ -477,47 +467,37 @@ def _refine_outwards(
 
 
 def conclude(
-    problem: Problem,
-    settings: IdentificationSettings,
-    equation: Equation,
-    fit: MotionFit,
-    parameters: np.ndarray,
-    search: SearchResult,
-    basin: BasinFit | None = None,
+    problem: Problem, settings: IdentificationSettings, search: SearchResult, hull: FittedHull
 ) -> Identification:
-    """The identification that refined parameters give, with its uncertainty."""
-    ratios, states = fit.unpack(parameters)
-    n = fit.term_count
-    residuals, jacobians = fit.residuals_and_jacobian(parameters)
-    covariance = sandwich_covariance(residuals, jacobians, problem.shortest_memory)
-    units = problem.scales.ratio_units[equation.indices]
-    ratio_covariance = covariance.matrix[:n, :n] * np.outer(units, units)
-    trim_std = float(np.sqrt(np.mean(np.diag(covariance.matrix)[n + 2 :: 3]))) * problem.scales.amplitude
-    intervals: Iterable = [
-        interval(ratios[index], std, name in DAMPING_NAMES)
-        for name, index, std in zip(equation.terms, equation.indices, np.sqrt(np.diag(ratio_covariance)), strict=True)
-    ]
-    if basin is not None:
-        ratio_covariance, intervals = basin.covariance, basin.intervals
-        trim_std = basin.trim_std if problem.motions[0].angle is not None else float('nan')
+    """The identification that a fitted hull gives, with its uncertainty."""
+    equation, fit = hull.equation, motion_fit(problem, hull.equation)
+    ratios, states = fit.unpack(hull.parameters)
+    residuals, jacobians = fit.residuals_and_jacobian(hull.parameters)
+    sandwich = sandwich_covariance(residuals, jacobians, problem.shortest_memory)
+    n, units = fit.term_count, problem.scales.ratio_units[equation.indices]
+    covariance = sandwich.matrix[:n, :n] * np.outer(units, units)
+    trim_std = float(np.sqrt(np.mean(np.diag(sandwich.matrix)[n + 2 :: 3]))) * problem.scales.amplitude
+    if hull.basin is not None:
+        covariance = hull.basin.covariance
+        trim_std = hull.basin.trim_std if problem.motions[0].angle is not None else float('nan')
+    if hull.posterior is not None:
+        covariance = hull.posterior.about(equation, ratios)
     objective_value = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
     if settings.objective == 'one-step':
         objective_value = float(_one_step(problem)(ratios[None])[0])
-    model = DecayModel(equation, ratios, float(np.mean([s.trim for s in states])), problem.friction_rate, problem.axis)
+    trim = float(np.mean([s.trim for s in states]))
     return Identification(
-        model=model,
-        covariance=ratio_covariance,
-        intervals={name: (float(a), float(b)) for name, (a, b) in zip(equation.terms, intervals, strict=True)},
+        model=DecayModel(equation, ratios, trim, problem.friction_rate, problem.axis),
+        covariance=covariance,
         trim_std=trim_std,
-        states=tuple(states),
         objective_value=objective_value,
-        samples=sum(r.size for r in residuals),
-        effective_samples=covariance.effective_samples,
+        effective_samples=sandwich.effective_samples,
+        states=tuple(states),
         search=search,
         problem=problem,
         settings=settings,
-        basin=basin,
-        log_likelihood=None if basin is None else basin.log_likelihood,
+        basin=hull.basin,
+        posterior=hull.posterior,
     )
 
 

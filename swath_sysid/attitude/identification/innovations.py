@@ -205,15 +205,15 @@ def innovations(
     unread = counts == 0.0
     variances = basin[[ANGLE_WHITE, RATE_WHITE]].T[:, None] ** 2
     noise = np.where(unread, np.inf, variances / np.where(unread, 1.0, counts) + floor**2)
-    found = np.empty((2, *noise.shape))
+    found = np.empty((2, *noise.shape[::-1])).transpose(0, 3, 2, 1)
     if has_numba():
         filters = Filters(m, c, transition, transition.transpose(0, 2, 1), q, noise, *found)
         run_each(hulls._replace(ratios=hulls.ratios.T.copy()), record, filters)
     else:
         # numpy is faster where the filters are neighbours
-        m, c, transition, q, noise, *found = (np.asfortranarray(each) for each in (m, c, transition, q, noise, *found))
+        m, c, transition, q, noise = (np.asfortranarray(each) for each in (m, c, transition, q, noise))
         filters = Filters(m, c, transition, transition.transpose(0, 2, 1), q, noise, *found)
         with np.errstate(all='ignore'):
             run_filter(hulls._replace(ratios=tuple(hulls.ratios)), record, filters)
     found[0][:, unread], found[1][:, unread] = 0.0, 1.0
-    return np.moveaxis(np.array(found), 1, -1)
+    return np.moveaxis(found, 1, -1)

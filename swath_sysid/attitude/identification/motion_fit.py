@@ -178,6 +178,10 @@ class MotionFit:
                 for k, (state, (before, weights, _)) in enumerate(zip(states, self._places, strict=True))
             )
 
+    def returns(self, parameters: np.ndarray) -> bool:
+        """Whether the simulated motion does not run away."""
+        return all(np.isfinite(channel).all() for pair in self.simulated(parameters) for channel in pair)
+
     def _least_squares(self, parameters: np.ndarray, chosen: np.ndarray, bounds: tuple, tolerance: float):
         """scipy's least squares over the chosen parameters; one simulation gives residuals and Jacobian."""
         held = {}

@@ -56,6 +56,20 @@ class Problem:
         """Samples in a quarter of a natural period: the least over which residuals may be correlated."""
         return max(5, round(0.5 * np.pi / self.scales.frequency / self.motions[0].sample_interval))
 
+    @property
+    def decayed_to(self) -> float:
+        """The last amplitude of the record that decays least, over the first."""
+        unit = self.scales.rate if self.motions[0].angle is None else self.scales.amplitude
+        return min(1.0, max(s.final_amplitude for s in self.segments) / unit)
+
+    @property
+    def amplitudes_seen(self) -> tuple[float, float]:
+        """Smallest and largest amplitude of the records, rad."""
+        last = min(s.final_amplitude for s in self.segments)
+        if self.motions[0].angle is None:
+            last = last / self.scales.frequency
+        return min(last, 0.9 * self.scales.amplitude), self.scales.amplitude
+
     def until(self, periods: float) -> tuple[AxisMotion, ...]:
         """The records' first part, ``periods`` natural periods long; states as they are."""
         limit = periods * 2.0 * np.pi / self.scales.frequency
@@ -225,12 +239,3 @@ def motion_fit(
         problem.friction_rate,
         **options,
     )
-
-
-def amplitudes_seen(problem: Problem) -> tuple[float, float]:
-    """Smallest and largest amplitude of the records, rad."""
-    last = min(s.final_amplitude for s in problem.segments)
-    first = problem.scales.amplitude
-    if problem.motions[0].angle is None:
-        last = last / problem.scales.frequency
-    return min(last, 0.9 * first), first

@@ -6,16 +6,14 @@ smallest amplitude: more would have held the craft there. A term goes where the 
 (MacKay 1992), by Laplace's approximation about the optimum; each hull is refitted from the optimum before.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.special import log_ndtr
 
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
-from swath_sysid.attitude.identification.scoring import Evaluation, search_each
+from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 
 #: Standard deviation, dimensionless, of a linear term before the record is seen: beyond any craft's.
 LINEAR_PRIOR = 4.0
@@ -23,17 +21,6 @@ LINEAR_PRIOR = 4.0
 #: that moment.
 RESTORING_PRIOR, DAMPING_PRIOR = 1.0, 2.0
 LINEAR = 'b1', 'r1'  #: Terms that stay.
-
-
-class LogPosterior(Protocol):
-    """A negative log posterior whose first parameters are the dimensionless ratios of some terms."""
-
-    equation: Equation
-    ratio_prior: np.ndarray  #: (n,); standard deviations.
-    lowest: np.ndarray  #: (p,); bounds from below.
-
-    def evaluate(self, points: Sequence[np.ndarray]) -> list[Evaluation]:
-        """The posterior and its derivatives at some points (p,)."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +53,6 @@ def prune(posterior: LogPosterior, complete: Evaluation) -> Pruned:
     terms = posterior.equation.terms
     stays = np.array([name in LINEAR for name in terms])
     kept, best = np.ones(len(terms), dtype=bool), complete
-    highest = np.full(complete.z.size, np.inf)
     while True:
         # evidence rises without a term that a bound holds: its likelihood falls from there, and the prior is weak
         kept &= stays | (best.z[: len(terms)] > posterior.lowest[: len(terms)])
@@ -74,9 +60,9 @@ def prune(posterior: LogPosterior, complete: Evaluation) -> Pruned:
         if not candidates.size:
             return Pruned(kept, best)
         masks = [kept & (np.arange(len(terms)) != place) for place in candidates]
-        held = [np.r_[~mask, np.zeros(highest.size - len(terms), dtype=bool)] for mask in masks]
+        held = [np.r_[~mask, np.zeros(best.z.size - len(terms), dtype=bool)] for mask in masks]
         starts = [_without(best, int(place), ~_free(kept, best)) for place in candidates]
-        found = search_each(posterior.evaluate, starts, posterior.lowest, highest, held)
+        found = posterior.search_each(starts, held)
         smaller = [(log_evidence(posterior, e, mask), mask, e) for e, mask in zip(found, masks, strict=True)]
         evidence, mask, optimum = max(smaller, key=lambda hull: hull[0])
         if not evidence > log_evidence(posterior, best, kept):

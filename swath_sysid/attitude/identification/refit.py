@@ -242,14 +242,12 @@ def _judged(
 
 def _period_at_reference(found: Identification, table: MotionTable) -> PeriodEstimate | None:
     """The period at the decays' amplitude, unless the fit is rejected or too uncertain."""
-    amplitude, curves = found.reference_amplitude, found.bands.curves
-    frequency = float(np.interp(amplitude, curves.amplitude, curves.frequency))
-    std = float(np.interp(amplitude, curves.amplitude, found.bands.frequency_std))
-    if found.verdict.level == REJECTED or not 0.0 < std < PERIOD_USABLE * frequency:
+    amplitude = found.reference_amplitude
+    period, _, std, _ = found.bands.at(amplitude)
+    if found.verdict.level == REJECTED or not 0.0 < std < PERIOD_USABLE * period:
         return None
-    period = 2.0 * np.pi / frequency
     begin, end = table.rows[[0, -1], 0].tolist()
-    return PeriodEstimate(begin, end, period, period * std / frequency, amplitude)
+    return PeriodEstimate(begin, end, period, std, amplitude)
 
 
 def _refit_at_sea(

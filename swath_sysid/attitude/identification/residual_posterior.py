@@ -9,37 +9,33 @@ import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
-from swath_sysid.attitude.identification.motion_fit import MotionFit
-from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
-from swath_sysid.attitude.identification.scoring import Evaluation, search_each
+from swath_sysid.attitude.identification.problem import Problem, motion_fit
+from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR, weak_prior
+from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
+from swath_sysid.common.covariance import sandwich_covariance
 
 
-class ResidualPosterior:
+class ResidualPosterior(LogPosterior):
     """Negative log posterior of an equation's dimensionless ratios and the initial states of records.
 
-    ``variance`` is that of the weighted residuals times samples per independent one; ``ratio_prior`` (n,) holds prior
-    standard deviations, about zero but for the linear stiffness about one. States have that of a linear term.
+    Parameters are those of `MotionFit.pack`. The noise is that of the residuals at parameters ``about``. States have
+    the prior of a linear term: rates alone say nothing of the trim.
     """
 
-    def __init__(self, fit: MotionFit, equation: Equation, variance: float, ratio_prior: np.ndarray, size: int) -> None:
-        self.equation, self.ratio_prior = equation, ratio_prior
-        self._fit, self._variance = fit, variance
-        n = ratio_prior.size
-        self._weight = np.r_[
-            ratio_prior**-2, np.full(size - n, LINEAR_PRIOR**-2)
-        ]  # rates alone say nothing of the trim
-        self._mean = np.r_[[float(name == 'r1') for name in equation.terms], np.zeros(size - n)]
-        self.lowest = np.full(size, -np.inf)
-        self.lowest[:n][[name in DAMPING_NAMES for name in equation.terms]] = 0.0
-
-    def optimum(self, start: np.ndarray, held: Sequence[int]) -> Evaluation:
-        """The optimum from parameters (p,), those at the places ``held`` kept."""
-        stays = np.isin(np.arange(start.size), held)
-        (found,) = search_each(self.evaluate, [start], self.lowest, np.full(start.size, np.inf), [stays])
-        return found
+    def __init__(self, problem: Problem, equation: Equation, about: np.ndarray) -> None:
+        self.equation, self.ratio_prior = equation, weak_prior(equation, problem.decayed_to)
+        self._fit = motion_fit(problem, equation)
+        residuals, jacobians = self._fit.residuals_and_jacobian(about)
+        independent = sandwich_covariance(residuals, jacobians, problem.shortest_memory).effective_samples
+        self._variance = sum(float(r @ r) for r in residuals) / independent
+        others = about.size - self.ratio_prior.size
+        self._weight = np.r_[self.ratio_prior**-2, np.full(others, LINEAR_PRIOR**-2)]
+        self._mean = np.r_[[float(name in ('r1', 's1')) for name in equation.terms], np.zeros(others)]
+        self.lowest = np.full(about.size, -np.inf)
+        self.lowest[: self.ratio_prior.size][[name in DAMPING_NAMES for name in equation.terms]] = 0.0
 
     def evaluate(self, points: Sequence[np.ndarray]) -> list[Evaluation]:
-        """The posterior and its derivatives at some points (p,), as `MotionFit.pack` gives them."""
+        """The posterior and its derivatives at some points (p,)."""
         return [self._evaluation(z) for z in points]
 
     def _evaluation(self, z: np.ndarray):
@@ -51,3 +47,10 @@ class ResidualPosterior:
             gradient = slopes.T @ e / self._variance + self._weight * away
             information = slopes.T @ slopes / self._variance + np.diag(self._weight)
         return Evaluation(z, cost if np.isfinite(cost) else np.inf, gradient, information)
+
+
+def residual_posterior(problem: Problem, equation: Equation, start: np.ndarray) -> tuple[ResidualPosterior, Evaluation]:
+    """The posterior whose noise is what its optimum leaves, and that optimum, from parameters (p,)."""
+    (first,) = ResidualPosterior(problem, equation, start).minimise([start]) or (None,)
+    found = ResidualPosterior(problem, equation, start if first is None else first.z)
+    return found, (found.minimise([start if first is None else first.z]) or found.evaluate([start]))[0]

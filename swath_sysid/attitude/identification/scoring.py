@@ -11,11 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from swath_sysid.attitude.hull.decay_model import Equation
+
 MAX_ITERATIONS = 30
 CONVERGED = 0.003  #: Decrease of the negative log likelihood that a further step promises.
 NEAR = 10.0  #: Decrease that a step promises from which the curvature is learned.
 #: Of the expected information along any direction, taken for the curvature of a step where less was learned.
 LEAST_SHARE = 0.1
+SAME_MODE = 0.5  #: Standard deviations of each ratio within which two optima are one;
+SAME_COST = 1.0  #: negative log posterior above an optimum from which a search that passes it may still go elsewhere.
 
 
 @dataclass(frozen=True)
@@ -24,10 +28,8 @@ class Evaluation:
 
     z: np.ndarray  #: (p,)
     cost: float  #: Infinite where the motion runs away.
-    #: (p,) and (p, p); First derivatives and expected second ones; not finite where the motion runs away.
-    gradient: np.ndarray
-    #: (p,) and (p, p); First derivatives and expected second ones; not finite where the motion runs away.
-    information: np.ndarray
+    gradient: np.ndarray  #: (p,); first derivatives, not finite where the motion runs away.
+    information: np.ndarray  #: (p, p); expected second derivatives.
 
     @property
     def is_finite(self) -> bool:
@@ -35,35 +37,69 @@ class Evaluation:
         return all(np.isfinite(each).all() for each in (self.cost, self.gradient, self.information))
 
 
-def search_each(
-    evaluate: Callable[[Sequence[np.ndarray]], list[Evaluation]],
-    starts: Sequence[np.ndarray],
-    low: np.ndarray,
-    high: np.ndarray,
-    held: Sequence[np.ndarray],
-) -> list[Evaluation]:
-    """The optimum found from each start, by searches that share the passes of what is evaluated.
+class LogPosterior:
+    """A negative log posterior whose first parameters are the dimensionless ratios of an equation's terms."""
 
-    Args:
-        evaluate: Evaluations of some points.
-        starts: sequence of (p,).
-        low, high: (p,); bounds.
-        held: sequence of (p,); masks of the parameters that stay as each search starts.
-    """
-    searches = [
-        scoring(np.clip(z, low, high), np.where(stays, z, low), np.where(stays, z, high))
-        for z, stays in zip(starts, held, strict=True)
-    ]
-    asked = {k: next(search) for k, search in enumerate(searches)}
-    found: dict[int, Evaluation] = {}
-    while asked:
-        for k, evaluation in zip(list(asked), evaluate(list(asked.values())), strict=True):
-            try:
-                asked[k] = searches[k].send(evaluation)
-            except StopIteration as end:
-                found[k] = end.value
-                del asked[k]
-    return [found[k] for k in range(len(searches))]
+    equation: Equation
+    ratio_prior: np.ndarray  #: (n,); standard deviations, about zero but for the linear stiffness about one.
+    lowest: np.ndarray  #: (p,); bounds from below.
+
+    def evaluate(self, points: Sequence[np.ndarray]) -> list[Evaluation]:
+        """The posterior and its derivatives at some points (p,)."""
+        raise NotImplementedError
+
+    def is_upright(self, point: Evaluation) -> bool:
+        """Whether the craft returns to its upright position."""
+        return np.isfinite(point.cost)
+
+    def minimise(self, starts: Sequence[np.ndarray]) -> list[Evaluation]:
+        """The optima found from some parameters (p,), side by side, the most likely first.
+
+        A search ends where it comes to an optimum that another has found. Empty where the motion runs away from each
+        start. Without those whose upright position is unstable, if there are others: a craft at rest some way from a
+        position that throws it off swings about as likely.
+        """
+        nothing = np.zeros(self.lowest.size, dtype=bool)
+        optima = self.search_each(starts, [nothing] * len(starts), self._is_at)
+        found = sorted((o for o in optima if o.is_finite), key=lambda optimum: optimum.cost)
+        return [o for o in found if self.is_upright(o)] or found
+
+    def search_each(
+        self,
+        starts: Sequence[np.ndarray],
+        held: Sequence[np.ndarray],
+        is_at: Callable[[Evaluation, Evaluation], bool] = lambda point, optimum: False,
+    ) -> list[Evaluation]:
+        """The optimum found from each start (p,), by searches that share the passes of what is evaluated.
+
+        ``held`` are masks (p,) of the parameters that stay as each search starts. A search that ``is_at`` the optimum
+        of another is left out.
+        """
+        searches = [
+            scoring(np.clip(z, self.lowest, np.inf), np.where(stays, z, self.lowest), np.where(stays, z, np.inf))
+            for z, stays in zip(starts, held, strict=True)
+        ]
+        asked = {k: next(search) for k, search in enumerate(searches)}
+        best: dict[int, Evaluation] = {}
+        found: dict[int, Evaluation] = {}
+        while asked:
+            for k, evaluation in zip(list(asked), self.evaluate(list(asked.values())), strict=True):
+                best[k] = min(best.get(k, evaluation), evaluation, key=lambda each: each.cost)
+                try:
+                    asked[k] = searches[k].send(evaluation)
+                except StopIteration as end:
+                    found[k] = end.value
+                    del asked[k]
+            asked = {k: z for k, z in asked.items() if not any(is_at(best[k], o) for o in found.values())}
+        return [found[k] for k in sorted(found)]
+
+    def _is_at(self, point: Evaluation, optimum: Evaluation) -> bool:
+        """Whether a point is one that an optimum stands for: hardly less likely, and the same ratios."""
+        if not (optimum.is_finite and optimum.cost <= point.cost < optimum.cost + SAME_COST):
+            return False
+        n = len(self.equation.terms)
+        std = np.sqrt(np.diag(np.linalg.inv(optimum.information)))
+        return bool(np.all(np.abs(point.z - optimum.z)[:n] < SAME_MODE * std[:n]))
 
 
 def scoring(z: np.ndarray, low: np.ndarray, high: np.ndarray) -> Generator[np.ndarray, Evaluation, Evaluation]:

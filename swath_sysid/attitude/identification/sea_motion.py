@@ -95,11 +95,6 @@ class TermSpectra:
         """Spectrum of the angle, rad^2 s, shape (B,)."""
         return self.matrices[:, 2, 2]
 
-    def below(self, highest: float) -> 'TermSpectra':
-        """The bands below a frequency, rad/s."""
-        used = self.frequency < highest
-        return TermSpectra(self.frequency[used], self.matrices[used], self.counts[used])
-
 
 @dataclass(frozen=True)
 class Heave:

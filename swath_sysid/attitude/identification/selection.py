@@ -30,9 +30,7 @@ class RankedFit:
     """One equation's fit and how it stands among the others."""
 
     identification: Identification
-    #: Akaike's information criterion where each fit has a likelihood, else the Bayesian one with the effective sample
-    #: size; smaller is better.
-    criterion: float
+    criterion: float  #: Bayesian, with the effective sample size; smaller is better.
     #: Error of the motion simulated beyond the part it was identified on, over the standard deviation of the measured
     #: motion there; infinite where the simulation ran away.
     held_out: float
@@ -89,28 +87,10 @@ def compare(
 
 
 def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Comparison:
-    """Rank fits of the same records with their held-out errors (see `RankedFit`), and choose the simplest adequate one.
-
-    Where each has a likelihood the criterion is Akaike's (1974): leaving out a real term spoils the intervals of the
-    others, keeping a needless one only widens them.
-    """
+    """Rank fits of the same records, with their held-out errors, and choose the simplest adequate one."""
     samples = min(fits, key=lambda f: f.objective_value).effective_samples
-    by_likelihood = all(f.log_likelihood is not None for f in fits)
-    criterion = akaike_criterion if by_likelihood else lambda fit: information_criterion(fit, samples)
-    ranked = sorted(
-        (RankedFit(f, criterion(f), e) for f, e in zip(fits, held_out, strict=True)), key=lambda r: r.criterion
-    )
-    if by_likelihood and len(ranked) > 1:
-        best, second = ranked[:2]
-        return Comparison(
-            tuple(ranked),
-            best,
-            (
-                f'{best.name} has {best.term_count} terms and was chosen of {len(ranked)} equations: its log '
-                'likelihood, less one for each term, is '
-                f'{0.5 * (second.criterion - best.criterion):.1f} above that of {second.name}.'
-            ),
-        )
+    ranked = [RankedFit(f, information_criterion(f, samples), e) for f, e in zip(fits, held_out, strict=True)]
+    ranked.sort(key=lambda fit: fit.criterion)
     return Comparison(tuple(ranked), *simplest_adequate(ranked))
 
 
@@ -145,12 +125,6 @@ def information_criterion(fit: Any, effective_samples: float) -> float:
     """Bayesian information criterion n ln(mean squared residual) + k ln n, n the effective samples."""
     n = effective_samples
     return float(2.0 * n * np.log(fit.objective_value) + len(fit.model.equation.terms) * np.log(n))
-
-
-def akaike_criterion(fit: Identification) -> float:
-    """Akaike's information criterion, 2 k - 2 log likelihood."""
-    assert fit.log_likelihood is not None, 'see `rank`'
-    return 2.0 * len(fit.model.equation.terms) - 2.0 * fit.log_likelihood
 
 
 def _fit_and_hold_out(task: tuple[Problem, IdentificationSettings]):

@@ -40,17 +40,20 @@ class AmplitudeBands:
     frequency_std: np.ndarray  #: (A,)
     damping_ratio_std: np.ndarray  #: (A,)
 
+    def quantities_at(self, amplitude: float) -> list[tuple[float, ...]]:
+        """Frequency and damping ratio at an amplitude, rad: value, std, slope of its logarithm by the amplitude's."""
+        size, found = self.curves.amplitude, []
+        columns = (self.curves.frequency, self.frequency_std), (self.curves.damping_ratio, self.damping_ratio_std)
+        for values, std in columns:
+            slope = np.gradient(np.log(np.maximum(values, 1e-300)), np.log(size))
+            found.append(tuple(float(np.interp(amplitude, size, each)) for each in (values, std, slope)))
+        return found
+
     def at(self, amplitude: float) -> tuple[float, float, float, float]:
         """Natural period, s, damping ratio, and the standard deviation of each, at an amplitude, rad."""
-        columns = (
-            self.curves.frequency,
-            self.curves.damping_ratio,
-            self.frequency_std,
-            self.damping_ratio_std,
-        )
-        frequency, damping, *stds = (float(np.interp(amplitude, self.curves.amplitude, c)) for c in columns)
+        (frequency, frequency_std, _), (damping, damping_std, _) = self.quantities_at(amplitude)
         period = 2.0 * np.pi / frequency
-        return period, damping, period * stds[0] / frequency, stds[1]
+        return period, damping, period * frequency_std / frequency, damping_std
 
 
 def amplitude_bands(
