@@ -10,7 +10,7 @@ from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays
 from swath_sysid.attitude.motion.sensor_checks import OFFSET_CODES, RATE_CODES, contradictions_in, refuse_contradictions
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
-from swath_sysid.attitude.motion.window import MotionTable
+from swath_sysid.attitude.motion.window import MIN_CYCLES, MotionTable
 
 MOST_DECAYS = 5  #: Held per axis, the newest; the time of a joint fit is proportional to their number.
 
@@ -84,7 +84,7 @@ def checked_trial(table: MotionTable) -> Trial:
 
 
 def decays_in(table: MotionTable, trial: Trial, axis: str, source: dict) -> tuple[LiveDecay, ...]:
-    """The decay with the most motion in a window, and the others that began with a release.
+    """The decay with the most motion in a window, and the others released that are long enough.
 
     Raises `InputError` where angle and rate contradict each other, or neither was measured.
     """
@@ -94,7 +94,7 @@ def decays_in(table: MotionTable, trial: Trial, axis: str, source: dict) -> tupl
     return tuple(
         LiveDecay(needed_part(motion, segment), segment, float(table.rows[0, 0]), source)
         for segment in found
-        if segment is found[0] or segment.beginning == 'released'
+        if segment is found[0] or (segment.beginning == 'released' and segment.cycles >= MIN_CYCLES)
     )
 
 
