@@ -18,12 +18,13 @@ unexport LD_LIBRARY_PATH
 endif
 unexport AMENT_PREFIX_PATH PYTHONPATH PYTHONHOME RMW_IMPLEMENTATION VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: demo test test-long lint bench clean
+.PHONY: demo test test-long lint kernels bench clean
 
 demo: $(READY)
 	$(BIN)/swath-sysid demo --output out/
 
-test: lint
+test: $(READY)
+	@$(MAKE) --no-print-directory --jobs 2 lint kernels
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m 'not long'
 
 test-long: $(READY)
@@ -33,6 +34,11 @@ lint: $(READY)
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
 	$(BIN)/mypy
+
+# Once, beside mypy: otherwise each of the processes that test would compile them for itself.
+kernels: $(READY)
+	@$(BIN)/python -c 'from swath_sysid.attitude.identification import refit; from swath_sysid.pipeline import \
+	  forecast_pipeline; refit.warm_up(); forecast_pipeline.warm_up()'
 
 bench: $(READY)
 	@for script in $(sort $(wildcard benchmark/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done

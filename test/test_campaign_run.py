@@ -54,7 +54,7 @@ def trials(tmp_path_factory):
     """A folder with two drafts, one angle, two repeats, and the manifest."""
     folder = tmp_path_factory.mktemp('trials')
     for k, (factor, repeat) in enumerate((f, r) for f in DRAFTS for r in (1, 2)):
-        made = simulated_trial(hull_at(factor), math.radians(6), 8.0, 50.0, SensorNoise(), k + 1)
+        made = simulated_trial(hull_at(factor), math.radians(6), 8.0, 20.0, SensorNoise(), k + 1)
         write_csv(folder / f'pitch_6deg_{factor}T_repeat{repeat}.csv', made)
     (folder / 'campaign.yaml').write_text(MANIFEST)
     return folder
@@ -160,7 +160,8 @@ def test_what_differs_is_computed_again(trials, done, tmp_path):
     store = ResultStore(output / 'results')
     same = run_campaign(read_manifest(trials / 'other.yaml'), store, SerialExecutor())
     assert same.kept >= 8 and not [f for f in same.failures]
-    (trials / 'seeded.yaml').write_text((trials / 'other.yaml').read_text() + 'search: {seed: 2}\n')
+    of_one_draft = (trials / 'other.yaml').read_text().replace('{draft_factor}', '0.9')
+    (trials / 'seeded.yaml').write_text(of_one_draft + 'search: {seed: 2}\n')
     seeded = run_campaign(read_manifest(trials / 'seeded.yaml'), store, SerialExecutor())
     assert seeded.kept == 0
 
@@ -402,7 +403,7 @@ def at_two_speeds(tmp_path_factory):
     folder = tmp_path_factory.mktemp('tank')
     for seed, (factor, speed, repeat) in enumerate([(1.0, 0, 1), (1.0, 0, 2), (1.0, 2, 1), (1.1, 0, 1)]):
         hull = DecayModel.from_terms(HULL.equation, HULL.terms | {'b1': 0.5 + 0.3 * speed}, axis='pitch')
-        made = simulated_trial(hull, math.radians(6), 12.0, 50.0, SensorNoise(rate=0.002), seed)
+        made = simulated_trial(hull, math.radians(6), 12.0, 20.0, SensorNoise(rate=0.002), seed)
         if repeat == 2:
             angle, rate = 0.008 * np.sin(3.3 * made.time), 0.0264 * np.cos(3.3 * made.time)
             made = replace(made, pitch=made.pitch + angle, pitch_rate=made.pitch_rate + rate)

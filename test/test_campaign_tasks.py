@@ -52,7 +52,7 @@ QUIET = SensorNoise(0.0, 0.0, 0.0)
 
 
 def trial(angle_deg, seed, noise=SensorNoise(), hull=HULL):  # noqa: B008 - frozen
-    return simulated_trial(hull, math.radians(angle_deg), 10.0, 50.0, noise, seed)
+    return simulated_trial(hull, math.radians(angle_deg), 10.0, 25.0, noise, seed)
 
 
 def kept(plain, problem, settings):

@@ -54,8 +54,9 @@ class LosingExecutor(SerialExecutor):
 )
 def test_lost_scheduler(loss, tmp_path, monkeypatch, capsys):
     trial = tmp_path / 'pitch.csv'
-    assert main(['simulate', '--hull', 'swath-pitch', '--initial-angle-deg', '6', '--output', str(trial)]) == 0
-    (tmp_path / 'c.yaml').write_text('axis: pitch\nequations: [linear, odd-cubic]\ntrials:\n  - file: pitch.csv\n')
+    release = ['--hull', 'swath-pitch', '--initial-angle-deg', '6', '--duration', '8', '--rate', '25']
+    assert main(['simulate', *release, '--output', str(trial)]) == 0
+    (tmp_path / 'c.yaml').write_text('axis: pitch\nequations: [linear]\ntrials:\n  - file: pitch.csv\n')
     comm = SimpleNamespace(CommClosedError=CommClosedError)
     stub = SimpleNamespace(comm=comm, client=SimpleNamespace(ClosedClientError=ClosedClientError))
     monkeypatch.setattr(executors, 'distributed', stub)

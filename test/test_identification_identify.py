@@ -28,6 +28,12 @@ def settings(equation='swath-pitch-2', **options):
     return IdentificationSettings(equation, search=search, **options)
 
 
+@pytest.fixture(scope='module')
+def plain():
+    """One decay of the published hull, identified with the published equation."""
+    return identify([decay()], settings())
+
+
 @pytest.mark.long
 @pytest.mark.slow
 def test_truth_of_the_published_pitch_hull_within_its_uncertainty():
@@ -52,11 +58,10 @@ def test_one_step_objective_is_told_to_be_biased():
 
 @pytest.mark.slow
 @pytest.mark.parametrize('search', [{'algorithm': 'ga', 'seed': 8}, {'algorithm': 'pso'}])
-def test_every_search_and_seed_ends_in_the_same_minimum(search):
-    motion = decay()
-    first, other = identify([motion], settings()), identify([motion], settings(search=search))
-    assert other.objective_value == pytest.approx(first.objective_value, rel=1e-8)
-    assert other.model.ratios == pytest.approx(first.model.ratios, rel=1e-3, abs=1e-3)
+def test_every_search_and_seed_ends_in_the_same_minimum(search, plain):
+    other = identify([decay()], settings(search=search))
+    assert other.objective_value == pytest.approx(plain.objective_value, rel=1e-8)
+    assert other.model.ratios == pytest.approx(plain.model.ratios, rel=1e-3, abs=1e-3)
 
 
 def test_preset_searches_the_published_ranges():
@@ -77,12 +82,11 @@ def test_one_channel_is_enough(channel):
 
 
 @pytest.mark.slow
-def test_joint_fit_shares_ratios_and_keeps_trims_apart():
+def test_joint_fit_shares_ratios_and_keeps_trims_apart(plain):
     motions = [decay(seed, HULL.with_trim(trim)) for seed, trim in ((1, 0.01), (2, -0.02), (3, 0.0))]
     found = identify(motions, settings())
-    single = identify(motions[:1], settings())
     assert [r.state.trim for r in found.records] == pytest.approx([0.01, -0.02, 0.0], abs=3e-4)
-    assert found.std['b1'] < 0.7 * single.std['b1']
+    assert found.std['b1'] < 0.7 * plain.std['b1']
     assert found.model.terms['b1'] == pytest.approx(HULL.terms['b1'], abs=3 * found.std['b1'])
 
 
@@ -95,14 +99,13 @@ def test_friction_is_found_where_there_is_some_and_missed_by_a_model_without():
     assert found.objective_value < identify([motion], settings('odd-cubic')).objective_value
 
 
-def test_simulated_motion_of_the_result_is_that_of_the_model():
-    found = identify([decay()], settings())
-    (record,) = found.records
-    angle, rate = simulate(found.model, record.state.x + found.model.trim, record.state.rate, record.motion.time)
+def test_simulated_motion_of_the_result_is_that_of_the_model(plain):
+    (record,) = plain.records
+    angle, rate = simulate(plain.model, record.state.x + plain.model.trim, record.state.rate, record.motion.time)
     assert record.angle == pytest.approx(angle, abs=1e-6)
     assert record.rate == pytest.approx(rate, abs=1e-5)
-    assert found.r2 == pytest.approx(1 - np.var(record.residual) / np.var(record.motion.angle), abs=1e-4)
-    low, high = found.amplitude_range
+    assert plain.r2 == pytest.approx(1 - np.var(record.residual) / np.var(record.motion.angle), abs=1e-4)
+    low, high = plain.amplitude_range
     assert 0 < low < high == pytest.approx(np.radians(6), rel=0.1)
 
 

@@ -1,5 +1,6 @@
 """Refits: releases that are one fit, which model is published, and the way back."""
 
+import copy
 import math
 import pickle
 from dataclasses import replace
@@ -32,7 +33,7 @@ QUICK = RefitSettings(
 def table_of(seed=1, **motion):
     """A window of a craft released in pitch, in the minute of that number."""
     window = MotionWindow(WindowSettings(detect_decay=False))
-    for one in decay_stream(50.0, 40.0, seed=seed, first_ns=EPOCH_NS + seed * 60 * 10**9, **motion):
+    for one in decay_stream(20.0, 40.0, seed=seed, first_ns=EPOCH_NS + seed * 60 * 10**9, **motion):
         window.add(one)
     return window.table()
 
@@ -54,6 +55,17 @@ def table():
 def first(table):
     """The outcome of the first refit."""
     return refit(Refitter(QUICK).request(table, source={'topic': 'here'}))
+
+
+@pytest.fixture
+def twice(taken_twice):
+    """A refitter that has taken two releases, and the outcome of the second."""
+    return copy.deepcopy(taken_twice)
+
+
+@pytest.fixture(scope='module')
+def taken_twice(table):
+    return after(table, table_of(2))
 
 
 def test_the_first_refit_is_believed(first):
@@ -81,18 +93,20 @@ def test_a_window_whose_rates_are_reversed_is_not_fitted(table):
 def test_the_same_decay_in_another_window_counts_once(table, first):
     refitter = Refitter(QUICK)
     refitter.take(first)
-    shifted = replace(table, rows=table.rows[100:])
+    shifted = replace(table, rows=table.rows[40:])
     again = refit(refitter.request(shifted))
     assert not again.succeeded and not refitter.take(again) and refitter.version == 1
     assert 'the current model knows the next release as well' in again.message
     assert len(refitter.decays['pitch'].decays) == 1
 
 
-def test_a_longer_view_of_a_decay_takes_the_place_of_the_shorter(table):
+def test_a_longer_view_of_a_decay_takes_the_place_of_the_shorter(table, first):
     short = replace(table, rows=table.rows[table.rows[:, 0] < table.rows[0, 0] + 14.0])
     refitter, _ = after(short, table)
     (held,) = refitter.decays['pitch'].decays
-    (whole,) = after(table)[0].decays['pitch'].decays
+    alone = Refitter(QUICK)
+    alone.take(first)
+    (whole,) = alone.decays['pitch'].decays
     assert held.end == whole.end
 
 
@@ -106,12 +120,11 @@ def test_the_tail_of_a_decay_is_no_release_of_its_own(table):
     assert held.end < tail.rows[0, 0]
 
 
-def test_several_releases_are_one_fit_as_several_records_are(table):
-    tables = table, table_of(2)
-    refitter, outcome = after(*tables)
+def test_several_releases_are_one_fit_as_several_records_are(table, twice):
+    refitter, outcome = twice
     assert outcome.succeeded and '; 2 releases, the next one known to ' in outcome.message
     assert '% before (b1|r1, period 2.' in outcome.message
-    problem = prepare([each.trial().axis('pitch') for each in tables])
+    problem = prepare([each.trial().axis('pitch') for each in (table, table_of(2))])
     ratios = identify_problem(problem, QUICK.identification).model.ratios
     np.testing.assert_allclose(refitter.models['pitch'].model.ratios, ratios, rtol=1e-6)
 
@@ -131,8 +144,8 @@ def test_releases_of_one_craft_do_not_contradict_each_other():
 
 
 @pytest.mark.parametrize('change', [{'period': 2.65}, {'damping': 0.1}])
-def test_a_changed_craft_starts_anew_and_rollback_leads_back(table, change):
-    refitter, _ = after(table, table_of(2))
+def test_a_changed_craft_starts_anew_and_rollback_leads_back(twice, change):
+    refitter, _ = twice
     before, decays = refitter.models['pitch'], refitter.decays
     outcome = refit(refitter.request(table_of(3, **change)))
     assert 'the decays before contradict this one and are forgotten; adequate' in outcome.message
@@ -144,11 +157,11 @@ def test_a_changed_craft_starts_anew_and_rollback_leads_back(table, change):
     assert not refitter.rollback() and refitter.version == 6
 
 
-def test_decays_that_were_forgotten_stay_so_when_a_refit_ends_afterwards(table):
+def test_decays_that_were_forgotten_stay_so_when_a_refit_ends_afterwards(table, first):
     refitter = Refitter(QUICK)
-    outcome = refit(refitter.request(table))
+    refitter.request(table)
     refitter.forget_decays()
-    assert refitter.take(outcome) and refitter.models and not refitter.decays
+    assert refitter.take(first) and refitter.models and not refitter.decays
 
 
 def test_by_itself_only_the_axis_whose_decay_was_noticed_is_fitted(table):
@@ -204,14 +217,10 @@ def test_the_misfit_is_that_of_the_best_initial_state(table, first):
 
 
 def test_an_axis_without_a_decay_is_told_and_the_other_is_fitted(table):
-    outcome = refit(Refitter(replace(QUICK, axes=('roll', 'pitch'))).request(table))
+    told = []
+    outcome = refit(Refitter(replace(QUICK, axes=('roll', 'pitch'))).request(table), progress=told.append)
     assert set(outcome.models) == {'pitch'}
     assert outcome.message.startswith('pitch: adequate') and outcome.message.endswith('; roll: no free decay')
-
-
-def test_progress_goes_from_nothing_to_all(table):
-    told = []
-    refit(Refitter(replace(QUICK, axes=('roll', 'pitch'))).request(table), progress=told.append)
     assert told == sorted(told) and told[-1] == 1.0 and all(0.0 <= share <= 1.0 for share in told)
 
 

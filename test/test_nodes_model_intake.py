@@ -116,14 +116,13 @@ def test_the_model_before_stays_and_a_good_one_ends_the_warning(nodes):
     assert refusals(bench, topic) == count + 1
 
 
-@pytest.mark.parametrize('name', ['nested brackets', 'trim NaN', 'a folder', 'a device', 'too large', 'no text'])
+@pytest.mark.parametrize('name', ['nested brackets', 'a folder'])
 def test_a_model_file_that_cannot_be_used_does_not_end_the_identifier(name, tmp_path):
-    path = tmp_path / 'model.yaml' if name != 'a device' else Path('/dev/null')
+    path = tmp_path / 'model.yaml'
     if name == 'a folder':
         path.mkdir()
-    elif name != 'a device':
-        content = {'too large': b'#' * 1_000_000, 'no text': b'\xff\xfe\x00'}
-        path.write_bytes(content.get(name) or attitude_texts()[name][0].encode())
+    else:
+        path.write_text(attitude_texts()[name][0])
     kept = path.read_bytes() if path.is_file() else None
     bench = Bench()
     process = start_node('identifier', '-r', '__ns:=/refusing', '-p', f'model_path:={path}')
