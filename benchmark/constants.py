@@ -87,6 +87,8 @@ def main():
     if not command:
         parser.print_help()
         return 0
+    if command[0] == 'python':  # the copy has no environment of its own
+        command[0] = sys.executable
     modules = [
         path for place in map(Path, given.places) for path in ([place] if place.is_file() else place.rglob('*.py'))
     ]
