@@ -85,16 +85,16 @@ def test_bag_folder(tmp_path, storage, compression):
 
 
 @pytest.mark.parametrize('storage,ending', [('sqlite3', '.db3'), ('mcap', '.mcap')])
-@pytest.mark.parametrize('name', ['as it is', 'renamed.bin'])
-def test_storage_file_alone(tmp_path, storage, ending, name):
+def test_storage_file_alone_whatever_its_name(tmp_path, storage, ending):
     file = next(write_bag(tmp_path / 'bag', plain_messages(), storage).glob(f'*{ending}'))
-    if name != 'as it is':
-        file = file.rename(tmp_path / name)
+    assert_right(read_bag(file))
+    file = file.rename(tmp_path / 'renamed.bin')
     assert is_bag(file)
     assert_right(read_bag(file))
+    assert np.allclose(read_bag(file, frame='frd').pitch, -PITCH)
 
 
-@pytest.mark.parametrize('frame_id', ['', 'i', 'imu_link', 'a_rather_long_frame_name', 'köln'])
+@pytest.mark.parametrize('frame_id', ['', 'imu_link', 'köln'])
 def test_decoding_is_that_of_the_library(tmp_path, frame_id):
     folder = write_bag(tmp_path / 'bag', plain_messages(frame_id=frame_id))
     record = read_imu(folder)
@@ -104,14 +104,13 @@ def test_decoding_is_that_of_the_library(tmp_path, frame_id):
             message = reader.deserialize(raw, connection.msgtype)
             assert record.received[at] == received
             assert record.stamps[at] == message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-            turn = message.orientation
-            assert record.values[:, layout.ORIENTATION][at].tolist() == [turn.x, turn.y, turn.z, turn.w]
-            assert record.values[:, layout.RATES][at, 2] == message.angular_velocity.z
-            assert record.values[:, layout.FORCE][at, 0] == message.linear_acceleration.x
-            assert np.array_equal(record.values[:, layout.ORIENTATION_COVARIANCE][at], message.orientation_covariance)
-            assert np.array_equal(record.values[:, layout.RATES_COVARIANCE][at], message.angular_velocity_covariance)
-            force = message.linear_acceleration_covariance
-            assert np.array_equal(record.values[:, layout.FORCE_COVARIANCE][at], force)
+            turn, values = message.orientation, record.values[at]
+            assert values[layout.ORIENTATION].tolist() == [turn.x, turn.y, turn.z, turn.w]
+            assert values[layout.RATES][2] == message.angular_velocity.z
+            assert values[layout.FORCE][0] == message.linear_acceleration.x
+            assert np.array_equal(values[layout.ORIENTATION_COVARIANCE], message.orientation_covariance)
+            assert np.array_equal(values[layout.RATES_COVARIANCE], message.angular_velocity_covariance)
+            assert np.array_equal(values[layout.FORCE_COVARIANCE], message.linear_acceleration_covariance)
 
 
 def test_decoding_is_that_of_ros(tmp_path):
@@ -164,21 +163,11 @@ def test_minus_one_means_not_measured(tmp_path, absent, left):
     if 'orientation' in absent:
         assert codes(trial) == ['body-rates']
         assert np.array_equal(trial.roll_rate, RATES[:, 0])
-
-
-def test_minus_one_in_some_messages_marks_those(tmp_path):
-    messages = plain_messages()
-    messages[3] = ('/imu/data', STAMPS[3], imu(3, absent=('orientation',)))
-    trial = read_bag(write_bag(tmp_path / 'bag', messages))
-    assert np.flatnonzero(np.isnan(trial.roll)).tolist() == [3]
-    assert np.isfinite(trial.accel_x).all()
-
-
-def test_frame_and_mounting_are_applied(tmp_path):
-    folder = write_bag(tmp_path / 'bag', plain_messages())
-    assert np.allclose(read_bag(folder, frame='frd').pitch, -PITCH)
-    turned = read_bag(folder, mounting=(0.0, 0.0, np.pi / 2))
-    assert np.allclose(turned.accel_x, -FORCE[:, 1]) and np.allclose(turned.accel_y, FORCE[:, 0])
+    one = plain_messages()
+    one[3] = ('/imu/data', STAMPS[3], imu(3, absent=absent))
+    some = read_bag(write_bag(tmp_path / 'some', one))
+    assert all(np.flatnonzero(np.isnan(values)).tolist() in ([], [3]) for values in some.channels.values())
+    assert np.isnan(some.roll[3]) == ('orientation' in absent) and np.isfinite(some.accel_x[:3]).all()
 
 
 def test_topic_is_chosen_or_asked_for(tmp_path):
@@ -223,19 +212,16 @@ def test_bag_whose_recorder_was_killed(tmp_path, storage):
     trial = read_bag(folder)
     assert_right(trial)
     assert codes(trial) == ['damaged-bag']
-    (folder / 'metadata.yaml').write_text('rosbag2_bagfile_information: [')
-    assert_right(read_bag(folder))
-
-
-def big_mcap(tmp_path):
-    """An mcap of several chunks: chunks of 1 MiB hold about 3000 messages."""
-    time = 0.001 * np.arange(8000)
-    write_imu_bag(tmp_path / 'whole.mcap', Trial(time=time, roll=0.1 * np.sin(time), pitch=0 * time))
-    return (tmp_path / 'whole.mcap').read_bytes()
+    for text in ('', '{}', 'rosbag2_bagfile_information: [', '[' * 100):
+        (folder / 'metadata.yaml').write_text(text)
+        assert_right(read_bag(folder))
 
 
 def test_what_is_whole_of_a_cut_off_mcap_is_read(tmp_path):
-    whole = big_mcap(tmp_path)
+    """Of several chunks: chunks of 1 MiB hold about 3000 messages."""
+    time = 0.001 * np.arange(8000)
+    write_imu_bag(tmp_path / 'whole.mcap', Trial(time=time, roll=0.1 * np.sin(time), pitch=0 * time))
+    whole = (tmp_path / 'whole.mcap').read_bytes()
     cut = tmp_path / 'cut.mcap'
     sizes = []
     for share in (0.5, 0.9, 0.999):
@@ -249,6 +235,11 @@ def test_what_is_whole_of_a_cut_off_mcap_is_read(tmp_path):
     folder.mkdir()
     cut.rename(folder / 'bag_0.mcap')
     assert read_bag(folder).time.size == sizes[2]
+    # inside its only chunk
+    cut.write_bytes(next(write_bag(tmp_path / 'short', plain_messages()).glob('*.mcap')).read_bytes()[:-30_000])
+    trial = read_bag(cut)
+    assert 80 < trial.time.size < COUNT and codes(trial) == ['damaged-bag']
+    assert np.allclose(trial.roll, ROLL[: trial.time.size])
 
 
 def test_a_broken_chunk_in_a_folder_costs_what_follows_in_either_wing(tmp_path):
@@ -278,17 +269,6 @@ def test_split_bag_with_a_lost_part(tmp_path):
     assert trial.time.size == 100 and codes(trial) == ['damaged-bag', 'damaged-bag']
 
 
-def test_short_mcap_cut_inside_its_only_chunk_is_read_up_to_there(tmp_path):
-    folder = write_bag(tmp_path / 'bag', plain_messages())
-    whole = next(folder.glob('*.mcap')).read_bytes()
-    cut = tmp_path / 'cut.mcap'
-    cut.write_bytes(whole[: len(whole) // 2])
-    trial = read_bag(cut)
-    assert 80 < trial.time.size < 120
-    assert np.allclose(trial.roll, ROLL[: trial.time.size])
-    assert codes(trial) == ['damaged-bag']
-
-
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 @pytest.mark.parametrize('storage', STORAGES)
@@ -311,14 +291,6 @@ def test_broken_bytes_give_a_trial_or_one_sentence(tmp_path, storage, data):
         assert '\n' not in str(error)
     else:
         assert trial.axes and np.all(np.diff(trial.time) > 0)
-
-
-@pytest.mark.parametrize('text', ['', '{}', 'rosbag2_bagfile_information: {version: 99}', '- a', '\t', '[' * 100])
-def test_broken_metadata_is_one_sentence(tmp_path, text):
-    (tmp_path / 'metadata.yaml').write_text(text)
-    with pytest.raises(InputError) as error:
-        read_bag(tmp_path)
-    assert '\n' not in str(error.value)
 
 
 def written_trial():
@@ -354,20 +326,15 @@ def test_written_bag_comes_back(tmp_path, name):
     assert [each.name for each in tmp_path.iterdir()] == [name]
 
 
-def test_written_folder_has_metadata_of_its_own_name(tmp_path):
+def test_bag_folder_is_not_overwritten_but_a_file_is(tmp_path):
+    for _ in range(2):
+        write_imu_bag(tmp_path / 'bag.mcap', written_trial())
     write_imu_bag(tmp_path / 'run1', written_trial())
-    assert sorted(file.name for file in (tmp_path / 'run1').iterdir()) == ['metadata.yaml', 'run1.mcap']
+    with pytest.raises(InputError, match='exists already'):
+        write_imu_bag(tmp_path / 'run1', written_trial())
     assert 'run1.mcap' in (tmp_path / 'run1' / 'metadata.yaml').read_text()
     shutil.move(tmp_path / 'run1', tmp_path / 'run2')
     assert read_bag(tmp_path / 'run2').time.size == 300
-
-
-def test_bag_folder_is_not_overwritten_but_a_file_is(tmp_path):
-    write_imu_bag(tmp_path / 'bag', written_trial())
-    with pytest.raises(InputError, match='exists already'):
-        write_imu_bag(tmp_path / 'bag', written_trial())
-    for _ in range(2):
-        write_imu_bag(tmp_path / 'bag.mcap', written_trial())
 
 
 def test_what_a_trial_lacks_is_written_as_not_measured(tmp_path):

@@ -37,9 +37,7 @@ TIME = np.arange(20) * 0.1
 ROLL = np.round(0.2 * np.sin(TIME), 6)
 
 
-@pytest.mark.parametrize(
-    'name', ['time_s', 'time_ms', 'time_us', 'time_ns', 't_s', 'stamp_s', 'Timestamp (ns)', 'Time [ms]']
-)
+@pytest.mark.parametrize('name', ['time_ms', 'time_us', 't_s', 'stamp_s', 'Timestamp (ns)', 'Time [ms]'])
 def test_time_units(tmp_path, name):
     scale = {'s': 1, 'ms': 1e3, 'us': 1e6, 'ns': 1e9}[plain_name(name).split('_')[-1]]
     trial = read_csv(written(tmp_path, lines(f'{name},roll_rad', scale * TIME, ROLL)))
@@ -49,13 +47,9 @@ def test_time_units(tmp_path, name):
 @pytest.mark.parametrize(
     'name,scale,channel',
     [
-        ('roll_deg', 180 / np.pi, 'roll'),
         ('Roll (°)', 180 / np.pi, 'roll'),
-        ('pitch_rad', 1, 'pitch'),
-        ('roll_rate_deg_s', 180 / np.pi, 'roll_rate'),
         ('roll_rate_dps', 180 / np.pi, 'roll_rate'),
         ('Pitch rate [rad/s]', 1, 'pitch_rate'),
-        ('roll_rad,accel_z_m_s2', 1, 'accel_z'),
         ('roll_rad,acc_z (m/s²)', 1, 'accel_z'),
         ('roll_rad,linear_acceleration_z [m/s^2]', 1, 'accel_z'),
         ('roll_rad,accel_z_g', 1 / 9.80665, 'accel_z'),
@@ -79,12 +73,6 @@ def test_body_rates_become_euler_rates(tmp_path):
     assert np.allclose(trial.pitch_rate, expected[1], atol=1e-8)
 
 
-def test_body_rates_without_angles_are_told(tmp_path):
-    trial = read_csv(written(tmp_path, lines('time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s', TIME, ROLL, ROLL, ROLL)))
-    assert codes(trial) == ['body-rates']
-    assert np.allclose(trial.roll_rate, ROLL)
-
-
 def test_quaternion_columns(tmp_path):
     rows = ''.join(f'{t},{x},0,0,{w}\n' for t, x, w in zip(TIME, np.sin(ROLL / 2), np.cos(ROLL / 2), strict=True))
     trial = read_csv(written(tmp_path, 'time_s,orientation.x,orientation.y,orientation.z,orientation.w\n' + rows))
@@ -101,11 +89,6 @@ def test_epoch_times_count_from_the_first_sample(tmp_path):
     assert np.allclose(trial.time, TIME, atol=1e-6)
 
 
-def test_times_before_zero_are_kept(tmp_path):
-    trial = read_csv(written(tmp_path, lines('time_s,roll_rad', TIME - 0.5, ROLL)))
-    assert trial.time[0] == -0.5
-
-
 @pytest.mark.parametrize('mark', [',', ';', '\t', ' '])
 @pytest.mark.parametrize('end', ['\n', '\r\n', '\r'])
 def test_delimiters_and_line_ends(tmp_path, mark, end):
@@ -114,12 +97,6 @@ def test_delimiters_and_line_ends(tmp_path, mark, end):
         trial = read_csv(written(tmp_path, form))
         assert np.allclose(trial.time, TIME) and np.allclose(trial.roll, ROLL)
         assert trial.advice == ()
-
-
-def test_quotes_and_byte_order_mark(tmp_path):
-    rows = ''.join(f'"{t}","{r}"\n' for t, r in zip(TIME, ROLL, strict=True))
-    trial = read_csv(written(tmp_path, b'\xef\xbb\xbf' + f'"time_s","roll_rad"\n{rows}'.encode()))
-    assert np.allclose(trial.roll, ROLL)
 
 
 def test_names_in_a_comment_as_savetxt_writes_them(tmp_path):
@@ -183,16 +160,14 @@ def test_column_without_unit_is_told_or_refused(tmp_path):
     trial = read_csv(written(tmp_path, lines('time_s,roll_rad,pitch', TIME, ROLL, ROLL)))
     assert trial.pitch is None
     assert codes(trial) == ['unit-missing']
-    for header in ('time_s,roll', 'time,roll_rad'):
-        with pytest.raises(InputError, match='without a unit'):
+    for header, told in (
+        ('time_s,roll', 'without a unit'),
+        ('time,roll_rad', 'without a unit'),
+        ('hour,roll_rad', '(?s)time_ns.*hour, roll_rad'),
+        ('time_s,wave', '(?s)roll_rate_rad_s.*time_s, wave'),
+    ):
+        with pytest.raises(InputError, match=told):
             read_csv(written(tmp_path, lines(header, TIME, ROLL)))
-
-
-@pytest.mark.parametrize('header,sought', [('hour,roll_rad', 'time_ns'), ('time_s,wave', 'roll_rate_rad_s')])
-def test_error_names_the_columns_looked_for_and_found(tmp_path, header, sought):
-    with pytest.raises(InputError) as error:
-        read_csv(written(tmp_path, lines(header, TIME, ROLL)))
-    assert sought in str(error.value) and header.replace(',', ', ') in str(error.value)
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -258,18 +233,13 @@ def test_morro_buoy_is_turned_to_flu(data_folder):
     assert np.allclose(trial.accel_y, -raw['accel_y_m_s2'])
     assert np.allclose(trial.pitch, -np.radians(raw['pitch_deg']))
     # the Euler rates must be the derivatives of the angles: signs and body-to-Euler conversion at once
-    assert np.corrcoef(trial.pitch_rate[1:-1], np.gradient(trial.pitch, trial.time)[1:-1])[0, 1] > 0.97
-    assert np.corrcoef(trial.roll_rate[1:-1], np.gradient(trial.roll, trial.time)[1:-1])[0, 1] > 0.97
-
-
-def test_yaw_rate_of_the_morro_buoy_is_the_derivative_of_its_yaw(data_folder):
-    path = data_folder / 'waves' / 'morro_buoy.csv'
-    yaw = -np.unwrap(np.genfromtxt(path, delimiter=',', names=True)['yaw_deg'], period=360.0)
-    trial = read_csv(path, frame='frd')
-    derivative = np.gradient(np.radians(yaw), trial.time)
+    yaw = -np.radians(np.unwrap(raw['yaw_deg'], period=360.0))
+    derivatives = [np.gradient(angle, trial.time)[1:-1] for angle in (trial.roll, trial.pitch, yaw)]
+    rates = [rate[1:-1] for rate in (trial.roll_rate, trial.pitch_rate, trial.yaw_rate)]
     # the buoy fuses gyro and compass into its yaw, which so moves less than it turns
-    assert np.corrcoef(trial.yaw_rate[1:-1], derivative[1:-1])[0, 1] > 0.89
-    assert 0.7 < np.polyfit(trial.yaw_rate[1:-1], derivative[1:-1], 1)[0] < 1.0
+    for rate, derivative, least in zip(rates, derivatives, (0.97, 0.97, 0.89), strict=True):
+        assert np.corrcoef(rate, derivative)[0, 1] > least
+    assert 0.7 < np.polyfit(rates[2], derivatives[2], 1)[0] < 1.0
 
 
 def test_yaw_rate_and_heave_of_a_ship_without_gyro_are_read(data_folder):
@@ -287,14 +257,6 @@ def test_corrupt_packet_of_oahu_is_left_out_and_told(data_folder):
     assert codes(trial) == ['absurd-values', 'missing-values']
 
 
-def test_kvlcc2_is_read_as_it_is(data_folder):
-    path = data_folder / 'decay' / 'kvlcc2' / 'run3_15kn.csv'
-    raw = np.genfromtxt(path, delimiter=',', names=True)
-    trial = read_csv(path)
-    assert np.array_equal(trial.time, raw['time_s']) and np.array_equal(trial.roll, raw['roll_rad'])
-    assert trial.advice == ()
-
-
 def test_a_file_says_how_its_sensor_is_mounted(tmp_path):
     """A craft in waves whose sensor hangs upside down: named, then mended by the line that the sentence asks for."""
     time = np.arange(0.0, 30.0, 0.05)
@@ -308,28 +270,22 @@ def test_a_file_says_how_its_sensor_is_mounted(tmp_path):
     path.write_text('# mounting_deg: [180, 0, 0]\n' + table)
     trial = read_csv(path)
     assert trial.advice == () and np.allclose(trial.roll, roll) and np.allclose(trial.pitch, pitch)
+    for none in ('upside down', '180', '180, 0, nan', '1, 2, 3, 4'):
+        path.write_text(f'# mounting_deg: {none}\n{table}')
+        with pytest.raises(InputError, match='angles'):
+            read_csv(path)
 
 
-@pytest.mark.parametrize('line', ['upside down', '180', '180, 0, nan', '1, 2, 3, 4'])
-def test_a_mounting_that_is_none_is_one_sentence(tmp_path, line):
-    path = tmp_path / 'a.csv'
-    path.write_text(f'# mounting_deg: {line}\ntime_s,roll_deg,pitch_deg\n' + '\n'.join(f'{k},1,1' for k in range(20)))
-    with pytest.raises(InputError, match='angles'):
-        read_csv(path)
-
-
-DATES = {
-    'iso': '2026-05-01T12:00:{:06.3f}',
-    'with a space': '2026-05-01 12:00:{:06.3f}',
-    'utc': '2026-05-01T12:00:{:06.3f}Z',
-    'a zone': '2026-05-01T14:00:{:06.3f}+02:00',
-    'basic': '20260501T1200{:06.3f}Z',
-    'quoted': '"2026-05-01T12:00:{:06.3f}Z"',
-}
-
-
-@pytest.mark.parametrize('name', ['time', 'timestamp', 'time_s', 'datetime'])
-@pytest.mark.parametrize('form', DATES.values(), ids=DATES)
+@pytest.mark.parametrize(
+    ('name', 'form'),
+    [
+        ('time', '2026-05-01T12:00:{:06.3f}'),
+        ('timestamp', '2026-05-01 12:00:{:06.3f}'),
+        ('time_s', '2026-05-01T14:00:{:06.3f}+02:00'),
+        ('datetime', '20260501T1200{:06.3f}Z'),
+        ('time', '"2026-05-01T12:00:{:06.3f}Z"'),
+    ],
+)
 def test_dates_are_a_time(tmp_path, form, name):
     seconds = 0.02 * np.arange(500)
     roll = 5.0 * np.sin(2.0 * seconds)
@@ -348,12 +304,8 @@ def test_dates_are_a_time(tmp_path, form, name):
 @pytest.mark.parametrize(
     ('head', 'stamps', 'words'),
     [
-        ('time_s,roll_deg', 10.0 - 0.01 * np.arange(500), 'the time runs backwards, from 10 to 5.01 s'),
-        (
-            '# sample_rate_hz: -100\ntime_samples,roll_deg',
-            np.arange(500),
-            "'sample_rate_hz: -100.0', which must be greater",
-        ),
+        ('time_s,roll_deg', 10.0 - 0.01 * np.arange(500), 'backwards, from 10 to 5.01 s'),
+        ('# sample_rate_hz: -100\ntime_samples,roll_deg', np.arange(500), "'sample_rate_hz: -100.0'"),
         ('# sample_rate_hz: 0\ntime_samples,roll_deg', np.arange(500), 'must be greater than zero'),
     ],
 )
@@ -377,9 +329,7 @@ def test_the_reading_of_a_long_record_is_shown_at_once(tmp_path, capsys, monkeyp
     ('header', 'meant'),
     [
         ('time_s,roll_deg,rol_rate_deg_s', 'roll_rate_deg_s'),
-        ('time_s,roll_deg,pich_deg', 'pitch_deg'),
         ('time_s,roll_deg,gyro_x_rads', 'gyro_x_rad_s'),
-        ('time_s,roll_deg,temperature', None),
         ('time_s,roll_deg,roll_deg_raw', None),
     ],
 )

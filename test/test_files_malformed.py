@@ -15,7 +15,6 @@ import pytest
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.main import main
 from swath_sysid.formats.bags import write_imu_bag
-from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 
 MAX_SECONDS = 5.0
@@ -83,9 +82,10 @@ def tables():
     yield 'all of it nan', table([t, np.full(400, np.nan), np.full(400, np.nan)])
     yield 'a single name', b'time_s\n' + b'1\n' * 100
     yield 'names alone', ','.join(NAMES).encode()
-    yield 'one row', b'\n'.join(whole.split(b'\n')[:2])
-    yield 'seven rows', b'\n'.join(whole.split(b'\n')[:8])
-    yield 'no names', b'\n'.join(whole.split(b'\n')[1:])
+    rows = whole.split(b'\n')
+    yield 'one row', b'\n'.join(rows[:2])
+    yield 'seven rows', b'\n'.join(rows[:8])
+    yield 'no names', b'\n'.join(rows[1:])
     yield 'blank names', whole.replace(','.join(NAMES).encode(), b',,')
     yield 'comments alone', b'# a\n# b\n' * 50
     yield 'no line ends', whole.replace(b'\n', b' ')
@@ -98,16 +98,13 @@ def tables():
     yield 'quoted decimal commas', table(write=lambda v: f'"{comma(v)}"')
     yield 'names by commas, numbers by semicolons', table(mark=';').replace(b';', b',', 2)
     yield 'names by semicolons, numbers by commas', table().replace(b',', b';', 2)
-    yield (
-        'both separators in turn',
-        b'\n'.join(line.replace(b',', b';') if k % 2 else line for k, line in enumerate(whole.split(b'\n'))),
-    )
+    yield 'both separators in turn', b'\n'.join(row.replace(b',', b';') if k % 2 else row for k, row in enumerate(rows))
     yield 'thousands', table(mark=';', columns=[t, 1e5 * angle, rate], write=lambda v: f'{v:,.3f}')
-    for extra in (1, 2, 5):
+    for extra in (1, 2):
         yield f'{extra} cells too many', whole.replace(b'\n', b',1' * extra + b'\n').replace(b',1' * extra, b'', 1)
         yield (
             f'{extra} cells too few',
-            b'\n'.join(line.rsplit(b',', min(extra, 2))[0] if k else line for k, line in enumerate(whole.split(b'\n'))),
+            b'\n'.join(row.rsplit(b',', extra)[0] if k else row for k, row in enumerate(rows)),
         )
     yield 'long first line', b'a' * 200_000 + b'\n' + whole
     yield 'long line', whole + b'1' * 3_000_000 + b'\n'
@@ -123,39 +120,17 @@ def tables():
     yield 'no quaternion', table([*COLUMNS, zero, zero, zero, zero], [*NAMES, *quaternion])
     for unit in ('m', 'min', 'h', 'deg', 'ticks'):
         yield f'time in {unit}', table(names=(f'time_{unit}', *NAMES[1:]))
-    for name, stamps in {
-        'ms': 1e3 * t,
-        'us': 1e6 * t,
-        'ns': 1e9 * t,
-        'epoch in ms': 1.7e12 + 1e3 * t,
-        'epoch in us': 1.7e15 + 1e6 * t,
-        'epoch in ns': 1.7e18 + 1e9 * t,
-        'sample numbers': np.arange(400.0),
-        'constant': zero,
-        'back': t[::-1],
-        'scaled by a million': t / 1e6,
-        'huge': t * 1e300,
-        'infinite': np.full(t.size, np.inf),
-    }.items():
+    for unit, scale in (('ms', 1e3), ('us', 1e6), ('ns', 1e9)):
+        yield f'time: {unit}', table([scale * t, angle, rate])
+        yield f'time: epoch in {unit}', table([scale * (1.7e9 + t), angle, rate])
+    others = {'sample numbers': np.arange(400.0), 'constant': zero, 'back': t[::-1], 'huge': t * 1e300}
+    for name, stamps in (others | {'scaled by a million': t / 1e6, 'infinite': t + np.inf}).items():
         yield f'time: {name}', table([stamps, angle, rate])
     yield 'degrees called rad', table([t, np.degrees(angle), rate])
     yield 'radians called deg', table([t, angle], ['time_s', 'pitch_deg'])
     yield 'no unit', table([t, angle], ['time_s', 'pitch'])
     yield 'no motion', table([t, angle], ['time_s', 'height_m'])
-    for magic in (
-        b'PK\x03\x04',
-        b'\x1f\x8b',
-        b'\x28\xb5\x2f\xfd',
-        b'\xd0\xcf\x11\xe0',
-        b'\xfa\xff',
-        b'#ROSBAG V2.0\n',
-        b'\x89MCAP0\r\n',
-        b'SQLite format 3\0',
-        b'%PDF-1.7',
-        b'\x7fELF',
-        b'<html>',
-        b'{"a": 1}',
-    ):
+    for magic in (b'PK\x03\x04', b'\x1f\x8b', b'\xfa\xff', b'\x89MCAP0\r\n', b'SQLite format 3\0', b'<html>'):
         yield f'begins with {magic[:4]!r}', magic + whole
     yield 'gzip', gzip.compress(whole)
     yield 'zip in zip', zipped(zipped(whole))
@@ -279,9 +254,3 @@ def test_unusual_but_clear_tables_are_read_right(malformed):
     commas = ("separated by ';', decimal commas", "separated by '\\t', decimal commas", 'quoted decimal commas')
     for name in (*encodings, *commas, 'lines end in cr', 'rad and the same deg'):
         assert is_true(name, malformed[name]), name
-
-
-def test_whole_files_pass(tmp_path, capsys):
-    write_csv(tmp_path / 'a.csv', TRUTH)
-    assert main(['inspect', str(tmp_path / 'a.csv')]) == 0
-    assert not capsys.readouterr().err

@@ -89,22 +89,17 @@ def test_file_of_both_axes(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'words'),
     [
-        ('', 'is not a model file'),
         ('- 1', 'is not a model file'),
         (edited(lambda c, a: c.pop('frame')), "frame: 'None' must be"),
-        (edited(lambda c, a: c.update(frame='NED')), "frame: 'NED'"),
         (edited(lambda c, a: c.update(axes={})), 'holds no axis'),
         (edited(lambda c, a: c['axes'].update(yaw={})), "no axis 'yaw'"),
         (edited(lambda c, a: a.pop('trim_rad')), "pitch: the field 'trim_rad' is missing"),
         (edited(lambda c, a: a.update(trim=1)), "unknown field 'trim'"),
         (edited(lambda c, a: a['ratios'].update(q9={})), "no ratio 'q9'"),
-        (edited(lambda c, a: a['ratios']['b1'].pop('std')), "b1: the field 'std' is missing"),
         (edited(lambda c, a: a['ratios']['b1'].update(unit='kg')), "b1, unit: 'kg'"),
         (edited(lambda c, a: a['ratios']['b1'].update(value=True)), "'True' is not a number"),
         (edited(lambda c, a: a.update(ratios={'b1': a['ratios']['b1']})), 'one restoring'),
-        (edited(lambda c, a: a.update(covariance=[[1.0]])), 'covariance'),
         (edited(lambda c, a: a.update(covariance=3)), 'need 5 rows of 5'),
-        (edited(lambda c, a: a.update(covariance=[[1.0], [1.0, 2.0]])), 'covariance'),
         (edited(lambda c, a: a.update(valid_amplitude_rad=[1.0])), 'valid_amplitude_rad'),
     ],
 )

@@ -33,12 +33,9 @@ def contents(folder):
 
 COMMANDS = [
     'identify {0}/trial.csv --output {0}/trial.csv',
-    'identify {0}/trial.csv --output {0}/../{1}/trial.csv',
-    'identify {0}/trial.csv --output link.csv',
-    'identify {0}/trial.csv --output a.png --plot a.png',
+    'identify {0}/../{1}/trial.csv --output link.csv',
     'identify {0}/trial.csv --output a.png --plot ./b/../a.png',
     'identify {0}/trial.csv --output ',
-    'identify {0}/trial.csv --output {0}/trial.mcap',
     'identify {0}/trial.csv --output {0}',
     'identify {0}/trial.csv --output /dev/null',
     'identify {0}/trial.csv --output pipe',
@@ -49,25 +46,18 @@ COMMANDS = [
     'identify {0}/bag --output {0}/bag/model.yaml',
     'identify {0}/trial.csv --plot fit.bmp',
     'compare {0}/trial.csv --output {0}/trial.csv',
-    'compare {0}/trial.csv --plot {0}/trial.mcap',
     'inspect {0}/trial.csv --plot {0}/trial.csv',
     'forecast {0}/trial.csv --plot {0}/absent/a.png',
     'forecast {0}/trial.csv --model {0}/model.yaml --plot {0}/model.yaml',
-    'simulate --hull swath-roll --initial-angle-deg 3 --output /dev/null',
     'simulate --model {0}/model.yaml --initial-angle-deg 3 --output {0}/model.yaml',
     'scale {0}/model.yaml --ratio 4 --output {0}/model.yaml',
-    'scale {0}/model.yaml --ratio 4 --output {0}/trial.csv',
     'play-through {0}/trial.mcap --output {0}/trial.mcap',
     'play-through {0}/bag --output {0}/bag/bag.mcap',
-    'play-through {0}/trial.mcap --output {0}/absent/a.mcap',
     'campaign --new {0} --output {0}/trial.csv',
-    'campaign --new {0} --output ',
     'campaign {0}/trial.csv --output {0}/trial.csv',
     'manoeuvre identify {0}/run.csv --output {0}/run.csv',
-    'manoeuvre identify {0}/run.csv --plot {0}/bag',
     'manoeuvre identify {0}/run.csv --plot {0}/trial.csv',
     'manoeuvre simulate --hull wamv-vrx-old --test turning-circle --output a.csv --plot a.csv',
-    'manoeuvre simulate --hull wamv-vrx-old --test turning-circle --output /dev/null',
     'manoeuvre simulate --hull wamv-vrx-old --test programme --output {0}/trial.csv',
     'manoeuvre play-through {0}/trial.mcap --output {0}/trial.mcap',
 ]
@@ -90,12 +80,11 @@ def test_harmful_outputs_are_refused_and_nothing_changes(command, measured, tmp_
 
 
 def test_campaign_does_not_write_over_its_trials(measured, tmp_path, capsys):
-    folder = tmp_path / 'report'
-    (folder / 'tables').mkdir(parents=True)
-    trial = folder / 'tables' / 'fits.csv'
+    trial = tmp_path / 'tables' / 'fits.csv'
+    trial.parent.mkdir()
     trial.write_bytes((measured / 'trial.csv').read_bytes())
-    (folder / 'c.yaml').write_text('axis: pitch\ntrials:\n  - file: tables/fits.csv\n')
-    assert main(['campaign', str(folder / 'c.yaml'), '--output', str(folder), '--jobs', '1']) == 2
+    (tmp_path / 'c.yaml').write_text('axis: pitch\ntrials:\n  - file: tables/fits.csv\n')
+    assert main(['campaign', str(tmp_path / 'c.yaml'), '--output', str(tmp_path), '--jobs', '1']) == 2
     assert 'is to be written' in capsys.readouterr().err
     assert trial.read_bytes() == (measured / 'trial.csv').read_bytes()
 

@@ -13,19 +13,17 @@ from swath_sysid.formats.topics import (
 )
 
 
-@pytest.mark.parametrize('namespace', ['', '/boat', '/fleet/boat_2'])
+@pytest.mark.parametrize('namespace', ['', '/fleet/boat_2'])
 @pytest.mark.parametrize(
     'topic, kind, taken',
     [
         ('imu/data', IMU, True),
-        ('forecast/next', IMU, True),
         ('forecast/lead_0_5s', IMU, True),
         ('forecast/horizon', TRAJECTORY, True),
         ('forecast/horizon', IMU, False),
         ('identifier/progress', 'std_msgs/msg/Float32', True),
         (point_lead_topic('bow', 2.0), ODOMETRY, True),
         (point_acceleration_topic('bow', 2.0), ACCELERATION, True),
-        ('forecast/bow/horizon', TRAJECTORY, True),
         ('imu/data_raw', IMU, False),
         ('odometry', ODOMETRY, False),
     ],
