@@ -13,8 +13,3 @@ def test_the_sample_is_that_of_scipy(count):
     for _ in range(2):
         np.testing.assert_array_equal(latin_hypercube(ours, count, 5), qmc.LatinHypercube(5, seed=theirs).random(count))
     assert ours.random() == theirs.random()
-
-
-def test_each_slice_is_hit_once():
-    sample = latin_hypercube(np.random.default_rng(1), 50, 4)
-    assert [sorted(column) for column in np.floor(50 * sample).T.astype(int).tolist()] == [list(range(50))] * 4

@@ -41,9 +41,3 @@ def test_means_over_bins_are_those_of_a_loop():
 def test_maxima_that_stand_out_are_those_of_scipy(values, least):
     values = np.array(values, dtype=float)
     np.testing.assert_array_equal(prominent_maxima(values, least), find_peaks(values, prominence=least)[0])
-
-
-def test_maxima_of_noise_that_stand_out_are_those_of_scipy():
-    values = np.cumsum(np.random.default_rng(4).normal(size=20_000))
-    for least in (0.5, 2.0, 20.0):
-        np.testing.assert_array_equal(prominent_maxima(values, least), find_peaks(values, prominence=least)[0])

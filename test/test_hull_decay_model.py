@@ -17,7 +17,6 @@ from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.published_form import (
     PublishedForm,
     from_published,
-    inertia_from_metacentric_height,
     to_published,
 )
 from swath_sysid.attitude.hull.terms import TERM_NAMES, restoring_energy, term_moments
@@ -93,11 +92,6 @@ def test_terms_not_in_use_play_no_part(name):
     assert model.terms == pytest.approx(values)
 
 
-def test_excitation_adds_to_the_acceleration():
-    model = PUBLISHED_HULLS['swath-pitch'].model
-    assert model.acceleration(0.1, 0.2, excitation=0.7) == pytest.approx(model.acceleration(0.1, 0.2) + 0.7)
-
-
 @given(ratio_lists, st.floats(-1, 1))
 def test_restoring_energy_is_the_integral_of_the_moment(ratios, x):
     model = DecayModel(ALL_TERMS, [0, 0, 0, 0, *ratios[4:]])
@@ -119,12 +113,6 @@ def test_published_form_round_trip(name):
     again = to_published(hull.model, hull.form.inertia)
     assert vars(again) == pytest.approx(vars(hull.form))
     assert from_published(hull.model.equation, again, hull.axis).ratios == pytest.approx(hull.model.ratios)
-
-
-def test_inertia_from_hydrostatics():
-    model = PUBLISHED_HULLS['swath-pitch'].model
-    inertia = inertia_from_metacentric_height(model, mass=30.0, metacentric_height=0.1)
-    assert inertia * model.terms['r1'] == pytest.approx(30.0 * 9.80665 * 0.1)
 
 
 def test_composition_by_name():

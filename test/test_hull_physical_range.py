@@ -30,8 +30,8 @@ def linear(period, damping_ratio=0.1, **fields):
     )
 
 
-@pytest.mark.parametrize('period', [0.0501, 0.3, 3.0, 60.0, 999.0])
-@pytest.mark.parametrize('damping_ratio', [0.0, 0.1, 1.9])
+@pytest.mark.parametrize('period', [0.0501, 3.0, 999.0])
+@pytest.mark.parametrize('damping_ratio', [0.0, 1.9])
 def test_periods_of_craft_pass(period, damping_ratio):
     check_physical(linear(period, damping_ratio))
 
@@ -41,13 +41,10 @@ def test_periods_of_craft_pass(period, damping_ratio):
     [
         (linear(0.0499), 'natural period in s is 0.0499'),
         (linear(1001.0), 'natural period in s is 1001'),
-        (linear(3.0, damping_ratio=-0.01), 'ratio b1'),
         (linear(3.0, trim=3.2), 'trim'),
         (linear(3.0, trim=math.nan), 'trim'),
         (linear(3.0, friction_rate=1e-9), 'friction_rate'),
         (linear(3.0, friction_rate=1e9), 'friction_rate'),
-        (DecayModel.from_terms(EQUATIONS['linear'], {'b1': 1e300, 'r1': 9.0}), 'ratio b1'),
-        (DecayModel.from_terms(EQUATIONS['linear'], {'b1': 1.0, 'r1': 1e300}), 'ratio r1'),
         (
             DecayModel.from_terms(Equation('e', ('b0', 'r1')), {'b0': 99.0, 'r1': 9.0}, friction_rate=1e-6),
             'damping at rest',

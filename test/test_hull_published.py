@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named, hull_of_family
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.cli.main import main
@@ -138,9 +138,3 @@ def test_simulate_takes_the_noise_of_the_study(words, noise, tmp_path):
     held = trial.time < 29.0
     for rate in (trial.roll_rate, trial.pitch_rate):
         assert np.std(rate[held]) == pytest.approx(noise, rel=0.05)
-
-
-def test_equations_of_a_study_have_its_hull():
-    assert hull_of_family('swath-roll-3+friction') is PUBLISHED_HULLS['swath-roll']
-    assert hull_of_family('swath-usv-pitch-2') is PUBLISHED_HULLS['swath-usv-pitch']
-    assert hull_of_family('odd-cubic') is None

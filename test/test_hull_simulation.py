@@ -50,15 +50,6 @@ def test_a_release_from_far_out_is_followed_as_closely():
     assert rate == pytest.approx(expected[1], abs=1e-6)
 
 
-def test_linear_decay_has_its_closed_form():
-    model = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.4, 'r1': 9.0}, trim=0.05)
-    time = np.arange(0.0, 12.0, 0.013)
-    damped = np.sqrt(9.0 - 0.04)
-    expected = 0.05 + 0.1 * np.exp(-0.2 * time) * (np.cos(damped * time) + 0.2 / damped * np.sin(damped * time))
-    angle, _ = simulation.simulate(model, 0.15, 0.0, time)
-    assert angle == pytest.approx(expected, abs=1e-6)
-
-
 @pytest.mark.skipif(not has_numba(), reason='numba is not installed: there is only one version to run')
 def test_compiled_and_uncompiled_source_give_the_same_numbers(monkeypatch):
     rng = np.random.default_rng(3)

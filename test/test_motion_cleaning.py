@@ -19,12 +19,13 @@ def record(count=100, interval=0.01):
     return time, {'roll': 0.1 * np.sin(time), 'roll_rate': 0.1 * np.cos(time)}
 
 
-def test_good_record_passes_untouched():
-    time, channels = record()
+@pytest.mark.parametrize('interval', [0.01, 1e-6])
+def test_good_record_passes_untouched(interval):
+    time, channels = record(1000, interval)
+    channels |= {'pitch': 0 * time}
     kept, cleaned, advice = clean(time, channels)
-    assert np.array_equal(kept, time)
+    assert np.array_equal(kept, time) and advice == ()
     assert all(np.array_equal(cleaned[name], channels[name]) for name in channels)
-    assert advice == ()
 
 
 def test_rows_without_stamp_or_with_the_last_one_are_left_out():
@@ -38,21 +39,13 @@ def test_rows_without_stamp_or_with_the_last_one_are_left_out():
     assert np.all(np.diff(kept) > 0)
 
 
-@pytest.mark.parametrize('stray', [-5.0, 0.0051, 1e9, -1e9])
+@pytest.mark.parametrize('stray', [-5.0, 0.0051, 1e9])
 def test_one_stray_stamp_costs_one_row(stray):
     time, channels = record()
     time[50] = stray
     kept, _, advice = clean(time, channels)
-    assert codes(advice) == ['out-of-order-stamps']
+    assert codes(advice) == ['out-of-order-stamps'] and advice[0].message.startswith('1 row out of order')
     assert np.array_equal(kept, np.delete(time, 50))
-
-
-def test_of_a_looped_replay_the_longer_run_is_kept():
-    time, _ = record()
-    looped = np.concatenate([time, time[:40]])
-    kept, _, advice = clean(looped, {'roll': looped})
-    assert np.array_equal(kept, time)
-    assert advice[0].message.startswith('40 rows out of order')
 
 
 def longest_increasing_length(values):
@@ -80,27 +73,13 @@ def test_absurd_values_become_missing():
     channels |= {'pitch': 0 * time, 'accel_z': 9.81 + 0 * time, 'gyro_z': 0 * time}
     for name, value in (('roll', 3.2), ('pitch', -4.0), ('roll_rate', 36.0), ('accel_z', -201.0), ('gyro_z', 1e9)):
         channels[name][5] = value
-    channels['roll_rate'][6] = np.inf
+    channels['roll'][6], channels['roll_rate'][6:8] = 3.1, (np.inf, -34.9)
     _, cleaned, advice = clean(time, channels)
-    assert all(np.isnan(cleaned[name][5]) for name in cleaned)
-    assert np.isnan(cleaned['roll_rate'][6])
+    assert all(np.isnan(cleaned[name][5]) for name in cleaned) and np.isnan(cleaned['roll_rate'][6])
+    assert (cleaned['roll'][6], cleaned['roll_rate'][7]) == (3.1, -34.9)
+    assert channels['roll'][5] == 3.2, 'the input is not written to'
     assert codes(advice) == ['absurd-values', 'missing-values']
     assert 'roll: 1, roll_rate: 1, pitch: 1, accel_z: 1, gyro_z: 1' in advice[0].message
-
-
-def test_large_values_that_can_be_are_kept():
-    time, channels = record()
-    channels['roll'][5], channels['roll_rate'][5] = 3.1, -34.9
-    _, cleaned, advice = clean(time, channels)
-    assert cleaned['roll'][5] == 3.1 and cleaned['roll_rate'][5] == -34.9
-    assert advice == ()
-
-
-def test_input_arrays_are_not_written_to():
-    time, channels = record()
-    channels['roll'][5] = 99.0
-    clean(time, channels)
-    assert channels['roll'][5] == 99.0
 
 
 def test_empty_channel_is_left_out():
@@ -126,28 +105,15 @@ def test_uneven_time_base_is_told():
     assert codes(advice) == ['uneven-time-base']
 
 
-@pytest.mark.parametrize('count', [0, 2, MIN_ROWS - 1])
-def test_too_few_rows_are_refused(count):
-    time, channels = record(count)
-    with pytest.raises(InputError, match='at least 8'):
-        clean(time, channels, 'that.csv')
-
-
-def test_nothing_but_nan_is_refused():
+def test_nothing_but_nan_and_too_few_rows_are_refused():
     time, channels = record()
     with pytest.raises(InputError, match='0 rows of 100'):
         clean(time, {name: np.nan * values for name, values in channels.items()})
-    with pytest.raises(InputError):
-        clean(np.nan * time, channels)
+    for few in (np.nan * time, time[: MIN_ROWS - 1], time[:0]):
+        with pytest.raises(InputError, match='at least 8'):
+            clean(few, {'roll': np.zeros(few.size)})
     with pytest.raises(InputError):
         clean(time, {})
-
-
-def test_megahertz_and_constant_signals_are_fine():
-    time, channels = record(1000, 1e-6)
-    kept, cleaned, advice = clean(time, {'roll': 0 * channels['roll']})
-    assert kept.size == 1000 and advice == ()
-    assert np.all(cleaned['roll'] == 0)
 
 
 @given(

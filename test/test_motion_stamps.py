@@ -29,6 +29,14 @@ def even(rate, duration, start=0.0):
     return EPOCH * 10**9 + np.round((start + np.arange(round(duration * rate)) / rate) * 1e9).astype(np.int64)
 
 
+def spoilt(changes):
+    """Three seconds at 100 Hz in which some samples have the stamps of others, or given ones."""
+    stamps = even(100, 3)
+    for index, other in changes.items():
+        stamps[index] = stamps[other] if 0 < other < 300 else other
+    return stamps
+
+
 def place_all(stamps):
     """Indices kept, and the counts."""
     order, counts, kept = StampOrder(), Counter(), []
@@ -45,40 +53,25 @@ def test_even_stamps_all_follow(rate):
     kept, counts, order = place_all(even(rate, 200 / rate))
     assert len(kept) == 200 and counts == {}
     assert order.interval == pytest.approx(1 / rate, rel=1e-6)
-
-
-def test_jittered_stamps_all_follow():
-    stamps = even(100, 60) + np.random.default_rng(1).integers(-4_000_000, 4_000_000, 6000)
-    kept, counts, _ = place_all(stamps)
+    jitter = np.random.default_rng(1).uniform(-0.4, 0.4, 6000) / rate
+    kept, counts, _ = place_all(even(rate, 6000 / rate) + np.int64(jitter * 1e9))
     assert len(kept) == 6000 and counts == {}
 
 
-def test_repeated_and_late_stamps_are_left_out():
-    stamps = even(100, 2)
-    stamps[50], stamps[80] = stamps[49], stamps[60]
+@pytest.mark.parametrize(
+    ('stamps', 'counted', 'left_out'),
+    [
+        (spoilt({50: 49, 80: 60}), {DUPLICATE: 1, OUT_OF_ORDER: 1}, {50, 80}),
+        (spoilt({100: 0, 200: 2 * EPOCH * 10**9}), {OUT_OF_ORDER: 1, STRAY: 1}, {100, 200}),
+        # a bag that loops is followed after one sample
+        (np.tile(even(100, 3), 3), {JUMPED_BACK: 2}, {300, 600}),
+        # after a long gap the first sample is no neighbour of the next
+        (np.concatenate([even(100, 2), even(100, 2, 2.5), even(100, 2, 60.0)]), {GAP: 1, LONG_GAP: 1}, {400}),
+    ],
+)
+def test_what_cannot_follow_is_left_out_and_counted(stamps, counted, left_out):
     kept, counts, _ = place_all(stamps)
-    assert counts == {DUPLICATE: 1, OUT_OF_ORDER: 1}
-    assert set(range(200)) - set(kept) == {50, 80}
-
-
-def test_a_bag_that_loops_is_followed_after_one_sample():
-    kept, counts, _ = place_all(np.tile(even(100, 3), 3))
-    assert counts == {JUMPED_BACK: 2}
-    assert set(range(900)) - set(kept) == {300, 600}
-
-
-def test_a_gap_is_counted_and_a_long_one_is_a_new_beginning():
-    kept, counts, _ = place_all(np.concatenate([even(100, 2), even(100, 2, 2.5), even(100, 2, 60.0)]))
-    assert counts == {GAP: 1, LONG_GAP: 1}
-    assert set(range(600)) - set(kept) == {400}
-
-
-def test_stray_packets_move_nothing():
-    stamps = even(100, 3)
-    stamps[100], stamps[200] = 0, 2 * stamps[0]
-    kept, counts, _ = place_all(stamps)
-    assert counts == {OUT_OF_ORDER: 1, STRAY: 1}
-    assert set(range(300)) - set(kept) == {100, 200}
+    assert counts == counted and set(range(len(stamps))) - set(kept) == left_out
 
 
 @pytest.mark.parametrize('behind', [0.053, 0.5, 7.0, 1e6])
