@@ -398,7 +398,7 @@ def test_what_gazebo_makes_of_a_cubic_hulls_decay_is_said(tmp_path, capsys):
     thirds = [find_peaks(motion)[0][2] for motion in (whole, part)]
     heights = [np.degrees(motion[third]) for motion, third in zip((whole, part), thirds, strict=True)]
     for words in (said.err, said.out):
-        pattern = r'from 8 deg crest 3 .*: time_s (\S+) and (\S+) .*height_deg (\S+) and (\S+) '
+        pattern = r'crest 3 of a decay from 8 deg, .* have time_s (\S+) and (\S+) .*height_deg (\S+) and (\S+) '
         found = [float(number) for number in re.search(pattern, words).groups()]
         assert found == pytest.approx([*time[thirds], *heights], rel=2e-3)
 
@@ -429,7 +429,7 @@ def test_fossens_roll_and_pitch_are_those_of_the_hull_in_his_axes(axis, side, tm
             ['roll.yaml', '--to', 'gazebo'],
             'give the inertia of roll in kg m^2, with added inertia (--inertia AXIS=KG_M2)',
         ),
-        (['roll.yaml', '--to', 'nav2'], 'takes no roll or pitch model'),
+        (['roll.yaml', '--to', 'nav2'], 'cannot express a roll or pitch model'),
         (['roll.yaml', '--to', 'fossen', '--inertia', 'roll=-1'], 'greater than zero'),
         (['craft.yaml', '--to', 'vrx', '--inertia', 'roll=1'], 'leave it out'),
         (['roll.yaml', '--to', 'gazebo', '--inertia', 'roll=1', '--inertia', 'pitch=1'], '--inertia pitch'),
