@@ -145,8 +145,8 @@ def run_filter(hulls: Hulls, record: BlockedRecord, filters: Filters) -> None:
         damping = damping_slope(w, ratios, active, friction_rate)
         force = m[MOMENT] - damping_moment(w, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
         # the slopes of both readings by x and w, and the readings less their prediction
-        ax, aw = 1.0 - bend * stiffness, bend * damping * stiffness
-        rx, rw = -bend * damping, 1.0 + bend * (damping * damping - stiffness)
+        ax, aw = 1.0 - bend * stiffness, -bend * damping
+        rx, rw = bend * damping * stiffness, 1.0 + bend * (damping * damping - stiffness)
         e_angle = angles[k] - (x + bend * force) - m[TRIM] - m[ANGLE_NOISE]
         e_rate = rates[k] - (w - bend * (stiffness * w + damping * force)) - m[BIAS] - m[RATE_NOISE]
         a = ax * c[X] + aw * c[RATE] + c[TRIM] + c[ANGLE_NOISE]
