@@ -21,7 +21,7 @@ from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
-STEPS_PER_PERIOD = 24  #: With 16, cubic damping at 15 deg comes out 4 standard deviations off.
+STEPS_PER_PERIOD = 24
 BIAS_PRIOR = float(np.radians(2.0))  #: rad/s: an uncalibrated gyro's.
 #: Initial state and trim, as parts of the first amplitude, about the first estimates: these are the same for every
 #: equation, so that likelihoods can be compared.
