@@ -305,7 +305,7 @@ def test_the_command_line_takes_waves_for_waves(sea_file, tmp_path, capsys):
     [
         (['--decay'], 'oscillates from start to end'),
         (['--decay'], '--start and --end)'),
-        (['--at-sea', '--equation', 'odd-cubic'], '--equation has no meaning'),
+        (['--at-sea', '--equation', 'odd-cubic'], '--equation cannot be used with motion in waves'),
         (['--at-sea', '--end', '60'], 'record at least'),
     ],
 )
