@@ -57,18 +57,15 @@ def _request(seen, hull_is_learnt=False):
     return ExcitationRequest(HULL, HullPrior.of(EXACT), hull_is_learnt, STEP, *blocks.T.copy(), *variances, SAMPLES)
 
 
-def test_the_spectrum_of_the_moment_is_found_through_the_nonlinear_hull(sea):
-    found = moment_spectrum(_request(sea[1][:30_000]))
+def test_the_moment_is_found_through_the_nonlinear_hull_and_reduced(sea):
+    request = _request(sea[1][:30_000])
+    found, fit = moment_spectrum(request), fit_excitation(request)
     total = np.sum(found.density * np.gradient(found.frequency)) / math.pi
     assert total == pytest.approx(SIZE**2, rel=0.15)
     mean = np.sum(found.frequency * found.density) / np.sum(found.density)
     assert mean == pytest.approx(PEAK, abs=0.1)
     quiet = found.frequency > 5.0
     assert np.all(found.density[quiet] < 0.05 * _density(PEAK))
-
-
-def test_the_reduced_moment_has_the_variance_and_the_period_of_the_sea(sea):
-    fit = fit_excitation(_request(sea[1][:30_000]))
     w, moment = np.linspace(0.2, 6.0, 400), fit.moment
     # the autocovariance is h exp(A t) Pi h', whose transform is 2 Re h (i w - A)^-1 Pi h'
     density = [

@@ -35,21 +35,13 @@ class Sea:
 
     def angles(self, time):
         """Roll and pitch, shape (2, N)."""
-        return np.array(
-            [
-                (a * np.cos(np.multiply.outer(time, self.frequency) + p)).sum(-1)
-                for a, p in zip(self.amplitude, self.phase, strict=True)
-            ]
-        )
+        turn, axes = np.multiply.outer(time, self.frequency), zip(self.amplitude, self.phase, strict=True)
+        return np.array([np.cos(turn + phase) @ size for size, phase in axes])
 
     def rates(self, time):
         """Their derivatives, shape (2, N)."""
-        return np.array(
-            [
-                -(a * self.frequency * np.sin(np.multiply.outer(time, self.frequency) + p)).sum(-1)
-                for a, p in zip(self.amplitude, self.phase, strict=True)
-            ]
-        )
+        turn, axes = np.multiply.outer(time, self.frequency), zip(self.amplitude, self.phase, strict=True)
+        return np.array([-np.sin(turn + phase) @ (size * self.frequency) for size, phase in axes])
 
     def samples(self, time, stamps=None, seed=1):
         """What a sensor gives at these times, its clock showing ``stamps``."""
@@ -67,22 +59,18 @@ class Sea:
 SEA = Sea()
 
 
-def run(samples, settings=SETTINGS, models=None, late_by=0, fits=True, pipeline=None):
+def run(samples, settings=SETTINGS, models=None, late_by=0, pipeline=None):
     """A pipeline after the samples, and the step that each led to; fits come ``late_by`` samples late."""
     if pipeline is None:
         pipeline = ForecastPipeline(PipelineSettings(forecaster=settings))
         pipeline.set_models(models or {})
     steps, waiting = [], []
     for number, sample in enumerate(samples):
+        steps.append(pipeline.add_sample(sample))
+        if steps[-1].sea_request is not None:
+            waiting.append((number + late_by, fit_sea(steps[-1].sea_request)))
         if waiting and waiting[0][0] <= number:
             pipeline.install(waiting.pop(0)[1])
-        steps.append(pipeline.add_sample(sample))
-        if fits and steps[-1].sea_request is not None:
-            fit = fit_sea(steps[-1].sea_request)
-            if late_by:
-                waiting.append((number + late_by, fit))
-            else:
-                pipeline.install(fit)
     return pipeline, steps
 
 
@@ -128,23 +116,6 @@ def steady(beginning):
     return time, run_on(beginning, SEA.samples(time, EPOCH + time)[round(10.0 * UNTOUCHED) :])
 
 
-def test_a_quick_sensor_is_forecast_as_well_as_one_of_ten_hertz():
-    relative = []
-    for rate in (100.0, 10.0):
-        time = clock(rate, 40.0)
-        _, steps = run(SEA.samples(time))
-        relative.append(error(steps, time, 20.0, 40.0) / SEA.angles(time)[0].std())
-    assert (relative[1] < (0.04, 0.2, 0.5, 0.9)).all(), relative
-    assert (relative[0] < 1.15 * relative[1]).all(), relative
-
-
-def test_a_sensor_of_one_hertz_is_forecast_at_whole_seconds():
-    time = clock(1.0, 300.0)
-    _, steps = run(SEA.samples(time))
-    relative = error(steps, time, 150.0, 300.0)[2:] / SEA.angles(time)[0].std()
-    assert (relative < (0.25, 0.6)).all(), relative
-
-
 def test_jitter_of_the_stamps_costs_little(steady):
     time, steps = steady
     jitter = time[:900] + np.random.default_rng(2).uniform(-0.02, 0.02, 900)
@@ -171,27 +142,7 @@ def test_after_lost_samples_the_forecast_is_that_of_a_whole_record(beginning, st
     assert len(after) >= 3 and (ratio[1:] < 1.3).all(), ratio
 
 
-@pytest.mark.parametrize('rates', [True, False])
-def test_a_pitch_that_is_a_fifth_of_roll_is_forecast_through_gaps(rates):
-    """On a rig, or where both angles are of one sensor: perfectly correlated, without noise."""
-    time = clock(10.0, 60.0)
-    roll, rate = SEA.angles(time)[0], SEA.rates(time)[0] if rates else np.full(time.size, math.nan)
-    rows = np.column_stack([roll, 0.2 * roll, rate, 0.2 * rate]).tolist()
-    samples = [
-        CraftSample(round(1e9 * now), *row, *(NOT_MEASURED,) * 7)
-        for number, (now, row) in enumerate(zip(time.tolist(), rows, strict=True))
-        if number % 200 >= 5
-    ]
-    _, steps = run(samples)
-    issued = [forecast for step in steps for forecast in (step.forecast, step.horizon) if forecast is not None]
-    covariances = np.concatenate([forecast.covariance for forecast in issued])
-    assert (np.diagonal(covariances, axis1=1, axis2=2) > 0.0).all()
-    assert (np.linalg.eigvalsh(covariances)[:, 0] > -1e-9 * np.trace(covariances, axis1=1, axis2=2)).all()
-    kept = np.array([sample.stamp_ns * 1e-9 for sample in samples])
-    assert error(steps, kept, 30.0, 57.0)[1] < 0.15 * roll.std(), 'a regression, not the oscillator of the first rows'
-
-
-@pytest.mark.parametrize('shift', [20.0, 300.0, 86400.0, 31536000.0, -1000.0])
+@pytest.mark.parametrize('shift', [20.0, 31536000.0, -1000.0])
 def test_half_a_minute_after_the_clock_was_set_the_forecast_is_as_good_as_before(beginning, steady, shift):
     time, undisturbed = steady
     first = round(10.0 * UNTOUCHED)
@@ -220,13 +171,6 @@ def test_diagnostics_say_so_until_the_waves_are_learnt():
     assert diagnostics.nrmse.shape == diagnostics.coverage.shape == (2, len(LEADS))
     assert diagnostics.weights.shape == diagnostics.candidate_nrmse.shape == (len(CANDIDATES), 2, len(LEADS))
     np.testing.assert_allclose(np.nansum(diagnostics.weights, axis=0), 1.0, atol=1e-9)
-
-
-def test_without_fits_it_never_has_waves_and_forecasts_all_the_same():
-    time = clock(10.0, 30.0)
-    pipeline, steps = run(SEA.samples(time), fits=False)
-    assert not pipeline.diagnostics().has_waves
-    assert (error(steps, time, 15.0, 30.0)[:3] < SEA.angles(time)[0].std()).all()
 
 
 @pytest.mark.parametrize('models', [{}, {'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)}])
@@ -262,47 +206,30 @@ def test_leads_and_horizon_agree_where_they_meet(steady):
                     assert leads.axes[axis].angle[i] == horizon.axes[axis].angle[j]
 
 
-def test_a_fit_that_comes_late_is_used_from_then_on():
+def test_a_fit_within_its_delay_changes_nothing_and_a_late_one_is_used_from_then_on():
+    """Live, the background takes a while; offline it takes none."""
     time = clock(10.0, 45.0)
     samples = SEA.samples(time)
-    (_, on_time), (pipeline, late) = run(samples), run(samples, late_by=30)
+    (_, on_time), (_, within), (pipeline, late) = (run(samples, late_by=number) for number in (0, 4, 30))
     asked = next(k for k, step in enumerate(on_time) if step.sea_request is not None)
     delay = round(10.0 * SETTINGS.refit_delay)
-    same = [
-        a.forecast is None or np.array_equal(a.forecast.axes['roll'].angle, b.forecast.axes['roll'].angle)
-        for a, b in zip(on_time, late, strict=True)
+    angles = [
+        [step.forecast and step.forecast.axes['roll'].angle.tolist() for step in steps]
+        for steps in (on_time, within, late)
     ]
+    assert angles[0] == angles[1]
+    same = [one == other for one, other in zip(angles[0], angles[2], strict=True)]
     assert all(same[: asked + delay]) and not all(same[: asked + 30]) and pipeline.diagnostics().has_waves
     assert (error(late, time, 30.0, 45.0) < 1.5 * error(on_time, time, 30.0, 45.0) + 1e-3).all()
 
 
-def test_a_fit_within_its_delay_changes_nothing():
-    """Live, the background takes a while; offline it takes none."""
-    samples = SEA.samples(clock(10.0, 20.0))
-    (_, at_once), (_, later) = run(samples), run(samples, late_by=4)
-    for a, b in zip(at_once, later, strict=True):
-        assert (a.forecast is None) == (b.forecast is None)
-        if a.forecast is not None:
-            np.testing.assert_array_equal(a.forecast.axes['roll'].angle, b.forecast.axes['roll'].angle)
-
-
-@pytest.mark.parametrize('rates', [(10.0, 20.0), (50.0, 10.0)])
+@pytest.mark.parametrize('rates', [(10.0, 100.0), (50.0, 10.0)])
 def test_a_sensor_that_changes_its_rate_is_followed(rates):
     time = np.concatenate([clock(rates[0], 20.0), 20.0 + clock(rates[1], 40.0)])
     pipeline, steps = run(SEA.samples(time))
     assert pipeline.diagnostics().sample_interval == pytest.approx(1.0 / rates[1], rel=1e-3)
     relative = error(steps, time, 35.0, 60.0) / SEA.angles(time)[0].std()
     assert (relative[:3] < (0.05, 0.2, 0.4)).all(), relative
-
-
-def test_an_axis_that_is_not_measured_is_not_forecast():
-    time = clock(10.0, 30.0)
-    samples = [sample._replace(pitch=math.nan, pitch_rate=math.nan) for sample in SEA.samples(time)]
-    _, steps = run(samples)
-    issued = [step for step in steps if step.forecast is not None]
-    assert issued and all(list(step.forecast.axes) == ['roll'] for step in issued)
-    assert issued[-1].forecast.covariance.shape == (len(LEADS), 2, 2)
-    assert (error(steps, time, 20.0, 30.0)[:3] < SEA.angles(time)[0].std()).all()
 
 
 def test_an_axis_without_angle_is_forecast_from_its_rate():
@@ -346,18 +273,15 @@ def sample_of(craft, now):
     )
 
 
-def released(name, seed=0):
-    """A published hull let go twice in calm water: NRMSE one period ahead and share of the 90 % intervals that held."""
-    model = hull_named(name).model
-    craft = SimulatedCraft(CraftSettings(model, math.radians(6.0), seed=seed, noise=SensorNoise(rate=HULLS[name])))
-    period, rate = round(model.natural_period, 2), craft.settings.rate_hz
-    forecaster = ForecasterSettings(leads=(0.5, period), horizon=max(5.0, period))
-    pipeline = ForecastPipeline(PipelineSettings(forecaster=forecaster))
-    pipeline.set_models({model.axis: IdentifiedModel.exactly(model)})
-    truth, issued, let_go = [], [], []
-    for span in (1.5, *(craft.settings.lift + craft.settings.hold + 14.0,) * 2):
+def calm(craft, identified, settings, spans):
+    """Of a craft let go after each span, s, but the last: when it is free, true angles, and what was issued."""
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=settings))
+    axis, rate = identified.model.axis, craft.settings.rate_hz
+    pipeline.set_models({axis: identified})
+    free, truth, issued = [], [], []
+    for span in spans:
         if truth:
-            let_go.append(len(truth) / rate + craft.release())
+            free.append(len(truth) / rate + craft.release())
         for _ in range(int(span * rate)):
             now = len(truth) / rate
             step = pipeline.add_sample(sample_of(craft, now))
@@ -365,23 +289,26 @@ def released(name, seed=0):
             if step.sea_request is not None:
                 pipeline.install(fit_sea(step.sea_request))
             if step.forecast is not None:
-                ahead = step.forecast.axes[model.axis]
-                issued.append((now, ahead.angle[1], ahead.half_width[1, 1]))
-    time, truth = np.arange(len(truth)) / rate, np.array(truth)
-    when, angle, width = np.array(issued).T
-    scores = []
-    for begin in let_go:
-        counts = (when >= begin + 0.3) & (when + period <= begin + 10.0)
-        errors = angle[counts] - np.interp(when[counts] + period, time, truth)
-        moving = (time >= begin) & (time <= begin + 10.0)
-        scores.append((np.sqrt(np.mean(errors**2)) / truth[moving].std(), np.mean(abs(errors) <= width[counts])))
-    return scores
+                issued.append((now, step.forecast.axes[axis]))
+    return free, np.array(truth), issued
 
 
 @pytest.mark.parametrize('name', ['swath-pitch', pytest.param('swath-roll', marks=pytest.mark.slow)])
 def test_a_released_hull_is_forecast_one_period_ahead_at_its_first_release_too(name):
-    scores = released(name)
-    assert len(scores) == 2 and all(nrmse < 0.06 and held > 0.7 for nrmse, held in scores), scores
+    model = hull_named(name).model
+    craft = SimulatedCraft(CraftSettings(model, math.radians(6.0), seed=0, noise=SensorNoise(rate=HULLS[name])))
+    period, fall = round(model.natural_period, 2), craft.settings.lift + craft.settings.hold + 14.0
+    settings = ForecasterSettings(leads=(0.5, period), horizon=max(5.0, period))
+    free, truth, issued = calm(craft, IdentifiedModel.exactly(model), settings, (1.5, fall, fall))
+    time = np.arange(truth.size) / craft.settings.rate_hz
+    assert len(free) == 2
+    for begin in free:
+        counted = [(now, ahead) for now, ahead in issued if begin + 0.3 <= now <= begin + 10.0 - period]
+        due = np.array([now for now, _ in counted]) + period
+        errors = np.array([ahead.angle[1] for _, ahead in counted]) - np.interp(due, time, truth)
+        moving = (time >= begin) & (time <= begin + 10.0)
+        assert np.sqrt(np.mean(errors**2)) < 0.06 * truth[moving].std()
+        assert np.mean(abs(errors) <= [ahead.half_width[1, 1] for _, ahead in counted]) > 0.7
 
 
 def test_a_hull_known_to_half_its_size_forecasts_visibly_wider_than_an_exact_one():
@@ -390,15 +317,7 @@ def test_a_hull_known_to_half_its_size_forecasts_visibly_wider_than_an_exact_one
     widths = []
     for identified in (IdentifiedModel.exactly(model), IdentifiedModel(model, covariance)):
         craft = SimulatedCraft(CraftSettings(model, math.radians(6.0), seed=1))
-        pipeline = ForecastPipeline(PipelineSettings(forecaster=SETTINGS))
-        pipeline.set_models({'roll': identified})
-        rate, at_rest, found = craft.settings.rate_hz, 10.0, []
-        free = at_rest + craft.settings.lift + craft.settings.hold
-        for number in range(int((free + 5.0) * rate)):
-            if number == round(at_rest * rate):
-                craft.release()
-            step = pipeline.add_sample(sample_of(craft, number / rate))
-            if step.forecast is not None and number / rate > free + 0.5:
-                found.append(step.forecast.axes['roll'].half_width[2:, 1])
-        widths.append(np.mean(found, axis=0))
+        spans = 10.0, craft.settings.lift + craft.settings.hold + 5.0
+        (free,), _, issued = calm(craft, identified, SETTINGS, spans)
+        widths.append(np.mean([ahead.half_width[2:, 1] for now, ahead in issued if now > free + 0.5], axis=0))
     assert (widths[1] > 2.0 * widths[0]).all(), widths

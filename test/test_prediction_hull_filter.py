@@ -312,9 +312,7 @@ def test_the_filter_starts_from_the_posterior_of_every_term():
 
 @pytest.mark.parametrize('size', [1e3, 1e150])
 def test_a_covariance_beyond_belief_leaves_forecasts(size):
-    attitude = HullFilter()
-    attitude.set_hull(IdentifiedModel(ROLL, size * np.eye(5), 1e-3))
-    _run_out(attitude, 500)
+    attitude = _at_rest(500, IdentifiedModel(ROLL, size * np.eye(5), 1e-3))
     directions = attitude.prior.directions.values()
     assert max(d @ attitude.prior.covariance @ d for d in directions) == pytest.approx(1.0, rel=0.01)
     angle, _, covariance = attitude.forecast(np.array([0.5, 5.0]))
@@ -378,21 +376,17 @@ def test_a_hold_neither_explodes_nor_claims_to_be_known():
     assert attitude.x[2] == pytest.approx(0.0, abs=2e-3)
 
 
-def _at_rest(attitude, samples=300):
-    attitude.set_hull(EXACT_ROLL)
-    _run_out(attitude, samples)
-
-
-def _run_out(attitude, samples):
-    rng = np.random.default_rng(1)
+def _at_rest(samples=300, hull=EXACT_ROLL):
+    rng, attitude = np.random.default_rng(1), HullFilter()
+    attitude.set_hull(hull)
     attitude.start(0.0, 0.0, *VARIANCES)
     for _ in range(samples):
         attitude.observe(0.01, *(rng.normal(size=2) * (ANGLE_NOISE, RATE_NOISE)).tolist(), *VARIANCES)
+    return attitude
 
 
 def test_in_still_water_the_moment_vanishes_and_the_hull_alone_remains():
-    attitude = HullFilter()
-    _at_rest(attitude, 1000)
+    attitude = _at_rest(1000)
     assert attitude.is_free and attitude.x.size == HULL_STATES
     forecast = attitude.forecast(np.array([0.5, 2.5]))
     alone = simulate(ROLL, attitude.x[0] - attitude.x[2], attitude.x[1], np.array([0.0, 0.5, 2.5]))
@@ -401,8 +395,7 @@ def test_in_still_water_the_moment_vanishes_and_the_hull_alone_remains():
 
 
 def test_spikes_are_refused_and_a_sensor_that_insists_is_followed():
-    attitude = HullFilter()
-    _at_rest(attitude)
+    attitude = _at_rest()
     trim = float(attitude.x[2])
     spike = attitude.observe(0.01, 0.5, 0.0, *VARIANCES)
     assert spike.rejected and abs(attitude.x[0]) < 1e-3
@@ -426,23 +419,18 @@ def test_one_channel_alone_suffices(measures_angle, bound):
 
 
 def test_a_sample_without_values_is_a_gap():
-    parts, whole = HullFilter(), HullFilter()
-    for attitude in (parts, whole):
-        _at_rest(attitude)
+    parts, whole = _at_rest(), _at_rest()
     for _ in range(10):
         parts.observe(0.05, NAN, NAN, *VARIANCES)
     assert parts.forecast(np.array([0.5]))[0] == pytest.approx(whole.forecast(np.array([1.0]))[0], abs=1e-6)
 
 
 def test_looking_ahead_changes_nothing():
-    first, second = HullFilter(), HullFilter()
-    for attitude in (first, second):
-        _at_rest(attitude)
+    first, second = _at_rest(), _at_rest()
     for k in range(50):
-        first.ahead(0.01)
-        first.ahead(0.02)
-        first.forecast(np.array([0.1, 1.0]))
-        first.ahead(0.01)
+        for step in (0.01, 0.02, 0.01):
+            first.ahead(step)
+            first.forecast(np.array([0.1, 1.0]))
         for attitude in (first, second):
             attitude.observe(0.01, 1e-4 * k, 1e-3, *VARIANCES)
     assert np.array_equal(first.x, second.x) and np.array_equal(first.P, second.P)
@@ -457,8 +445,7 @@ def test_without_a_hull_the_rate_is_constant():
 
 
 def test_another_hull_leaves_the_motion():
-    attitude = HullFilter()
-    _at_rest(attitude)
+    attitude = _at_rest()
     motion, spread = attitude.x[:2].copy(), attitude.P[:2, :2].copy()
     identified = known_to(LINEAR, 1e-3, 0.1, 0.2)
     attitude.set_hull(identified)
