@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from records_at_sea import only, sea
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
@@ -13,23 +14,11 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 from swath_sysid.pipeline.record_run import run_through, samples_of
 
 SETTINGS = ForecasterSettings(leads=(0.5, 1.0), horizon=2.0, horizon_step=0.5)
-RATE, SECONDS = 10.0, 30.0
-
-
-def record(seed=0, rate=RATE, kept=None):
-    """Roll and pitch of many sines, with rates, as measured."""
-    rng, time = np.random.default_rng(seed), np.arange(round(SECONDS * rate)) / rate
-    frequency, phase = rng.uniform(1.2, 4.0, 50), rng.uniform(0.0, 6.0, (2, 50))
-    angle = np.multiply.outer(time, frequency) + phase[:, None]
-    roll, pitch = 0.01 * np.cos(angle).sum(-1) + rng.normal(0.0, 1e-3, (2, time.size))
-    roll_rate, pitch_rate = -0.01 * (frequency * np.sin(angle)).sum(-1) + rng.normal(0.0, 3e-3, (2, time.size))
-    kept = np.ones(time.size, bool) if kept is None else kept(time)
-    return Trial(time[kept], roll=roll[kept], pitch=pitch[kept], roll_rate=roll_rate[kept], pitch_rate=pitch_rate[kept])
 
 
 @pytest.fixture(scope='module')
 def whole():
-    trial = record()
+    trial = sea(30.0)
     return trial, run_through(trial, SETTINGS)
 
 
@@ -37,7 +26,7 @@ def test_what_is_to_come_changes_no_forecast_before(whole):
     trial, run = whole
     changed_from = 22.0
     is_later = trial.time > changed_from
-    others = record(seed=7)
+    others = sea(30.0, seed=7)
     columns = {
         name: np.where(is_later, 3.0 * getattr(others, name), getattr(trial, name))
         for name in ('roll', 'pitch', 'roll_rate', 'pitch_rate')
@@ -60,24 +49,16 @@ def test_what_is_to_come_changes_no_forecast_before(whole):
     assert len(alike) > 200
 
 
-def test_every_sample_after_the_first_is_forecast_from_at_the_rate_of_the_sensor(whole):
-    trial, run = whole
-    np.testing.assert_allclose([step.stamp for step in run.steps], trial.time[1:], atol=1e-9)
-    for step in run.steps:
-        np.testing.assert_allclose(step.forecast.leads, SETTINGS.leads)
-        np.testing.assert_allclose(step.horizon.leads, (0.5, 1.0, 1.5, 2.0))
-        assert step.forecast.stamp == pytest.approx(step.stamp) and set(step.forecast.axes) == {'roll', 'pitch'}
-
-
 @pytest.mark.parametrize(('rate', 'asked', 'every'), [(10.0, 5.0, 0.2), (50.0, 10.0, 0.1), (10.0, 100.0, 0.1)])
 def test_forecasts_come_at_the_rate_asked_for_but_never_between_samples(rate, asked, every):
     settings = ForecasterSettings(leads=(0.5,), horizon=0.5, forecast_rate=asked)
-    run = run_through(record(rate=rate, kept=lambda time: time < 15.0), settings)
+    run = run_through(sea(15.0, 1.0 / rate), settings)
     np.testing.assert_allclose(np.diff([step.stamp for step in run.steps]), every, atol=1e-9)
 
 
 def test_every_sample_that_is_used_is_forecast_from_after_lost_ones_too():
-    trial = record(kept=lambda time: (time % 10.0 < 9.0) | (time < 9.5))
+    whole = sea(30.0)
+    trial = only(whole, (whole.time % 10.0 < 9.0) | (whole.time < 9.5))
     assert np.diff(trial.time).max() > 1.0
     pipeline = ForecastPipeline(PipelineSettings(forecaster=SETTINGS))
     used = [
@@ -90,7 +71,7 @@ def test_every_sample_that_is_used_is_forecast_from_after_lost_ones_too():
 
 
 def test_a_record_of_one_axis_and_a_record_that_is_still():
-    trial = record()
+    trial = sea(30.0)
     run = run_through(Trial(trial.time, roll=trial.roll), SETTINGS)
     assert len(run.steps) > 250 and all(list(step.forecast.axes) == ['roll'] for step in run.steps)
     still = np.zeros(trial.time.size)
@@ -109,11 +90,13 @@ def test_it_is_the_pipeline_that_runs(whole):
         if step.sea_request is not None:
             pipeline.install(fit_sea(step.sea_request))
     for one, two in zip(run.steps, issued, strict=True):
+        assert one.forecast.leads.tolist() == [0.5, 1.0] and one.horizon.leads.tolist() == [0.5, 1.0, 1.5, 2.0]
+        assert one.forecast.stamp == pytest.approx(one.stamp)
         np.testing.assert_array_equal(one.forecast.covariance, two.covariance)
 
 
 def test_samples_are_the_columns_and_what_is_absent_is_not_a_number():
-    trial = record()
+    trial = sea(30.0)
     samples = list(samples_of(Trial(trial.time, roll=trial.roll, roll_rate=trial.roll_rate)))
     assert [sample.stamp_ns for sample in samples] == np.round(trial.time * 1e9).astype(int).tolist()
     assert [sample.roll for sample in samples] == trial.roll.tolist()
@@ -123,7 +106,7 @@ def test_samples_are_the_columns_and_what_is_absent_is_not_a_number():
 
 def test_times_and_progress_are_given_and_the_clock_is_an_argument():
     ticks, shares = iter(range(10**6)), []
-    trial = record(kept=lambda time: time < 20.0)
+    trial = sea(20.0)
     run = run_through(trial, SETTINGS, clock=lambda: float(next(ticks)), progress=shares.append)
     assert run.step_times == (1.0,) * trial.time.size and set(run.refit_times) == {1.0}
     assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] < 1.0
@@ -133,7 +116,7 @@ def test_times_and_progress_are_given_and_the_clock_is_an_argument():
 def test_limits_of_quiescence_are_taken_up_at_their_stamp():
     wide, narrow = (QuiescenceLimits(math.radians(size), math.radians(size), duration=2.0) for size in (60.0, 0.2))
     settings = ForecasterSettings(leads=(0.5,), horizon=2.0, horizon_step=0.1, quiescence=wide)
-    run = run_through(record(), settings, limits_from=(20.0, narrow))
+    run = run_through(sea(30.0), settings, limits_from=(20.0, narrow))
     before, after = (
         [step.horizon.quiescence for step in run.steps if span[0] <= step.stamp < span[1]]
         for span in ((10.0, 20.0), (20.0, 30.0))

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from records_at_sea import only, sea
 
-from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecast import NORMAL_QUANTILES, AxisForecast, Forecast
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
@@ -23,26 +23,9 @@ from swath_sysid.report.forecast_summary import skill_as_data
 LEADS = (0.1, 1.0)
 
 
-def sea(duration=120.0, dt=0.1, seed=0):
-    rng, time = np.random.default_rng(seed), np.arange(0.0, duration, dt)
-    frequency, phase = rng.uniform(1.0, 3.0, (2, 60)), rng.uniform(0.0, 6.28, (2, 60))
-    angle = [0.01 * np.cos(np.outer(time, f) + p).sum(axis=1) for f, p in zip(frequency, phase, strict=True)]
-    rate = [(-0.01 * f * np.sin(np.outer(time, f) + p)).sum(axis=1) for f, p in zip(frequency, phase, strict=True)]
-    noise = [rng.normal(0.0, 1e-3, time.size) for _ in range(4)]
-    return Trial(
-        time,
-        roll=angle[0] + noise[0],
-        pitch=angle[1] + noise[1],
-        roll_rate=rate[0] + noise[2],
-        pitch_rate=rate[1] + noise[3],
-        source='simulated',
-    )
-
-
 def lost(trial, every, count):
     """The trial without `count` samples each `every` seconds."""
-    kept = trial.time % every >= count * 0.1 - 1e-6
-    return replace(trial, time=trial.time[kept], **{name: values[kept] for name, values in trial.channels.items()})
+    return only(trial, trial.time % every >= count * 0.1 - 1e-6)
 
 
 def forecasts_with_errors(trial, errors, deviation, leads=LEADS):
@@ -221,16 +204,15 @@ def test_the_verb_prints_a_table_with_what_came_after_gaps(tmp_path, capsys):
 def test_what_cannot_be_scored_is_refused():
     trial = sea(30.0)
     run = forecasts_with_errors(trial, np.zeros((trial.time.size, 2)), 0.1)
-    with pytest.raises(InputError, match='warm-up'):
-        score(trial, run, LEADS, 60.0, 60.0)
-    with pytest.raises(InputError, match='warm-up'):
-        score(trial, run, LEADS, 10.0, 60.0, until=5.0)
-    with pytest.raises(InputError, match='angles'):
-        score(replace(trial, roll=None, pitch=None), run, LEADS, 10.0, 60.0)
-    with pytest.raises(InputError, match='leads'):
-        score(trial, run, (0.3,), 10.0, 60.0)
-    with pytest.raises(InputError, match='no forecast'):
-        score(trial, Run(()), LEADS, 10.0, 60.0)
+    for match, *given in (
+        ('warm-up', trial, run, LEADS, 60.0, 60.0),
+        ('warm-up', trial, run, LEADS, 10.0, 60.0, 5.0),
+        ('angles', replace(trial, roll=None, pitch=None), run, LEADS, 10.0, 60.0),
+        ('leads', trial, run, (0.3,), 10.0, 60.0),
+        ('no forecast', trial, Run(()), LEADS, 10.0, 60.0),
+    ):
+        with pytest.raises(InputError, match=match):
+            score(*given)
 
 
 @pytest.mark.slow

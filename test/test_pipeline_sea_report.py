@@ -1,7 +1,5 @@
 """The sea state on board: asked for once a minute, found beside the samples, and published as YAML."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import yaml
@@ -48,22 +46,15 @@ def published(count, *, has_force=True):
     return found
 
 
-@pytest.fixture(scope='module')
-def reports():
-    return published(4000)
-
-
-def test_a_report_comes_each_minute(reports):
+def test_a_report_comes_each_minute_with_the_sea_or_why_it_is_not_known():
+    reports = published(4000)
     stamps = list(reports)
-    gaps = [1e-9 * (later - before) for before, later in pairwise([EPOCH_NS, *stamps])]
-    assert len(stamps) == 6
+    gaps = 1e-9 * np.diff([EPOCH_NS, *stamps])
     # as often as the waves are learnt
-    assert np.mean(gaps) == pytest.approx(60.0, abs=4.0) and max(gaps) < 81.0
+    assert len(stamps) == 6 and gaps.mean() == pytest.approx(60.0, abs=4.0) and gaps.max() < 81.0
     assert [report['stamp_ns'] for report in reports.values()] == stamps
-
-
-def test_it_says_what_the_sea_is_and_what_it_is_not(reports):
-    report = list(reports.values())[-1]
+    first, *_, report = reports.values()
+    assert not first['is_known'] and 'too few waves' in first['reason'] and 'significant_height_m' not in first
     assert report['is_known'] and report['reason'] == ''
     assert report['significant_height_m'] == pytest.approx(HEIGHT, rel=0.1)
     assert report['mean_period_s'] == pytest.approx(PERIOD, rel=0.05)
@@ -71,11 +62,6 @@ def test_it_says_what_the_sea_is_and_what_it_is_not(reports):
     assert report['significant_height_std_m'] > 0.0 < report['axis_std_rad']
     remarks = ' '.join(report['remarks'])
     assert 'encounter' in remarks and 'not a wave buoy' in remarks
-
-
-def test_it_says_why_nothing_is_known(reports):
-    first = next(iter(reports.values()))
-    assert not first['is_known'] and 'too few waves' in first['reason'] and 'significant_height_m' not in first
 
 
 def test_a_sensor_without_accelerations_measures_no_sea():

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from records_at_sea import only
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import Trial
@@ -23,10 +24,6 @@ def sines(step=0.1, duration=300.0):
     up = STANDARD_GRAVITY - size * w**2 * np.sin(w * time)
     none = np.zeros(time.size)
     return Trial(time, none, pitch, none, pitch_rate, -np.sin(pitch) * up, none, np.cos(pitch) * up)
-
-
-def only(trial, keep):
-    return replace(trial, time=trial.time[keep], **{name: values[keep] for name, values in trial.channels.items()})
 
 
 @pytest.mark.parametrize('step', [0.1, 0.023])

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from records_at_sea import swell
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
-from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.motion.vertical import LeakyIntegrals, vertical_acceleration, zero_phase_integral
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import Point
@@ -25,29 +25,6 @@ LIMIT = 0.25
 POINTS = Point('sensor', (0.0, 0.0, 0.0)), Point('bow', (2.5, 0.0, 0.0))
 
 
-def swell(duration, seed=2):
-    """A craft that follows a swell of many lines: the trial and the vertical velocity of each point."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(0.0, duration, STEP)
-    frequency = rng.uniform(0.08, 0.25, 40)
-    w, phase = 2.0 * math.pi * frequency, rng.uniform(0.0, 2.0 * math.pi, 40)
-    size = 0.15 * np.exp(-(((frequency - 0.14) / 0.04) ** 2))
-    angle = np.outer(time, w) + phase
-
-    def lines(factor, turn=0.0):
-        return np.cos(angle + turn) @ (size * factor)
-
-    pitch, pitch_rate = lines(0.08 * w, 0.3), lines(0.08 * w**2, 0.3 + 0.5 * math.pi)
-    roll, roll_rate = lines(0.1 * w, 1.1), lines(0.1 * w**2, 1.1 + 0.5 * math.pi)
-    up = lines(-(w**2)) + STANDARD_GRAVITY
-    force = np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)], axis=1) * up[:, None]
-    noise = rng.normal(size=(7, time.size)) * np.array([1e-4, 1e-4, 1e-4, 1e-4, 5e-3, 5e-3, 5e-3])[:, None]
-    values = np.stack([roll, pitch, roll_rate, pitch_rate, *force.T]) + noise
-    velocity = lines(w, 0.5 * math.pi)
-    names = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
-    return Trial(time, **dict(zip(names, values, strict=True))), velocity, velocity - 2.5 * np.cos(pitch) * pitch_rate
-
-
 def errors_of(run, name, time, velocity, since, until):
     """Errors of the vertical velocity at a point, and their standard deviations, shape (N, L)."""
     errors, deviations = [], []
@@ -62,7 +39,8 @@ def errors_of(run, name, time, velocity, since, until):
 @pytest.fixture(scope='module')
 def at_sea():
     """Five minutes of the swell and what was forecast."""
-    trial, *velocities = swell(300.0)
+    trial, motion = swell(300.0)
+    velocities = [motion(trial.time, point.place[0])[:, 1] for point in POINTS]
     limits = QuiescenceLimits(duration=1.0, points=(PointLimits('bow', vertical_velocity=LIMIT),), probability=0.6)
     return trial, velocities, run_through(trial, ForecasterSettings(points=POINTS, quiescence=limits))
 
@@ -72,6 +50,10 @@ def test_vertical_velocity_is_forecast_at_the_sensor_and_ahead_of_it(at_sea):
     for point, velocity in zip(POINTS, velocities, strict=True):
         errors, _ = errors_of(run, point.name, trial.time, velocity, 220.0, 290.0)
         assert (np.sqrt(np.mean(errors**2, axis=0)) / velocity.std())[:4] == pytest.approx([0.1] * 4, abs=0.1)
+    assert 90.0 < next(step.stamp for step in run.steps if step.forecast.points) - trial.time[0] < 200.0
+    for step in run.steps[-100::20]:
+        for ahead in (*step.forecast.points.values(), *step.horizon.points.values()):
+            assert np.linalg.eigvalsh(ahead.covariance).min() > -1e-12
 
 
 def test_a_swell_of_few_waves_without_noise_is_not_weighed_by_what_rounding_left():
@@ -93,18 +75,6 @@ def test_a_swell_of_few_waves_without_noise_is_not_weighed_by_what_rounding_left
     states = states_from_lags(model, seen[:, model.places], later)
     mean = np.column_stack([states, integrals[later], np.ones(later.size)]) @ fit.weights[10, 0]
     assert np.std(mean - heave[later + 10]) < 0.2 * heave.std()
-
-
-def test_vertical_motion_begins_when_it_is_learnt(at_sea):
-    trial, _, run = at_sea
-    first = next(step.stamp for step in run.steps if step.forecast.points) - trial.time[0]
-    assert 90.0 < first < 200.0
-
-
-def test_covariances_are_possible(at_sea):
-    for step in at_sea[2].steps[-100::20]:
-        for ahead in (*step.forecast.points.values(), *step.horizon.points.values()):
-            assert np.linalg.eigvalsh(ahead.covariance).min() > -1e-12
 
 
 def test_windows_of_calm_are_calm(at_sea):
