@@ -7,12 +7,12 @@ import sys
 import threading
 import time
 from collections import defaultdict
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from package_process import environment
+from package_process import PATIENCE, environment, wait_for
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -22,9 +22,6 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.nodes.executor_loop import events_executor
-
-PATIENCE = 240.0
-"""s, which only failing takes: beside eight busy processes a fit, which yields to all others, may take minutes."""
 
 SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -47,15 +44,6 @@ HEARD = {
     'model/coefficients': (Float64MultiArray, LATCHED),
     'identifier/progress': (Float32, RELIABLE),
 }
-
-
-def wait_for(condition, what, seconds=PATIENCE):
-    """Wait until a condition holds; what it returns."""
-    end = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < end, f'in {seconds} s: no {what}'
-        time.sleep(0.01)
-    return found
 
 
 def start(*words, ros_args=()):
@@ -197,7 +185,11 @@ class Bench:
         """The values of a status as numbers, those that are."""
         prefix = self.node.get_namespace().strip('/')
         _, _, values = self.statuses[f'{prefix}/{node}: {status}'.strip('/')]
-        return {key: float(value) for key, value in values.items() if is_number(value)}
+        found = {}
+        for key, value in values.items():
+            with suppress(ValueError):
+                found[key] = float(value)
+        return found
 
     def newest_stamp(self):
         """Stamp of the newest forecast/next, ns."""
@@ -253,14 +245,6 @@ def running(bench, process, listeners=2):
         raise
     code, output = stop(process)
     assert code == 0, output
-
-
-def is_number(text):
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def stamp_ns(message):

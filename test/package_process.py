@@ -3,9 +3,29 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+PATIENCE = 240.0
+"""s, which only failing takes: beside eight busy processes a fit, which yields to all others, may take minutes."""
+
+
+def wait_for(condition, what, seconds=PATIENCE, meanwhile=lambda: time.sleep(0.01)):
+    """Wait until a condition holds; what it returns."""
+    end = time.monotonic() + seconds
+    while not (found := condition()):
+        assert time.monotonic() < end, f'in {seconds} s: no {what}'
+        meanwhile()
+    return found
+
+
+def is_alive(pid):
+    """Whether a process runs (a zombie does not)."""
+    try:
+        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
+    except FileNotFoundError:
+        return False
 
 
 def environment():

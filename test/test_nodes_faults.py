@@ -1,6 +1,6 @@
 """The fault table over DDS: each is counted under its own reason, none stops a node, good data are forecast again."""
 
-from math import inf, nan
+from math import nan
 
 import pytest
 
@@ -25,8 +25,7 @@ class Craft:
 
     def __init__(self, bench, process):
         self.bench, self.process = bench, process
-        self.stamp = EPOCH_NS
-        self.sent = 0
+        self.stamp, self.sent = EPOCH_NS, 0
 
     def good(self, count=100, step=STEP):
         """So many good samples."""
@@ -63,15 +62,8 @@ def craft():
     bench.close()
 
 
-def looped(craft):
-    craft.stamp -= 30 * SECOND
-
-
 def silent_for(seconds):
-    def fault(craft):
-        craft.stamp += round(seconds * SECOND)
-
-    return fault
+    return lambda craft: setattr(craft, 'stamp', craft.stamp + round(seconds * SECOND))
 
 
 def each(**changes):
@@ -82,30 +74,20 @@ def late(seconds):
     return lambda craft: craft.bad(stamp=craft.stamp - round(seconds * SECOND) - STEP // 2)
 
 
-def at_another_rate(step):
-    return lambda craft: craft.good(150, step)
-
-
 FAULTS = {
     'repeated': (lambda craft: craft.bad(stamp=craft.stamp), 'duplicate-stamp'),
     'late': (late(0.1), 'out-of-order'),
-    'bag loop': (looped, 'clock-jumped-back'),
+    'bag loop': (silent_for(-30.0), 'clock-jumped-back'),
     'gap': (silent_for(0.3), 'gap'),
     'long gap': (silent_for(20.0), 'gap-too-long'),
     'NaN rates': (each(rates=(nan, 0.0, 0.0)), 'not-finite'),
-    'infinite rates': (each(rates=(0.0, -inf, 0.0)), 'not-finite'),
-    'NaN quaternion': (each(orientation=(nan, nan, nan, nan)), 'not-finite'),
     'all NaN': (each(orientation=(nan,) * 4, rates=(nan,) * 3, force=(nan,) * 3), 'nothing-usable'),
     'zero quaternion': (each(orientation=(0.0,) * 4), 'bad-quaternion'),
-    'denormal quaternion': (each(orientation=(5e-324, 0.0, 0.0, 1e-310)), 'bad-quaternion'),
     'absurd rates': (each(rates=(1e30, 0.0, 0.0)), 'absurd-value'),
-    'absurd force': (each(force=(0.0, 0.0, 1e9)), 'absurd-value'),
     'unknown covariances': (each(orientation_covariance=UNKNOWN, rates_covariance=UNKNOWN), 'unknown-covariance'),
     'no orientation': (each(orientation_covariance=NOT_GIVEN), 'no-orientation'),
-    'faster': (at_another_rate(STEP // 4), 'rate-changed'),
-    'slower': (at_another_rate(STEP * 4), 'rate-changed'),
+    'faster': (lambda craft: craft.good(150, STEP // 4), 'rate-changed'),
     'stray future stamp': (late(-3e6), 'stray-stamp'),
-    'stray past stamp': (late(3e6), 'out-of-order'),
     # of which only the predictor knows what to expect
     'shock': (each(orientation=(0.0, 0.6, 0.0, 0.8)), 'outlier-pitch'),
 }

@@ -69,15 +69,6 @@ def test_the_way_back_outlives_every_restart(tmp_path):
     assert by_hand in texts and all(any(model_to_yaml(model(n)) == text for text in texts) for n in (1, 2, 3, 9))
 
 
-def test_a_start_leaves_the_file_as_it_is(tmp_path):
-    path = tmp_path / 'craft.yaml'
-    path.write_text('# of the yard\n' + model_to_yaml(model(0)))
-    before = path.read_text()
-    _, refitter = restarted(path)
-    assert refitter.models == model(0) and refitter.steps_back == 0
-    assert path.read_text() == before and list(tmp_path.iterdir()) == [path]
-
-
 def test_the_only_model_is_set_aside_and_leads_back(tmp_path):
     path = tmp_path / 'craft.yaml'
     file, refitter = restarted(path)

@@ -76,29 +76,13 @@ def test_a_window_of_another_maker_is_read():
     np.testing.assert_array_equal(window_table(message).rows, a_table().rows)
 
 
-def cut_off(message):
-    message.data = message.data[:-1]
-
-
-def of_other_type(message):
-    message.fields[3].datatype = PointField.FLOAT32
-
-
-def without_a_column(message):
-    del message.fields[2]
-
-
-def reaching_too_far(message):
-    message.fields[1].offset = 68
-
-
 @pytest.mark.parametrize(
     ('spoil', 'sentence'),
     [
-        (cut_off, 'ends after'),
-        (of_other_type, 'no FLOAT64 column'),
-        (without_a_column, 'no FLOAT64 column pitch'),
-        (reaching_too_far, 'reaches beyond'),
+        (lambda m: m.data.pop(), 'ends after'),
+        (lambda m: setattr(m.fields[3], 'datatype', PointField.FLOAT32), 'no FLOAT64 column'),
+        (lambda m: m.fields.pop(2), 'no FLOAT64 column pitch'),
+        (lambda m: setattr(m.fields[1], 'offset', 68), 'reaches beyond'),
     ],
 )
 def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):
@@ -110,8 +94,5 @@ def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):
 
 def test_no_model_has_no_rows():
     message = deserialize_message(coefficients_message({}), Float64MultiArray)
-    assert (
-        list(message.data) == []
-        and message.layout.dim[0].size == 0
-        and message.layout.dim[1].size == len(COEFFICIENT_NAMES)
-    )
+    assert list(message.data) == []
+    assert [dimension.size for dimension in message.layout.dim] == [0, len(COEFFICIENT_NAMES)]

@@ -4,7 +4,6 @@ from math import radians
 from pathlib import Path
 
 import pytest
-import yaml
 
 import swath_sysid.nodes
 from swath_sysid.attitude.identification.identify import OBJECTIVES
@@ -46,8 +45,7 @@ def test_the_defaults_are_those_of_the_cores():
     settings = pipeline_settings(defaults('predictor'))
     limits = QuiescenceLimits(roll=radians(3.0), pitch=radians(3.0), duration=settings.forecaster.horizon)
     assert settings == PipelineSettings(forecaster=ForecasterSettings(quiescence=limits))
-    found = refit_settings(defaults('identifier'))
-    assert found == RefitSettings()
+    assert refit_settings(defaults('identifier')) == RefitSettings()
 
 
 def test_choices_are_those_of_the_cores():
@@ -67,31 +65,21 @@ def test_choices_are_those_of_the_cores():
     [
         ('imu_buffer', 'frame', 'ned'),
         ('imu_buffer', 'window_s', 0.0),
-        ('imu_buffer', 'mounting_deg', [0.0, 90.0]),
         ('imu_buffer', 'mounting_deg', [0.0, 0.0, float('nan')]),
-        ('imu_buffer', 'max_rate_hz', -5.0),
         ('identifier', 'axes', ['roll', 'yaw']),
-        ('identifier', 'axes', []),
         ('identifier', 'equation', 'swath-pitch-10'),
         ('identifier', 'objective', 'best'),
-        ('identifier', 'search', 'magic'),
         ('identifier', 'population', 3),
-        ('identifier', 'equation', ''),
         ('predictor', 'leads_s', [1.0, 0.5]),
-        ('predictor', 'leads_s', []),
         ('predictor', 'horizon_s', 1e6),
         ('predictor', 'forecast_rate_hz', 0.0),
         ('predictor', 'gate_patience', 0),
-        ('predictor', 'quiet_roll_deg', -1.0),
     ],
 )
 def test_what_makes_no_sense_is_refused_by_a_sentence(node, name, value):
     with pytest.raises(InputError) as refused:
         SETTINGS_OF[node](changed(node, **{name: value}))
     assert name.split('_')[0].rstrip('s') in str(refused.value)
-
-
-def test_quiet_for_longer_than_the_horizon_is_refused():
     with pytest.raises(InputError, match='lengthen the horizon'):
         pipeline_settings(changed('predictor', quiet_for_s=7.0))
 
@@ -120,14 +108,10 @@ def test_every_parameter_matters():
         'leads_s': [0.7],
         'quiet_for_s': 3.0,
         'frames_at_s': [1.0],
+        'points': ['bow'],
     }
     at_bow = {'points': ['bow'], 'points.bow': [1.0, 0.0, 0.0]}
-    beside = {
-        'quiet_heave_m': at_bow,
-        'quiet_vertical_velocity_m_s': at_bow,
-        'points': {'points.bow': [1.0, 0.0, 0.0]},
-    }
-    others['points'] = ['bow']
+    beside = {'quiet_heave_m': at_bow, 'quiet_vertical_velocity_m_s': at_bow, 'points': at_bow | {'points': []}}
     for node in NODES:
         source = ''.join(path.read_text() for path in Path(swath_sysid.nodes.__file__).parent.glob('*.py'))
         for parameter in parameters_of(node):
@@ -161,13 +145,9 @@ def test_the_configuration_file_holds_the_defaults():
 def test_sections_of_a_parameter_file_apply_in_order(tmp_path):
     path = tmp_path / 'parameters.yaml'
     path.write_text(
-        yaml.safe_dump(
-            {
-                '/**': {'ros__parameters': {'frame': 'frd', 'use_sim_time': True, 'of_another_node': 1}},
-                'predictor': {'ros__parameters': {'leads_s': [2.0], 'frame': 'flu'}},
-                '/imu_buffer': {'ros__parameters': {'window_s': 30.0}},
-            }
-        )
+        '/**: {ros__parameters: {frame: frd, use_sim_time: true, of_another_node: 1}}\n'
+        'predictor: {ros__parameters: {leads_s: [2.0], frame: flu}}\n'
+        '/imu_buffer: {ros__parameters: {window_s: 30.0}}\n'
     )
     assert values_from_file(path, 'predictor') == changed('predictor', frame='flu', leads_s=[2.0])
     assert values_from_file(path, 'imu_buffer') == changed('imu_buffer', frame='frd', window_s=30.0)
@@ -183,7 +163,6 @@ def test_sections_of_a_parameter_file_apply_in_order(tmp_path):
         ('predictor: {ros__parameters: {horizon_s: 5}}', '1.0 instead of 1'),
         ('predictor: {ros__parameters: {leads_s: 1.0}}', 'must be of the type of'),
         ('predictor: {leads_s: [1.0]}', 'is not a ROS parameter file'),
-        ('[1, 2]', 'is not a ROS parameter file'),
         ('', 'is not a ROS parameter file'),
         ('a: [', 'is not YAML'),
     ],

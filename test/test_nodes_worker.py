@@ -10,13 +10,13 @@ import time
 from pathlib import Path
 
 import pytest
+from package_process import PATIENCE, environment, is_alive, wait_for
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.nodes.worker import Worker, WorkerError
 
 TEST_FOLDER = str(Path(__file__).parent)
-PATIENCE = 240.0
 
 
 def warm_up():
@@ -60,13 +60,9 @@ def dying():
 @pytest.fixture(scope='module')
 def python_path():
     """The worker imports this module too."""
-    before = os.environ.get('PYTHONPATH')
-    os.environ['PYTHONPATH'] = os.pathsep.join(filter(None, [TEST_FOLDER, before]))
-    yield
-    if before is None:
-        del os.environ['PYTHONPATH']
-    else:
-        os.environ['PYTHONPATH'] = before
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('PYTHONPATH', TEST_FOLDER, os.pathsep)
+        yield
 
 
 @pytest.fixture(scope='module')
@@ -79,8 +75,6 @@ def worker(python_path):
 
 
 class Ending:
-    """What a job ended in."""
-
     def __init__(self):
         self.shares, self.result, self.error = [], None, None
         self._ended, self._moved = threading.Event(), threading.Event()
@@ -107,22 +101,8 @@ def submit(worker, function, *arguments, reports=False):
     return ending
 
 
-def is_alive(pid):
-    """Whether a process runs (a zombie does not)."""
-    try:
-        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
-    except FileNotFoundError:
-        return False
-
-
-def wait_until(condition, seconds=PATIENCE):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
 def test_functions_run_one_after_the_other_in_one_other_process(worker):
+    worker.cancel()
     endings = [submit(worker, process_id, reports=True) for _ in range(3)] + [submit(worker, double, 21)]
     pids = {ending.wait().result for ending in endings[:3]}
     assert pids == {worker.pid} and worker.pid != os.getpid()
@@ -146,24 +126,15 @@ def test_cancelled_whether_it_listens_or_not(worker, function):
     assert submit(worker, double, 5).wait().result == 10
 
 
-def test_to_cancel_nothing_does_nothing(worker):
-    worker.cancel()
-    assert submit(worker, double, 6).wait().result == 12
-
-
-def test_a_worker_that_dies_at_work_is_reported_and_started_again(worker):
+def test_a_worker_that_dies_is_reported_and_started_again(worker):
     before = len(worker.deaths)
     ending = submit(worker, dying).wait()
     assert isinstance(ending.error, WorkerError) and 'was restarted' in str(ending.error)
     assert len(worker.deaths) == before + 1
     assert submit(worker, double, 7).wait().result == 14
-
-
-def test_an_idle_worker_that_is_killed_is_started_again(worker):
-    submit(worker, double, 1).wait()
-    before, killed = len(worker.deaths), worker.pid
+    killed = worker.pid
     os.kill(killed, signal.SIGKILL)
-    wait_until(lambda: len(worker.deaths) > before)
+    wait_for(lambda: len(worker.deaths) == before + 2, 'report of the idle worker that was killed')
     assert worker.pid != killed and submit(worker, double, 8).wait().result == 16
 
 
@@ -172,7 +143,7 @@ def test_a_process_that_is_there_only_while_it_is_needed(python_path):
     try:
         for value in (3, 4):
             assert submit(worker, double, value).wait().result == 2 * value
-            wait_until(lambda: not is_alive(worker.pid))
+            wait_for(lambda: not is_alive(worker.pid), 'end of the idle process')
     finally:
         worker.close()
 
@@ -209,10 +180,10 @@ def test_the_worker_ends_with_its_node(python_path, how):
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(Path(TEST_FOLDER).parent), os.environ['PYTHONPATH']])},
+        env=environment(),
     ) as node:
         pid = int(node.stdout.readline())
         assert is_alive(pid)
         node.send_signal(how)
         node.wait(PATIENCE)
-        wait_until(lambda: not is_alive(pid))
+        wait_for(lambda: not is_alive(pid), 'end of the worker')

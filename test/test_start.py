@@ -50,19 +50,12 @@ def test_a_tool_that_is_interrupted_at_its_start_ends_with_130(number, after, tm
     assert code == 130 or (code in (2, -number) and 'cannot read the manifest' in told), told
 
 
+@pytest.mark.parametrize('words', ['--only predictor --ros-args -r __ns:=/early', '--namespace early'])
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('after', [0.02, 0.2, 0.5, 0.9])
-def test_a_node_that_is_interrupted_at_its_start_ends_with_0(after, number):
-    pytest.importorskip('rclpy', reason='nodes need ROS 2')
-    code, told = interrupted(started('run', '--only', 'predictor', '--ros-args', '-r', '__ns:=/early'), after, number)
-    assert 'Traceback' not in told and 'Exception ignored' not in told
-    assert code == 0, told
-
-
 @pytest.mark.parametrize('after', [0.02, 0.3, 0.8])
-def test_the_nodes_together_end_with_0(after):
+def test_nodes_that_are_interrupted_at_their_start_end_with_0(after, number, words):
     pytest.importorskip('rclpy', reason='nodes need ROS 2')
-    code, told = interrupted(started('run', '--namespace', 'early'), after)
+    code, told = interrupted(started('run', *words.split()), after, number)
     assert 'Traceback' not in told and 'Exception ignored' not in told
     assert code == 0, told
 

@@ -25,11 +25,6 @@ def turned(roll, pitch, yaw, orientation):
     return wrong
 
 
-def late(samples):
-    """Rates so many samples after the rest."""
-    return lambda attitude, rates, force: (attitude[samples:], rates[:-samples], force[samples:])
-
-
 def frozen_from(sample):
     """The same values again from then on."""
 
@@ -38,14 +33,6 @@ def frozen_from(sample):
         return attitude[rows], rates[rows], force[rows]
 
     return wrong
-
-
-def rates_with(offsets):
-    return lambda attitude, rates, force: (attitude, rates + np.array(offsets), force)
-
-
-def of_another(rates):
-    return np.random.default_rng(1).normal(0.0, 0.1, rates.shape)
 
 
 def rates_times(factors):
@@ -67,10 +54,14 @@ WRONG = {
     'rates reversed': (rates_times(-1.0), 'rate-sign', 'reverse the signs of the rates'),
     'roll rate reversed': (rates_times([-1.0, 1.0, 1.0]), 'rate-sign', 'the roll rate is the derivative'),
     'gyros exchanged': (lambda a, r, f: (a, r[:, [1, 0, 2]], f), 'rates-swapped', 'exchange the x and y gyroscopes'),
-    'rates 0.4 s late': (late(4), 'rate-late', 'after the'),
+    'rates 0.4 s late': (lambda a, r, f: (a[4:], r[:-4], f[4:]), 'rate-late', 'after the'),
     'frozen after 20 s': (frozen_from(200), 'sensor-frozen', 'restart its driver'),
-    'gyro 20 deg/s off': (rates_with([np.radians(20), 0.0, 0.0]), 'rate-offset', 'calibrate the gyroscope'),
-    'rates of another sensor': (lambda a, r, f: (a, of_another(r), f), 'rate-unrelated', 'does not follow it'),
+    'gyro 20 deg/s off': (lambda a, r, f: (a, r + np.radians([20, 0, 0]), f), 'rate-offset', 'calibrate the gyroscope'),
+    'rates of another sensor': (
+        lambda a, r, f: (a, np.random.default_rng(1).normal(0.0, 0.1, r.shape), f),
+        'rate-unrelated',
+        'does not follow it',
+    ),
 }
 """All at 10 Hz; corrected is what tells an orientation of the craft, whose rates and forces are the sensor's."""
 
