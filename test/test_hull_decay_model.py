@@ -100,13 +100,6 @@ def test_restoring_energy_is_the_integral_of_the_moment(ratios, x):
     assert slope == pytest.approx(-model.acceleration(x, 0.0), abs=1e-6)
 
 
-def test_small_motion_properties():
-    model = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.6, 'r1': 9.0})
-    assert (model.natural_frequency, model.damping_ratio) == pytest.approx((3.0, 0.1))
-    capsizing = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.6, 'r1': -1.0})
-    assert np.isnan(capsizing.natural_period)
-
-
 @pytest.mark.parametrize('name', [n for n, hull in PUBLISHED_HULLS.items() if hull.form])
 def test_published_form_round_trip(name):
     hull = PUBLISHED_HULLS[name]

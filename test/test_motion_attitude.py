@@ -218,15 +218,7 @@ def test_mounting_refuses_what_it_cannot_turn(kept):
         assemble_trial(time, {name: given_readings[name] for name in kept}, Installation('flu', (0.0, 0.0, 1.0)))
 
 
-def test_zero_quaternions_mean_no_orientation():
-    time, given_readings = readings()
-    zeros = columns('quaternion', 'xyzw', np.zeros((4, time.size)))
-    trial = assemble_trial(time, {**zeros, 'gyro_x': given_readings['gyro_x'], 'gyro_y': given_readings['gyro_y']})
-    assert set(trial.channels) == {'roll_rate', 'pitch_rate'}
-    assert {advice.code for advice in trial.advice} == {'invalid-orientation', 'body-rates'}
-
-
-def test_some_broken_quaternions_cost_their_samples_only():
+def test_broken_quaternions_cost_their_samples_only_and_zeros_mean_none():
     time, given_readings = readings()
     given = np.array(attitude.quaternion(given_readings['roll'], given_readings['pitch'], 0 * time))
     given[:, 7] = 0
@@ -234,6 +226,10 @@ def test_some_broken_quaternions_cost_their_samples_only():
     assert np.flatnonzero(np.isnan(trial.roll)).tolist() == [7]
     assert np.allclose(np.delete(trial.roll, 7), np.delete(given_readings['roll'], 7))
     assert '1 of 50' in trial.advice[0].message
+    rates = {name: given_readings[name] for name in ('gyro_x', 'gyro_y')}
+    trial = assemble_trial(time, {**columns('quaternion', 'xyzw', 0 * given), **rates})
+    assert set(trial.channels) == {'roll_rate', 'pitch_rate'}
+    assert {advice.code for advice in trial.advice} == {'invalid-orientation', 'body-rates'}
 
 
 def test_readings_without_roll_or_pitch_are_refused():
@@ -289,13 +285,9 @@ def test_attitude_and_yaw_rate_are_those_of_the_craft_whatever_frame_they_were_m
         assert np.allclose(trial.yaw_rate[1:], yaw_rate[1:], atol=1e-9 if kept[-1] in ('gyro', 'rate') else 1e-3)
 
 
-def test_heave_is_upward_whatever_the_frame():
+def test_heave_is_upward_whatever_the_frame_and_a_heading_only_filled_in_is_none():
     time, given_readings = readings()
-    assert np.array_equal(assemble_trial(time, {**given_readings, 'heave': time}).heave, time)
-    assert np.array_equal(assemble_trial(time, {**given_readings, 'heave': time}, Installation('frd')).heave, -time)
-
-
-def test_a_heading_that_was_only_filled_in_is_no_channel():
-    time, given_readings = readings()
-    angles = {'roll': given_readings['roll'], 'pitch': given_readings['pitch']}
-    assert assemble_trial(time, {**angles, 'yaw': 0 * time}).yaw_rate is None
+    angles = {'roll': given_readings['roll'], 'pitch': given_readings['pitch'], 'yaw': 0 * time, 'heave': time}
+    trial = assemble_trial(time, angles)
+    assert np.array_equal(trial.heave, time) and trial.yaw_rate is None
+    assert np.array_equal(assemble_trial(time, angles, Installation('frd')).heave, -time)

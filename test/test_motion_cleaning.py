@@ -82,27 +82,16 @@ def test_absurd_values_become_missing():
     assert 'roll: 1, roll_rate: 1, pitch: 1, accel_z: 1, gyro_z: 1' in advice[0].message
 
 
-def test_empty_channel_is_left_out():
+def test_gaps_uneven_steps_and_empty_channels_are_told():
     time, channels = record()
+    uneven = np.cumsum(np.random.default_rng(1).uniform(0.005, 0.015, 500))
+    assert codes(clean(uneven, {'roll': 0 * uneven})[2]) == ['uneven-time-base']
     _, cleaned, advice = clean(time, {**channels, 'pitch': np.full(time.size, np.nan)})
-    assert 'pitch' not in cleaned
-    assert codes(advice) == ['empty-channel']
-
-
-def test_gaps_are_told_with_the_longest():
-    time, channels = record()
+    assert 'pitch' not in cleaned and codes(advice) == ['empty-channel']
     time[30:] += 1.0
     time[60:] += 2.5
-    _, _, advice = clean(time, channels)
-    assert codes(advice) == ['gaps']
-    assert '2 gaps' in advice[0].message and '2.51 s' in advice[0].message
-
-
-def test_uneven_time_base_is_told():
-    rng = np.random.default_rng(1)
-    time = np.cumsum(rng.uniform(0.005, 0.015, 500))
-    _, _, advice = clean(time, {'roll': 0 * time})
-    assert codes(advice) == ['uneven-time-base']
+    (gaps,) = clean(time, channels)[2]
+    assert gaps.code == 'gaps' and '2 gaps' in gaps.message and '2.51 s' in gaps.message
 
 
 def test_nothing_but_nan_and_too_few_rows_are_refused():

@@ -82,12 +82,11 @@ def test_without_usable_rates_the_angles_stay(rates, counted):
     assert all(isnan(value) for value in values_of(sample, RATES)) and reasons == (counted,)
 
 
-def test_a_force_that_cannot_be_costs_the_force_only():
+def test_what_is_not_measured_or_cannot_be_costs_no_more_than_itself():
     sample, reasons = take_in(reading(EPOCH_NS, 0.2, force=(nan, 0.0, 1e9)), STRAIGHT)
     assert isnan(sample.accel_z) and sample.roll == pytest.approx(0.2) and reasons == (NOT_FINITE,)
-
-
-def test_nothing_usable_leaves_the_sample_out():
+    sample, reasons = take_in(reading(EPOCH_NS, 0.1, rates_covariance=NOT_GIVEN), STRAIGHT)
+    assert sample.roll == pytest.approx(0.1) and isnan(sample.roll_rate) and reasons == (NO_RATES,)
     sample, reasons = take_in(reading(EPOCH_NS, rates=(nan,) * 3, orientation=(0.0,) * 4), STRAIGHT)
     assert sample is None and set(reasons) == {NOT_FINITE, BAD_QUATERNION, EMPTY}
 
@@ -97,11 +96,6 @@ def test_covariances_that_say_nothing_are_unknown(covariance):
     sample, reasons = take_in(reading(EPOCH_NS, rates_covariance=covariance), STRAIGHT)
     assert isnan(sample.roll_rate_variance) and sample.roll_variance == 1e-6
     assert reasons == (*([ABSURD_COVARIANCE] if covariance[0] == 1e4 else []), UNKNOWN_COVARIANCE)
-
-
-def test_rates_that_are_not_measured_are_told():
-    sample, reasons = take_in(reading(EPOCH_NS, 0.1, rates_covariance=NOT_GIVEN), STRAIGHT)
-    assert sample.roll == pytest.approx(0.1) and isnan(sample.roll_rate) and reasons == (NO_RATES,)
 
 
 numbers = st.floats(width=64)

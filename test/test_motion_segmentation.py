@@ -180,23 +180,16 @@ def test_two_releases_in_one_record(seed):
 
 
 @pytest.mark.parametrize('seed', range(3))
-def test_ends_before_a_reflected_wave(seed):
-    motion = held_then_released(seed, 0.02)
+def test_ends_before_a_reflected_wave_and_before_the_craft_is_stopped(seed):
+    motion = held_then_released(seed, 0.02, trim_deg=0.0)
     wave = 0.05 * np.sin(2 * np.pi * motion.time / 1.7) * np.exp(-(((motion.time - 24.0) / 2.5) ** 2))
-    decay = find_decay(replace(motion, angle=motion.angle + wave))
-    assert decay.ending == 'disturbed'
-    assert 16.0 < decay.end < 24.0
-    assert [a.code for a in decay.advice] == ['disturbed-tail']
-    assert f'{decay.end:.1f} s' in decay.advice[0].message
-
-
-def test_ends_before_the_craft_is_stopped():
-    motion = held_then_released(0, 0.02)
-    brake = np.exp(-np.maximum(motion.time - 20.0, 0.0) / 0.4)
-    trim = np.radians(0.5)
-    decay = find_decay(replace(motion, angle=trim + (motion.angle - trim) * brake))
-    assert decay.ending == 'disturbed'
-    assert 17.0 < decay.end <= 20.2
+    reflected = find_decay(replace(motion, angle=motion.angle + wave))
+    assert 16.0 < reflected.end < 24.0
+    assert [a.code for a in reflected.advice] == ['disturbed-tail']
+    assert f'{reflected.end:.1f} s' in reflected.advice[0].message
+    braked = find_decay(replace(motion, angle=motion.angle * np.exp(-np.maximum(motion.time - 20.0, 0.0) / 0.4)))
+    assert 17.0 < braked.end <= 20.2
+    assert reflected.ending == braked.ending == 'disturbed'
 
 
 def test_heavy_damping_hardly_overshoots():
@@ -217,15 +210,6 @@ def test_rate_only():
     assert decay.period == pytest.approx(PERIOD, rel=0.02)
 
 
-def test_decay_across_a_gap():
-    motion = held_then_released(1, 0.03)
-    lost = (motion.time > 14.0) & (motion.time < 15.3)
-    decay = find_decay(motion.only(~lost))
-    assert decay.start == pytest.approx(8.15, abs=0.25)
-    assert decay.end > 30.0
-    assert decay.period == pytest.approx(PERIOD, rel=0.01)
-
-
 @pytest.mark.parametrize(
     'spoil',
     [
@@ -240,8 +224,16 @@ def test_decay_across_a_gap():
 def test_spoilt_records(spoil):
     decay = find_decay(spoil(held_then_released(2, 0.03), np.random.default_rng(0)))
     assert decay.start == pytest.approx(8.15, abs=0.25)
-    assert decay.period == pytest.approx(PERIOD, rel=0.02)
+    assert decay.period == pytest.approx(PERIOD, rel=0.01)
     assert decay.end > 25.0
+
+
+def test_decay_across_a_gap():
+    motion = held_then_released(1, 0.03)
+    decay = find_decay(motion.only((motion.time <= 14.0) | (motion.time >= 15.3)))
+    assert decay.start == pytest.approx(8.15, abs=0.25)
+    assert decay.end > 30.0
+    assert decay.period == pytest.approx(PERIOD, rel=0.01)
 
 
 @pytest.mark.parametrize('seeds', [range(0, 15), range(15, 30)])
@@ -252,10 +244,10 @@ def test_no_decay_in_the_sea(seeds):
         assert explain_absence(motion).code == 'forced-motion', f'sea {seed}'
 
 
-def test_regular_waves_are_no_light_damping():
+@pytest.mark.parametrize('noise', [0.0, 1.0])
+def test_regular_waves_are_no_light_damping(noise):
     time = np.arange(0.0, 60.0, 1 / RATE_HZ)
-    assert find_decays(motion_of(time, 0.1 * np.sin(2.5 * time))) == ()
-    assert find_decays(motion_of(time, 0.1 * np.sin(2.5 * time), noise=0.0)) == ()
+    assert find_decays(motion_of(time, 0.1 * np.sin(2.5 * time), noise=noise)) == ()
 
 
 def test_waves_that_set_in_after_rest_are_no_decay():
@@ -267,37 +259,25 @@ def test_waves_that_set_in_after_rest_are_no_decay():
 
 def test_absence_says_what_was_seen_and_what_to_do():
     time = np.arange(0.0, 60.0, 1 / RATE_HZ)
-    still = explain_absence(motion_of(time, np.zeros(time.size)))
-    assert still.code == 'too-small'
-    assert 'release' in still.message
-    waves = explain_absence(sea(3))
-    assert 'waves' in waves.message
-    assert 'give start and end' in waves.message
-    drift = explain_absence(motion_of(time, 0.01 * time))
-    assert drift.code == 'no-decay'
+    still, drift = (explain_absence(motion_of(time, slope * time)) for slope in (0.0, 0.01))
+    assert (still.code, drift.code) == ('too-small', 'no-decay') and 'release' in still.message
+    assert 'give start and end' in explain_absence(sea(3)).message
     with pytest.raises(InputError, match='waves'):
         find_decay(sea(3))
 
 
 def test_given_bounds_are_taken_as_they_are():
     motion = held_then_released(0, 0.05)
-    both = find_decay(motion, 10.0, 20.0)
+    whole, both = find_decay(motion), find_decay(motion, 10.0, 20.0)
     assert (both.start, both.end, both.beginning, both.ending) == (10.0, 20.0, 'given', 'given')
-    assert both.period == pytest.approx(PERIOD, rel=0.02)
-    assert both.cycles == pytest.approx(10.0 / PERIOD, rel=0.02)
-    whole = find_decay(motion)
-    start = find_decay(motion, start=12.0)
+    assert (both.period, both.cycles) == pytest.approx((PERIOD, 10.0 / PERIOD), rel=0.02)
+    start, end = find_decay(motion, start=12.0), find_decay(motion, end=15.0)
     assert (start.start, start.beginning, start.ending) == (12.0, 'given', whole.ending)
     assert start.end == pytest.approx(whole.end, abs=1.1 * PERIOD)
-    end = find_decay(motion, end=15.0)
     assert (end.end, end.ending) == (15.0, 'given')
     assert end.start == pytest.approx(whole.start, abs=0.05)
-
-
-def test_a_given_start_makes_motion_in_waves_acceptable():
-    decay = find_decay(sea(4), start=30.0)
-    assert decay.start == 30.0
-    assert decay.end > 30.0
+    # even in waves a given start is accepted
+    assert find_decay(sea(4), start=30.0).start == 30.0
 
 
 @pytest.mark.parametrize(
