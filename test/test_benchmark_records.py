@@ -77,22 +77,6 @@ def test_a_row_is_named_by_module_and_function(benchmark, tmp_path, monkeypatch)
     assert benchmark.row_named('my_row:forecasts')(None, None, None, None) == 'mine'
 
 
-def test_anyones_forecasts_are_scored(benchmark, swinging):
-    """The truth has no error, nothing has that of the mean, and where there is none persistence stands in."""
-    from swath_sysid.pipeline.baselines import Record
-    from swath_sysid.pipeline.scoring import FORECAST, score_forecasts
-
-    record, leads, later = Record.of(swinging), np.array([0.5]), TIME >= 60.0
-    truth = record.at(TIME[:, None] + leads, [0])[..., 0]
-    found = score_forecasts(record, 'roll', TIME[later], leads, truth[later], truth[later])
-    assert found.nrmse[FORECAST] == pytest.approx([0.0])
-    assert found.counted == np.isfinite(truth[later]).sum()
-    resting = score_forecasts(record, 'roll', TIME[later], leads, np.zeros_like(truth[later]), truth[later])
-    assert resting.nrmse[FORECAST] == pytest.approx([1.0], abs=0.02)
-    absent = score_forecasts(record, 'roll', TIME[later], leads, np.full_like(truth[later], np.nan), truth[later])
-    assert absent.nrmse[FORECAST] == pytest.approx([0.0]) and absent.stood_in[FORECAST] == pytest.approx([1.0])
-
-
 def test_a_table_takes_its_place_in_the_page(benchmark):
     first, second = list(benchmark.CASES.values())[:2]
     page = benchmark.page_with({second.title: f'## {second.title}\n\nold\n'})

@@ -4,7 +4,6 @@ import json
 import re
 from xml.etree import ElementTree
 
-import pytest
 import yaml
 
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, frame_at, lead_topic
@@ -26,64 +25,28 @@ OURS = {
 }
 
 
-@pytest.fixture(scope='module')
-def plotjuggler():
-    """The root element of PlotJuggler's layout."""
-    return ElementTree.parse(CONFIG / 'plotjuggler_layout.xml').getroot()
-
-
-@pytest.fixture(scope='module')
-def foxglove():
-    """Foxglove's layout."""
-    return json.loads((CONFIG / 'foxglove_layout.json').read_text(encoding='utf-8'))
-
-
 def topic_of(series):
     """The topic that a PlotJuggler series comes from."""
     return next((topic for topic in sorted(OURS, key=len, reverse=True) if series.startswith(f'{topic}/')), None)
 
 
-def test_plotjuggler_subscribes_to_our_topics_by_header_stamp(plotjuggler):
+def test_plotjuggler_draws_series_that_are_made_of_our_topics_by_header_stamp():
+    plotjuggler = ElementTree.parse(CONFIG / 'plotjuggler_layout.xml').getroot()
     subscriber = plotjuggler.find("Plugins/plugin[@ID='ROS2 Topic Subscriber']")
     selected = set(subscriber.find('selected_topics').get('value').split(';'))
     assert selected <= OURS
     assert {'/imu/data', '/diagnostics', *LEADS} <= selected
     # else a forecast would be drawn when it was made, not over the moment it is for
     assert subscriber.find('use_header_stamp').get('value') == 'true'
-
-
-def test_plotjuggler_draws_series_that_are_made(plotjuggler):
     made = {snippet.get('name'): snippet.findtext('linked_source') for snippet in plotjuggler.iter('snippet')}
-    subscriber = plotjuggler.find("Plugins/plugin[@ID='ROS2 Topic Subscriber']")
-    selected = set(subscriber.find('selected_topics').get('value').split(';'))
     curves = [curve.get('name') for curve in plotjuggler.iter('curve')]
     assert len(curves) > 10
     assert {topic_of(made.get(curve, curve)) for curve in curves} <= selected
     assert set(made) <= set(curves)
 
 
-def test_plotjuggler_splitters_hold_what_they_say(plotjuggler):
-    for splitter in plotjuggler.iter('DockSplitter'):
-        assert int(splitter.get('count')) == len(list(splitter)) == len(splitter.get('sizes').split(';'))
-
-
-def panels(layout):
-    """The panels of a mosaic."""
-    if isinstance(layout, str):
-        return [layout]
-    assert layout['direction'] in ('row', 'column')
-    assert 0 < layout['splitPercentage'] < 100
-    return panels(layout['first']) + panels(layout['second'])
-
-
-def test_foxglove_shows_every_panel_once(foxglove):
-    shown = panels(foxglove['layout'])
-    assert sorted(shown) == sorted(foxglove['configById'])
-    assert {'globalVariables', 'userNodes', 'playbackConfig'} <= set(foxglove)
-
-
-def test_foxglove_scripts_turn_our_topics_into_degrees(foxglove):
-    made = set()
+def test_foxglove_scripts_turn_our_topics_into_degrees():
+    foxglove, made = json.loads((CONFIG / 'foxglove_layout.json').read_text(encoding='utf-8')), set()
     for script in foxglove['userNodes'].values():
         read = re.search(r'inputs = \["([^"]+)"\]', script['sourceCode'])[1]
         written = re.search(r'output = "([^"]+)"', script['sourceCode'])[1]

@@ -2,7 +2,6 @@
 
 import ast
 import functools
-import importlib
 import json
 import os
 import re
@@ -135,18 +134,14 @@ def tree_of(path):
 
 @functools.cache
 def imports_of(path):
-    """Every module that a file imports, absolute, wherever in the file: ``{dotted name}``."""
-    names = set()
-    package = path.relative_to(ROOT).parent.parts
-    for node in ast.walk(tree_of(path)):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            module = node.module or ''
-            if node.level:
-                module = '.'.join([*package[: len(package) - node.level + 1], *filter(None, [module])])
-            names.update(f'{module}.{alias.name}' for alias in node.names)
-    return names
+    """Every module that a file imports, wherever in the file: ``{dotted name}``."""
+    nodes = [node for node in ast.walk(tree_of(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
+    assert not any(getattr(node, 'level', 0) for node in nodes), f'{path} imports by a relative name'
+    return {
+        f'{node.module}.{alias.name}' if isinstance(node, ast.ImportFrom) else alias.name
+        for node in nodes
+        for alias in node.names
+    }
 
 
 def outside_imports(path):
@@ -159,26 +154,6 @@ def calls_of(path):
     """What a file calls, and whether with arguments: ``{('np.random.default_rng', True)}``."""
     calls = [node for node in ast.walk(tree_of(path)) if isinstance(node, ast.Call)]
     return {(ast.unparse(call.func), bool(call.args or call.keywords)) for call in calls}
-
-
-def guarded_by_import_error(path, module):
-    """Whether every import of a module stands in a ``try`` that catches ImportError."""
-    tree = tree_of(path)
-    guarded = {
-        inner
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Try)
-        if any(handler.type is not None and 'ImportError' in ast.unparse(handler.type) for handler in node.handlers)
-        for statement in node.body
-        for inner in ast.walk(statement)
-    }
-    imports = [
-        node
-        for node in ast.walk(tree)
-        if (isinstance(node, ast.Import) and any(alias.name.split('.')[0] == module for alias in node.names))
-        or (isinstance(node, ast.ImportFrom) and (node.module or '').split('.')[0] == module)
-    ]
-    return all(node in guarded for node in imports)
 
 
 @pytest.fixture(scope='module')
@@ -238,10 +213,8 @@ def test_test_dependencies_are_declared(manifest, setup_arguments):
     assert extra <= requirement_names(setup_arguments['extras_require']['test'])
 
 
-def test_optional_imports_are_guarded_and_have_an_extra(setup_arguments):
+def test_optional_imports_have_an_extra(setup_arguments):
     assert set(OPTIONAL.values()) <= {extra for extra, needs in setup_arguments['extras_require'].items() if needs}
-    users = [(path, module) for path in MODULES for module in outside_imports(path) & set(OPTIONAL)]
-    assert [(path, module) for path, module in users if not guarded_by_import_error(path, module)] == []
 
 
 def test_only_nodes_and_their_verbs_import_ros():
@@ -309,38 +282,33 @@ def test_flags_of_the_command_line_stay_there():
     assert offenders == []
 
 
-def test_the_users_path_gets_the_command_line_only(setup_arguments):
-    """Names such as identifier are too general for it."""
-    (line,) = setup_arguments['entry_points']['console_scripts']
-    script, module, function = re.split(r'\s*[=:]\s*', line)
-    assert script == 'swath-sysid' and callable(getattr(importlib.import_module(module), function))
-
-
 def test_ros2_run_finds_every_node_after_pip_and_colcon():
     """The scripts of the nodes start the command line beside them: pip's script, or colcon's console script."""
-    nodes = {
-        path.stem
-        for path in (PACKAGE / 'nodes').glob('*.py')
-        if path.stem != 'all_in_one'
-        and any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree_of(path).body)
-    }
-    assert nodes == set(NODES)
+    texts = {path.stem: path.read_text(encoding='utf-8') for path in (PACKAGE / 'nodes').glob('*.py')}
+    assert {name for name, text in texts.items() if '\ndef main(' in text} == {*NODES, 'all_in_one'}
     scripts = {path.name: path for path in (ROOT / 'scripts').iterdir()}
-    assert set(scripts) == nodes | {'swath-sysid'}
+    assert set(scripts) == {*NODES, 'swath-sysid'}
     assert all(os.access(path, os.X_OK) for path in scripts.values())
     assert scripts['swath-sysid'].read_text(encoding='utf-8').endswith('/../../bin/swath-sysid" "$@"\n')
-    assert (ROOT / 'setup.cfg').read_text(encoding='utf-8').count(f'$base/lib/{PACKAGE.name}') == 2
+    assert (ROOT / 'setup.cfg').read_text(encoding='utf-8').count(f'$base/lib/{PACKAGE.name}\n') == 2
 
 
-def test_the_script_of_a_node_hands_its_arguments_on(tmp_path):
-    folder = tmp_path / 'a prefix' / 'lib'
+def echo_beside(folder):
+    """A command line in a folder that prints its arguments, one a line."""
     folder.mkdir(parents=True)
     (folder / 'swath-sysid').write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
     (folder / 'swath-sysid').chmod(0o755)
+
+
+def said_by(*command):
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+
+
+def test_the_script_of_a_node_hands_its_arguments_on(tmp_path):
+    echo_beside(tmp_path / 'a prefix')
     for node in NODES:
-        shutil.copy(ROOT / 'scripts' / node, folder)
-        told = subprocess.run([folder / node, '--ros-args', '-p', 'a:=b c'], capture_output=True, text=True, check=True)
-        assert told.stdout.splitlines() == ['run', '--only', node, '--ros-args', '-p', 'a:=b c']
+        script, given = shutil.copy(ROOT / 'scripts' / node, tmp_path / 'a prefix'), ['--ros-args', '-p', 'a:=b c']
+        assert said_by(script, *given) == ['run', '--only', node, *given]
 
 
 def test_everything_shared_is_installed(setup_arguments):
@@ -358,79 +326,57 @@ def test_every_data_file_inside_the_package_is_packaged(setup_arguments):
     patterns = setup_arguments.get('package_data', {}).get(PACKAGE.name, [])
     packaged = {path for pattern in patterns for path in PACKAGE.glob(pattern)}
     files = {path for path in PACKAGE.rglob('*') if path.is_file() and '__pycache__' not in path.parts}
-    assert {path for path in files if path.suffix != '.py'} == packaged
+    assert files - set(MODULES) == packaged
+    assert [path for path in MODULES if not (path.parent / '__init__.py').is_file()] == []
 
 
-def test_every_room_is_a_package_and_pyproject_does_not_configure_the_build():
+def test_configuration_of_the_build_stays_out_of_pyproject():
     """With a [project] table `colcon build --symlink-install` silently makes no executables."""
     assert [path for path in MODULES if not (path.parent / '__init__.py').is_file()] == []
     assert set(tomllib.loads((ROOT / 'pyproject.toml').read_text(encoding='utf-8'))) == {'build-system', 'tool'}
 
 
+def test_the_users_path_gets_the_command_line_only(setup_arguments):
+    """Names such as identifier are too general for it."""
+    assert setup_arguments['entry_points']['console_scripts'] == ['swath-sysid = swath_sysid.start:command_line']
+
+
 def test_colcon_puts_the_command_line_and_nothing_else_on_the_path(setup_arguments, tmp_path):
     """Everything is where `ros2 run` looks, not in bin/: a hook makes `swath-sysid` a command all the same."""
-    installed = {
-        f'{target}/{Path(source).name}': source
-        for target, sources in setup_arguments['data_files']
-        for source in sources
-    }
+    files = setup_arguments['data_files']
+    installed = {f'{target}/{Path(source).name}': source for target, sources in files for source in sources}
     (hook,) = json.loads((ROOT / 'colcon.pkg').read_text(encoding='utf-8'))['hooks']
     action, variable, folder = (ROOT / installed[hook]).read_text(encoding='utf-8').strip().split(';')
     assert (action, variable) == ('prepend-non-duplicate', 'PATH')
     assert [name for name in installed if name.startswith(f'{folder}/')] == [f'{folder}/swath-sysid']
-    command, script = tmp_path / folder / 'swath-sysid', tmp_path / 'lib' / PACKAGE.name / 'swath-sysid'
-    for path in (command, script):
-        path.parent.mkdir(parents=True)
-    shutil.copy(ROOT / installed[f'{folder}/swath-sysid'], command)
-    script.write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
-    script.chmod(0o755)
-    told = subprocess.run([command, 'run', '--only', 'a b'], capture_output=True, text=True, check=True)
-    assert told.stdout.splitlines() == ['run', '--only', 'a b']
+    echo_beside(tmp_path / 'lib' / PACKAGE.name)
+    (tmp_path / folder).mkdir(parents=True)
+    command = shutil.copy(ROOT / installed[f'{folder}/swath-sysid'], tmp_path / folder)
+    assert said_by(command, 'run', '--only', 'a b') == ['run', '--only', 'a b']
 
 
 def test_every_public_module_and_function_is_documented():
-    missing = []
-    for path in MODULES:
-        tree = tree_of(path)
-        if not ast.get_docstring(tree):
-            missing.append(str(path.relative_to(ROOT)))
-        missing += [
-            f'{path.relative_to(ROOT)}:{node.lineno} {node.name}'
-            for node in tree.body
-            if isinstance(node, (ast.FunctionDef, ast.ClassDef))
-            and not node.name.startswith('_')
-            and not ast.get_docstring(node)
-        ]
-    assert missing == []
+    public = [
+        (path.name, node)
+        for path in MODULES
+        for node in (tree_of(path), *tree_of(path).body)
+        if isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef)
+        if not getattr(node, 'name', '').startswith('_')
+    ]
+    assert [(name, getattr(node, 'name', '')) for name, node in public if not ast.get_docstring(node)] == []
 
 
-def install(prefix, package_folder, share=True):
-    """Lay a package and its share folder out below a prefix; return its module."""
-    folder = prefix / package_folder / PACKAGE.name
-    folder.mkdir(parents=True)
-    shutil.copy(PACKAGE / 'share.py', folder)
-    if share:
+def test_the_share_folder_of_an_installation_and_of_a_checkout(tmp_path):
+    for layout in ('lib/python3.12/site-packages', 'lib/python3/dist-packages', 'local/lib/python3.12/dist-packages'):
+        prefix = tmp_path / layout.replace('/', '_')
+        module = prefix / layout / PACKAGE.name / 'share.py'
+        module.parent.mkdir(parents=True)
+        module.touch()
+        with pytest.raises(InputError, match='install swath_sysid with pip or colcon'):
+            share_folder(module)
         (prefix / 'share' / PACKAGE.name).mkdir(parents=True)
         shutil.copy(ROOT / 'package.xml', prefix / 'share' / PACKAGE.name)
-    return folder / 'share.py'
-
-
-def test_share_folder_of_an_installation(tmp_path):
-    for number, below in enumerate(('python3.12/site-packages', 'python3/dist-packages', 'python3.12/dist-packages')):
-        prefix = tmp_path / str(number)
-        module = install(prefix, f'{"local/" if number == 2 else ""}lib/{below}')
         assert share_folder(module) == (prefix / 'share' / PACKAGE.name).resolve()
-
-
-def test_share_folder_of_a_checkout_and_through_a_symlinked_package(tmp_path):
-    """As `colcon build --symlink-install` lays it out: the module's real place is the checkout."""
-    assert share_folder() == share_folder(PACKAGE / 'share.py') == ROOT
-    (tmp_path / 'build').mkdir()
-    (tmp_path / 'build' / PACKAGE.name).symlink_to(PACKAGE)
-    assert share_folder(tmp_path / 'build' / PACKAGE.name / 'share.py') == ROOT
-
-
-def test_share_folder_missing_says_what_to_do(tmp_path):
-    module = install(tmp_path, 'lib/python3.12/site-packages', share=False)
-    with pytest.raises(InputError, match='install swath_sysid with pip or colcon'):
-        share_folder(module)
+    # as colcon build --symlink-install lays it out: the module's real place is the checkout
+    (tmp_path / PACKAGE.name).symlink_to(PACKAGE)
+    assert share_folder(tmp_path / PACKAGE.name / 'share.py') == share_folder() == ROOT

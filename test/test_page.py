@@ -12,7 +12,7 @@ pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath
 webdriver = pytest.importorskip('selenium.webdriver', reason='driving a browser needs selenium: pip install selenium')
 
 from tank_side import TankSide  # noqa: E402
-from test_page_bring_up import FAULTS, REST_S  # noqa: E402
+from test_page_bring_up import REST_S  # noqa: E402
 
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml  # noqa: E402
 from swath_sysid.page.live_record import horizon_of  # noqa: E402
@@ -25,7 +25,6 @@ needs_chromium = pytest.mark.skipif(
 )
 PATIENCE = 60.0
 TOKEN = 'a-token-of-the-test'
-WIDTHS = 400, 1600
 
 
 class SteppedState(PageState):
@@ -33,10 +32,6 @@ class SteppedState(PageState):
 
     def refresh(self):
         pass
-
-
-class Shown(Exception):
-    """The page shows the fault that is awaited: time stands still."""
 
 
 class Tank(TankSide):
@@ -66,19 +61,21 @@ class Tank(TankSide):
         )
         self.description = model_to_yaml(self.record.models) if self.record.models else ''
         PageState.refresh(self.state)
-        guidance = self.state.view.guidance
-        if guidance.fault and guidance.fault == self.awaited:
-            raise Shown
-        return guidance
+        return self.state.view.guidance
 
-    def start_again(self, awaited='', **made):
-        self.awaited = awaited
-        TankSide.__init__(self, **made)
+    def start_again(self):
+        TankSide.__init__(self)
+
+
+def wait_until(condition, what):
+    end = time.monotonic() + PATIENCE
+    while not (found := condition()):
+        assert time.monotonic() < end, what()
+        time.sleep(0.05)
+    return found
 
 
 class Screen:
-    """One browser."""
-
     def __init__(self, driver, tank):
         self.driver, self.tank = driver, tank
 
@@ -86,10 +83,7 @@ class Screen:
         return self.driver.execute_script(f"return document.querySelector('[data-name={name}]')?.innerText ?? ''")
 
     def wait_for(self, words, name='sentence'):
-        end = time.monotonic() + PATIENCE
-        while words not in self.text(name):
-            assert time.monotonic() < end, f'{name} shows {self.text(name)!r}, not {words!r}'
-            time.sleep(0.05)
+        wait_until(lambda: words in self.text(name), lambda: f'{name} shows {self.text(name)!r}, not {words!r}')
 
     def loud(self):
         """The buttons that stand out."""
@@ -102,17 +96,11 @@ class Screen:
         button = self.driver.find_element('css selector', f'[data-name={name}]')
         assert not button.is_enabled()
         chains.move_to_element(button.find_element('xpath', '..')).perform()
-        end = time.monotonic() + PATIENCE
-        while not (shown := self.driver.find_elements('css selector', '.q-tooltip')):
-            assert time.monotonic() < end, 'no tooltip'
-        return shown[0].text
+        return wait_until(lambda: self.driver.find_elements('css selector', '.q-tooltip'), lambda: 'no tooltip')[0].text
 
     def press(self, name):
-        end = time.monotonic() + PATIENCE
-        while not self.driver.execute_script(f"return document.querySelector('[data-name={name}]:enabled') !== null"):
-            assert time.monotonic() < end, f'{name} cannot be pressed'
-            time.sleep(0.05)
-        self.driver.execute_script(f"document.querySelector('[data-name={name}]').click()")
+        script = f"const b = document.querySelector('[data-name={name}]:enabled'); b?.click(); return b !== null"
+        wait_until(lambda: self.driver.execute_script(script), lambda: f'{name} cannot be pressed')
 
     def resize(self, width, height=1400):
         self.driver.execute_cdp_cmd(
@@ -171,19 +159,6 @@ def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
 
 
 @needs_chromium
-@pytest.mark.parametrize('fault', ['upside down', 'silence'])
-def test_a_fault_is_shown_with_its_cure(screen, fault):
-    made, play, code, _, cure = FAULTS[fault]
-    screen.tank.start_again(awaited=code, **made)
-    screen.tank.look()
-    screen.wait_for('nodes-missing: ', 'cure')
-    with pytest.raises(Shown):
-        play(screen.tank)
-    screen.wait_for(f'{code}: ', 'cure')
-    assert cure in screen.text('cure')
-
-
-@needs_chromium
 def test_buttons_reach_the_nodes_and_save_a_model(screen):
     tank = screen.tank
     screen.press('restart')
@@ -196,10 +171,7 @@ def test_buttons_reach_the_nodes_and_save_a_model(screen):
     screen.wait_for('2.6')
     screen.press('identify')
     screen.press('save')
-    end = time.monotonic() + PATIENCE
-    while not (saved := list(tank.folder.glob('model_*.yaml'))):
-        assert time.monotonic() < end, 'no model was saved'
-        time.sleep(0.05)
+    saved = wait_until(lambda: list(tank.folder.glob('model_*.yaml')), lambda: 'no model was saved')
     assert tank.pressed == ['identify']
     assert model_from_yaml(saved[0].read_text()).keys() == {'pitch'}
     tank.look()
@@ -221,16 +193,16 @@ def test_no_model_goes_without_a_question_and_a_copy(screen):
         screen.press('rollback')
         screen.wait_for('No other model is kept', 'rollback-question')
         screen.press(answer)
-        end = time.monotonic() + PATIENCE
-        while screen.text('rollback-question') or tank.pressed != pressed:
-            assert time.monotonic() < end, f'{tank.pressed} after {answer}'
-            time.sleep(0.05)
+        wait_until(
+            lambda: not screen.text('rollback-question') and tank.pressed == pressed,  # noqa: B023 - waited for here
+            lambda: f'{tank.pressed} after {answer}',  # noqa: B023
+        )
     (saved,) = tank.folder.glob('model_*.yaml')
     assert model_from_yaml(saved.read_text()).keys() == {'pitch'}
 
 
 @needs_chromium
-@pytest.mark.parametrize('width', WIDTHS)
+@pytest.mark.parametrize('width', [400, 1600])
 def test_it_fits_phone_and_desk_with_charts_and_without_the_internet(screen, width):
     screen.resize(width)
     screen.driver.refresh()

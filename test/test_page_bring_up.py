@@ -12,7 +12,6 @@ from swath_sysid.page.bring_up import (
     DECAY,
     IDENTIFY,
     JUDGE,
-    KEPT,
     PUSH,
     REST,
     SENSOR,
@@ -59,16 +58,10 @@ def with_metrics(model, releases=1, **metrics):
     ('metrics', 'action', 'fault', 'cure'),
     [
         ({'verdict': 'adequate', 'motion_error': 0.04}, 'accept', '', 'within 4 % of its motion. Accept it'),
-        (
-            {'verdict': 'doubtful', 'verdict_sentence': 'open: release from 8 deg'},
-            'restart',
-            'doubtful',
-            'open: release from 8 deg',
-        ),
+        ({'verdict': 'doubtful', 'verdict_sentence': 'from 8 deg'}, 'restart', 'doubtful', 'from 8 deg'),
         ({'verdict': 'rejected', 'verdict_sentence': None}, 'restart', 'rejected', 'release again'),
         ({'verdict': None, 'verdict_sentence': None}, 'restart', 'not judged', 'release again'),
     ],
-    ids=['adequate', 'doubtful', 'rejected', 'without a verdict'],
 )
 def test_only_what_its_file_calls_adequate_is_recommended(identified, metrics, action, fault, cure):
     model = with_metrics(identified.record.models['pitch'], **metrics)
@@ -86,23 +79,6 @@ def test_a_further_release_is_said_to_have_added_what_it_did(identified):
     # the way back is no release
     assert 'before' not in gain([second, first])
     assert gain([with_metrics(model, motion_error=float('nan'))]) == ''
-
-
-def test_what_is_accepted_is_kept_until_the_next_push(identified):
-    identified.send(7.0)
-    identified.record.is_kept = True
-    identified.send(1.0)
-    assert identified.guidances[-1].step == KEPT
-    identified.record.is_kept = False
-    identified.send(1.0)
-    assert identified.guidances[-1].step == JUDGE
-
-
-def test_a_known_model_is_named_before_the_first_push(identified):
-    tank = TankSide()
-    tank.record.set_models(identified.record.models)
-    tank.send(REST_S)
-    assert tank.guidances[-1].step == PUSH and tank.guidances[-1].cure.startswith('A model is known: 2.6')
 
 
 def in_g(each):
@@ -221,14 +197,25 @@ def test_missing_nodes_are_named():
     assert guidance.sentence == 'Waiting for imu_buffer, identifier.' and 'swath-sysid run' in guidance.cure
 
 
-def test_a_window_that_gives_no_model_is_reported_with_the_identifiers_verdict():
+@pytest.mark.parametrize(
+    ('known', 'verdict', 'fault', 'cure'),
+    [
+        (False, 'not fitted, the fit runs away', 'not-identified', 'the fit runs away; release again'),
+        (True, 'not published, the current model explains it', '', 'model stays: not published, the current model'),
+    ],
+)
+def test_a_window_that_gives_no_model_is_reported_with_the_verdict(identified, known, verdict, fault, cure):
     tank = TankSide(auto_identify=False)
+    if known:
+        tank.record.set_models(identified.record.models)
     tank.send(REST_S)
+    assert tank.guidances[-1].step == PUSH and tank.guidances[-1].cure.startswith('A model is known: 2.6') is known
     tank.release(5.0)
     tank._identifier.begin()
-    tank._identifier.end(False, 'pitch: not fitted, the fit runs away')
+    tank._identifier.end(False, f'pitch: {verdict}')
     tank.send(1.0)
-    assert 'the fit runs away; release again' in tank.faults['not-identified'][0].cure
+    assert cure in (tank.faults[fault][0] if fault else tank.guidances[-1]).cure
+    assert tank.guidances[-1].step == JUDGE or not known
 
 
 def test_a_clock_that_is_set_back_begins_anew():
@@ -239,19 +226,6 @@ def test_a_clock_that_is_set_back_begins_anew():
     tank._next_report = 0.0
     tank.send(1.0)
     assert tank.guidances[-1].step in (REST, SENSOR)
-
-
-def test_a_model_that_stays_is_said_to_stay(identified):
-    tank = TankSide(auto_identify=False)
-    tank.record.set_models(identified.record.models)
-    tank.send(REST_S)
-    tank.release(5.0)
-    tank._identifier.begin()
-    tank._identifier.end(False, 'pitch: not published, the current model explains the window as well')
-    tank.send(1.0)
-    assert tank.guidances[-1].step == JUDGE
-    stays = 'The previous model stays: not published, the current model explains the window as well.'
-    assert stays in tank.guidances[-1].cure
 
 
 def test_a_release_of_which_samples_were_lost_is_not_blamed_on_the_hull():

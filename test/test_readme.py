@@ -18,17 +18,6 @@ ROOT = Path(__file__).resolve().parents[1]
 SITE = '\n'.join(PAGES.values())
 
 
-def test_the_readme_is_short_and_begins_with_a_picture():
-    lines = PAGES['README.md'].splitlines()
-    assert len(lines) <= 150
-    assert lines[2].startswith('![') and 'docs/forecast.png' in lines[2]
-
-
-def test_every_page_is_in_the_contents():
-    names = [page.removeprefix('docs/').removesuffix('.md') for page in PAGES if page != 'README.md']
-    assert [name for name in names if f'\n{name}\n' not in PAGES['docs/index.md'] and name != 'index'] == []
-
-
 @pytest.mark.parametrize('line', command_lines())
 def test_every_command_line_is_one(line):
     words = shlex.split(line.removesuffix('&'))[1:]
