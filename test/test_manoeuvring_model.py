@@ -15,11 +15,11 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_value
 from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns, simulate, steady_speed
+from swath_sysid.manoeuvring.hull.simulation import simulate, steady_speed
 from swath_sysid.manoeuvring.hull.stability import Region, check_stability
 from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
-from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, NAMES, OFFSET, PARAMETERS
+from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, OFFSET, PARAMETERS
 from swath_sysid.manoeuvring.hull.thrust import delayed, lagged, thrust_curve
 
 RICH = dict(
@@ -104,23 +104,6 @@ def test_simulation_against_an_adaptive_integrator():
     exact = solve_ivp(slope, (0, 20), [0.3, 0.1, -0.05, 0.4, 0, 0], rtol=1e-10, atol=1e-12, t_eval=found.time).y
     assert np.allclose([found.u, found.v, found.yaw_rate], exact[:3], atol=2e-5)
     assert np.allclose([found.heading, found.x, found.y], exact[3:], atol=5e-3)
-
-
-def test_compiled_and_plain_kernel_agree():
-    model = preset('wamv-vrx-new').with_values(Nuv=-20.0, Xvr=30.0, advance=0.1)
-    rng = np.random.default_rng(1)
-    arguments = (
-        rng.normal(size=(3, 4)) * 0.3,
-        rng.normal(size=(30, 4)) * 50,
-        rng.normal(size=(30, 4)) * 50,
-        rng.normal(size=(3, 4)) * 0.1,
-        np.repeat(model.values[:, None], 4, axis=1),
-        model.active,
-        0.1,
-        2,
-    )
-    plain = getattr(runge_kutta_columns, 'py_func', runge_kutta_columns)
-    assert np.allclose(runge_kutta_columns(*arguments), plain(*arguments), rtol=1e-12, atol=1e-13)
 
 
 def test_current_carries_the_craft():
@@ -304,12 +287,3 @@ def test_programme_excites_and_noise_is_as_asked():
     noisy = with_noise(clean, SensorNoise(speed=0.05, yaw_rate=0.005), seed=3)
     assert np.std(noisy.surge - clean.surge) == pytest.approx(0.05, rel=0.1)
     assert np.std(noisy.yaw_rate - clean.yaw_rate) == pytest.approx(0.005, rel=0.1)
-
-
-def test_impossible_models_are_refused():
-    for values, match in (({'m': 1.0, 'Xu_dot': 2.0}, 'positive'), ({'m': float('nan')}, 'finite')):
-        with pytest.raises(InputError, match=match):
-            ManoeuvringModel(parameter_values(values))
-    with pytest.raises(InputError, match='no manoeuvring parameter'):
-        parameter_values({'Zw': 1.0})
-    assert len(NAMES) == len(set(NAMES))

@@ -67,18 +67,6 @@ def test_forecasts_are_due_and_right(manoeuvre):
     assert np.all(np.linalg.eigvalsh(state.twist_covariance) > 0)
 
 
-@pytest.mark.slow
-def test_a_model_is_swapped_in_under_way(manoeuvre):
-    outlook = ManoeuvreOutlook(SETTINGS)
-    rows = list(enumerate(readings(manoeuvre)))
-    play(outlook, manoeuvre, rows[:300])
-    outlook.set_model(MODEL)
-    found = play(outlook, manoeuvre, rows[300:])
-    assert outlook.has_model
-    assert np.median(lead_errors(found, manoeuvre, 1.0)) < 0.7
-    assert outlook.counts['jumped-back'] == 0
-
-
 def test_supplied_thrust_bends_the_path(manoeuvre):
     outlook = ManoeuvreOutlook(SETTINGS, MODEL)
     rows = list(enumerate(readings(manoeuvre)))
