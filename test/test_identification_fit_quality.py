@@ -184,7 +184,7 @@ def test_a_period_of_minutes_is_a_time_in_another_unit(tmp_path, capsys):
     path = tmp_path / 'a.csv'
     write_csv(path, replace(TRUE, time=TRUE.time * 50.0, pitch_rate=None))
     assert main(['identify', str(path), '--axis', 'pitch']) in (1, 2)
-    assert 'time_samples' in capsys.readouterr().err
+    assert 'time_samples' in capsys.readouterr().out
 
 
 def test_identical_files_count_once(tmp_path, capsys):

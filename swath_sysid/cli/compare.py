@@ -49,8 +49,9 @@ def run(arguments: Namespace) -> int:
     began = time.perf_counter()
     settings = settings_of(arguments)
     trials, read_advice, axis = trials_of(arguments)
+    motions = motions_of(trials, axis)
     equations = equations_asked(arguments.equations, axis)
-    problem = prepare(motions_of(trials, axis), settings.start, settings.end)
+    problem = prepare(motions, settings.start, settings.end)
     with progress_of('compare') as progress:
         found = compare(
             problem,

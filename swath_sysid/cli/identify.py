@@ -19,7 +19,6 @@ from swath_sysid.cli.sources import EXIT_POOR_FIT, add_source_arguments, motions
 from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.extinction_tables import tank_tables
@@ -116,8 +115,7 @@ def exit_code_of(arguments: Namespace, verdict: Verdict) -> int:
     if is_to_be_written(arguments, verdict):
         return 0
     if arguments.output:
-        sentence = f'{arguments.output} was not written; --force writes it nevertheless'
-        print(with_flags(verdict.code, sentence), file=sys.stderr)
+        print(f'{arguments.output} was not written; --force writes it nevertheless', file=sys.stderr)
     return EXIT_POOR_FIT
 
 

@@ -10,6 +10,7 @@ from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RATIO_UNITS
 from swath_sysid.attitude.identification.uncertainty import known_together
 from swath_sysid.common.covariance import correlation
+from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.model_file import ratios_as_data
 from swath_sysid.formats.plain_data import finite_or_none
 
@@ -107,7 +108,7 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
     low, high = (math.degrees(a) for a in found.amplitude_range)
     lines = [
         f'{model.axis}: {told(model.equation, model.axis)}, {len(found.records)} record(s)',
-        f'  {found.verdict}',
+        f'  {with_flags(found.verdict.code, str(found.verdict))}',
         *(
             f'  {short_name(r.motion.source)}: decay from {r.segment.start:.2f} to {r.segment.end:.2f} s, '
             f'{r.segment.cycles:.1f} cycles'

@@ -18,7 +18,7 @@ from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
 from swath_sysid.attitude.identification.residual_posterior import residual_posterior
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 
-CHANCE = 0.003  #: Probability that the likelihood ratio calls a complete equation incomplete.
+CHANCE = 0.001  #: Probability that the likelihood ratio calls a complete equation incomplete.
 SMOOTH_TERMS = (*DAMPING_NAMES[1:], 'r2', 'r3')
 
 

@@ -20,6 +20,9 @@ _TAIL_GAIN = 0.1
 # the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
 # sensor's noise; and that of the candidates' own is at least this share of what they claim
 _MIN_SHARE = 1e-3
+# the least variance that is claimed for the true angle, as a share of the sensor's noise variance: the scatter of the
+# readings about some minutes of forecasts does not prove less
+_PROVABLE_SHARE = 0.01
 # of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
 # candidate that is surprised all the time is judged by half of its errors
 _MAX_EXCUSED = 0.5
@@ -174,8 +177,8 @@ class Blend:
         root = np.sqrt(weights)
         blended = _weighted(root[..., :, None] * root[..., None, :], covariance)
         variance = np.diagonal(blended, axis1=1, axis2=2)
-        true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
-        factor = np.sqrt(self.scale[places] * true / variance)
+        true = self.scale[places] * np.maximum(variance - noise_variance, _MIN_SHARE * variance)
+        factor = np.sqrt(np.maximum(true, _PROVABLE_SHARE * noise_variance) / variance)
         return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :]
 
 
