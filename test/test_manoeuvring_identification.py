@@ -192,7 +192,7 @@ def test_windows_do_not_cross_gaps(force_runs):
     ends = windows.start + windows.steps
     assert np.all((ends < 300) | (windows.start >= 350))
     assert windows.start[0] == 20
-    with pytest.raises(InputError, match='no run contains'):
+    with pytest.raises(InputError, match='no run holds'):
         cut([replace(run, driven=np.zeros_like(driven))])
 
 
