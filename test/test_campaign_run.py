@@ -121,7 +121,7 @@ def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials,
     verb = [sys.executable, '-m', 'swath_sysid.start', 'campaign']
     command = [*verb, str(trials / 'campaign.yaml'), '--output', str(tmp_path), '--jobs', '2']
     environment = os.environ | {'PYTHONPATH': str(ROOT)}
-    stopped = 'stopped: the same command goes on from the finished fits'
+    stopped = 'stopped: the same command continues from the finished fits'
     for number, code, last_words in (
         (signal.SIGKILL, -signal.SIGKILL, ''),
         (signal.SIGINT, 130, stopped),
