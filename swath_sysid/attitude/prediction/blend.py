@@ -153,7 +153,8 @@ class Blend:
         ratio = (np.minimum(square, CREDIBLE * variance) - noise_variance) / true
         mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)
         # with wide tails the mean square is more than the 90 % interval needs
-        tail += _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - _MISSES), 0.0)
+        # a new array: of a view np.exp may take another path, by where its result happens to lie in memory
+        tail = tail + _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - _MISSES), 0.0)
         scale = np.exp(tail) * (_TRUST + time * np.maximum(mean_ratio, _MIN_SHARE)) / (_TRUST + time)
         self._spread[(slice(None), *was_free)] = time, mean_ratio, tail, scale
         self.weights = error_weights(self.mean_square, self._time, self._prior)
