@@ -12,7 +12,7 @@ from timeit import timeit
 
 import numpy as np
 
-from swath_sysid.attitude.motion.intake import ImuReading, take_in
+from swath_sysid.attitude.motion.intake import ImuReading, convert
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.formats.bags import write_imu_bag
@@ -55,7 +55,7 @@ def main():
     known = (1e-4, 0.0, 0.0) * 3
     message = ImuReading(0, (0.1, 0.0, 0.0, 0.995), known, (0.1, 0.2, 0.3), known, (0.0, 0.0, 9.81), known)
     for name, installation in (('as the craft', Installation()), ('frd, turned', Installation('frd', (0.1, 0.2, 0.3)))):
-        seconds = timeit(lambda installation=installation: take_in(message, installation), number=CALLS)
+        seconds = timeit(lambda installation=installation: convert(message, installation), number=CALLS)
         print(f'one message, {name:<15} {seconds / CALLS * 1e6:22.1f} us')
 
 

@@ -39,7 +39,7 @@ def test_leftovers_of_a_killed_process_are_cleared(store, tmp_path):
     leftover = tmp_path / 'results' / 'ab' / '.writing-xyz'
     leftover.mkdir()
     (leftover / 'half.json').write_text('[1')
-    with store.alone():
+    with store.locked():
         assert not leftover.exists()
     assert store.get('ab' * 32) == [1]
 
@@ -47,10 +47,10 @@ def test_leftovers_of_a_killed_process_are_cleared(store, tmp_path):
 def test_one_process_at_a_time(store, tmp_path):
     code = (
         'import sys\nfrom swath_sysid.campaign.result_store import ResultStore\n'
-        'with ResultStore(sys.argv[1]).alone(): print("alone")\n'
+        'with ResultStore(sys.argv[1]).locked(): print("alone")\n'
     )
     command = [sys.executable, '-c', code, str(tmp_path / 'results')]
-    with store.alone():
+    with store.locked():
         assert 'another campaign is writing' in subprocess.run(command, capture_output=True, text=True).stderr
     assert subprocess.run(command, capture_output=True, text=True).stdout == 'alone\n'
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.assembly import assemble_trial, turn_rate
-from swath_sysid.attitude.motion.intake import LARGEST_PITCH, ImuReading, take_in
+from swath_sysid.attitude.motion.intake import LARGEST_PITCH, ImuReading, convert
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.common.errors import InputError
 
@@ -150,7 +150,7 @@ def motion_of(orientation, rates, force, installation):
     """The motion of the craft from one message; None near the vertical."""
     unknown = (0.0,) * 9
     reading = [[float(value) for value in part] for part in (orientation, rates, force)]
-    return take_in(ImuReading(0, *(item for part in reading for item in (part, unknown))), installation).sample
+    return convert(ImuReading(0, *(item for part in reading for item in (part, unknown))), installation).sample
 
 
 @given(mounting=st.tuples(angle, angle, angle), craft=st.tuples(angle, pitch_angle, angle))

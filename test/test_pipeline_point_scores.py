@@ -47,7 +47,7 @@ def test_errors_of_known_size_at_a_point_are_scored_as_such():
         for scores, deviation in zip(kinds.values(), DEVIATIONS, strict=True):
             assert scores.nrmse['forecast'] * scores.deviation == pytest.approx([deviation] * 2, rel=0.12)
             assert scores.coverage[:, 1] == pytest.approx([0.9] * 2, abs=0.04)
-            assert not scores.stood_in['forecast'].any()
+            assert not scores.replaced_share['forecast'].any()
             # from the warm-up to half a minute before the end, where what came is not known
             assert scores.counted == pytest.approx([2100 - 5, 2100 - 20], abs=3)
             assert scores.nrmse['mean'] == pytest.approx([1.0] * 2, abs=0.1)
@@ -72,7 +72,7 @@ def test_forecasts_before_vertical_motion_is_learnt_count_as_the_mean():
     for scores in before.points['sensor'].values():
         assert scores.nrmse['forecast'] == pytest.approx(scores.nrmse['mean'])
     for scores in late.points['sensor'].values():
-        assert scores.stood_in['forecast'] == pytest.approx([40.0 / 140.0] * 2, abs=0.01)
+        assert scores.replaced_share['forecast'] == pytest.approx([40.0 / 140.0] * 2, abs=0.01)
         assert (scores.coverage[:, 2] < 0.75).all()
 
 

@@ -96,7 +96,7 @@ def test_where_a_forecast_has_no_value_persistence_stands_in_and_it_is_said():
     found, rest = skill.axes['roll'], trial.roll[1200:1300] - trial.roll[1210:1310]
     assert found.counted[1] == 990
     assert found.nrmse['forecast'][1] == pytest.approx(np.sqrt((rest**2).sum() / 990) / found.deviation)
-    assert found.stood_in['forecast'][1] == pytest.approx(100 / 990)
+    assert found.replaced_share['forecast'][1] == pytest.approx(100 / 990)
     assert found.coverage[1] == pytest.approx([890 / 990] * 3)
     assert [a.code for a in skill.advice] == ['forecast-missing'] and '100' in skill.advice[0].message
 
@@ -115,8 +115,8 @@ def test_a_forecast_issued_after_a_gap_counts_and_has_a_score_of_its_own():
     assert found.nrmse['forecast'][0] == pytest.approx(
         np.sqrt(share * 0.03**2 + (1 - share) * 0.01**2) / found.deviation
     )
-    assert 0.0 < found.stood_in['var_40'][0] < 0.5
-    assert np.all(found.stood_in['persistence'] == 0.0)
+    assert 0.0 < found.replaced_share['var_40'][0] < 0.5
+    assert np.all(found.replaced_share['persistence'] == 0.0)
 
 
 def test_a_record_that_lost_samples_scores_worse_than_the_whole_one(whole):
@@ -163,7 +163,7 @@ def test_what_is_scored_and_what_is_learnt_from_are_chosen_apart(whole):
 def test_the_first_minute_is_scored_from_its_first_forecast():
     found = scored(sea(90.0), warmup=0.0, until=60.0).axes['roll']
     assert 595 <= found.counted[0] <= 601
-    assert found.stood_in['var_40'][0] > 0.15
+    assert found.replaced_share['var_40'][0] > 0.15
     assert found.nrmse['forecast'][1] < found.nrmse['persistence'][1]
 
 

@@ -23,7 +23,7 @@ from swath_sysid.attitude.prediction import hull_filter
 from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, HullFilter, HullFilterSettings, HullPrior
 from swath_sysid.attitude.prediction.hull_step import HULL_STATES, RATIOS, hull_step, predict
 from swath_sysid.attitude.prediction.hull_track import HullTrack
-from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined
+from swath_sysid.attitude.prediction.modal_moment import ModalMoment, sum_of_moments
 from swath_sysid.common.errors import InputError
 
 NAN = math.nan
@@ -67,7 +67,7 @@ def in_swell(moment):
     attitude = HullFilter()
     attitude.set_hull(known_to(ROLL, 5e-4, 0.05, 0.1))
     hand = attitude.moments[0]
-    whole = joined([hand, moment], (1e-4, 1.0))
+    whole = sum_of_moments([hand, moment], (1e-4, 1.0))
     spread = np.zeros((HULL_STATES + whole.size,) * 2)
     spread[:HULL_STATES, :HULL_STATES] = attitude.P[:HULL_STATES, :HULL_STATES]
     spread[HULL_STATES:, HULL_STATES:] = whole.stationary
@@ -175,7 +175,7 @@ def test_what_is_considered_stays_and_goes_on_to_count():
     gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + r)
     gain[OF_HULL] = 0.0
     track.set_state(np.zeros(n), p)
-    track.take_in((0.1, -0.2), VARIANCES, learns=False)
+    track.update((0.1, -0.2), VARIANCES, learns=False)
     left = np.eye(n) - gain @ h
     assert track.x == pytest.approx(gain @ [0.1, -0.2])
     assert track.P == pytest.approx(left @ p @ left.T + gain @ r @ gain.T, abs=1e-9)
@@ -272,7 +272,7 @@ def test_what_convinces_is_the_likelihood_ratio_of_two_filters(monkeypatch):
             track.advance(0.01)
             spread = track.P[:2, :2] + np.diag(VARIANCES)
             likelihoods.append(multivariate_normal(track.x[:2], spread).logpdf(seen))
-            track.take_in(tuple(seen.tolist()), VARIANCES, False)
+            track.update(tuple(seen.tolist()), VARIANCES, False)
         ratio += likelihoods[0] - likelihoods[1]
         if attitude.observe(0.01, *seen.tolist(), *VARIANCES).surprised:
             break

@@ -1,4 +1,4 @@
-"""Many trials as one: manifest, tasks and their results, what is chosen and joined.
+"""Many trials as one: manifest, tasks and their results, what is chosen and merged.
 
 Reads and writes its files through formats; report draws what comes out.
 """

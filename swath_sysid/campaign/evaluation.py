@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swath_sysid.attitude.hull.catalogue import composed, told
+from swath_sysid.attitude.hull.catalogue import composed, title_of
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.hull.terms import TERM_INDEX
@@ -286,12 +286,12 @@ def with_open_choice(fits: Sequence[Identification], pruned: Identification) -> 
     )
 
 
-def told_alone(
+def with_verdicts(
     ranking: Ranking, by_draft: dict[float, Identification], by_record: dict[str, Identification], was_named: bool
 ) -> Ranking:
-    """What there is to say of one equation, which nothing was compared with: its verdicts."""
+    """The ranking with the verdicts of its only equation, which is compared with no other."""
     first = next(iter(by_draft.values()))
-    name = told(first.model.equation, first.model.axis)
+    name = title_of(first.model.equation, first.model.axis)
     reason = ranking.reason if was_named else f'{name}: the terms of the general hull that the records of a draft show.'
     findings = [
         Advice(fit.verdict.code, f'the fit of all records at {place:g} is {fit.verdict}')

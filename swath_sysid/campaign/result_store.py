@@ -33,7 +33,7 @@ class ResultStore:
             raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
 
     @contextmanager
-    def alone(self) -> Iterator[Self]:
+    def locked(self) -> Iterator[Self]:
         """Hold the store for one process; what a killed one left half-written is cleared away."""
         with open(self._folder / LOCK, 'w') as lock:
             try:

@@ -32,8 +32,8 @@ from swath_sysid.campaign.evaluation import (
     schedule_of,
     settle,
     spread_of_repeats,
-    told_alone,
     with_open_choice,
+    with_verdicts,
 )
 from swath_sysid.campaign.executors import connection_losses
 from swath_sysid.campaign.manifest import Craft, Manifest, TrialEntry
@@ -127,7 +127,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a campaign stands: tasks done and in all, and the labels of those running."""
+    """Progress of a campaign: tasks done and in all, and the labels of those running."""
 
     done: int
     total: int
@@ -398,7 +398,7 @@ class _AxisPlan:
         if len(self._names) == 1:
             own = dict(zip(order, (only for (only,) in fits['simulation']), strict=True))
             joint = {k: only for k, (only,) in by_draft.items()}
-            ranking = told_alone(ranking, joint, own, bool(self._manifest.equations))
+            ranking = with_verdicts(ranking, joint, own, bool(self._manifest.equations))
         choice = self._names.index(ranking.choice.name)
         schedule = schedule_of(
             list(by_draft.values()),

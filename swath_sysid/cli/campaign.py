@@ -60,7 +60,7 @@ def run(arguments: Namespace) -> int:
     store = ResultStore(folder / RESULTS)
     try:
         with (
-            store.alone(),
+            store.locked(),
             executor_of(arguments.jobs, arguments.scheduler) as executor,
             progress_of('campaign') as progress,
         ):

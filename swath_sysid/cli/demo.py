@@ -21,7 +21,7 @@ import numpy as np
 import swath_sysid
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.attitude.hull.simulated_craft import returns
-from swath_sysid.attitude.identification.replacement import told_verdict
+from swath_sysid.attitude.identification.replacement import verdict_text
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
@@ -218,7 +218,7 @@ class _Stage:
         for axis, held in received.models.items():
             terms = ', '.join(f'{name} {value:.3g} ± {held.std[name]:.2g}' for name, value in held.model.terms.items())
             print(f'    {axis}: period {held.model.natural_period:.2f} s, {terms}', flush=True)
-            print(f'    {told_verdict(held)}', flush=True)
+            print(f'    {verdict_text(held)}', flush=True)
 
     def pause(self, stage: str, duration: float) -> None:
         """Wait for s of the sensor's stamps."""

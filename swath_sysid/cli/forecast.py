@@ -172,7 +172,7 @@ def _print_point(console: Console, skill: Any, point: str, kinds: Any) -> None:
         _add_methods(table, scores.nrmse)
         table.add_row('90 % coverage, %', *_percentages(scores.coverage[:, 1]), style='dim')
         table.add_row('scored', *map(str, scores.counted), style='dim')
-        absent = scores.stood_in[FORECAST]
+        absent = scores.replaced_share[FORECAST]
         if np.nan_to_num(absent).any():
             table.add_row('not learnt yet, %', *_percentages(absent), style='dim')
     console.print(table)

@@ -119,8 +119,8 @@ def _add_fields(parser: ArgumentParser, fields: Sequence[tuple[str, str, str]], 
     for name, unit, meaning in fields:
         default = getattr(settings, name)
         kind = int if isinstance(default, int) else finite
-        told = meaning if default is None else f'{meaning} (default: {default})'
-        parser.add_argument('--' + name.replace('_', '-'), type=kind, default=default, metavar=unit, help=told)
+        text = meaning if default is None else f'{meaning} (default: {default})'
+        parser.add_argument('--' + name.replace('_', '-'), type=kind, default=default, metavar=unit, help=text)
 
 
 def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:

@@ -1,6 +1,6 @@
 """The catalogue of sentences: every warning by its code, what the flags and the diagnostics add to it.
 
-Values stand in braces by name. A key is a code, or a code and after a colon what tells its sentence from others.
+Values stand in braces by name. A key is a code, or a code and after a colon what distinguishes its sentence.
 """
 
 SENTENCES = {
@@ -91,7 +91,7 @@ SENTENCES = {
     'and choose a decay without gaps',
     'gravity-missing': 'the accelerations average {force:.2f} m/s^2, without gravity: have the driver give the '
     'specific force, which reads {gravity:.2f} upward at rest, or none',
-    'hardly-moves': "'{name}' moves by only {swing:.2g} deg: if it is in rad, name it '{other}'",
+    'hardly-moves': "'{name}' moves by only {amplitude:.2g} deg: if it is in rad, name it '{other}'",
     'held-samples': '{source}: {name} changes only every {usual:.0f}th sample, so repeated values are treated as '
     'missing',
     'holds-decay': 'this record contains a free decay, which shows more about the hull: identify it as a decay',
@@ -195,8 +195,8 @@ SENTENCES = {
     'shape of the hull, and only its damping is exported',
     'rounded-stamps': 'the stamps are rounded to {resolution:.4g} s, about {each} rows each: they were spread evenly, '
     'one every {interval:.4g} s; write the time with more digits',
-    'saturation': 'the {axis} {name} is cut off at {level:.3g} {unit} in {swings}: the sensor saturates there; set a '
-    'wider range, or release from a smaller angle',
+    'saturation': 'the {axis} {name} is cut off at {level:.3g} {unit} in {half_cycles}: the sensor saturates there; '
+    'set a wider range, or release from a smaller angle',
     'scale-not-given': 'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass or '
     'the thrust of one thruster at full command',
     'sea-hides-hull': 'the waves (peak period of the exciting moment {peak:.3g} s) show little of the hull: its period '

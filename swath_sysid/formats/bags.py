@@ -197,7 +197,7 @@ class _ImuDecoder:
 
 
 def _imu_layout(encoding: bytes, name_length: bytes, size: int) -> np.dtype | None:
-    """Where the numbers stand in a serialised Imu message, None if it is none (CDR, OMG formal/02-06-51)."""
+    """Positions of the numbers in a serialised Imu message, None if it is none (CDR, OMG formal/02-06-51)."""
     if encoding[:2] not in (b'\0\0', b'\0\1') or len(name_length) < 4:
         return None
     order = '<' if encoding[1] else '>'
@@ -316,7 +316,7 @@ def chosen_topic(path: str | Path, readers: Sequence[Any], kind: str, given: str
 def intact_messages(
     path: str | Path, readers: Sequence[Any], topics: Collection[str], advice: list[Advice]
 ) -> Iterator[tuple[Any, int, bytes]]:
-    """Connection, time of reception, ns, and bytes of the messages of topics; advice tells of what is damaged."""
+    """Connection, time of reception, ns, and bytes of the messages of topics; advice reports what is damaged."""
     for reader in readers:
         connections = [c for c in reader.connections if c.topic in topics]
         if connections:

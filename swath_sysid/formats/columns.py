@@ -61,7 +61,7 @@ UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
 
 @dataclass(frozen=True)
 class Column:
-    """A column that is read: what it holds, where it stands, and in which unit."""
+    """A column that is read: what it holds, its position and its unit."""
 
     reading: str
     name: str  #: As written.

@@ -20,7 +20,7 @@ from swath_sysid.formats.tables import Progress, write_table
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}  #: rad, with some rounding.
 BROKEN_SHARE = 0.01  #: Of values beyond all limits, which may be broken packets.
 
-SWINGS_RAD = 0.03, 0.7  #: Half the range of angles in rad of a craft that moves by 2 to 40 deg.
+AMPLITUDES_RAD = 0.03, 0.7  #: Half the range of angles in rad of a craft that moves by 2 to 40 deg.
 MIN_SAMPLES_A_CYCLE = 8  #: Noise of a sensor at rest turns faster.
 
 #: Readings without any of which there is no roll or pitch.
@@ -56,7 +56,7 @@ def read_csv(
     ``initial_angle_rad``, ``frame``, ``mounting_deg`` (roll, pitch, yaw of the sensor, as in ``180, 0, 0``), and
     ``sample_rate_hz``, which goes with ``time_samples``.
 
-    A quantity that stands in two columns is read where both agree, and a column whose name is near to a known one is
+    A quantity that appears in two columns is read where both agree, and a column whose name is near to a known one is
     reported. Frame and mounting, where they are not given, are
     those that the file states. Parameters and errors are those of `swath_sysid.formats.reading.read_trial`.
     """
@@ -74,9 +74,9 @@ def read_csv(
         initial_angle=table.remark('initial_angle_rad') if degrees is None else float(np.radians(degrees)),
         advice=(*table.advice, *_small_angle_advice(table)),
     )
-    swinging = [values for name, values in trial.channels.items() if name not in ACCEL]
+    motions = [values for name, values in trial.channels.items() if name not in ACCEL]
     stamps, first = trial.time + (table.start - trial.time[0]), table.columns[0]
-    found = check_time_base(stamps, swinging, str(path), first.name, first.unit)
+    found = check_time_base(stamps, motions, str(path), first.name, first.unit)
     return replace(trial, advice=(*trial.advice, *found))
 
 
@@ -132,15 +132,15 @@ def _check_units(table: Table) -> None:
 def _small_angle_advice(table: Table) -> tuple[Advice, ...]:
     """Advice (``hardly-moves``) where all angles are declared in degrees but move as little as angles in rad do."""
     angles = {name: known for name, (_, known) in _angles(table, 'deg').items()}
-    swings = {name: float(np.subtract(*np.percentile(known, [99, 1]))) / 2 for name, known in angles.items()}
-    if not swings or not SWINGS_RAD[0] < max(swings.values()) < SWINGS_RAD[1]:
+    amplitudes = {name: float(np.subtract(*np.percentile(known, [99, 1]))) / 2 for name, known in angles.items()}
+    if not amplitudes or not AMPLITUDES_RAD[0] < max(amplitudes.values()) < AMPLITUDES_RAD[1]:
         return ()
-    name = max(swings, key=lambda angle: swings[angle])
+    name = max(amplitudes, key=lambda angle: amplitudes[angle])
     samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name], 1)
     if samples_a_cycle is None or samples_a_cycle < MIN_SAMPLES_A_CYCLE:
         return ()
     other = re.sub('deg', 'rad', name, flags=re.IGNORECASE)
-    return (Advice.of('hardly-moves', name=shown(name), swing=swings[name], other=shown(other)),)
+    return (Advice.of('hardly-moves', name=shown(name), amplitude=amplitudes[name], other=shown(other)),)
 
 
 def _installation(table: Table, frame: str | None, mounting: tuple[float, float, float]) -> Installation:

@@ -39,7 +39,7 @@ Readers = dict[int | str, Callable[[str], float]]  #: Of the cells of columns, b
 
 @dataclass(frozen=True)
 class TableHead:
-    """What stands above the numbers of a table, and how they are written."""
+    """What precedes the numbers of a table, and how they are written."""
 
     names: tuple[str, ...]  #: As written.
     remarks: dict[str, str]  #: ``key: value`` of the comment lines, keys in lower case.
@@ -51,7 +51,7 @@ class TableHead:
 
 
 def read_head(path: str | Path) -> TableHead:
-    """What stands above the numbers: names on the first line, or on the last comment (as numpy.savetxt writes them)."""
+    """What precedes the numbers: names on the first line, or on the last comment (as numpy.savetxt writes them)."""
     with _opened(path) as file:
         head = file.read(HEAD_BYTES)
     if not head.strip():

@@ -93,14 +93,14 @@ def _value(event: yaml.Event, events: Iterator[yaml.Event], path: tuple[str, ...
     while not isinstance(item := next(events), yaml.CollectionEndEvent):
         name = _scalar_value(item, path) if isinstance(item, yaml.ScalarEvent) else None
         if not isinstance(name, str):
-            raise InputError(f'{_told(path)}: names must be texts')
+            raise InputError(f'{_place(path)}: names must be texts')
         if name in found:
-            raise InputError(f"{_told(path)}: '{shown(name)}' is given twice: leave one out")
+            raise InputError(f"{_place(path)}: '{shown(name)}' is given twice: leave one out")
         found[name] = _value(next(events), events, (*path, name))
     return found
 
 
-def _told(path: tuple[str, ...]) -> str:
+def _place(path: tuple[str, ...]) -> str:
     source, *names = path
     return source + ''.join(f', {shown(name)}' for name in names)[-LONGEST_SHOWN:]
 
@@ -117,18 +117,18 @@ def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...]) -> str | int |
     if len(text) > LONGEST_NUMBER:
         if _LIKE_A_NUMBER.fullmatch(text):
             raise InputError(
-                f'{_told(path)}: {shown(text)} is a number of {len(text)} characters: {LONGEST_NUMBER} are enough'
+                f'{_place(path)}: {shown(text)} is a number of {len(text)} characters: {LONGEST_NUMBER} are enough'
             )
         return text
     if _INTEGER.fullmatch(text):
         return int(text)
     if _NOT_FINITE.fullmatch(text):
-        raise InputError(f'{_told(path)}: {text} is not a finite number: write null for what is not known')
+        raise InputError(f'{_place(path)}: {text} is not a finite number: write null for what is not known')
     if not _FLOAT.fullmatch(text):
         return text
     value = float(text)
     if value in (float('inf'), -float('inf')):
-        raise InputError(f'{_told(path)}: {text} is not a finite number: it is too large')
+        raise InputError(f'{_place(path)}: {text} is not a finite number: it is too large')
     return value
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
-from swath_sysid.attitude.motion.segmentation import SMALLEST_SWING, find_decays, keeps_swinging
+from swath_sysid.attitude.motion.segmentation import SMALLEST_DOUBLE_AMPLITUDE, find_decays, keeps_oscillating
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.attitude.motion.window import WindowSettings
@@ -30,7 +30,7 @@ LOWEST_RATE = 8.0  #: Hz; craft roll in 1 s and more, and a period needs some te
 
 REST_S = 6.0  #: s without motion after which a craft is at rest.
 BLOCK_S = 0.5  #: s; rest is judged by means over this time, which average out sensor noise.
-STILL = SMALLEST_SWING['angle']  #: Peak to peak of such means at rest.
+STILL = SMALLEST_DOUBLE_AMPLITUDE['angle']  #: Peak to peak of such means at rest.
 SMALLEST_PUSH = WindowSettings.smallest_decay  #: The buffer reports no smaller decay.
 
 #: s without rest after which waves are blamed, and from the end of a decay without an identification.
@@ -281,15 +281,15 @@ class BringUp:
 
     def _moving(self, facts: Facts) -> Guidance:
         """Guidance while the craft moves after a rest."""
-        (own, has_swung), (beside, _) = (self._since_rest(facts, axis) for axis in (self.axis, self._other))
+        (own, came_back), (beside, _) = (self._since_rest(facts, axis) for axis in (self.axis, self._other))
         self._has_moved = True
         if max(own, beside) < SMALLEST_PUSH and (shown := self._judgement(facts)) is not None:
             return shown
         self._stays = None
         since = facts.motions[self.axis].between(self._rest_end, None)
-        if since.duration > PATIENCE_S and keeps_swinging(since) and not find_decays(since):
+        if since.duration > PATIENCE_S and keeps_oscillating(since) and not find_decays(since):
             return _waves(DECAY, 'The motion does not die out.')
-        if has_swung or beside > max(own, SMALLEST_PUSH):
+        if came_back or beside > max(own, SMALLEST_PUSH):
             return Guidance(DECAY, 'Hands off, and let it roll out.')
         way = 'let go.' if own >= 0.8 * self._push else 'further, then let go.'
         return Guidance(PUSH, f'{np.degrees(own):.1f} of {self._degrees}: {way}')

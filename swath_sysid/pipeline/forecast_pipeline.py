@@ -9,7 +9,14 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
-from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, CraftSample, ImuReading, Intake, Taken
+from swath_sysid.attitude.motion.intake import (
+    INTAKE_REASONS,
+    NANOSECOND,
+    ConvertedReading,
+    CraftSample,
+    ImuReading,
+    Intake,
+)
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES
@@ -147,9 +154,9 @@ class ForecastPipeline:
         """Take one sample of the craft's motion, as a record holds it; see `add`."""
         return self.add_converted(self._intake.place(sample), on_next)
 
-    def add_converted(self, taken: Taken, on_next: OnNext | None = None) -> PipelineStep:
-        """Accept what the intake made of one message or sample; see `add`."""
-        sample, reasons = taken
+    def add_converted(self, converted: ConvertedReading, on_next: OnNext | None = None) -> PipelineStep:
+        """Add one converted message or sample; see `add`."""
+        sample, reasons = converted
         for reason in reasons:
             self.counts[reason] += 1
         if sample is None:

@@ -77,12 +77,12 @@ class PlayThrough:
         """Process one IMU message."""
         stamp_ns = reading.stamp_ns
         models, verdict = self._finish_refit(stamp_ns)
-        taken = None if self._intake is None else self._intake.take(reading)
-        step = self.forecasts.add(reading) if taken is None else self.forecasts.add_converted(taken)
+        converted = None if self._intake is None else self._intake.take(reading)
+        step = self.forecasts.add(reading) if converted is None else self.forecasts.add_converted(converted)
         if step.sea_request is not None:
             # used a while after its stamp, so that a live fit is ready by then
             self.forecasts.install(self._fit_sea(step.sea_request))
-        finished = (self.window.add(reading) if taken is None else self.window.add_taken(taken)).finished
+        finished = (self.window.add(reading) if converted is None else self.window.add_converted(converted)).finished
         if self._is_due(stamp_ns):
             self._waiting.append(self.window.table())
             self._start_refit(stamp_ns)

@@ -44,7 +44,7 @@ class QuantitySkill:
     unmeasured: np.ndarray  #: (L,); those that cannot be scored because nothing was measured at their time.
     nrmse: dict[str, np.ndarray]  #: (L,) by `METHODS`, of vertical motion by those that need no measurement of it.
     #: (L,); share for which the method had no value and was replaced by persistence (vertical motion: the mean).
-    stood_in: dict[str, np.ndarray]
+    replaced_share: dict[str, np.ndarray]
     coverage: np.ndarray  #: (L, 3); of the 50, 90 and 99 % intervals.
     interval: np.ndarray  #: (L, 2); of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
     best: tuple[str, ...]  #: The baseline with the least error, by lead.
@@ -171,7 +171,7 @@ def score(
         at = _Occasions(stamps, leads, span, record.after_gap(axis, stamps, AFTER_GAP), seed)
         methods = {FORECAST: angle, **baselines[axis]}
         results[axis] = _score(record, axis, at, methods, half_width, 'persistence')
-        missing = round(float(np.nan_to_num(results[axis].stood_in[FORECAST] * results[axis].counted).max()))
+        missing = round(float(np.nan_to_num(results[axis].replaced_share[FORECAST] * results[axis].counted).max()))
         if missing:
             advice.append(Advice.of('forecast-missing', missing=missing, axis=axis))
     advice += _leads_between_samples(leads, trial.time)
@@ -308,7 +308,7 @@ def _score(
         counted=counted,
         unmeasured=stamps.size - counted,
         nrmse=nrmse,
-        stood_in={name: missing.sum(axis=0) * share for name, missing in absent.items()},
+        replaced_share={name: missing.sum(axis=0) * share for name, missing in absent.items()},
         coverage=held.sum(axis=0) * share[:, None],
         interval=interval,
         best=best,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from swath_sysid.attitude.hull.catalogue import published_alike, told
+from swath_sysid.attitude.hull.catalogue import published_alike, title_of
 from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RATIO_UNITS
 from swath_sysid.attitude.identification.uncertainty import known_together
@@ -107,7 +107,7 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
     model = found.model
     low, high = (math.degrees(a) for a in found.amplitude_range)
     lines = [
-        f'{model.axis}: {told(model.equation, model.axis)}, {len(found.records)} record(s)',
+        f'{model.axis}: {title_of(model.equation, model.axis)}, {len(found.records)} record(s)',
         f'  {with_flags(found.verdict.code, str(found.verdict))}',
         *(
             f'  {short_name(r.motion.source)}: decay from {r.segment.start:.2f} to {r.segment.end:.2f} s, '

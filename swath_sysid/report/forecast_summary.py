@@ -67,7 +67,7 @@ def _scores_as_data(scores: Any, unit: str):
         'best_baseline': scores.best,
         'ratio': scores.ratio,
         'ratio_interval': scores.ratio_interval,
-        'stood_in': scores.stood_in,
+        'stood_in': scores.replaced_share,
         'coverage': {f'{100 * level:g}': scores.coverage[:, k] for k, level in enumerate(LEVELS)},
         'after_gap': {
             'within_s': AFTER_GAP,

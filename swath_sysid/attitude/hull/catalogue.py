@@ -98,7 +98,7 @@ def published_alike(equation: Equation, axis: str) -> tuple[str, ...]:
     return () if equation.name in EQUATIONS else tuple(alike)
 
 
-def told(equation: Equation, axis: str) -> str:
+def title_of(equation: Equation, axis: str) -> str:
     """Its name, and beside a composition the published equations that have its terms."""
     alike = published_alike(equation, axis)
     return f'{equation.name} (the terms of {" and ".join(alike)})' if alike else equation.name

@@ -12,7 +12,7 @@ from swath_sysid.common.accelerator import accelerated, has_numba
 
 STEPS_PER_PERIOD = 60  #: Runge-Kutta steps a natural period: phase error below 1e-7 rad a step.
 
-_SWING = np.linspace(-1.0, 1.0, 33)
+_OFFSETS = np.linspace(-1.0, 1.0, 33)
 
 
 @accelerated
@@ -78,11 +78,11 @@ def places_in_steps(time: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarr
 
 def longest_step(model: DecayModel, amplitude: float = 0.0, steps_per_period: float = STEPS_PER_PERIOD) -> float:
     """Step, s, that resolves a hull's motions up to an amplitude, rad, and their damping, stable or not."""
-    swing = amplitude * _SWING
-    stiffness = float(np.abs(model.jacobian(model.trim + swing, 0.0)[0]).max())
-    rate = math.sqrt(stiffness) * swing
+    offset = amplitude * _OFFSETS
+    stiffness = float(np.abs(model.jacobian(model.trim + offset, 0.0)[0]).max())
+    rate = math.sqrt(stiffness) * offset
     # a rate whose damping outweighs every restoring moment is never reached
-    reached = np.abs(model.acceleration(model.trim, rate)) <= np.abs(model.acceleration(model.trim + swing, 0.0)).max()
+    reached = np.abs(model.acceleration(model.trim, rate)) <= np.abs(model.acceleration(model.trim + offset, 0.0)).max()
     damping = float(np.abs(model.jacobian(model.trim, rate)[1]).max(where=reached, initial=0.0))
     fastest = max(math.sqrt(stiffness), damping, 1e-6)
     return 2.0 * math.pi / fastest / steps_per_period

@@ -33,7 +33,7 @@ class AbsentTerm:
 def suits_likelihood(problem: Problem, equation: Equation) -> bool:
     """Whether coefficients come from the likelihood of a basin that moves: with angle and rate in each record.
 
-    The likelihood takes the two to differ by noise and a bias only, and so tells the craft's motion from the
+    The likelihood takes the two to differ by noise and a bias only, and so separates the craft's motion from the
     sensor's. An angle alone mostly comes filtered or rounded, from optical tracking, and is trusted far beyond what it
     is worth; dry friction is not smooth enough for the filter.
     """

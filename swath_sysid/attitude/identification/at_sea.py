@@ -182,7 +182,7 @@ def identify_at_sea(
     """
     motion = motion.between(start, end)
     fit, modes = _best_fit(motion, heave, progress, should_cancel)
-    return _concluded(motion, fit, modes, not searched and bool(find_decays(motion)))
+    return _identification(motion, fit, modes, not searched and bool(find_decays(motion)))
 
 
 def gain_over(
@@ -430,7 +430,7 @@ class _Fit:
         return (vectors / np.maximum(values, least)) @ vectors.T
 
 
-def _concluded(motion: AxisMotion, fit: _Fit, modes: Sequence[Any], holds_decay: bool):
+def _identification(motion: AxisMotion, fit: _Fit, modes: Sequence[Any], holds_decay: bool):
     sea, spectra, best = fit.sea, fit.spectra, modes[0]
     misfit = fit.deviance(best.x)
     logs, log_covariance = _estimate_with_covariance(fit, modes, fit.inflation(best.x))
@@ -446,8 +446,8 @@ def _concluded(motion: AxisMotion, fit: _Fit, modes: Sequence[Any], holds_decay:
         )
     if damping * frequency * sea.duration < MIN_FADING:
         raise InputError(
-            f'the {motion.axis} swings with a period of {period:.3g} s like a pure tone, as in regular waves, which '
-            'say nothing about the damping: give motion in irregular waves, or record a free decay in still water'
+            f'the {motion.axis} oscillates with a period of {period:.3g} s like a pure tone, as in regular waves, '
+            'which say nothing about the damping: give motion in irregular waves, or record a free decay in still water'
         )
     b1, r1 = 2.0 * damping * frequency, frequency**2
     # derivatives of (log b1, log r1) by (log period, log damping)

@@ -1,6 +1,6 @@
 """Extinction of a free decay and its damping in dimensions, as towing tanks report them (ITTC 7.5-02-07-04.5).
 
-Amplitude a: half of each swing. decrement = p1 a + p2 a^2 + p3 a^3 per half cycle, Bertin's N = decrement / a^2.
+Amplitude a: half a double amplitude. decrement = p1 a + p2 a^2 + p3 a^3 per half-cycle, Bertin's N = decrement / a^2.
 From the energy of b1 w + b2 |w| w + b3 w^3 at frequency w: p1 = pi b1 / (2 w), for which the exact
 2 tanh(b1 T / 8) is used, p2 = 4/3 b2, p3 = 3/8 pi w b3.
 """
@@ -36,7 +36,7 @@ class Peaks:
 
     @property
     def amplitude(self) -> np.ndarray:
-        """Half of each swing, rad, shape (M - 1,)."""
+        """Half of each double amplitude, rad, shape (M - 1,)."""
         return 0.5 * np.abs(np.diff(self.angle))
 
     @property
@@ -46,7 +46,7 @@ class Peaks:
 
     @property
     def decrement(self) -> np.ndarray:
-        """Fall of the amplitude in half a cycle, rad, shape (M - 2,)."""
+        """Loss of amplitude per half-cycle, rad, shape (M - 2,)."""
         return self.amplitude[:-1] - self.amplitude[1:]
 
     @property

@@ -22,8 +22,8 @@ ADEQUATE, DOUBTFUL, REJECTED = 'adequate', 'doubtful', 'rejected'
 #: Relative error of the next release up to which a model is adequate, and from which a forecast of rest is as good.
 ADEQUATE_ERROR, REJECTED_ERROR = 0.1, 1.0
 LARGEST_UNEXPLAINED = 0.5  #: Largest share of the motion that a fit may leave, or leave open to the other side.
-#: Autocorrelation of the residuals at one period above which they oscillate with the craft.
-SWINGING = 0.5
+#: Of the residuals, at one period: above, they oscillate with the craft.
+MAX_AUTOCORRELATION = 0.5
 #: Of `rate_mismatch`: above, a unit, sign or delay is wrong.
 MAX_RATE_MISMATCH = 0.35
 LEAST_USABLE = 0.5  #: Least share of a record's rows that must be usable.
@@ -68,7 +68,7 @@ class Verdict:
 
 def judge(found: 'Identification') -> Verdict:
     """Judge a fit, the gravest cause first."""
-    (same_side, other_side), swing = posterior_errors(found), residual_autocorrelation(found)
+    (same_side, other_side), periodic = posterior_errors(found), residual_autocorrelation(found)
     uncertain = max(same_side, other_side) if other_side <= ADEQUATE_ERROR else same_side
     angle, rate = (unexplained_share(found, quantity) for quantity in ('angle', 'rate'))
     # a gyro may drift and an angle lag without a fault of the model, as long as little of the rate is left
@@ -83,13 +83,13 @@ def judge(found: 'Identification') -> Verdict:
     for level in (REJECTED, DOUBTFUL):
         for graveness, code, sentence in causes:
             if graveness == level:
-                return Verdict(level, code, sentence, error, swing)
+                return Verdict(level, code, sentence, error, periodic)
     left = f'; the fit leaves {unexplained:.1%} of the motion'
-    if swing > SWINGING:
-        left += f', which is not noise: it oscillates with the craft (autocorrelation {swing:+.2f} at one period)'
+    if periodic > MAX_AUTOCORRELATION:
+        left += f', which is not noise: it oscillates with the craft (autocorrelation {periodic:+.2f} at one period)'
     other = f' ({other_side:.0%} to the other side)' if other_side > ADEQUATE_ERROR else ''
     sentence = f'the next release should be forecast to within {error:.1%} of its motion{other}{left}'
-    return Verdict(ADEQUATE, 'adequate', sentence, error, swing)
+    return Verdict(ADEQUATE, 'adequate', sentence, error, periodic)
 
 
 def _contradictions(found: 'Identification', unexplained: float) -> Iterator[tuple[str, str, str]]:
@@ -153,13 +153,13 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
             'few-samples',
             f'only {usable:.0%} of the recorded rows have a distinct time: write the time with more digits',
         )
-    swings = 2.0 * np.pi / found.problem.scales.frequency
-    if not 1.0 / LARGEST_PERIOD_RATIO < found.model.natural_period / swings < LARGEST_PERIOD_RATIO:
+    measured = 2.0 * np.pi / found.problem.scales.frequency
+    if not 1.0 / LARGEST_PERIOD_RATIO < found.model.natural_period / measured < LARGEST_PERIOD_RATIO:
         yield (
             DOUBTFUL,
             'implausible-period',
             f'the natural period came out as {found.model.natural_period:.3g} s, but the craft oscillates with '
-            f'{swings:.3g} s: choose the decay by its start and end, or release the craft again in still water',
+            f'{measured:.3g} s: choose the decay by its start and end, or release the craft again in still water',
         )
     start = largest_release(found)
     righting = -float(found.model.acceleration(found.model.trim + start, 0.0)) / start

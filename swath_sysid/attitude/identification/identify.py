@@ -338,9 +338,9 @@ def identify_problem(
         fit, parameters = _refine_outwards(problem, equation, space, best, tolerance, should_cancel)
     report(0.5 * (1.0 + SEARCH_SHARE))
     if settings.equation == AUTO and settings.objective == 'simulation':
-        identified = conclude(problem, settings, found, pruned_hull(problem, *fit.unpack(parameters)))
+        identified = identification_of(problem, settings, found, pruned_hull(problem, *fit.unpack(parameters)))
     else:
-        identified = refined_in_basin(conclude(problem, settings, found, FittedHull(equation, parameters)))
+        identified = refined_in_basin(identification_of(problem, settings, found, FittedHull(equation, parameters)))
     report(1.0)
     return identified
 
@@ -357,7 +357,7 @@ def refit_from(
     fit = motion_fit(problem, equation)
     space = _space(problem, equation, settings)
     parameters, _, _ = fit.refine(fit.pack(ratios, states), space.ratio_lower, space.ratio_upper)
-    return refined_in_basin(conclude(problem, settings, search, FittedHull(equation, parameters)))
+    return refined_in_basin(identification_of(problem, settings, search, FittedHull(equation, parameters)))
 
 
 def refined_in_basin(found: Identification) -> Identification:
@@ -380,7 +380,7 @@ def refined_in_basin(found: Identification) -> Identification:
     if not fit.returns(parameters):
         return replace(found, absent_term=absent)
     hull = FittedHull(equation, fit.refine_states(parameters), basin)
-    refined = conclude(problem, found.settings, found.search, hull)
+    refined = identification_of(problem, found.settings, found.search, hull)
     moved = bool(lacking(equation, SMOOTH_TERMS)) and _has_left(refined, found)
     if moved and absent is None:
         absent = absent_by_residuals(problem, equation, ratios, states)
@@ -466,7 +466,7 @@ def _refine_outwards(
         horizon *= HORIZON_GROWTH
 
 
-def conclude(
+def identification_of(
     problem: Problem, settings: IdentificationSettings, search: SearchResult, hull: FittedHull
 ) -> Identification:
     """The identification that a fitted hull gives, with its uncertainty."""

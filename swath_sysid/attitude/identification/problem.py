@@ -31,9 +31,9 @@ STOPPED = 0.5
 
 FIRST_LOOK_PERIODS = 0.12  #: Share of a period that the initial state is estimated from.
 
-#: With fewer cycles the frequency is that of the first fall, over twice the time to this share of the angle,
-#: unless it differs by more than the last factor.
-FEW_CYCLES, FALLEN, LARGEST_CORRECTION = 3.0, 0.2, 8.0
+#: With fewer cycles the frequency is that of the first return to the trim, over twice the time to this share of
+#: the angle, unless it differs by more than the last factor.
+FEW_CYCLES, RETURNED, LARGEST_CORRECTION = 3.0, 0.2, 8.0
 
 
 @dataclass(frozen=True)
@@ -195,9 +195,9 @@ def _initial_state(motion: AxisMotion, segment: DecaySegment, noise: Noise):
 
 
 def _frequency(motion: AxisMotion, segment: DecaySegment):
-    """Natural frequency to scale by, rad/s: of the oscillation or, with few cycles, of the first fall.
+    """Natural frequency to scale by, rad/s: of the oscillation or, with few cycles, of the first return to the trim.
 
-    The fall obeys the integrated linear equation, rate = -b1 angle - r1 (integral of the angle) + a + b t, which is
+    The return obeys the integrated linear equation, rate = -b1 angle - r1 (integral of the angle) + a + b t, which is
     free of gyro bias and trim; later oscillations of a strongly damped craft are mostly the basin's.
     """
     from scipy.integrate import cumulative_trapezoid
@@ -206,13 +206,13 @@ def _frequency(motion: AxisMotion, segment: DecaySegment):
     if segment.cycles >= FEW_CYCLES or motion.angle is None or motion.rate is None:
         return frequency
     away = np.abs(motion.angle - segment.trim)
-    fallen = motion.time[np.argmax(away < FALLEN * away[0])] - motion.time[0]
+    returned = motion.time[np.argmax(away < RETURNED * away[0])] - motion.time[0]
     elapsed = motion.time - motion.time[0]
-    falls = elapsed <= max(2.0 * fallen, 8.0 * motion.sample_interval)
-    elapsed, angle = elapsed[falls], motion.angle[falls]
+    first = elapsed <= max(2.0 * returned, 8.0 * motion.sample_interval)
+    elapsed, angle = elapsed[first], motion.angle[first]
     integral = cumulative_trapezoid(angle, elapsed, initial=0.0)
     rows = np.column_stack([-integral, -angle, np.ones(angle.size), elapsed])
-    stiffness = np.linalg.lstsq(rows, motion.rate[falls], rcond=None)[0][0]
+    stiffness = np.linalg.lstsq(rows, motion.rate[first], rcond=None)[0][0]
     found = np.sqrt(max(stiffness, 0.0))
     return float(found) if 1.0 / LARGEST_CORRECTION < found / frequency < LARGEST_CORRECTION else frequency
 

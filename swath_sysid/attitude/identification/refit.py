@@ -36,10 +36,10 @@ from swath_sysid.attitude.identification.live_decays import (
 from swath_sysid.attitude.identification.replacement import (
     BY_CHANCE,
     explains_better,
+    gain_text,
     has_changed,
     reason_to_keep,
-    told_gain,
-    told_verdict,
+    verdict_text,
 )
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
@@ -185,18 +185,18 @@ def _refit_axis(
         return AxisVerdict(axis, None, 'not fitted, this release is among those fitted before')
     decays = newest((*old, *new))
     new = tuple(each for each in decays if each in new)
-    changed, alone = False, None
+    changed, of_new = False, None
     fit = partial(_identified, settings=request.settings.identification, should_cancel=should_cancel)
     if 0 < len(new) < len(decays) and held.model is not None:
-        alone = fit(new, progress=lambda share: progress(0.5 * share))
+        of_new = fit(new, progress=lambda share: progress(0.5 * share))
         places = [decays.index(each) for each in new]
-        changed = alone.verdict.level != REJECTED and has_changed(joint_problem(decays), held.model, alone, places)
-    if alone is not None and changed and alone.verdict.level == ADEQUATE:
-        found, fitted = alone, new
+        changed = of_new.verdict.level != REJECTED and has_changed(joint_problem(decays), held.model, of_new, places)
+    if of_new is not None and changed and of_new.verdict.level == ADEQUATE:
+        found, fitted = of_new, new
     else:
         found, fitted = fit(decays, progress=lambda share: progress(0.5 + 0.5 * share)), decays
     verdict = _judged(axis, found, fitted, changed, held, request)
-    return replace(verdict, estimate=_period_at_reference(alone or found, seen.newest) if new else None)
+    return replace(verdict, estimate=_period_at_reference(of_new or found, seen.newest) if new else None)
 
 
 def _identified(
@@ -236,7 +236,7 @@ def _judged(
         )
         anew, current = f'the {before} forgotten; ', None
     terms = f'{model.model.equation.name}, period {model.model.natural_period:.3f} s'
-    message = f'{anew}{told_verdict(model)}; {told_gain(current, model, len(decays))} ({terms})'
+    message = f'{anew}{verdict_text(model)}; {gain_text(current, model, len(decays))} ({terms})'
     return AxisVerdict(axis, model, message, kept)
 
 
@@ -265,12 +265,12 @@ def _refit_at_sea(
     if found.has_period:
         begin, end = seen.newest.rows[[0, -1], 0].tolist()
         estimate = PeriodEstimate(begin, end, found.natural_period, found.natural_period_std, found.amplitude)
-    summary = _told_at_sea(found)
+    summary = _at_sea_text(found)
     held, better, refusal = request.current.get(axis), '', ''
     if not found.is_usable:
         refusal = 'this sea does not determine the hull'
     elif held is not None and not is_at_sea(held):
-        refusal = f'the model of the free decay stays, {_told_there(held, found.amplitude)}'
+        refusal = f'the model of the free decay stays, {_equivalent_text(held, found.amplitude)}'
     elif held is not None:
         # twice, as in `explains_better`: both are uncertain
         gain = gain_over(held.model, motion, heave, should_cancel=should_cancel)
@@ -283,14 +283,14 @@ def _refit_at_sea(
     return AxisVerdict(axis, found.identified_model(provenance), f'{summary}{better}', estimate=estimate)
 
 
-def _told_at_sea(found: AtSeaIdentification) -> str:
+def _at_sea_text(found: AtSeaIdentification) -> str:
     return (
         f'at sea, equivalent linear at {np.degrees(found.amplitude):.2g} deg: period {found.natural_period:.3f} +- '
         f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
     )
 
 
-def _told_there(held: IdentifiedModel, amplitude: float):
+def _equivalent_text(held: IdentifiedModel, amplitude: float):
     """A model's period and damping at an amplitude, in words."""
     curves = amplitude_curves(held.model.ratios, np.array([amplitude]), held.model.friction_rate)
     period, damping = 2.0 * np.pi / float(curves.frequency[0]), float(curves.damping_ratio[0])

@@ -53,22 +53,22 @@ def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayM
     return min(found, default=float('inf')) ** 2 * _count(problem)
 
 
-def has_changed(problem: Problem, before: DecayModel, alone: Identification, new: Sequence[int]) -> bool:
+def has_changed(problem: Problem, before: DecayModel, of_new: Identification, new: Sequence[int]) -> bool:
     """Whether new decays contradict the others by more than matters; ``new`` are their places in the problem.
 
-    ``before`` is fitted to the others, ``alone`` to the new ones. One hull for all against one for each part: the sums
+    ``before`` is fitted to the others, ``of_new`` to the new ones. One hull for all against one for each part: the sums
     of squares differ by a chi-squared variable (Wilks 1938). The excess matters where it exceeds the new fit's motion
     error.
     """
     problem = _thinned(problem)
     old = [k for k in range(len(problem.motions)) if k not in new]
-    terms = [name for name in TERM_NAMES if name in (*before.equation.terms, *alone.model.equation.terms)]
-    equation, starts = Equation('', tuple(terms)), (before, alone.model)
+    terms = [name for name in TERM_NAMES if name in (*before.equation.terms, *of_new.model.equation.terms)]
+    equation, starts = Equation('', tuple(terms)), (before, of_new.model)
     apart = sum(_least_squares(_part(problem, places), equation, starts) for places in (old, new))
     lost = _least_squares(problem, equation, starts) - apart
-    variance = apart / _count(problem) * alone.samples / alone.effective_samples
+    variance = apart / _count(problem) * of_new.samples / of_new.effective_samples
     by_chance = variance * chdtri(len(terms), BY_CHANCE)
-    matters = alone.verdict.motion_error**2 * sum(values.size * np.var(values) for values in _measured(problem))
+    matters = of_new.verdict.motion_error**2 * sum(values.size * np.var(values) for values in _measured(problem))
     return bool(lost > max(by_chance, matters))
 
 
@@ -117,12 +117,12 @@ def reason_to_keep(current: IdentifiedModel | None, new: IdentifiedModel, is_con
     """
     level = new.metrics['verdict']
     if level == REJECTED or not np.isfinite(new.model.natural_period):
-        return told_verdict(new)
+        return verdict_text(new)
     if current is None or is_at_sea(current):
         return ''
     held = current.metrics.get('verdict', ADEQUATE)
     if _RANK[level] < _RANK[held]:
-        return f'{told_verdict(new)}; the current model, which is {held}, stays'
+        return f'{verdict_text(new)}; the current model, which is {held}, stays'
     if _RANK[level] > _RANK[held] or is_contradicted or motion_error(new) < motion_error(current):
         return ''
     return (
@@ -131,12 +131,12 @@ def reason_to_keep(current: IdentifiedModel | None, new: IdentifiedModel, is_con
     )
 
 
-def told_verdict(model: IdentifiedModel) -> str:
+def verdict_text(model: IdentifiedModel) -> str:
     """The verdict of a model and its sentence."""
     return f'{model.metrics["verdict"]}: {model.metrics["verdict_sentence"]}'
 
 
-def told_gain(current: IdentifiedModel | None, new: IdentifiedModel, releases: int) -> str:
+def gain_text(current: IdentifiedModel | None, new: IdentifiedModel, releases: int) -> str:
     """What the last release added to the certainty, in words."""
     count = f'{releases} release{"s" if releases > 1 else ""}'
     if current is None or not 0.0 < motion_error(current) < np.inf:

@@ -57,7 +57,7 @@ class LogPosterior:
 
         A search ends where it comes to an optimum that another has found. Empty where the motion runs away from each
         start. Without those whose upright position is unstable, if there are others: a craft at rest some way from a
-        position that throws it off swings about as likely.
+        position that throws it off oscillates as likely.
         """
         nothing = np.zeros(self.lowest.size, dtype=bool)
         optima = self.search_each(starts, [nothing] * len(starts), self._is_at)

@@ -27,7 +27,7 @@ ROUNDING = 1e-12  #: Relative difference below which two objective values are eq
 
 @dataclass(frozen=True)
 class RankedFit:
-    """One equation's fit and how it stands among the others."""
+    """One equation's fit and its rank among the others."""
 
     identification: Identification
     criterion: float  #: Bayesian, with the effective sample size; smaller is better.

@@ -1,7 +1,8 @@
-"""Decay candidates ("falls"): sequences of half-cycles whose double amplitudes ("swings") shrink steadily.
+"""Decay candidates: sequences of half-cycles whose double amplitudes shrink steadily.
 
-No swing grows, the loss from one to the next does not jump, and the period stays: with friction, linear, quadratic and
-cubic damping, none negative, the loss per half-cycle never grows. Waves make falls too; `segmentation` rejects them.
+No double amplitude grows, the loss from one to the next does not jump, and the period stays: with friction, linear,
+quadratic and cubic damping, none negative, the loss per half-cycle never grows. Waves make candidates too;
+`segmentation` rejects them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,38 +25,40 @@ from swath_sysid.attitude.motion.turning_points import (
     weighted_median,
 )
 
-FAINTEST_SWING = 0.015  #: Part of the first swing below which a fall has ended: 1.5 % carries no information.
-GROWTH = 0.02  #: Part by which a swing may exceed the one before: light damping loses 1 % a half cycle.
+#: Part of the first double amplitude below which a candidate has ended: 1.5 % carries no information.
+FAINTEST_DOUBLE_AMPLITUDE = 0.015
 
-#: How many times the recent loss a swing may lose: friction keeps it, linear damping lowers it, braking multiplies it.
+GROWTH = 0.02  #: Part by which a double amplitude may exceed the last one: light damping loses 1 % per half-cycle.
+
+#: Largest loss of a half-cycle over the recent loss: friction keeps it, linear damping lowers it, braking raises it.
 LOSS_GROWTH = 1.5
 
 LOSS_DROP = 0.5  #: Least part of the loss expected with quadratic damping; waves leave less.
 RECENT = 5  #: This many losses or periods are recent.
 PERIOD_CHANGE = 1.25  #: Ratio by which a period may differ from the recent ones: restoring bends it slowly.
-ASYMMETRY = 2.2  #: Largest ratio of two successive half cycles: an asymmetric restoring makes them differ.
-BACKGROUND = 0.06  #: What breaks a fall below this part of its first swing is the background it fades into.
-BRIDGED_GAP = 0.15  #: Part of a half cycle that a gap must cover to hide a turning point.
-RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the swing away from it.
+ASYMMETRY = 2.2  #: Largest ratio of two successive half-cycles: an asymmetric restoring makes them differ.
+BACKGROUND = 0.06  #: What breaks a candidate below this part of its first double amplitude is the background.
+BRIDGED_GAP = 0.15  #: Part of a half-cycle that a gap must cover to hide a turning point.
+RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the double amplitude away.
 RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)  #: Of a half-cycle.
 CREEP_PERIODS = 0.6  #: Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping.
-MAX_CREEP = 1.3  #: A swing that turns this much later than a cosine that arrives with it has crept to rest.
+MAX_CREEP = 1.3  #: A half-cycle that turns this much later than a cosine that arrives with it has crept to rest.
 ODD_PERIOD = 0.25  #: A period that differs by this part from the median spans a gap.
 HOLD_BAND = 0.5  #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest.
-HELD_PERIODS = 0.5  #: Periods beyond it that no swinging craft stays.
-JUMP_PERIODS = 0.05  #: A rise to it faster than the craft swings: it was dropped, or the record was cut.
-REST_BAND = 0.07  #: Rest means within this part of the first swing about a level.
+HELD_PERIODS = 0.5  #: Periods beyond it that no oscillating craft stays.
+JUMP_PERIODS = 0.05  #: A rise to it faster than the craft oscillates: it was dropped, or the record was cut.
+REST_BAND = 0.07  #: Rest means within this part of the first double amplitude about a level.
 SMOOTHED_SAMPLES = 3.0  #: How far the smoothing of a grid reaches, samples.
 REST_POWER = 4.0 / 3.0  #: Log odds of rest over those of motion: logistic regression over `benchmark/decays.py`.
 HOLD_FOR_REST = 2.0  #: Periods of rest that a period of being held is worth.
-SWINGS_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
+HALF_CYCLES_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
 STOP_PERIODS = 1.0  #: Rest that begins this many periods after the last turning point began with a stop.
 LONGEST_REST = 8.0  #: Rest is looked for over this many periods: more proves nothing further.
-ACTIVE_PART = 0.45  #: Motion that reaches, within a period, this part of the first swing is motion like it.
+ACTIVE_PART = 0.45  #: Motion that reaches, within a period, this part of the first double amplitude is motion like it.
 
 
 @dataclass(frozen=True)
-class Fall:
+class DecayCandidate:
     """A decay candidate on one grid."""
 
     signal: EvenSignal  #: The grid it was found on, which suits its period.
@@ -64,29 +67,29 @@ class Fall:
     first: int  #: Index of its first turning point.
     last: int
     broken: bool  #: Whether something other than the noise or the record's end ended it.
-    bridged: np.ndarray  #: ndarray of bool, shape (M - 1,); The swings that touch a gap, which say little.
+    bridged: np.ndarray  #: ndarray of bool, shape (M - 1,); half-cycles that touch a gap, which carry little.
 
     @cached_property
-    def swings(self) -> np.ndarray:
+    def double_amplitudes(self) -> np.ndarray:
         """Its double amplitudes, shape (last - first,)."""
         return np.abs(np.diff(self.value[self.first : self.last + 1]))
 
     @property
     def weight(self) -> float:
-        """Sum of its squared swings: how much it shows of the decay, above all of its beginning."""
-        return float(np.sum(self.swings**2))
+        """Sum of its squared double amplitudes: how much it shows of the decay, above all of its beginning."""
+        return float(np.sum(self.double_amplitudes**2))
 
     @property
     def decrement(self) -> float:
-        """Mean logarithmic decrement a half cycle over its whole half cycles."""
-        whole = self.swings[:-1] if self.at_record_end else self.swings
+        """Mean logarithmic decrement per half-cycle over its whole half-cycles."""
+        whole = self.double_amplitudes[:-1] if self.at_record_end else self.double_amplitudes
         if whole.size < 2 or whole[-1] == 0.0:
             return np.inf
         return float(np.log(whole[0] / whole[-1]) / (whole.size - 1))
 
     @cached_property
     def end(self) -> float:
-        """Time of its last turning point, s; of a single swing, when it arrives there."""
+        """Time of its last turning point, s; of a single half-cycle, when it arrives there."""
         return self.arriving_time(self.last) if self.is_single else float(self.time[self.last])
 
     @property
@@ -101,7 +104,7 @@ class Fall:
 
     @cached_property
     def centre(self) -> float:
-        """What it swings about, rad or rad/s; of a single swing, the level of the three periods after it."""
+        """Level about which it oscillates, rad or rad/s; of a single half-cycle, that of the three periods after it."""
         if not self.is_single:
             return centre_of_decay(self.value[self.first : self.last + 1])
         after = slice(self.signal.index(self.end), self.signal.index(self.end + 3.0 * self.period) + 1)
@@ -109,28 +112,28 @@ class Fall:
 
     @cached_property
     def _periods(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times between turning points of one side, s, and the swings they span.
+        """Times between turning points of one side, s, and the double amplitudes they span.
 
         Without the first turning point, which may have been held, the record's end, and gaps unless all have one.
         """
         inner = slice(self.first + 1, self.last if self.at_record_end else self.last + 1)
         time, bridged = self.time[inner], self.bridged[inner][:-1]
-        periods, swings = time[2:] - time[:-2], np.abs(np.diff(self.value[inner]))[1:]
+        periods, double_amplitudes = time[2:] - time[:-2], np.abs(np.diff(self.value[inner]))[1:]
         sure = ~(bridged[: periods.size] | bridged[1 : 1 + periods.size])
-        return (periods[sure], swings[sure]) if sure.any() else (periods, swings)
+        return (periods[sure], double_amplitudes[sure]) if sure.any() else (periods, double_amplitudes)
 
     @cached_property
     def period(self) -> float:
-        """Mean period, weighted by the swings, s; from the first half cycle where there is no whole one."""
-        periods, swings = self._periods
+        """Mean period, weighted by the double amplitudes, s; from the first half-cycle where there is no whole one."""
+        periods, double_amplitudes = self._periods
         if periods.size:
-            usual = np.abs(periods / weighted_median(periods, swings) - 1.0) < ODD_PERIOD
-            return float(np.average(periods[usual], weights=swings[usual]))
+            usual = np.abs(periods / weighted_median(periods, double_amplitudes) - 1.0) < ODD_PERIOD
+            return float(np.average(periods[usual], weights=double_amplitudes[usual]))
         crept = self.is_single and self._turned > MAX_CREEP * self._arrived
-        return (self.end - self.release) / CREEP_PERIODS if crept else 2.0 * self.first_half
+        return (self.end - self.release) / CREEP_PERIODS if crept else 2.0 * self.first_half_duration
 
     @cached_property
-    def first_half(self) -> float:
+    def first_half_duration(self) -> float:
         """Duration of the first half-cycle from the release to the turning point, or to 95 % of the way, s.
 
         A heavily damped hull creeps to rest, and noise decides where it turns.
@@ -147,11 +150,11 @@ class Fall:
 
     @property
     def is_single(self) -> bool:
-        """Whether it is one swing only."""
+        """Whether it is one half-cycle only."""
         return self.last == self.first + 1
 
-    def first_swing(self) -> 'Fall':
-        """The fall cut to its first swing."""
+    def first_half_cycle(self) -> 'DecayCandidate':
+        """The candidate cut to its first half-cycle."""
         return replace(self, last=self.first + 1, broken=False)
 
     @property
@@ -190,13 +193,13 @@ class Fall:
 
     @property
     def hold(self) -> float:
-        """Periods for which the craft had stayed where it begins, beyond those that a swinging craft does."""
+        """Periods for which the craft had stayed where it begins, beyond those that an oscillating craft does."""
         stay = (self.release - self.arrival) / self.period - HELD_PERIODS
         return max(stay, HELD_PERIODS if self.was_dropped else 0.0)
 
     @property
     def was_dropped(self) -> bool:
-        """Whether it came to the first turning point faster than the craft swings, or the record was cut there."""
+        """Whether it came to the first turning point faster than the craft oscillates, or the record was cut there."""
         part = (self._past - self.value[self.first]) / (self.value[self.first + 1] - self.value[self.first])
         far = np.flatnonzero(part > 1.0 - HOLD_BAND)
         arrived = np.flatnonzero(np.abs(part) > RELEASE_BAND)
@@ -214,7 +217,7 @@ class Fall:
         most = int(LONGEST_REST * self.period / signal.interval)
         begin, end = signal.index(self.release), signal.index(self.end)
         future = signal.value[begin : end + most + int(STOP_PERIODS * self.period / signal.interval) + 1]
-        low = np.abs(future - self.centre) <= REST_BAND * self.swings[0]
+        low = np.abs(future - self.centre) <= REST_BAND * self.double_amplitudes[0]
         longest = _leading(low[: end - begin][::-1]) + _leading(low[end - begin :][:most])
         for offset in np.arange(0.25, STOP_PERIODS + 0.01, 0.25):
             longest = max(longest, _leading(low[signal.index(self.end + offset * self.period) - begin :][:most]))
@@ -222,25 +225,22 @@ class Fall:
 
     @cached_property
     def activity(self) -> np.ndarray:
-        """Mask of the samples around which the signal moves like the fall, shape of the signal."""
+        """Mask of the samples around which the signal moves like the candidate, shape of the signal."""
         size = max(3, round(self.period / self.signal.interval))
         reach = maximum_filter1d(self.signal.value, size) - minimum_filter1d(self.signal.value, size)
-        return reach > ACTIVE_PART * self.swings[0]
+        return reach > ACTIVE_PART * self.double_amplitudes[0]
 
-    def unexplained(self, decays: Sequence['Fall']) -> float:
+    def unexplained(self, decays: Sequence['DecayCandidate']) -> float:
         """Moving time that belongs to none of the decays nor to what set them going, s."""
         moving, time = self.activity.copy(), self.signal.time
         for decay in decays:
             moving &= (time < decay.arrival - 1.0 * decay.period) | (time > decay.end + decay.period)
         return float(np.count_nonzero(moving) * self.signal.interval)
 
-    def is_free(self, decays: Sequence['Fall']) -> bool:
-        """Whether it lies in more rest, in periods, than other motion, in its own durations, after these decays.
-
-        Waves make falls, too, amid motion: in 160 minutes of simulated ones the score of none exceeded one fifth.
-        """
+    def is_decay(self, decays: Sequence['DecayCandidate']) -> bool:
+        """Whether it is amid more rest, in periods, than other motion, in its own durations, after these decays."""
         motion = self.unexplained([self, *decays]) / (self.end - self.release)
-        evidence = self.rest + HOLD_FOR_REST * self.hold + self.swings.size / SWINGS_FOR_REST
+        evidence = self.rest + HOLD_FOR_REST * self.hold + self.double_amplitudes.size / HALF_CYCLES_FOR_REST
         return bool(evidence**REST_POWER >= 1.0 + motion)
 
 
@@ -249,9 +249,9 @@ def _leading(mask: np.ndarray) -> int:
     return int(mask.size if mask.all() else mask.argmin())
 
 
-def find_falls(motion: AxisMotion) -> list[Fall]:
-    """Every fall of a motion without long pauses, on every grid, whether the grid suits its period or not."""
-    falls: list[Fall] = []
+def find_candidates(motion: AxisMotion) -> list[DecayCandidate]:
+    """Every candidate of a motion without long pauses, on every grid, whether the grid suits its period or not."""
+    candidates: list[DecayCandidate] = []
     for signal in pyramid(even_signal(motion)):
         least = prominence_of(signal)
         if least == 0.0:
@@ -259,35 +259,35 @@ def find_falls(motion: AxisMotion) -> list[Fall]:
         points = turning_points_of(signal)
         time = np.concatenate([[signal.start], points.time, [signal.end]])
         value = np.concatenate([signal.value[:1], points.value, signal.value[-1:]])
-        bridged = bridged_swings(time, signal)
-        for first, last, broken in split_into_falls(time, value, least, bridged):
-            fall = Fall(signal, time, value, first, last, broken, bridged)
-            if fall.swings[0] > 0.0:
-                falls.append(fall)
-    return falls
+        bridged = bridged_half_cycles(time, signal)
+        for first, last, broken in split_into_candidates(time, value, least, bridged):
+            candidate = DecayCandidate(signal, time, value, first, last, broken, bridged)
+            if candidate.double_amplitudes[0] > 0.0:
+                candidates.append(candidate)
+    return candidates
 
 
-def split_into_falls(
+def split_into_candidates(
     time: np.ndarray, value: np.ndarray, least: float, bridged: np.ndarray
 ) -> Iterator[tuple[int, int, bool]]:
-    """Maximal falls in turning points (M,): first and last index, and whether anything but noise or the end broke it.
+    """Maximal candidates in turning points (M,): first and last index, and whether not noise nor the end broke it.
 
-    ``least`` is the smallest swing that is not noise, ``bridged`` (M - 1,) masks swings that are not judged.
+    ``least`` is the smallest double amplitude that is not noise, ``bridged`` (M - 1,) masks half-cycles not judged.
     """
-    swings, halves = np.abs(np.diff(value)).tolist(), np.diff(time).tolist()
+    double_amplitudes, halves = np.abs(np.diff(value)).tolist(), np.diff(time).tolist()
     skipped = bridged.tolist()
     first = 0
-    while first < len(swings):
-        if first + 1 < len(swings) and swings[first + 1] > swings[first]:
+    while first < len(double_amplitudes):
+        if first + 1 < len(double_amplitudes) and double_amplitudes[first + 1] > double_amplitudes[first]:
             first += 1
             continue
-        last, broken = _end_of_fall(swings, halves, least, skipped, first)
+        last, broken = _end_of_candidate(double_amplitudes, halves, least, skipped, first)
         yield first, last, broken
         first = last
 
 
-def bridged_swings(time: np.ndarray, signal: EvenSignal) -> np.ndarray:
-    """Mask (M - 1,) of the swings that touch a gap long enough to hide a turning point, at times (M,), s."""
+def bridged_half_cycles(time: np.ndarray, signal: EvenSignal) -> np.ndarray:
+    """Mask (M - 1,) of the half-cycles that touch a gap long enough to hide a turning point, at times (M,), s."""
     bridged = np.zeros(time.size - 1, dtype=bool)
     reach = SMOOTHED_SAMPLES * signal.interval
     for begin, end in signal.gaps:
@@ -296,52 +296,52 @@ def bridged_swings(time: np.ndarray, signal: EvenSignal) -> np.ndarray:
     return bridged
 
 
-def _end_of_fall(
-    swings: Sequence[float], halves: Sequence[float], least: float, bridged: Sequence[bool], first: int
+def _end_of_candidate(
+    double_amplitudes: Sequence[float], halves: Sequence[float], least: float, bridged: Sequence[bool], first: int
 ) -> tuple[int, bool]:
-    """Index of the turning point that ends the fall from swing ``first``, and whether it was broken off."""
+    """Index of the turning point that ends the candidate from half-cycle ``first``, and whether it was broken off."""
     recent: list[tuple[float, float]] = []
     periods: list[float] = []
     known = first
-    floor = max(least, FAINTEST_SWING * swings[first])
-    background = max(3.0 * least, BACKGROUND * swings[first])
-    for at in range(first + 1, len(swings)):
+    floor = max(least, FAINTEST_DOUBLE_AMPLITUDE * double_amplitudes[first])
+    background = max(3.0 * least, BACKGROUND * double_amplitudes[first])
+    for at in range(first + 1, len(double_amplitudes)):
         if bridged[at]:
             continue
-        loss = swings[known] - swings[at]
-        whole = at < len(swings) - 1
+        loss = double_amplitudes[known] - double_amplitudes[at]
+        whole = at < len(double_amplitudes) - 1
         judged = known == at - 1 and whole
         # far more than the recent ones
         if judged and len(recent) >= 2 and loss > LOSS_GROWTH * median(lost for lost, _ in recent) + least:
-            return at, swings[known] > background
-        if swings[at] < floor:
+            return at, double_amplitudes[known] > background
+        if double_amplitudes[at] < floor:
             return at, False
-        if loss < -(GROWTH * swings[known] + 0.5 * least):
-            return at, swings[at] > background
+        if loss < -(GROWTH * double_amplitudes[known] + 0.5 * least):
+            return at, double_amplitudes[at] > background
         if not whole and periods and halves[at] > 0.75 * median(periods):
             return at, False
         if judged:
-            if _loses_less(loss, swings[known], recent, least):
-                return at, swings[at] > background
+            if _loses_less(loss, double_amplitudes[known], recent, least):
+                return at, double_amplitudes[at] > background
             if not _keeps_rhythm(halves, at, first, periods):
-                return at, swings[at] > background
-            # The record may begin in the middle of a swing, which then loses too little.
+                return at, double_amplitudes[at] > background
+            # The record may begin in the middle of a half-cycle, which then loses too little.
             if known > 0:
-                recent = [*recent, (loss, swings[known])][-RECENT:]
+                recent = [*recent, (loss, double_amplitudes[known])][-RECENT:]
         known = at
-    return len(swings), False
+    return len(double_amplitudes), False
 
 
-def _loses_less(loss: float, swing: float, recent: Sequence[tuple[float, float]], least: float) -> bool:
-    """Whether a swing loses far less than quadratic damping would take after the recent ones."""
+def _loses_less(loss: float, double_amplitude: float, recent: Sequence[tuple[float, float]], least: float) -> bool:
+    """Whether a half-cycle loses far less than quadratic damping would take after the recent ones."""
     if len(recent) < 2:
         return False
-    usual, usual_swing = (median(column) for column in zip(*recent, strict=True))
-    return loss < LOSS_DROP * usual * min(1.0, swing / usual_swing) ** 2 - least
+    usual, usual_amplitude = (median(column) for column in zip(*recent, strict=True))
+    return loss < LOSS_DROP * usual * min(1.0, double_amplitude / usual_amplitude) ** 2 - least
 
 
 def _keeps_rhythm(halves: Sequence[float], at: int, first: int, periods: list[float]) -> bool:
-    """Whether half cycle ``at`` agrees with those before it; adds its period to the recent ones."""
+    """Whether half-cycle ``at`` agrees with those before it; adds its period to the recent ones."""
     if at < first + 2:
         return True
     period = halves[at] + halves[at - 1]

@@ -97,14 +97,14 @@ class CraftSample(NamedTuple):
         return self[1:8]
 
 
-class Taken(NamedTuple):
-    """What one message gave."""
+class ConvertedReading(NamedTuple):
+    """The conversion of one message."""
 
     sample: CraftSample | None  #: None: nothing in it can be used.
     reasons: tuple[str, ...]  #: From `INTAKE_REASONS`: what is to be counted.
 
 
-def take_in(reading: ImuReading, installation: Installation) -> Taken:
+def convert(reading: ImuReading, installation: Installation) -> ConvertedReading:
     """Convert one IMU message to the motion of the craft; what cannot be used becomes NaN.
 
     Without an orientation, body rates are taken as Euler rates, which holds for small angles.
@@ -117,13 +117,13 @@ def take_in(reading: ImuReading, installation: Installation) -> Taken:
         reasons.append(NO_RATES)
     force = _vector(specific_force, force_covariance, _LARGEST_ACCELERATION, reasons)
     if quaternion is None and rates is None:
-        return Taken(None, (*reasons, EMPTY))
+        return ConvertedReading(None, (*reasons, EMPTY))
     angle_variances = rate_variances = _UNKNOWN
     roll = pitch = yaw = roll_rate = pitch_rate = yaw_rate = nan
     if quaternion is not None:
         roll, pitch, yaw = attitude.euler_angles(*installation.orientation(*quaternion))
         if abs(pitch) > LARGEST_PITCH:
-            return Taken(None, (*reasons, NEAR_VERTICAL))
+            return ConvertedReading(None, (*reasons, NEAR_VERTICAL))
         angle_variances = _variances(angle_covariance, installation, LARGEST_ANGLE_VARIANCE, reasons)
     if rates is not None:
         roll_rate, pitch_rate, yaw_rate = installation.vector(*rates)
@@ -133,7 +133,7 @@ def take_in(reading: ImuReading, installation: Installation) -> Taken:
     accel_x, accel_y, accel_z = _NOT_MEASURED if force is None else installation.vector(*force)
     if (quaternion is not None and angle_variances is _UNKNOWN) or (rates is not None and rate_variances is _UNKNOWN):
         reasons.append(UNKNOWN_COVARIANCE)
-    return Taken(
+    return ConvertedReading(
         CraftSample(
             stamp_ns,
             roll,
@@ -214,17 +214,17 @@ class Intake:
         """Typical time between samples, s; None before the second."""
         return self._order.interval
 
-    def take(self, reading: ImuReading) -> Taken:
-        """Take in the next message; the reasons are of `STAMP_REASONS` also."""
+    def take(self, reading: ImuReading) -> ConvertedReading:
+        """Convert the next message; the reasons are of `STAMP_REASONS` also."""
         placed, reasons = self._order.place(reading.stamp_ns)
         if not placed:
-            return Taken(None, reasons)
-        taken = take_in(reading, self._installation)
-        return Taken(taken.sample, reasons + taken.reasons) if reasons else taken
+            return ConvertedReading(None, reasons)
+        converted = convert(reading, self._installation)
+        return ConvertedReading(converted.sample, reasons + converted.reasons) if reasons else converted
 
-    def place(self, sample: CraftSample) -> Taken:
+    def place(self, sample: CraftSample) -> ConvertedReading:
         """Place the next sample of a record, which was cleaned and turned as a whole; reasons of `STAMP_REASONS`."""
         placed, reasons = self._order.place(sample.stamp_ns)
         if placed and all(value != value for value in sample[1:5]):
-            return Taken(None, (*reasons, EMPTY))
-        return Taken(sample if placed else None, reasons)
+            return ConvertedReading(None, (*reasons, EMPTY))
+        return ConvertedReading(sample if placed else None, reasons)

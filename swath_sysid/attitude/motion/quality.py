@@ -101,7 +101,7 @@ def _saturation(motion: AxisMotion, period: float) -> Iterator[Advice]:
                 name=name,
                 level=np.degrees(level),
                 unit=UNITS[name],
-                swings=counted(clipped, 'half-cycle'),
+                half_cycles=counted(clipped, 'half-cycle'),
             )
 
 

@@ -14,7 +14,7 @@ CLOSER = 0.15, 0.05  #: Natural periods about the best time of a round within wh
 HAND = 3, 3, 2  #: Degrees of the polynomials that follow a hand's wobble before the release,
 HULL = 4  #: ... and the free motion after it.
 CANDIDATES = 50  #: Times tried in each round.
-MIN_FALL = 0.5  #: Of the acceleration of a free swing of that angle and period.
+MIN_ACCELERATION = 0.5  #: Of the acceleration of a free oscillation of that angle and period.
 
 
 def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float, held: float) -> float | None:
@@ -23,12 +23,12 @@ def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float,
     It is sought between two times, for a natural period, s, and the angle at which the craft was held, rad from trim.
     """
     noises = tuple(0.0 if each is None else max(noise_level(each), 1e-9) for each in (motion.angle, motion.rate))
-    least_fall = -MIN_FALL * (2.0 * np.pi / period) ** 2 * held
+    least_acceleration = -MIN_ACCELERATION * (2.0 * np.pi / period) ** 2 * held
     found, first, last = None, earliest, latest
     for before, after, hand, reach in zip(BEFORE, AFTER, HAND, (*CLOSER, 0.0), strict=True):
         inside = motion.between(first - before * period, last + after * period)
         times = np.linspace(earliest, latest, CANDIDATES)
-        misfits = [_misfit(inside, noises, time, hand, least_fall) for time in times]
+        misfits = [_misfit(inside, noises, time, hand, least_acceleration) for time in times]
         best = int(np.argmin(misfits))
         if not np.isfinite(misfits[best]):
             break
@@ -37,8 +37,8 @@ def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float,
     return found
 
 
-def _misfit(motion: AxisMotion, noises: Sequence[float], time: float, hand: int, least_fall: float) -> float:
-    """Squared residuals of a hand's motion until a time and a free one after it; infinite where it does not fall."""
+def _misfit(motion: AxisMotion, noises: Sequence[float], time: float, hand: int, least_acceleration: float) -> float:
+    """Squared residuals of a hand's motion until a time and a free one after; infinite without a jump to the trim."""
     held, free = np.minimum(motion.time - time, 0.0), np.maximum(motion.time - time, 0.0)
     powers = [(held, power) for power in range(2, hand + 1)] + [(free, power) for power in range(2, HULL + 1)]
     rows, right = [], []
@@ -52,5 +52,5 @@ def _misfit(motion: AxisMotion, noises: Sequence[float], time: float, hand: int,
     if target.size <= matrix.shape[1]:
         return np.inf
     solution = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    before, after = solution[2] / least_fall, solution[1 + hand] / least_fall
+    before, after = solution[2] / least_acceleration, solution[1 + hand] / least_acceleration
     return float(np.sum((matrix @ solution - target) ** 2)) if after >= max(1.0, before) else np.inf

@@ -1,7 +1,7 @@
 """The free decay in a record that also holds rest, pushes, disturbances and stops.
 
-Waves make falls (see `decay_candidates`) too, but short and rough ones amid motion; around a decay the craft was, or
-came to, rest.
+Waves make decay candidates too (see `decay_candidates`), but short and rough ones amid motion; around a decay the
+craft was, or came to, rest.
 """
 
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swath_sysid.attitude.motion.decay_candidates import ASYMMETRY, Fall, find_falls
+from swath_sysid.attitude.motion.decay_candidates import ASYMMETRY, DecayCandidate, find_candidates
 from swath_sysid.attitude.motion.releases import kink_time
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import (
@@ -27,28 +27,28 @@ from swath_sysid.common.errors import InputError
 # Figures on waves are from 100 simulated seas of 10 minutes (JONSWAP, hulls of every damping) and two measured ones,
 # those on decays from two tank models. Of 300 further seas one passes for a decay: a high group before a long lull.
 #: rad and rad/s, peak to peak: smaller motion is coupled from the other axis.
-SMALLEST_SWING = {'angle': float(np.radians(0.4)), 'rate': float(np.radians(1.0))}
+SMALLEST_DOUBLE_AMPLITUDE = {'angle': float(np.radians(0.4)), 'rate': float(np.radians(1.0))}
 
 SMALLEST_REACH = 2.5  #: A record without a decay within this many times that (1 deg) is too small.
-MIN_SWINGS = 3  #: Three swings show two losses and one rhythm; fewer are those of a heavily damped hull.
+MIN_HALF_CYCLES = 3  #: Three show two losses and one rhythm; fewer are those of a heavily damped hull.
 
 #: Mean logarithmic decrement per half-cycle below which something sustains the motion; the lightest decay has 0.012.
 MIN_DECREMENT = 0.004
 
 EARLIEST, LATEST = 0.25, 0.05  #: Natural periods about the first of these times between which a release is sought.
-HELD, FALLEN = 0.75, 0.5  #: Parts of its angle between which a release is the first to fall.
-#: Half-cycles left out after a push, as long as they cost no more than this part of the first swing.
-PUSH_MEMORY_SWINGS, PUSH_MEMORY_COST = 2, 0.25
+HELD, FALLEN = 0.75, 0.5  #: Parts of the held angle between which the angle first drops after a release.
+#: Half-cycles left out after a push, as long as they cost no more than this part of the first double amplitude.
+PUSH_MEMORY_HALF_CYCLES, PUSH_MEMORY_COST = 2, 0.25
 
-#: With this many swings the tail below this part of the first is left out, as it is as much the basin's motion.
-PLENTY_OF_SWINGS, PLENTIFUL_TAIL = 20, 0.125
+#: With this many half-cycles the tail below this part of the first is left out, as it is as much the basin's motion.
+PLENTY_OF_HALF_CYCLES, PLENTIFUL_TAIL = 20, 0.125
 
 BREAKING_PERIODS = 4.0  #: What breaks a decay grows and decays within this time.
-SMALLEST_OF_SEVERAL = 0.3  #: Part of the largest first swing below which a further fall is not a decay of its own.
+SMALLEST_OF_SEVERAL = 0.3  #: Part of the largest first double amplitude below which a candidate is no decay of its own.
 FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched counts as over.
 
-#: Forced motion: this many swings reach this part of the largest, and no longer part of the record holds none of them.
-SWINGING_PART, MIN_SWINGING, LONGEST_LULL = 0.2, 10, 0.25
+#: Forced motion: this many double amplitudes reach this part of the largest, no longer part of the record has none.
+OSCILLATING_PART, MIN_OSCILLATING, LONGEST_LULL = 0.2, 10, 0.25
 
 FORCED_MOTION = 'forced-motion'
 
@@ -60,11 +60,11 @@ class DecaySegment:
     start: float  #: Record time, s.
     end: float
     period: float  #: Mean, s.
-    cycles: float  #: Length in periods, as far as the swings stand out of the noise.
+    cycles: float  #: Length in periods, as far as the half-cycles stand out of the noise.
     initial_amplitude: float  #: About the trim (within given bounds the largest); rad, or rad/s of a ``rate``.
     final_amplitude: float
     trim: float
-    quantity: str = 'angle'  #: ``angle`` or ``rate``: what the swings were found in.
+    quantity: str = 'angle'  #: ``angle`` or ``rate``: what the half-cycles were found in.
     #: ``released`` (held or dropped), ``record-start``, ``pushed``, ``under-way`` or ``given``.
     beginning: str = 'given'
     ending: str = 'given'  #: ``record-end``, ``noise-floor``, ``faded``, ``disturbed`` or ``given``.
@@ -78,11 +78,15 @@ class DecaySegment:
 
 def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
-    decays: list[Fall] = []
+    decays: list[DecayCandidate] = []
     for piece in split_at_pauses(motion):
-        falls = [fall for fall in find_falls(piece) if fall.swings[0] >= SMALLEST_SWING[fall.signal.quantity]]
-        decays.extend(_free_falls(falls))
-    return tuple(_segment_of(fall, motion) for fall in _apart(decays))
+        candidates = [
+            candidate
+            for candidate in find_candidates(piece)
+            if candidate.double_amplitudes[0] >= SMALLEST_DOUBLE_AMPLITUDE[candidate.signal.quantity]
+        ]
+        decays.extend(_decays_among(candidates))
+    return tuple(_segment_of(candidate, motion) for candidate in _apart(decays))
 
 
 def find_decay(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment:
@@ -124,147 +128,157 @@ def explain_absence(motion: AxisMotion) -> Advice:
     """Say why a record holds no free decay and what to do: ``too-small``, ``forced-motion`` or ``no-decay``."""
     signal = even_signal(motion)
     name, reach = _name(motion), float(np.ptp(signal.value))
-    if reach < SMALLEST_REACH * SMALLEST_SWING[signal.quantity]:
+    if reach < SMALLEST_REACH * SMALLEST_DOUBLE_AMPLITUDE[signal.quantity]:
         return Advice.of('too-small: record', name=name, reach=_in_degrees(reach, signal.quantity))
-    if keeps_swinging(motion):
+    if keeps_oscillating(motion):
         spread = _in_degrees(float(np.std(signal.value)), signal.quantity)
         return Advice.of(FORCED_MOTION, name=name, spread=spread)
     return Advice.of('no-decay', name=name, reach=_in_degrees(reach, signal.quantity))
 
 
-def keeps_swinging(motion: AxisMotion) -> bool:
+def keeps_oscillating(motion: AxisMotion) -> bool:
     """Whether a motion oscillates from start to end, as it does in waves."""
     points = find_turning_points(motion)
-    if points.time.size <= MIN_SWINGING:
+    if points.time.size <= MIN_OSCILLATING:
         return False
-    swings = points.swings
-    at = points.time[1:][swings >= SWINGING_PART * swings.max()]
+    double_amplitudes = points.double_amplitudes
+    at = points.time[1:][double_amplitudes >= OSCILLATING_PART * double_amplitudes.max()]
     lulls = np.diff(np.concatenate([motion.time[:1], at, motion.time[-1:]]))
-    return bool(at.size >= MIN_SWINGING and lulls.max() <= LONGEST_LULL * motion.duration)
+    return bool(at.size >= MIN_OSCILLATING and lulls.max() <= LONGEST_LULL * motion.duration)
 
 
-def _free_falls(falls: Sequence[Fall]) -> list[Fall]:
-    """The falls that no waves made."""
-    possible = [fall if _is_rhythmic(fall) else fall.first_swing() for fall in falls]
-    possible = [fall for fall in possible if fall.is_suited and _comes_to_trim(fall)]
-    free: list[Fall] = []
-    while found := [fall for fall in possible if fall.is_free(free)]:
+def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
+    """The candidates that waves did not make."""
+    possible = [candidate if _is_rhythmic(candidate) else candidate.first_half_cycle() for candidate in candidates]
+    possible = [candidate for candidate in possible if candidate.is_suited and _comes_to_trim(candidate)]
+    free: list[DecayCandidate] = []
+    while found := [candidate for candidate in possible if candidate.is_decay(free)]:
         free += found
-        possible = [fall for fall in possible if not any(fall is other for other in found)]
+        possible = [candidate for candidate in possible if not any(candidate is other for other in found)]
     return free
 
 
-def _is_rhythmic(fall: Fall) -> bool:
-    """Long enough to show a rhythm, which its first half cycle keeps, and truly falling."""
-    usual = 0.5 * fall.period
-    keeps_time = usual < ASYMMETRY * fall.first_half and fall.first_half < ASYMMETRY * usual
-    return fall.swings.size >= MIN_SWINGS and keeps_time and fall.decrement >= MIN_DECREMENT
+def _is_rhythmic(candidate: DecayCandidate) -> bool:
+    """Long enough to show a rhythm, which its first half-cycle keeps, and truly decaying."""
+    usual = 0.5 * candidate.period
+    keeps_time = usual < ASYMMETRY * candidate.first_half_duration and candidate.first_half_duration < ASYMMETRY * usual
+    return candidate.double_amplitudes.size >= MIN_HALF_CYCLES and keeps_time and candidate.decrement >= MIN_DECREMENT
 
 
-def _comes_to_trim(fall: Fall) -> bool:
+def _comes_to_trim(candidate: DecayCandidate) -> bool:
     """Whether it ends nearer to where the craft is in the last third of the record: a hand inclines it first."""
-    trim = float(np.median(fall.signal.value[-(fall.signal.value.size // 3 + 1) :]))
-    return abs(fall.value[fall.last] - trim) < abs(fall.value[fall.first] - trim)
+    trim = float(np.median(candidate.signal.value[-(candidate.signal.value.size // 3 + 1) :]))
+    return abs(candidate.value[candidate.last] - trim) < abs(candidate.value[candidate.first] - trim)
 
 
-def _apart(falls: Sequence[Fall]) -> list[Fall]:
-    """The falls by decreasing weight, without those that a better one holds, began with, dwarfs or was broken by."""
-    kept: list[Fall] = []
-    largest = max((fall.swings[0] for fall in falls), default=0.0)
-    for fall in sorted(falls, key=lambda fall: -fall.weight):
-        apart = all(fall.end <= other.arrival or fall.release >= _end_of_motion(other, fall) for other in kept)
-        if apart and fall.swings[0] >= SMALLEST_OF_SEVERAL * largest:
-            kept.append(fall)
+def _apart(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
+    """The candidates by decreasing weight, without those that overlap, break or are dwarfed by a better one."""
+    kept: list[DecayCandidate] = []
+    largest = max((candidate.double_amplitudes[0] for candidate in candidates), default=0.0)
+    for candidate in sorted(candidates, key=lambda candidate: -candidate.weight):
+        apart = all(
+            candidate.end <= other.arrival or candidate.release >= _end_of_motion(other, candidate) for other in kept
+        )
+        if apart and candidate.double_amplitudes[0] >= SMALLEST_OF_SEVERAL * largest:
+            kept.append(candidate)
     return kept
 
 
-def _end_of_motion(fall: Fall, following: Fall) -> float:
-    """When a fall is over, with what broke it unless that was held, s."""
-    return fall.end + (BREAKING_PERIODS * fall.period if fall.broken and not following.hold else 0.0)
+def _end_of_motion(candidate: DecayCandidate, following: DecayCandidate) -> float:
+    """When a candidate is over, with what broke it unless that was held, s."""
+    return candidate.end + (BREAKING_PERIODS * candidate.period if candidate.broken and not following.hold else 0.0)
 
 
-def _segment_of(fall: Fall, motion: AxisMotion) -> DecaySegment:
-    """Cut a fall to what is free motion."""
-    first, beginning = _free_start(fall)
-    last, end, ending = _free_end(fall, first)
-    start = _release_time(fall, motion) if beginning == 'released' else fall.leaving_time(first)
-    left = 100.0 * abs(fall.value[last] - fall.value[last - 1]) / fall.swings[0]
-    reliable_end = end if ending == 'record-end' else fall.end if last == fall.last else float(fall.time[last])
+def _segment_of(candidate: DecayCandidate, motion: AxisMotion) -> DecaySegment:
+    """Cut a candidate to what is free motion."""
+    first, beginning = _free_start(candidate)
+    last, end, ending = _free_end(candidate, first)
+    start = _release_time(candidate, motion) if beginning == 'released' else candidate.leaving_time(first)
+    left = 100.0 * abs(candidate.value[last] - candidate.value[last - 1]) / candidate.double_amplitudes[0]
+    reliable_end = (
+        end if ending == 'record-end' else candidate.end if last == candidate.last else float(candidate.time[last])
+    )
     return DecaySegment(
         start=start,
         end=end,
-        period=fall.period,
-        cycles=(reliable_end - start) / fall.period,
-        initial_amplitude=abs(float(fall.value[first]) - fall.centre),
-        final_amplitude=abs(float(fall.value[min(last, fall.time.size - 2)]) - fall.centre),
-        trim=fall.centre,
-        quantity=fall.signal.quantity,
+        period=candidate.period,
+        cycles=(reliable_end - start) / candidate.period,
+        initial_amplitude=abs(float(candidate.value[first]) - candidate.centre),
+        final_amplitude=abs(float(candidate.value[min(last, candidate.time.size - 2)]) - candidate.centre),
+        trim=candidate.centre,
+        quantity=candidate.signal.quantity,
         beginning=beginning,
         ending=ending,
         advice=(Advice.of('disturbed-tail', end=end, left=left),) if ending == 'disturbed' else (),
     )
 
 
-def _free_start(fall: Fall) -> tuple[int, str]:
+def _free_start(candidate: DecayCandidate) -> tuple[int, str]:
     """Index of the turning point after which the motion is free, and how it began."""
-    if fall.leaves_in_gap(fall.first) and fall.swings.size > 1:
-        return fall.first + 1, 'under-way'
-    if fall.hold:
-        return fall.first, 'released'
-    if fall.arrival <= fall.signal.start + fall.signal.interval:
-        return fall.first, 'record-start'
+    if candidate.leaves_in_gap(candidate.first) and candidate.double_amplitudes.size > 1:
+        return candidate.first + 1, 'under-way'
+    if candidate.hold:
+        return candidate.first, 'released'
+    if candidate.arrival <= candidate.signal.start + candidate.signal.interval:
+        return candidate.first, 'record-start'
     skipped = 0
-    for count in range(1, min(PUSH_MEMORY_SWINGS, fall.swings.size - 1) + 1):
-        if fall.swings[count] >= (1.0 - PUSH_MEMORY_COST) * fall.swings[0]:
+    for count in range(1, min(PUSH_MEMORY_HALF_CYCLES, candidate.double_amplitudes.size - 1) + 1):
+        if candidate.double_amplitudes[count] >= (1.0 - PUSH_MEMORY_COST) * candidate.double_amplitudes[0]:
             skipped = count
-    return fall.first + skipped, 'pushed'
+    return candidate.first + skipped, 'pushed'
 
 
-def _release_time(fall: Fall, motion: AxisMotion) -> float:
+def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     """When the craft was let go, by the kink in its motion, s; where there is none, when it had left."""
-    signal, towards = fall.signal, float(np.sign(fall.value[fall.first + 1] - fall.value[fall.first]))
-    inside = slice(signal.index(fall.arrival), signal.index(fall.time[fall.first + 1]) + 1)
-    time, away = signal.time[inside], towards * (fall.centre - signal.value[inside])
-    level = float(np.median(away[time <= fall.release]))
-    below = np.flatnonzero((time > fall.time[fall.first]) & (away < FALLEN * level))
+    signal, first = candidate.signal, candidate.first
+    towards = float(np.sign(candidate.value[first + 1] - candidate.value[first]))
+    inside = slice(signal.index(candidate.arrival), signal.index(candidate.time[first + 1]) + 1)
+    time, away = signal.time[inside], towards * (candidate.centre - signal.value[inside])
+    level = float(np.median(away[time <= candidate.release]))
+    below = np.flatnonzero((time > candidate.time[first]) & (away < FALLEN * level))
     above = np.flatnonzero(away[: below[0]] >= HELD * level) if below.size else below
     if not above.size:
-        return fall.release
+        return candidate.release
     at, later = (
         np.interp(part * level, away[[last + 1, last]], time[[last + 1, last]])
         for part, last in ((HELD, above[-1]), (FALLEN, below[0] - 1))
     )
     period = 2.0 * np.pi * (later - at) / (np.arccos(FALLEN) - np.arccos(HELD))
-    earliest = max(at - EARLIEST * period, fall.arrival)
+    earliest = max(at - EARLIEST * period, candidate.arrival)
     found = kink_time(motion, earliest, at + LATEST * period, period, -towards * level)
-    return fall.release if found is None else found
+    return candidate.release if found is None else found
 
 
-def _free_end(fall: Fall, first: int) -> tuple[int, float, str]:
+def _free_end(candidate: DecayCandidate, first: int) -> tuple[int, float, str]:
     """Index of the last turning point, end time (s) and kind of ending of the free motion."""
-    whole = fall.swings[:-1] if fall.at_record_end else fall.swings
+    whole = candidate.double_amplitudes[:-1] if candidate.at_record_end else candidate.double_amplitudes
     faint = np.flatnonzero(
-        (whole < PLENTIFUL_TAIL * whole.max(initial=0.0)) & ~fall.bridged[fall.first : fall.first + whole.size]
+        (whole < PLENTIFUL_TAIL * whole.max(initial=0.0))
+        & ~candidate.bridged[candidate.first : candidate.first + whole.size]
     )
-    if faint.size and faint[0] >= PLENTY_OF_SWINGS:
-        last = fall.first + int(faint[0])
-        return last, float(fall.time[last]), 'faded'
-    if fall.at_record_end:
-        return fall.last, fall.signal.record_end, 'record-end'
-    if fall.broken:
-        # What breaks a fall began before the turning point that shows it.
-        last = fall.last - 1 if fall.last - first > 3 else fall.last
-        return last, float(fall.time[last]), 'disturbed'
-    return fall.last, _end_of_quiet(fall), 'noise-floor'
+    if faint.size and faint[0] >= PLENTY_OF_HALF_CYCLES:
+        last = candidate.first + int(faint[0])
+        return last, float(candidate.time[last]), 'faded'
+    if candidate.at_record_end:
+        return candidate.last, candidate.signal.record_end, 'record-end'
+    if candidate.broken:
+        # What breaks a candidate began before the turning point that shows it.
+        last = candidate.last - 1 if candidate.last - first > 3 else candidate.last
+        return last, float(candidate.time[last]), 'disturbed'
+    return candidate.last, _end_of_quiet(candidate), 'noise-floor'
 
 
-def _end_of_quiet(fall: Fall) -> float:
-    """Half a period (a whole one, if it creeps) after the end, or before the signal leaves its last swing, s."""
-    signal = fall.signal
-    settling = fall.period if fall.is_single else 0.5 * fall.period
-    begin, end = signal.index(fall.end), signal.index(fall.end + settling)
-    reach = max(abs(fall.value[fall.last] - fall.centre), 0.5 * fall.swings[-1], prominence_of(signal))
-    outside = np.flatnonzero(np.abs(signal.value[begin : end + 1] - fall.centre) > 1.2 * reach)
+def _end_of_quiet(candidate: DecayCandidate) -> float:
+    """Half a period (a whole one, if it creeps) after the end, or before the signal leaves its last half-cycle, s."""
+    signal = candidate.signal
+    settling = candidate.period if candidate.is_single else 0.5 * candidate.period
+    begin, end = signal.index(candidate.end), signal.index(candidate.end + settling)
+    reach = max(
+        abs(candidate.value[candidate.last] - candidate.centre),
+        0.5 * candidate.double_amplitudes[-1],
+        prominence_of(signal),
+    )
+    outside = np.flatnonzero(np.abs(signal.value[begin : end + 1] - candidate.centre) > 1.2 * reach)
     return signal.start + signal.interval * (begin + int(outside[0]) if outside.size else end)
 
 
@@ -313,7 +327,7 @@ def _measured(motion: AxisMotion, start: float, end: float) -> DecaySegment:
 def _period_of_relaxation(signal: EvenSignal, centre: float) -> float:
     """Natural period guessed from a motion that turns at most once, s.
 
-    A critically damped hull falls to 10 % of its angle in 0.62 periods: (1 + w0 t) exp(-w0 t) = 0.1 at w0 t = 3.89.
+    A critically damped hull returns to 10 % of its angle in 0.62 periods: (1 + w0 t) exp(-w0 t) = 0.1 at w0 t = 3.89.
     """
     away = np.abs(signal.value - centre)
     far = np.flatnonzero(away > 0.1 * away.max())
@@ -321,16 +335,16 @@ def _period_of_relaxation(signal: EvenSignal, centre: float) -> float:
 
 
 def _within_a_bound(motion: AxisMotion) -> tuple[DecaySegment, ...]:
-    """The large falls, accepted as free decays because the user gave a bound."""
-    falls = [
-        fall
+    """The large candidates, accepted as free decays because the user gave a bound."""
+    candidates = [
+        candidate
         for piece in split_at_pauses(motion)
-        for fall in find_falls(piece)
-        if fall.is_suited and fall.swings.size >= 2
+        for candidate in find_candidates(piece)
+        if candidate.is_suited and candidate.double_amplitudes.size >= 2
     ]
-    largest = max((fall.swings[0] for fall in falls), default=0.0)
-    large = [fall for fall in falls if fall.swings[0] >= 0.5 * largest]
-    return tuple(_segment_of(fall, motion) for fall in _apart(large))
+    largest = max((candidate.double_amplitudes[0] for candidate in candidates), default=0.0)
+    large = [candidate for candidate in candidates if candidate.double_amplitudes[0] >= 0.5 * largest]
+    return tuple(_segment_of(candidate, motion) for candidate in _apart(large))
 
 
 def _with_bounds(

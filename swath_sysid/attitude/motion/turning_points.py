@@ -64,7 +64,7 @@ class TurningPoints:
     noise: float  #: Standard deviation of the noise of one value.
 
     @property
-    def swings(self) -> np.ndarray:
+    def double_amplitudes(self) -> np.ndarray:
         """Double amplitude from each turning point to the next, shape (M - 1,)."""
         return np.abs(np.diff(self.value))
 
@@ -83,26 +83,27 @@ def find_turning_points(motion: AxisMotion, period: float | None = None) -> Turn
     best = turning_points_of(next(levels))
     for signal in levels:
         points = turning_points_of(signal)
-        found = 2.0 * float(np.average(points.half_periods, weights=points.swings)) if points.swings.size else 0.0
+        sizes = points.double_amplitudes
+        found = 2.0 * float(np.average(points.half_periods, weights=sizes)) if sizes.size else 0.0
         if (found if period is None else period) >= MIN_PER_PERIOD * signal.interval:
             best = points
     return best
 
 
 def mean_period(points: TurningPoints) -> float:
-    """Period over the turning points, two at least, weighted by their swings, s."""
+    """Period over the turning points, two at least, weighted by the double amplitudes, s."""
     if points.time.size < 2:
         raise ValueError('a period needs at least two turning points')
     if points.time.size < 3:
         return 2.0 * float(points.half_periods[0])
-    swings = points.swings
-    return float(np.average(points.time[2:] - points.time[:-2], weights=swings[:-1] + swings[1:]))
+    sizes = points.double_amplitudes
+    return float(np.average(points.time[2:] - points.time[:-2], weights=sizes[:-1] + sizes[1:]))
 
 
 def centre_of_decay(value: np.ndarray) -> float:
     """Value about which a decay oscillates, from its successive turning points, shape (M,), M >= 1.
 
-    Aitken's delta-squared limit of three successive terms, exact for linear damping; its median weighted by the swings.
+    Median, weighted by double amplitude, of Aitken's delta-squared limits of three terms; exact for linear damping.
     """
     value = np.asarray(value, dtype=float)
     if value.size < 3:

@@ -9,7 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, CraftSample, ImuReading, Intake, Taken
+from swath_sysid.attitude.motion.intake import (
+    INTAKE_REASONS,
+    NANOSECOND,
+    ConvertedReading,
+    CraftSample,
+    ImuReading,
+    Intake,
+)
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
@@ -75,7 +82,7 @@ class MotionTable:
 
 @dataclass(frozen=True)
 class FinishedDecay:
-    """A free decay that has ended, and the window it lies in."""
+    """A free decay that has ended, and the window that holds it."""
 
     axis: str
     segment: DecaySegment  #: In the time of ``table.trial()``.
@@ -163,12 +170,12 @@ class MotionWindow:
         self._watch.on = on
 
     def add(self, reading: ImuReading) -> WindowStep:
-        """Take in one message."""
-        return self.add_taken(self._intake.take(reading))
+        """Add one message."""
+        return self.add_converted(self._intake.take(reading))
 
-    def add_taken(self, taken: Taken) -> WindowStep:
-        """Take in what the intake made of one message."""
-        sample, reasons = taken
+    def add_converted(self, converted: ConvertedReading) -> WindowStep:
+        """Add one converted message."""
+        sample, reasons = converted
         for reason in reasons:
             self.counts[reason] += 1
         if JUMPED_BACK in reasons:
@@ -267,7 +274,7 @@ class _AxisWatch:
         self._wait = FIRST_LOOK
 
     def widen(self, value: float) -> None:
-        """Take in a value, which may lie beyond the block's lowest and highest."""
+        """Add a value, which may be beyond the block's lowest and highest."""
         if value < self._low:
             self._low = value
         if value > self._high:

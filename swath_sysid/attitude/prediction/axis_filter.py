@@ -109,7 +109,7 @@ class MotionSize:
         square = (angle - self.mean) ** 2
         self._square += slow * (square - self._square)
         self._rate_square += slow * (rate * rate - self._rate_square)
-        # both halves of the oscillation's energy, so that the size does not swing with the phase
+        # both halves of the oscillation's energy, so that the size does not oscillate with the phase
         share = self._square / max(self._rate_square, LEAST_SIZE**2)
         self._recent += quick * (0.5 * (square + share * rate * rate) - self._recent)
 

@@ -26,7 +26,7 @@ from swath_sysid.attitude.hull.identified_model import HullPosterior, Identified
 from swath_sysid.attitude.hull.terms import B0, B3, R1, S2, TERM_NAMES
 from swath_sysid.attitude.prediction.hull_step import ANGLE, HULL_STATES, LARGEST_JUMP, RATE, TRIM
 from swath_sysid.attitude.prediction.hull_track import LONGEST_STEP, OF_HULL, HullTrack
-from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
+from swath_sysid.attitude.prediction.modal_moment import ModalMoment, markov_moment, sum_of_moments
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
@@ -295,7 +295,7 @@ class HullFilter:
         self._of_moment = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
         self._parts = [slice(HULL_STATES + part.start, HULL_STATES + part.stop) for part in self._of_moment]
         self._inverses = [np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments]
-        whole = joined(self.moments, self.levels)
+        whole = sum_of_moments(self.moments, self.levels)
         self._insignificant = INSIGNIFICANT**2 / self.moments[0].variance
         self.driven.moment = np.ascontiguousarray(whole.blocks), whole.output, whole.stationary
 
@@ -347,9 +347,9 @@ class HullFilter:
         if surprised:
             self._something_new(angle, rate, elapsed)
         learns = self.learns_hull
-        driven.take_in(values, variances, learns and not self.is_free)
+        driven.update(values, variances, learns and not self.is_free)
         if self.model is not None:
-            free.take_in(values, variances, learns and self.is_free)
+            free.update(values, variances, learns and self.is_free)
             surprised = self._weigh(of_free[2] - of_driven[2]) or (surprised and not self.is_free)
         is_quiet = self.is_free or self.levels[0] < self._insignificant
         self._quiet = self._quiet + elapsed if is_quiet else 0.0

@@ -87,6 +87,6 @@ class HullTrack:
             self.strain += STRAIN_GAIN * (found[1] / found[0] - self.strain)
         return found
 
-    def take_in(self, values: Pair, variances: Pair, learns: bool) -> None:
+    def update(self, values: Pair, variances: Pair, learns: bool) -> None:
         """As `hull_step.update`."""
         hull_step.update(self.x, self.P, values, variances, learns)

@@ -111,7 +111,7 @@ def markov_moment(variance: float, time: float) -> ModalMoment:
     return ModalMoment.from_discrete(expm(generator * time), np.array([1.0, 0.0]), stationary, time)
 
 
-def joined(moments: Sequence[ModalMoment], levels: Sequence[float] | np.ndarray) -> ModalMoment:
+def sum_of_moments(moments: Sequence[ModalMoment], levels: Sequence[float] | np.ndarray) -> ModalMoment:
     """The sum of independent moments, each with its variance scaled."""
     return ModalMoment(
         np.concatenate([m.blocks for m in moments]),

@@ -41,7 +41,7 @@ class NoiseMeter:
         self._a = self._b = self._c = math.nan
 
     def take(self, value: float) -> float:
-        """Take in the next value and return the noise variance."""
+        """Add the next value and return the noise variance."""
         a, b, c = self._a, self._b, self._c
         self._a, self._b, self._c = b, c, value
         third = value - 3.0 * c + 3.0 * b - a

@@ -24,7 +24,7 @@ _LAGS_A_STATE = 2.0
 _MIN_SHARE = 0.5
 # where losses break up more of the lags than this, gaps of few rows are filled from both sides
 _LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
-# third differences as many times their median size are not a craft's motion: a spike, or one record joined to another
+# third differences as many times their median size are not a craft's motion: a spike, or one record appended to another
 _BREAK = 60.0
 LARGEST_RADIUS = 0.9999
 # regular waves do not die out, and by chance a model of little data grows: at most so much a step is damped away

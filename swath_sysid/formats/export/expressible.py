@@ -23,7 +23,7 @@ COMPARED = {
 
 
 #: Terms that are others times the speed ahead: the first times the speed, the second times its square.
-STAND_INS = {'Xuuu': ('Xuu', 'Xu'), 'Nuur': ('Nur', 'Nr'), 'Nur': ('Nr',), 'Yuv': ('Yv',)}
+SUBSTITUTES = {'Xuuu': ('Xuu', 'Xu'), 'Nuur': ('Nur', 'Nr'), 'Nur': ('Nr',), 'Yuv': ('Yv',)}
 
 
 @dataclass(frozen=True)
@@ -45,14 +45,14 @@ def expressed(
     neutral = {p.name: p.neutral for p in PARAMETERS if p.kind != SENSOR and p.name not in kept}
     reduced = model.with_values(**neutral | implied)
     changed = tuple(name for name in NAMES if reduced[name] != model[name])
-    stood_in = {
+    replaced = {
         name: next((power, other) for power, other in enumerate(others, start=1) if other in kept)
-        for name, others in STAND_INS.items()
+        for name, others in SUBSTITUTES.items()
         if name in changed and kept.intersection(others)
     }
-    if stood_in:
+    if replaced:
         speed = approach_speed(model)
-        for name, (power, other) in stood_in.items():
+        for name, (power, other) in replaced.items():
             reduced = reduced.with_values(**{other: reduced[other] + model[name] * speed**power})
     return reduced, changed
 
@@ -70,12 +70,12 @@ def losses(model: ManoeuvringModel, expressible: Collection[str], target: str, *
     named = ', '.join(
         f'{name} = {model[name]:.4g}' + (f' (there {reduced[name]:.4g})' if name in implied else '') for name in changed
     )
-    stands_in = [
+    substitutes = [
         f'{name} = {reduced[name]:.4g} instead of {model[name]:.4g}'
         for name in NAMES
         if name not in changed and reduced[name] != model[name]
     ]
-    instead = f' ({", ".join(stands_in)} stands in at {approach_speed(model):.3g} m/s)' if stands_in else ''
+    instead = f' ({", ".join(substitutes)} stands in at {approach_speed(model):.3g} m/s)' if substitutes else ''
     found = [Advice.of('terms-dropped', target=target, named=named, instead=instead)]
     for test, names in COMPARED.items():
         whole, part = run_test(test, model).numbers, run_test(test, reduced).numbers

@@ -46,8 +46,8 @@ def _thrust(model: ManoeuvringModel, runs: Sequence[Run], longest: float):
     p = model.values
     sides = np.array([1.0 - p[BALANCE], 1.0 + p[BALANCE]])[:, None]
     thrusts = [sides * thrust_curve(np.stack([run.port, run.starboard]), p) for run in runs]
-    joined = np.concatenate([thrust[:, run.driven] for thrust, run in zip(thrusts, runs, strict=True)], axis=1)
-    mean, covariance = joined.mean(axis=1), np.cov(joined)
+    driven = np.concatenate([thrust[:, run.driven] for thrust, run in zip(thrusts, runs, strict=True)], axis=1)
+    mean, covariance = driven.mean(axis=1), np.cov(driven)
     changes = []
     for run, thrust in zip(runs, thrusts, strict=True):
         later = round(LAGS[1] / run.step)
