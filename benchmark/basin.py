@@ -124,7 +124,7 @@ def coloured(size, std, memory, rng):
 
 
 def made_trial(hull, scene, seed):
-    """One trial: a hand holds, lets go, and the craft swings in a basin that may move.
+    """One trial: a hand holds, lets go, and the craft oscillates in a basin that may move.
 
     Parameters
     ----------

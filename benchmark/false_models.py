@@ -115,7 +115,7 @@ def verdict_on(motion):
         return 'no decay', error.code, str(error)
     verdict, segment = found.verdict, found.records[0].segment
     of = (
-        f'{found.model.equation.name} T {found.model.natural_period:.3g} s, swings {segment.period:.3g} s, '
+        f'{found.model.equation.name} T {found.model.natural_period:.3g} s, oscillates with {segment.period:.3g} s, '
         f'{segment.beginning}, {segment.cycles:.1f} cycles, r2 {found.r2:.4f}, error {verdict.motion_error:.3g}'
     )
     return verdict.level, verdict.code, of
