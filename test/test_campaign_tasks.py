@@ -36,7 +36,6 @@ from swath_sysid.campaign.evaluation import (
     noise_statement,
     out_of_order,
     rank_campaign,
-    schedule_of,
     settle,
     spread_of_repeats,
     tied_best,
@@ -93,14 +92,6 @@ def with_terms(fit, **terms):
     """The same fit with other ratios."""
     model = fit.model
     return replace(fit, model=DecayModel.from_terms(model.equation, model.terms | terms, trim=model.trim, axis='pitch'))
-
-
-def test_a_fit_comes_back_from_the_store_to_the_last_bit(fits):
-    fit = fits[0][1]
-    again = kept(fit.plain(), fit.problem, fit.settings)
-    assert again.plain() == fit.plain() and again.model == fit.model
-    assert (again.r2, again.rmse, again.rate_rmse, again.verdict) == (fit.r2, fit.rmse, fit.rate_rmse, fit.verdict)
-    assert again.identified_model({'software': 'test'}) == fit.identified_model({'software': 'test'})
 
 
 def test_settling_repairs_a_search_that_failed(records, fits):
@@ -223,19 +214,6 @@ def test_ranking_takes_the_simplest_adequate(fits, records):
         rank_campaign('pitch', [], [], [])
 
 
-def test_friction_is_found_and_said():
-    model = DecayModel.from_terms(
-        equation_named('odd-cubic+friction'), {'b0': 0.05, 'b1': 0.4, 'b2': 0.5, 'r1': 10.0, 'r3': 5.0}, axis='pitch'
-    )
-    quiet = SensorNoise(1e-4, 1e-3, 0.0)
-    problem = prepare([trial(6, 1, quiet, model).axis('pitch')])
-    own = fitted(problem, ('odd-cubic', 'odd-cubic+friction'))
-    ranking = rank_campaign('pitch', [own], [own], [judged(own, None)])
-    assert ranking.choice.name == 'odd-cubic+friction'
-    (finding,) = ranking.findings
-    assert finding.code == 'friction-necessary' and 'quadratic damping' in finding.message
-
-
 def test_spread_between_repeats(fits):
     condition = Condition('pitch', 1.0, 6.0)
     by_name = {s.quantity: s for s in spread_of_repeats(condition, [f[1] for f in fits[:2]])}
@@ -244,13 +222,6 @@ def test_spread_between_repeats(fits):
     assert by_name['r1'].spread == pytest.approx(abs(values[0] - values[1]) / math.sqrt(2.0))
     assert by_name['natural_period_s'].mean == pytest.approx(HULL.natural_period, rel=0.03)
     assert 0.0 < by_name['damping_ratio'].stated < 0.05
-
-
-def test_the_schedule_holds_the_joint_fits(fits):
-    lighter, heavier = fits[0], fits[2]
-    schedule = schedule_of([lighter, heavier], 'swath-pitch-2', (0.9, 1.1), 'draft_factor', [{'n': 1}, {'n': 2}])
-    assert schedule.ratio('r1') == pytest.approx([lighter[1].ratio('r1')[0], heavier[1].ratio('r1')[0]])
-    assert schedule.models[1].provenance['n'] == 2
 
 
 def test_the_hull_of_all_drafts_has_the_terms_of_each(fits):

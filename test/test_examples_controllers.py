@@ -1,7 +1,6 @@
 """The examples of controllers, on a short simulated record: what they compute, and that the forecast helps."""
 
 import importlib
-import subprocess
 import sys
 from pathlib import Path
 
@@ -99,17 +98,6 @@ def test_each_prints_a_table_and_draws_a_figure(name, voyage, tmp_path, capsys, 
     monkeypatch.setattr(shared, 'sail', lambda *_, **__: voyage)
     assert shared.carry_out('', importlib.import_module(name).demonstrate, ['--figure', str(file)]) == 0
     assert 'forecast' in capsys.readouterr().out and file.stat().st_size > 10_000
-
-
-@pytest.mark.long
-@pytest.mark.slow
-def test_one_command_goes_the_whole_way(trial, tmp_path):
-    record, file = tmp_path / 'waves.csv', tmp_path / 'landing.svg'
-    write_csv(record, trial.between(None, 330.0))
-    example = Path(__file__).resolve().parents[1] / 'examples' / 'landing.py'
-    command = [sys.executable, str(example), str(record), '--warmup', '240', '--figure', str(file)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert 'any time' in done.stdout and file.stat().st_size > 1000
 
 
 def test_a_record_that_cannot_be_used_is_refused(trial, tmp_path, capsys):

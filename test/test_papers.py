@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 from scipy.optimize import nnls
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
@@ -12,7 +11,7 @@ from swath_sysid.attitude.identification import search
 from swath_sysid.campaign.papers import decay_study
 from swath_sysid.campaign.papers.decay_study import hull_at, study_record
 from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study, track_error
-from swath_sysid.campaign.papers.publication import DECAY_STUDIES, STUDIES, citation, decay_publication, printed_values
+from swath_sysid.campaign.papers.publication import DECAY_STUDIES, citation, decay_publication, printed_values
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.report.html_page import escaped
@@ -161,10 +160,3 @@ def test_the_page_of_the_catamaran(manoeuvring):
     text = manoeuvring_page(manoeuvring, wall_s=1.0)
     assert all(f'As figure {n}:' in text for n in (4, 5, 6))
     assert all(str(value) in text for value in printed_values('wam-v')['derivatives']['printed'].values())
-
-
-def test_every_file_of_a_study_is_read():
-    folder = decay_study.__file__.rpartition('/')[0]
-    for name in STUDIES:
-        with open(f'{folder}/{name}.yaml', encoding='utf-8') as file:
-            assert yaml.safe_load(file) == printed_values(name)
