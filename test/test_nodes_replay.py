@@ -9,7 +9,7 @@ from math import radians
 
 import numpy as np
 import pytest
-from package_process import ROOT, command_line, environment
+from package_process import PATIENCE, ROOT, command_line, environment, wait_for
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -25,7 +25,6 @@ pytestmark = pytest.mark.dds
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
-PATIENCE = 240.0
 START_NS = 1_700_000_000_000_000_000
 
 
@@ -64,15 +63,9 @@ def node():
     rclpy.try_shutdown()
 
 
-def wait_until(done, what, node=None):
-    """Until something is so; spins the node meanwhile."""
-    deadline = time.monotonic() + PATIENCE
-    while not done():
-        assert time.monotonic() < deadline, f'waited in vain for {what}'
-        if node is None:
-            time.sleep(0.05)
-        else:
-            rclpy.spin_once(node, timeout_sec=0.05)
+def spin_until(node, done, what):
+    """Until something is so, as a node hears that is spun meanwhile."""
+    wait_for(done, what, meanwhile=lambda: rclpy.spin_once(node, timeout_sec=0.05))
 
 
 def all_received(statuses, samples, node):
@@ -140,10 +133,10 @@ def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, no
         with ExitStack() as stack:
             nodes = stack.enter_context(verb('run', '--params-file', params))
             stack.enter_context(verb('record', '--output', live))
-            wait_until(
-                lambda: statuses.get('predictor: forecast', {}).get('has_model_roll') == 'True', 'the model', node
+            spin_until(
+                node, lambda: 'True' in statuses.get('predictor: forecast', {}).get('has_model_roll', ''), 'the model'
             )
-            wait_until(lambda: ('record', '/') in node.get_node_names_and_namespaces(), 'the recorder', node)
+            spin_until(node, lambda: ('record', '/') in node.get_node_names_and_namespaces(), 'the recorder')
             # imu_buffer, predictor and the recorder
             with verb('replay', bag, '--wait-for', 3, ends=None):
                 pass
@@ -181,7 +174,7 @@ def test_a_recording_holds_what_was_replayed(bag, tmp_path, node):
     whole, copy = tmp_path / 'whole.mcap', tmp_path / 'copy.mcap'
     assert main(['play-through', str(bag), '--output', str(whole), '--with-imu']) == 0
     with verb('record', '--output', copy, ends=signal.SIGTERM) as recorder:
-        wait_until(lambda: ('record', '/') in node.get_node_names_and_namespaces(), 'the recorder')
+        wait_for(lambda: ('record', '/') in node.get_node_names_and_namespaces(), 'the recorder')
         with verb('replay', whole, '--rate', 4, ends=None):
             # it begins once the recorder has subscribed to the IMU, and soon to the rest
             pass
@@ -200,7 +193,7 @@ def test_a_killed_recording_can_be_read(bag, tmp_path, node):
         recorder = command_line('record', '--output', tmp_path / 'cut.mcap', **silent)
         try:
             growing = tmp_path / 'cut.recording' / 'cut.recording.mcap'
-            wait_until(lambda: growing.exists() and growing.stat().st_size > 50_000, 'what was recorded')
+            wait_for(lambda: growing.exists() and growing.stat().st_size > 50_000, 'what was recorded')
         finally:
             recorder.kill()
             recorder.wait()
@@ -218,7 +211,7 @@ def test_replay_tells_the_time_and_loops(bag, node):
     node.create_subscription(Imu, '/imu/data', lambda m: stamps.append(stamp_of(m)), 1000)
     node.create_subscription(Clock, '/clock', lambda m: clocks.append(m.clock.sec * 10**9 + m.clock.nanosec), 1000)
     with verb('replay', bag, '--loop', '--clock', '--rate', 10, '--wait-for', 1):
-        wait_until(lambda: sum(np.diff(stamps) < 0) >= 1 and len(clocks) > 20, 'the second round', node)
+        spin_until(node, lambda: sum(np.diff(stamps) < 0) >= 1 and len(clocks) > 20, 'the second round')
     first_round = stamps[: np.flatnonzero(np.diff(stamps) < 0)[0] + 1]
     known = read_imu(bag).stamps
     assert first_round == known.tolist(), 'from the first sample on'
@@ -232,7 +225,7 @@ def test_replay_keeps_the_pace(bag, node):
     arrivals = []
     node.create_subscription(Imu, '/imu/data', lambda m: arrivals.append(time.monotonic()), qos_profile_sensor_data)
     with verb('replay', bag, '--rate', 2, '--wait-for', 1, ends=None) as player:
-        wait_until(lambda: player.poll() is not None, 'the end', node)
+        spin_until(node, lambda: player.poll() is not None, 'the end')
     # four seconds of record; the machine may be slow, but nothing comes early
     assert arrivals[-1] - arrivals[0] > 1.9
 
@@ -267,11 +260,11 @@ def stamps_heard_by_three(bag, early, expected, count):
         with verb('replay', bag, '--rate', 20, '--wait', PATIENCE, '--wait-for', expected, ends=None) as player:
             for _ in range(3 - early):
                 listen()
-                wait_until(lambda: benches[-1].node.count_publishers('/imu/data'), 'the replay')
+                wait_for(lambda: benches[-1].node.count_publishers('/imu/data'), 'the replay')
                 assert not heard[0]
-            wait_until(lambda: player.poll() is not None, 'the end')
+            wait_for(lambda: player.poll() is not None, 'the end')
         settled = time.monotonic() + 2.0
-        wait_until(lambda: all(len(h) >= count for h in heard) or time.monotonic() > settled, 'the last sample')
+        wait_for(lambda: all(len(h) >= count for h in heard) or time.monotonic() > settled, 'the last sample')
         return [[stamp_of(message) for message in messages] for messages in heard]
     finally:
         for bench in benches:
