@@ -3,6 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.presets import preset
@@ -11,6 +14,7 @@ from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
+STORE = get_typestore(Stores.ROS2_JAZZY)
 OLD = preset('wamv-vrx-old')
 NOISE = np.array([0.05, 0.05, 0.005])
 REGION = Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0)
@@ -52,3 +56,23 @@ def drifting(m, current):
         x=m.x + east * m.time,
         y=m.y + north * m.time,
     )
+
+
+def codes(*of):
+    """The codes of all advice of runs, trials or models."""
+    return {advice.code for each in of for advice in each.advice}
+
+
+def copy_bag(source, target, changed):
+    """Copy the messages of a bag: ``changed`` gives from one message those written, as topic, kind and message."""
+    connections = {}
+    with (
+        AnyReader([source], default_typestore=STORE) as reader,
+        Writer(target, version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
+        for connection, stamp, raw in reader.messages():
+            message = STORE.deserialize_cdr(raw, connection.msgtype)
+            for topic, kind, written in changed(connection.topic, connection.msgtype, message):
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
+                writer.write(connections[topic], stamp, STORE.serialize_cdr(written, kind))

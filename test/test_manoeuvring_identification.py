@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from manoeuvring_runs import OLD, runs_of, trial_of
+from manoeuvring_runs import OLD, codes, runs_of, trial_of
 from scipy.optimize import approx_fprime, least_squares, lsq_linear
 
 from swath_sysid.common.errors import InputError
@@ -47,10 +47,6 @@ def force_runs():
 @pytest.fixture(scope='module')
 def found(force_runs):
     return identify_manoeuvring(force_runs, ManoeuvringSettings(**QUICK))
-
-
-def codes(found):
-    return {a.code for a in found.advice}
 
 
 def inside(found, model, names=None):
