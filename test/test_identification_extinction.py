@@ -16,7 +16,6 @@ from swath_sysid.attitude.identification.extinction import (
     Peaks,
     TypeB,
     extinction_of,
-    froude_number,
     measured_peaks,
     tank_quantities,
 )
@@ -147,13 +146,11 @@ def test_damping_in_dimensions_follows_from_gm():
     ('source', 'quantity', 'share'),
     [
         ('time_base', 'natural period', 1.0),
-        ('time_base', 'B44', 1.0),
         ('mass', 'B44', 1.0),
         ('metacentric_height', 'B44', 1.0),
         ('mass', 'B44 without dimension', 0.0),
         ('metacentric_height', 'B44 without dimension', 1.0),
         ('sensor_scale', 'natural period', 0.0),
-        ('sensor_scale', 'equivalent damping ratio', 0.7),
         ('sensor_scale', 'B44', 0.7),
     ],
 )
@@ -170,15 +167,6 @@ def test_type_a_is_the_larger_of_the_fit_and_the_scatter_of_repeats():
     apart = budget(repeats=[bands(ratio=r) for r in (0.04, 0.05, 0.06)])['equivalent damping ratio']
     assert apart.repeats == pytest.approx(0.01 / np.sqrt(3.0))
     assert apart.combined == pytest.approx(0.01 / np.sqrt(3.0))
-
-
-def test_shares_beyond_one_are_refused():
-    with pytest.raises(InputError, match='sensor_scale'):
-        TypeB(sensor_scale=2.0)
-
-
-def test_froude_number():
-    assert froude_number(3.0, 1.5) == pytest.approx(3.0 / np.sqrt(9.80665 * 1.5))
 
 
 def test_measured_roll_of_a_tanker_decays_by_its_curve_as_by_its_fitted_motion(data_folder):
@@ -215,6 +203,7 @@ def test_identify_prints_the_tanks_output(tmp_path, capsys):
     [
         (['--uncertainty', 'luck=0.1'], 'no source of uncertainty'),
         (['--uncertainty', 'mass=x'], 'needs a share'),
+        (['--uncertainty', 'sensor_scale=2'], 'sensor_scale'),
         (['--breadth', '0'], 'greater than zero'),
         (['--metacentric-height', '1'], 'both --mass'),
         (['--inertia', '1', '--mass', '1', '--metacentric-height', '1'], 'each sets the inertia'),

@@ -90,15 +90,6 @@ def test_joint_fit_shares_ratios_and_keeps_trims_apart(plain):
     assert found.model.terms['b1'] == pytest.approx(HULL.terms['b1'], abs=3 * found.std['b1'])
 
 
-def test_friction_is_found_where_there_is_some_and_missed_by_a_model_without():
-    ratios = {'b0': 0.03, 'b1': 0.5, 'b2': 1.0, 'r1': 10.0, 'r3': 5.0}
-    rig = HULL.from_terms(EQUATIONS['odd-cubic+friction'], ratios, friction_rate=0.02 * np.radians(6) * np.sqrt(10.0))
-    motion = decay(model=rig, noise=SensorNoise(5e-4, 0.004), hold=1.0)
-    found = identify([motion], settings('odd-cubic+friction'))
-    assert found.model.terms['b0'] == pytest.approx(0.03, abs=3 * found.std['b0'])
-    assert found.objective_value < identify([motion], settings('odd-cubic')).objective_value
-
-
 def test_simulated_motion_of_the_result_is_that_of_the_model(plain):
     (record,) = plain.records
     angle, rate = simulate(plain.model, record.state.x + plain.model.trim, record.state.rate, record.motion.time)

@@ -6,14 +6,12 @@ from scipy.optimize import lsq_linear
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.attitude.hull.terms import TERM_NAMES, term_moments
+from swath_sysid.attitude.hull.terms import term_moments
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.uncertainty import known_together
-from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.covariance import correlation, sandwich_covariance
-from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
 from swath_sysid.common.noise import autocovariance, correlated_information, weighting_noise
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
@@ -70,27 +68,6 @@ def test_one_step_minimum_is_scipys_on_the_whole_record(name):
     assert objective(ratios[None])[0] == pytest.approx(error, rel=1e-9)
 
 
-def test_published_search_reaches_the_exact_one_step_minimum():
-    objective = OneStepObjective.of([decay()], [0.0], FRICTION_RATE)
-    equation = EQUATIONS['swath-pitch-1'].with_friction()
-    lower, upper = np.zeros(9), np.r_[1.0, np.full(4, 50.0), 200.0, 1000.0, 1.0, 1.0]
-    exact = objective(objective.minimum(equation, lower, upper)[None])[0]
-    settings = GeneticSettings(generations=2000, population=200, patience=0, spread_tolerance=0.0)
-    search = GeneticSearch(lower[:7], upper[:7], settings, seed=1)
-    while not search.should_stop():
-        search.tell(objective(np.pad(search.ask(), ((0, 0), (0, 2)))))
-    assert search.best_value == pytest.approx(exact, rel=1e-6)
-
-
-def test_one_step_optimum_is_biased_by_noise_and_right_without():
-    exact = np.zeros(9), np.full(9, 1e4)
-    clean = OneStepObjective.of([decay(noise=SensorNoise(0, 0, 0))], [0.0], FRICTION_RATE)
-    noisy = OneStepObjective.of([decay()], [0.0], FRICTION_RATE)
-    b1 = TERM_NAMES.index('b1')
-    assert clean.minimum(HULL.equation, *exact)[b1] == pytest.approx(HULL.ratios[b1], rel=0.05)
-    assert noisy.minimum(HULL.equation, *exact)[b1] > 5 * HULL.ratios[b1]
-
-
 def fit_of(motion, name='swath-pitch-2', **options):
     return MotionFit([motion], EQUATIONS[name], SCALES, Noise(0.001, 0.0165), FRICTION_RATE, **options)
 
@@ -130,15 +107,6 @@ def test_refinement_finds_the_truth_of_a_clean_record_with_its_trim():
     assert ratios == pytest.approx(HULL.ratios, rel=1e-4, abs=1e-5)
     assert (state.x, state.rate, state.trim) == pytest.approx((0.1, 0.0, 0.01), abs=1e-6)
     assert objective < 1e-3
-
-
-def test_angles_alone_or_rates_alone_are_enough():
-    motion = decay()
-    for angle, rate in ((motion.angle, None), (None, motion.rate)):
-        fit = fit_of(AxisMotion('pitch', motion.time, angle, rate))
-        start = fit.pack(HULL.ratios * 1.05, [InitialState(0.1, 0.0, 0.0)])
-        ratios, _ = fit.unpack(fit.refine(start, np.zeros(5), np.full(5, 10.0))[0])
-        assert ratios[[1, 4]] == pytest.approx(HULL.ratios[[1, 4]], rel=0.15)
 
 
 def test_autocovariance_of_white_and_of_coloured_noise():

@@ -21,7 +21,7 @@ from swath_sysid.attitude.identification.replacement import misfit, reason_to_ke
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, MotionWindow, NoticedDecay, WindowSettings
+from swath_sysid.attitude.motion.window import COLUMNS, MotionWindow, NoticedDecay, WindowSettings
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 
@@ -138,7 +138,6 @@ def test_five_decays_are_held_the_newest():
 
 
 def test_releases_of_one_craft_do_not_contradict_each_other():
-    """Of three amplitudes and dampings that one linear hull has."""
     refitter, outcome = after(table_of(1, amplitude=0.05), table_of(2, amplitude=0.12), table_of(3))
     assert len(refitter.decays['pitch'].decays) == 3 and refitter.version == 3, outcome.message
 
@@ -181,25 +180,23 @@ def test_by_itself_only_the_axis_whose_decay_was_noticed_is_fitted(table):
 def test_the_verdict_decides_what_replaces_what(first):
     (found,) = first.models.values()
 
-    def of(level, error=0.05):
-        return replace(found, metrics={**found.metrics, 'verdict': level, 'motion_error': error})
+    def kept(held, new, error=0.05, contradicts=False):
+        held, new = (
+            replace(found, metrics={**found.metrics, 'verdict': level, 'motion_error': each}) if level else None
+            for level, each in ((held, error and 0.05), (new, error))
+        )
+        return reason_to_keep(held, new, contradicts)
 
-    replaces = {
-        (held, new): not reason_to_keep(of(held), of(new), True)
+    replaces = [
+        (held, new)
         for held in ('doubtful', 'adequate')
         for new in ('rejected', 'doubtful', 'adequate')
-    }
-    assert {pair for pair, does in replaces.items() if not does} == {
-        ('doubtful', 'rejected'),
-        ('adequate', 'rejected'),
-        ('adequate', 'doubtful'),
-    }
-    assert reason_to_keep(None, of('rejected'), False).startswith('rejected: ')
-    assert reason_to_keep(None, of('doubtful'), False) == ''
-    assert reason_to_keep(of('doubtful'), of('adequate', 0.06), False) == ''
-    assert reason_to_keep(of('adequate'), of('adequate', 0.04), False) == ''
-    assert 'as well' in reason_to_keep(of('adequate'), of('adequate', 0.06), False)
-    assert 'as well' in reason_to_keep(of('adequate', None), of('adequate', None), False)
+        if not kept(held, new, contradicts=True)
+    ]
+    assert replaces == [('doubtful', 'doubtful'), ('doubtful', 'adequate'), ('adequate', 'adequate')]
+    assert kept(None, 'rejected').startswith('rejected: ')
+    assert kept(None, 'doubtful') == kept('doubtful', 'adequate', 0.06) == kept('adequate', 'adequate', 0.04) == ''
+    assert 'as well' in kept('adequate', 'adequate', 0.06) and 'as well' in kept('adequate', 'adequate', None)
     endless = replace(found, model=DecayModel(found.model.equation, 0.0 * found.model.ratios))
     assert reason_to_keep(None, endless, False)
 
@@ -221,12 +218,7 @@ def test_an_axis_without_a_decay_is_told_and_the_other_is_fitted(table):
     outcome = refit(Refitter(replace(QUICK, axes=('roll', 'pitch'))).request(table), progress=told.append)
     assert set(outcome.models) == {'pitch'}
     assert outcome.message.startswith('pitch: adequate') and outcome.message.endswith('; roll: no free decay')
-    assert told == sorted(told) and told[-1] == 1.0 and all(0.0 <= share <= 1.0 for share in told)
-
-
-def test_an_empty_window_is_refused():
-    with pytest.raises(InputError, match='window is empty'):
-        refit(Refitter(QUICK).request(MotionTable(np.empty((0, 8)), 0)))
+    assert told == sorted(told) and told[0] >= 0.0 and told[-1] == 1.0
 
 
 def test_request_and_outcome_go_to_another_process(table, first):
@@ -254,14 +246,7 @@ def test_coefficients_are_rows_of_values_and_deviations(first):
     assert coefficients({})[1].shape == (0, len(COEFFICIENT_NAMES))
 
 
-@pytest.mark.parametrize(
-    'fields',
-    [
-        {'axes': ()},
-        {'axes': ('yaw',)},
-        {'axes': ('roll', 'roll')},
-    ],
-)
-def test_settings_that_make_no_sense_are_refused(fields):
-    with pytest.raises(InputError, match=next(iter(fields))):
-        RefitSettings(**fields)
+@pytest.mark.parametrize('axes', [(), ('yaw',), ('roll', 'roll')])
+def test_settings_that_make_no_sense_are_refused(axes):
+    with pytest.raises(InputError, match='axes'):
+        RefitSettings(axes=axes)

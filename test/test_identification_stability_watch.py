@@ -60,17 +60,13 @@ def test_the_interval_holds_the_truth():
         assert 0.9 < np.mean(held) <= 0.99
 
 
-def test_the_ratio_is_the_square_of_the_periods():
-    _, said = watched([4.0, 4.0, 4.4, 4.4], std=0.01)
+@pytest.mark.parametrize('known_height', [0.0, 0.5])
+def test_the_ratio_is_the_square_of_the_periods(known_height):
+    _, said = watched([4.0, 4.0, 4.4, 4.4], std=0.01, settings=StabilitySettings(known_height=known_height))
     assert said[-1].relative == pytest.approx((4.0 / 4.4) ** 2)
     assert (said[-1].period_before, said[-1].period) == pytest.approx((4.0, 4.4))
     assert said[-1].changed_at == 3 * WINDOW
-    assert math.isnan(said[-1].height)
-
-
-def test_a_known_height_makes_it_absolute():
-    _, said = watched([4.0, 4.0, 4.4, 4.4], std=0.01, settings=StabilitySettings(known_height=0.5))
-    assert said[-1].height == pytest.approx(0.5 * (4.0 / 4.4) ** 2)
+    assert said[-1].height == pytest.approx((known_height or math.nan) * (4.0 / 4.4) ** 2, nan_ok=True)
 
 
 def test_one_freak_estimate_is_no_change():
