@@ -9,7 +9,6 @@ over the standard deviation of the motion; beside it what the model's own verdic
 import argparse
 import os
 import subprocess
-import sys
 import tempfile
 import time
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.cli.run import craft_command
 from swath_sysid.common.processes import verb_command
 
 NEXT = np.radians(5.0)
@@ -41,7 +41,7 @@ def live_run(hull, angle_deg):
     from swath_sysid.nodes.demo_monitor import Listener
 
     axis = hull_named(hull).model.axis
-    craft = [sys.executable, '-m', 'swath_sysid.nodes.simulated_craft', '--hull', hull, '--angle-deg', str(angle_deg)]
+    craft = craft_command(hull=hull, angle_deg=float(angle_deg))
     rclpy.init(args=['live_releases'])
     listener = Listener(axis, ())
     received = listener.received

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from swath_sysid.cli import page, run
+from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 
 
@@ -35,6 +36,29 @@ def test_a_path_stays_text_for_the_node_that_reads_it():
 def test_a_model_for_a_node_that_reads_none_is_refused():
     with pytest.raises(InputError, match='predictor reads no model file'):
         run.ros_arguments(parsed('--only', 'predictor', '--model', 'm.yaml'))
+
+
+@pytest.mark.parametrize(
+    ('words', 'sentence'),
+    [
+        ('--simulate titanic', 'swath-pitch, swath-roll, hydrofoil-pitch, swath-usv-pitch'),
+        ('--simulate swath-roll --sea -1', 'cannot be -1'),
+        ('--simulate swath-roll --use-sim-time', 'leave out --use-sim-time'),
+        ('--sea 0.3', 'add --simulate'),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused_before_anything_starts(words, sentence, capsys):
+    pytest.importorskip('rclpy')
+    assert main(['run', *words.split()]) == 2
+    told = capsys.readouterr().err
+    assert sentence in told and 'Traceback' not in told
+
+
+def test_the_simulated_craft_beside_the_nodes_is_their_sensor():
+    words = '--simulate swath-pitch --sea 0.3 --namespace craft --imu-topic /sensor/imu'
+    (command,) = run.processes_beside(parsed(*words.split()))
+    given = '-p hull:=swath-pitch -p sea_deg:=0.3 -r __ns:=/craft -r imu/data:=/sensor/imu'
+    assert command[-len(given.split()) :] == given.split()
 
 
 def test_without_ros_it_says_what_to_install(monkeypatch):

@@ -1,5 +1,6 @@
 """The demonstration: its craft, its scoring, its picture, and the whole of it over DDS."""
 
+import contextlib
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from swath_sysid.attitude.hull.simulated_trial import SensorNoise
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import model_from_yaml, read_model
 from swath_sysid.pipeline.demonstration import (
     UNAWARE,
     Demonstration,
@@ -33,7 +35,7 @@ from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.share import share_folder
 
-PATIENCE = 600.0
+PATIENCE, ATTEMPTS = 600.0, 4
 ROLL = hull_named('swath-roll').model
 SILENT = SensorNoise(0.0, 0.0, 0.0)
 TIME = np.arange(0.0, 30.0, 0.02)
@@ -75,6 +77,16 @@ def test_the_craft_is_released_from_wherever_it_is():
     before = craft.next_reading().roll
     craft.release()
     assert craft.next_reading().roll == pytest.approx(before, abs=1e-3)
+
+
+def test_waves_move_the_craft_as_told_and_a_release_decays_into_the_motion_of_an_untouched_craft():
+    settings = CraftSettings(ROLL, radians(5.0), 20.0, noise=SILENT, sea=radians(0.4))
+    untouched, released = SimulatedCraft(settings), SimulatedCraft(settings)
+    released.release()
+    expected, found = (readings_of(craft, 12_000)['roll'] for craft in (untouched, released))
+    assert expected.std() == pytest.approx(radians(0.4), rel=0.1)
+    assert np.abs(found - expected)[:100].max() > radians(4.0)
+    assert np.abs(found - expected)[-1200:].max() < radians(0.05)
 
 
 def test_noise_is_as_told_and_of_its_seed():
@@ -216,6 +228,40 @@ def test_the_demonstration_runs_to_its_verdict(tmp_path):
         assert imread(tmp_path / 'out' / picture).shape[1] > 1000
     log = (tmp_path / 'out' / 'demo.log').read_text()
     assert 'new model: roll' in log and 'Traceback' not in log
+
+
+@pytest.mark.long
+@pytest.mark.dds
+def test_a_craft_to_try_is_identified_in_waves_and_its_bag_replays(tmp_path):
+    """As a user would: ``run --simulate`` and ``record`` as processes, a release by the service, then the bag."""
+    pytest.importorskip('rclpy', reason='running nodes needs ROS 2')
+    from live_bench import Bench, stop
+    from package_process import wait_for
+    from test_play_through import decoded
+
+    bag, models = tmp_path / 'tried.mcap', tmp_path / 'craft.yaml'
+    bench = Bench()
+    nodes = command_line('run', '--simulate', 'swath-roll', '--sea', 0.2, '--model', models)
+    record = command_line('record', '--output', bag)
+    try:
+        wait_for(lambda: len(bench.heard['forecast/next']) > 500 and record.poll() is None, 'forecasts')
+        # on a machine that loses samples a user pushes again
+        for _ in range(ATTEMPTS):
+            assert bench.call('simulated_craft/release').success
+            with contextlib.suppress(AssertionError):
+                wait_for(lambda: any(message.data for message in bench.heard['model/description']), 'model', 60.0)
+                break
+    finally:
+        ends = [stop(record), stop(nodes)]
+        bench.close()
+    assert [code for code, _ in ends] == [0, 0], ends
+    assert 'pushed to 6 deg and released' in ends[1][1] and 'Traceback' not in ends[1][1]
+    published = read_model(models)['roll']
+    played = tmp_path / 'played.mcap'
+    assert main(['play-through', str(bag), '--output', str(played)]) == 0
+    again = model_from_yaml(decoded(played, 'model/description')[-1][1].data)['roll']
+    for model in (published, again):
+        assert model.model.natural_period == pytest.approx(ROLL.natural_period, rel=0.05)
 
 
 @pytest.mark.dds

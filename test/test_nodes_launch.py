@@ -10,12 +10,12 @@ from swath_sysid.nodes.parameters.table import table_of
 
 ROOT = Path(__file__).resolve().parents[1]
 ARGUMENTS = {
-    'swath_sysid': 'namespace params_file model_file use_sim_time imu_topic',
+    'swath_sysid': 'namespace params_file model_file use_sim_time imu_topic simulate sea_deg',
     'manoeuvring': 'namespace model_file use_sim_time odometry_topic imu_topic port_topic starboard_topic '
     'forecast_rate_hz stop_after_s identify model_path mass_kg lever_m',
 }
 NODES = {
-    'swath_sysid': {'imu_buffer', 'predictor', 'identifier'},
+    'swath_sysid': {'imu_buffer', 'predictor', 'identifier', 'simulated_craft'},
     'manoeuvring': {'manoeuvring_predictor', 'manoeuvring_identifier'},
 }
 TYPES = {'str': str, 'float': float, 'bool': bool}
@@ -69,7 +69,7 @@ def test_topics_are_remapped_from_what_the_nodes_hear(name, launch):
     hears = {node.get('exec'): {remap.get('from') for remap in node.findall('remap')} for node in launch.iter('node')}
     thrusters = {'thrusters/left/thrust', 'thrusters/right/thrust'}
     expected = {
-        'swath_sysid': {'imu_buffer': {'imu/data'}, 'predictor': {'imu/data'}, 'identifier': set()},
+        'swath_sysid': {node: {'imu/data'} for node in NODES['swath_sysid']} | {'identifier': set()},
         'manoeuvring': {
             'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters,
             'manoeuvring_identifier': {'odometry'} | thrusters,
@@ -86,7 +86,7 @@ def test_what_is_given_wins_over_the_parameter_file_and_that_over_defaults():
         'push-ros-namespace',
         'set_parameters_from_file',
         'set_parameter',
-        *['node'] * 4,
+        *['node'] * 5,
     ]
     given = launch.find('group/set_parameter')
     assert (given.get('name'), given.get('value')) == ('use_sim_time', '$(var use_sim_time)')
@@ -96,7 +96,11 @@ def test_what_is_given_wins_over_the_parameter_file_and_that_over_defaults():
     parameters = [
         (node.get('exec'), parameter.get('name')) for node in launch.iter('node') for parameter in node.findall('param')
     ]
-    assert parameters == [('identifier', 'model_path')]
+    assert parameters == [
+        ('identifier', 'model_path'),
+        ('simulated_craft', 'hull'),
+        ('simulated_craft', 'sea_deg'),
+    ]
     # a file that is not there is noticed before any node starts
     actions = [action.tag for action in launch]
     assert actions.index('let') < actions.index('group')

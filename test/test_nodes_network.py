@@ -9,7 +9,7 @@ rclpy = pytest.importorskip('rclpy')
 
 from live_bench import Bench, start_node, start_together, stop, wait_for  # noqa: E402
 
-from swath_sysid.nodes.parameters.table import NODES  # noqa: E402
+from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, NODES  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -56,7 +56,7 @@ def watcher():
     bench = Bench()
     processes = [
         start_together('-p', 'use_sim_time:=true'),
-        *(start_node(f'manoeuvring_{kind}', '-p', 'use_sim_time:=true') for kind in ('identifier', 'predictor')),
+        *(start_node(node, '-p', 'use_sim_time:=true') for node in NODES[len(ATTITUDE_NODES) :]),
     ]
     try:
         yield bench.node

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import swath_sysid.nodes
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.identify import OBJECTIVES
 from swath_sysid.attitude.identification.refit import RefitSettings
 from swath_sysid.attitude.identification.search import ALGORITHMS
@@ -21,6 +22,7 @@ from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
 from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_pipeline_settings, manoeuvring_settings
 from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.parameters.simulated_craft import craft_settings
 from swath_sysid.nodes.parameters.table import NODES, defaults, parameters_of, table_of
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 
@@ -30,6 +32,7 @@ SETTINGS_OF = {
     'predictor': pipeline_settings,
     'manoeuvring_identifier': manoeuvring_settings,
     'manoeuvring_predictor': manoeuvring_pipeline_settings,
+    'simulated_craft': craft_settings,
 }
 ALL_TABLES = {node: table_of(node) for node in NODES}
 ROOT = Path(__file__).resolve().parents[1]
@@ -57,6 +60,7 @@ def test_choices_are_those_of_the_cores():
         ('identifier', 'objective'): OBJECTIVES,
         ('identifier', 'search'): ALGORITHMS,
         ('manoeuvring_identifier', 'thrust_input'): THRUST_INPUTS,
+        ('simulated_craft', 'hull'): tuple(PUBLISHED_HULLS),
     }
 
 
@@ -74,6 +78,8 @@ def test_choices_are_those_of_the_cores():
         ('predictor', 'horizon_s', 1e6),
         ('predictor', 'forecast_rate_hz', 0.0),
         ('predictor', 'gate_patience', 0),
+        ('simulated_craft', 'hull', 'titanic'),
+        ('simulated_craft', 'angle_deg', -10.0),
     ],
 )
 def test_what_makes_no_sense_is_refused_by_a_sentence(node, name, value):
@@ -109,6 +115,8 @@ def test_every_parameter_matters():
         'quiet_for_s': 3.0,
         'frames_at_s': [1.0],
         'points': ['bow'],
+        'hull': 'swath-pitch',
+        'angle_deg': 3.0,
     }
     at_bow = {'points': ['bow'], 'points.bow': [1.0, 0.0, 0.0]}
     beside = {'quiet_heave_m': at_bow, 'quiet_vertical_velocity_m_s': at_bow, 'points': at_bow | {'points': []}}

@@ -7,7 +7,6 @@ import os
 import random
 import shlex
 import subprocess
-import sys
 import threading
 import time
 from argparse import ArgumentParser, Namespace
@@ -20,14 +19,14 @@ import numpy as np
 
 import swath_sysid
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
-from swath_sysid.attitude.hull.simulated_craft import returns
+from swath_sysid.attitude.hull.simulated_craft import release_angle
 from swath_sysid.attitude.identification.replacement import verdict_text
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.cli import forecast
 from swath_sysid.cli.ros_needed import ros_needed
-from swath_sysid.cli.run import process_beside
+from swath_sysid.cli.run import craft_command, process_beside
 from swath_sysid.cli.settings_flags import add_setting
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import verb_command
@@ -45,8 +44,6 @@ HULLS = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
 SEA_RECORD = 'records/morro_buoy.csv'
 SEA_OPTIONS = ('--leads', '0.5,1,2,3', '--warmup', '180')
 SEA, RELEASE = 'sea', 'release'
-
-ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)  #: The first from which the hull returns is the release angle.
 
 PAUSE_S = 1.5  #: Before the first release, and between a model and the next one.
 START_TIMEOUT_S = 300.0
@@ -141,10 +138,7 @@ class _Craft:
             fitting = ', '.join(name for name, held in PUBLISHED_HULLS.items() if held.axis == axis)
             raise InputError(f'{self.hull} is a hull in {self.axis}: leave --axis out, or choose from {fitting}')
         self.period = self.model.natural_period
-        angles = [angle for angle in ANGLES_DEG if returns(self.model, math.radians(angle))]
-        if not angles:
-            raise InputError(f'{self.hull} does not return from {ANGLES_DEG[-1]} deg: choose another hull')
-        self.angle_deg = angles[0]
+        self.angle_deg = math.degrees(release_angle(self.model))
         self.lead = round(self.period, 2)
         self.leads = tuple(sorted({*ForecasterSettings().leads, self.lead}))
 
@@ -172,8 +166,7 @@ def _environment(domain: int):
 @contextmanager
 def _processes(craft: _Craft, seed: int, log_path: Path):
     """The craft and the nodes as users start them, ended with the demonstration."""
-    given = ['--hull', craft.hull, '--angle-deg', str(craft.angle_deg), '--seed', str(seed)]
-    simulated = [sys.executable, '-m', 'swath_sysid.nodes.simulated_craft', *given]
+    simulated = craft_command(hull=craft.hull, noise_seed=seed)
     with open(log_path, 'w', encoding='utf-8') as log:
         how = {'stdout': log, 'stderr': log, 'stdin': subprocess.DEVNULL}
         with process_beside(simulated, **how) as first, process_beside(verb_command(*craft.run_words), **how) as second:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,17 @@ from swath_sysid.common.processes import verb_command
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.formats.untrusted_yaml import plain_content, text_of
+from swath_sysid.nodes.parameters.simulated_craft import craft_settings
+from swath_sysid.nodes.parameters.table import defaults
 
-NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'manoeuvring_predictor')
+NODES = (
+    'imu_buffer',
+    'identifier',
+    'predictor',
+    'manoeuvring_identifier',
+    'manoeuvring_predictor',
+    'simulated_craft',
+)
 
 MODEL_PARAMETERS = {
     'identifier': 'model_path',
@@ -45,6 +54,19 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--page', action='store_true', help='also show the nodes in a browser, as `swath-sysid page` does'
     )
     parser.add_argument(
+        '--simulate',
+        metavar='HULL',
+        help='in place of a sensor, simulate a craft that is pushed and released by the page, or whenever the service '
+        'simulated_craft/release is called; HULL as listed by `swath-sysid hulls`',
+    )
+    parser.add_argument(
+        '--sea',
+        type=float,
+        default=0.0,
+        metavar='DEG',
+        help='with --simulate: root mean square of the motion in waves (default: still water)',
+    )
+    parser.add_argument(
         '--ros-args', nargs=argparse.REMAINDER, default=[], metavar='...', help='any other arguments of ROS 2 nodes'
     )
 
@@ -57,12 +79,36 @@ def run(arguments: Namespace) -> int:
     program = import_module(f'swath_sysid.nodes.{arguments.only or "all_in_one"}')
     if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
         print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
-    with process_beside(page_command(arguments)) if arguments.page else nullcontext():
+    with ExitStack() as beside:
+        for command in processes_beside(arguments):
+            beside.enter_context(process_beside(command))
         return program.main(['swath-sysid', '--ros-args', *given])
 
 
+def processes_beside(arguments: Namespace) -> list[list[str]]:
+    """The commands of the simulated craft and of the page: processes of their own, which cost the nodes no sample."""
+    commands = []
+    if arguments.simulate:
+        if arguments.use_sim_time:
+            raise InputError('the simulated craft keeps the time of this machine: leave out --use-sim-time')
+        values = {'hull': arguments.simulate, 'sea_deg': arguments.sea}
+        craft_settings(defaults('simulated_craft') | values)
+        commands.append([*craft_command(**values), *remappings(arguments)])
+    elif arguments.sea:
+        raise InputError('--sea is the sea of a simulated craft: add --simulate and a hull')
+    if arguments.page:
+        commands.append(page_command(arguments))
+    return commands
+
+
+def craft_command(**parameters: Any) -> list[str]:
+    """The process of a simulated craft with some parameters of its node."""
+    given = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+    return [sys.executable, '-m', 'swath_sysid.nodes.simulated_craft', '--ros-args', *given]
+
+
 def page_command(arguments: Namespace) -> list[str]:
-    """The page as a process of its own, which can cost the nodes no sample."""
+    """The page as a process of its own."""
     from swath_sysid.page.server import check_installed
 
     check_installed()

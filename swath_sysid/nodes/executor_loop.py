@@ -18,7 +18,7 @@ from swath_sysid.common.errors import InputError
 #: Makers of executors, each with the makers of the nodes that it runs.
 Plan = Sequence[tuple[Callable[[], Executor], Sequence[Callable[[], Node]]]]
 
-OF_ROS = {'/clock', '/parameter_events'}  #: Topics that every node subscribes to.
+OF_ROS = {'/clock', '/parameter_events', '/rosout'}  #: Topics of every node.
 
 WAKE_PERIOD = 0.1  #: s; between checks of the main thread whether a signal has come.
 WOKEN_PERIOD = 5.0  #: s; for the other threads, which are woken to stop: waking costs 0.06 % of a core per Hz.
@@ -85,12 +85,13 @@ def _run_until(stop: threading.Event, plan: Plan) -> int:
 def _log_ready(nodes: Sequence[Node]) -> None:
     """One line: which nodes run, on which topics, and what has to come first; for nodes that wait for something."""
     first = dict.fromkeys(node.resolve_topic_name(node.waits_for) for node in nodes if hasattr(node, 'waits_for'))
-    made = {publisher.topic_name for node in nodes for publisher in node.publishers}
+    made = {publisher.topic_name for node in nodes for publisher in node.publishers} - OF_ROS
     inputs = {subscription.topic_name for node in nodes for subscription in node.subscriptions} - made - OF_ROS
     if first:
         nodes[0].get_logger().info(
             f'ready: {", ".join(node.get_name() for node in nodes)}; subscribed to {", ".join(sorted(inputs))}; '
-            f'waiting for the first message on {" and ".join(topic for topic in first if topic not in made)}'
+            f'waiting for the first message on {" and ".join(topic for topic in first if topic not in made)}; '
+            f'publishing {", ".join(sorted(made))}'
         )
 
 

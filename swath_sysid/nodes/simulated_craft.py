@@ -1,6 +1,5 @@
 """The node simulated_craft: a published hull with an IMU, for trying everything without hardware."""
 
-import argparse
 import math
 import sys
 from typing import Any
@@ -11,17 +10,15 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
+from swath_sysid.attitude.hull.simulated_craft import SimulatedCraft
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.message_types import time_message
-
-#: What a small attitude sensor shows at rest at 100 Hz; the published trials were noisier, up to five times.
-MEMS_NOISE = SensorNoise(angle=0.0005, rate=0.003, acceleration=0.02)
+from swath_sysid.nodes.parameters.declared import NodeParameters
+from swath_sysid.nodes.parameters.simulated_craft import craft_settings
 
 LARGEST_LAG = 0.5  #: s; a machine that pauses for longer loses samples, as a sensor's driver would.
 
@@ -29,8 +26,10 @@ LARGEST_LAG = 0.5  #: s; a machine that pauses for longer loses samples, as a se
 class SimulatedCraftNode(Node):
     """Publishes imu/data at an even rate; ~/release lifts the craft and lets it go."""
 
-    def __init__(self, settings: CraftSettings):
+    def __init__(self) -> None:
         super().__init__('simulated_craft')
+        parameters = NodeParameters(self, 'simulated_craft', craft_settings)
+        settings = parameters.settings
         self._craft = SimulatedCraft(settings)
         self._period_ns = round(SECOND_NS / settings.rate_hz)
         self._outlet = self.create_publisher(Imu, IMU_TOPIC, qos_profile_sensor_data)
@@ -39,8 +38,13 @@ class SimulatedCraftNode(Node):
         self._next_ns = self._steady.now().nanoseconds
         # stamps are even, from one reading of the clock: a sensor's own oscillator is that even
         self._offset_ns = self.get_clock().now().nanoseconds - self._next_ns
-        self.create_service(Trigger, '~/release', self._on_release)
+        service = self.create_service(Trigger, '~/release', self._on_release)
         self.create_timer(self._period_ns / SECOND_NS, self._publish_due, clock=self._steady)
+        self._release_words = f'pushed to {math.degrees(settings.angle):g} deg and released'
+        self.get_logger().info(
+            f'{parameters["hull"]} measured at {settings.rate_hz:g} Hz on {self._outlet.topic_name}; '
+            f'{self._release_words} whenever {service.service_name} is called'
+        )
 
     @staticmethod
     def _empty_message(noise: SensorNoise) -> Imu:
@@ -77,23 +81,14 @@ class SimulatedCraftNode(Node):
     def _on_release(self, request: Any, response: Any):
         lets_go = self._next_ns + self._offset_ns + round(self._craft.release() * SECOND_NS)
         response.success, response.message = True, str(lets_go)
+        self.get_logger().info(self._release_words)
         return response
 
 
-def start(args: list[str] | None = None) -> int:
-    """Run a published hull until a signal comes; returns the exit code."""
-    parser = argparse.ArgumentParser(prog='simulated_craft')
-    parser.add_argument('--hull', required=True)
-    parser.add_argument('--angle-deg', type=float, required=True)
-    parser.add_argument('--seed', type=int, default=1)
-    arguments, others = parser.parse_known_args(args)
-
-    def make_node() -> SimulatedCraftNode:
-        model, angle = hull_named(arguments.hull).model, math.radians(arguments.angle_deg)
-        return SimulatedCraftNode(CraftSettings(model, angle, noise=MEMS_NOISE, seed=arguments.seed))
-
-    return run([(events_executor, [make_node])], ['simulated_craft', *others])
+def main(args: list[str] | None = None) -> int:
+    """Run the node until a signal comes."""
+    return run([(events_executor, [SimulatedCraftNode])], args)
 
 
 if __name__ == '__main__':
-    sys.exit(start())
+    sys.exit(main())

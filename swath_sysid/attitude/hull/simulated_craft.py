@@ -1,16 +1,21 @@
-"""A craft in still water, sample by sample: at rest, lifted about one axis, held and released."""
+"""A craft in still water or in waves, sample by sample: floating, lifted about one axis, held and released."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from swath_sysid.attitude.hull.compiled import motion_step
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, gravity_reading
 from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.errors import InputError
 
-FREE_SPAN = 60.0  #: s of free motion that are simulated at once.
+FREE_SPAN = 5.0  #: s of free motion that are simulated at once.
 RETURN_SPAN = 30.0  #: s after which a craft that returns has returned.
+RELEASE_ANGLES = np.radians((6.0, 5.0, 4.0, 3.0, 2.0))  #: Of which the first from which the hull returns is taken.
+WAVE_COMPONENTS = 40  #: Sinusoids in the motion in waves.
+WAVE_BAND = 0.5, 1.5  #: Their frequencies, as multiples of the natural frequency.
 
 
 @dataclass(frozen=True)
@@ -22,12 +27,13 @@ class CraftSettings:
     rate_hz: float = 100.0
     lift: float = 1.5  #: s.
     hold: float = 1.0  #: s.
+    sea: float = 0.0  #: Root mean square of the motion in waves, rad; 0: still water.
     noise: SensorNoise = field(default_factory=SensorNoise)
     seed: int = 1
 
     def __post_init__(self) -> None:
-        if not (self.rate_hz > 0.0 and self.lift > 0.0 and self.hold >= 0.0):
-            raise InputError('rate_hz and lift must be greater than zero, hold not negative')
+        if not (self.rate_hz > 0.0 and self.lift > 0.0 and self.hold >= 0.0 and self.sea >= 0.0):
+            raise InputError('rate_hz and lift must be greater than zero, hold and sea not negative')
         if not returns(self.model, self.angle):
             raise InputError(
                 f'this hull does not return from {np.degrees(self.angle):g} deg: its restoring moment vanishes before; '
@@ -53,8 +59,12 @@ class SimulatedCraft:
         self.settings = settings
         self._rng = np.random.default_rng(settings.seed)
         self._angles = self._rates = np.empty(0)
-        self._next = 0
-        self._state = settings.model.trim, 0.0
+        self._next = self._count = 0
+        frequency = 2.0 * np.pi / settings.model.natural_period
+        self._waves = frequency * self._rng.uniform(*WAVE_BAND, WAVE_COMPONENTS) if settings.sea else np.empty(0)
+        self._phases = self._rng.uniform(0.0, 2.0 * np.pi, self._waves.size)
+        angle, rate, _ = self._motion_in_waves(0.0)
+        self._state = settings.model.trim + float(angle), float(rate)
 
     def release(self) -> float:
         """Lift the craft from where it is, hold it and let it go: s from the next reading to the release."""
@@ -75,13 +85,39 @@ class SimulatedCraft:
             self._move_freely()
         angle, rate = float(self._angles[self._next]), float(self._rates[self._next])
         self._next += 1
+        self._count += 1
         self._state = angle, rate
         return self._measured(angle, rate)
 
     def _move_freely(self) -> None:
-        time = np.arange(round(FREE_SPAN * self.settings.rate_hz) + 1) / self.settings.rate_hz
-        angles, rates = simulate(self.settings.model, *self._state, time)
-        self._angles, self._rates, self._next = angles[1:], rates[1:], 0
+        model, count = self.settings.model, round(FREE_SPAN * self.settings.rate_hz)
+        if self._waves.size:
+            self._angles, self._rates = self._driven(count)
+        else:
+            angles, rates = simulate(model, *self._state, np.arange(count + 1) / self.settings.rate_hz)
+            self._angles, self._rates = angles[1:], rates[1:]
+        self._next = 0
+
+    def _motion_in_waves(self, time: Value) -> tuple[Value, Value, Value]:
+        """Angle from trim, rate and acceleration of a craft that nobody has touched, at times, s."""
+        w = self._waves
+        phase = np.multiply.outer(time, w) + self._phases
+        amplitude = self.settings.sea * np.sqrt(2.0 / max(w.size, 1))
+        cosine, sine = amplitude * np.cos(phase), amplitude * np.sin(phase)
+        return cosine.sum(axis=-1), -(sine @ w), -(cosine @ (w * w))
+
+    def _driven(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """The next angles and rates under the moment by which the waves make the untouched craft move as it does."""
+        model, step = self.settings.model, 1.0 / self.settings.rate_hz
+        angle, rate, acceleration = self._motion_in_waves((self._count - 0.5 + np.arange(count)) * step)
+        moments = (acceleration - model.acceleration(model.trim + angle, rate)).tolist()
+        how = step, tuple(model.ratios.tolist()), model.equation.active, model.friction_rate
+        state, motion = (self._state[0] - model.trim, self._state[1]), []
+        for moment in moments:
+            state = motion_step(*state, moment, *how)[1:]
+            motion.append(state)
+        angles, rates = np.array(motion).T
+        return model.trim + angles, rates
 
     def _measured(self, angle: float, rate: float) -> CraftReading:
         noise, axis = self.settings.noise, self.settings.model.axis
@@ -105,3 +141,11 @@ def returns(model: DecayModel, angle: float) -> bool:
     angles, _ = simulate(model, model.trim + angle, 0.0, np.linspace(0.0, RETURN_SPAN, 301))
     moved = angles - model.trim
     return bool(np.isfinite(moved).all() and np.abs(moved).max() < np.pi / 2 and abs(moved[-1]) < abs(angle))
+
+
+def release_angle(model: DecayModel) -> float:
+    """The first of `RELEASE_ANGLES`, rad, from which this hull returns."""
+    found = next((float(angle) for angle in RELEASE_ANGLES if returns(model, angle)), None)
+    if found is None:
+        raise InputError(f'this hull does not return from {np.degrees(RELEASE_ANGLES[-1]):g} deg: choose another hull')
+    return found

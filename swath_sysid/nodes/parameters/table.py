@@ -14,7 +14,7 @@ from swath_sysid.common.errors import InputError
 Values = dict[str, Any]
 
 ATTITUDE_NODES = ('imu_buffer', 'identifier', 'predictor')
-NODES = (*ATTITUDE_NODES, 'manoeuvring_identifier', 'manoeuvring_predictor')
+NODES = (*ATTITUDE_NODES, 'manoeuvring_identifier', 'manoeuvring_predictor', 'simulated_craft')
 
 
 @dataclass(frozen=True)
