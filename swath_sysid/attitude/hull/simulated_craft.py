@@ -111,11 +111,11 @@ class SimulatedCraft:
         model, step = self.settings.model, 1.0 / self.settings.rate_hz
         angle, rate, acceleration = self._motion_in_waves((self._count - 0.5 + np.arange(count)) * step)
         moments = (acceleration - model.acceleration(model.trim + angle, rate)).tolist()
-        how = step, tuple(model.ratios.tolist()), model.equation.active, model.friction_rate
-        state, motion = (self._state[0] - model.trim, self._state[1]), []
+        ratios, active, friction = tuple(model.ratios.tolist()), model.equation.active, model.friction_rate
+        x, w, motion = self._state[0] - model.trim, self._state[1], []
         for moment in moments:
-            state = motion_step(*state, moment, *how)[1:]
-            motion.append(state)
+            _, x, w = motion_step(x, w, moment, step, ratios, active, friction)
+            motion.append((x, w))
         angles, rates = np.array(motion).T
         return model.trim + angles, rates
 
