@@ -9,6 +9,7 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.identification.uncertainty import release_error
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
+from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.time_base import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
@@ -244,7 +245,7 @@ def residual_autocorrelation(found: 'Identification') -> float:
 def rate_mismatch(motion: AxisMotion, period: float) -> float:
     """Rms difference of the rate and the angle's slope over a sixth of a period, over the rate; zero without both.
 
-    The contribution of the angle's white noise is subtracted.
+    The contributions of the angle's white noise and of an uncalibrated gyroscope's offset are subtracted.
     """
     span = max(1, round(period / 6.0 / motion.sample_interval))
     if motion.angle is None or motion.rate is None or motion.size < 8 * span:
@@ -254,4 +255,5 @@ def rate_mismatch(motion: AxisMotion, period: float) -> float:
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (motion.rate[1:] + motion.rate[:-1]) * np.diff(motion.time))])
     slope, rate = (motion.angle[at + span] - motion.angle[at]) / elapsed, (integral[at + span] - integral[at]) / elapsed
     noise = np.sqrt(2.0) * white_noise(motion.angle) / float(np.median(elapsed))
-    return float(np.sqrt(max(np.var(slope - rate) - noise**2, 0.0)) / max(np.std(rate), 1e-12))
+    offset = max(abs(float(np.mean(slope - rate))) - MAX_OFFSET, 0.0)
+    return float(np.hypot(np.sqrt(max(np.var(slope - rate) - noise**2, 0.0)), offset) / max(np.std(rate), 1e-12))

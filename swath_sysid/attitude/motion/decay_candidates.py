@@ -41,9 +41,8 @@ BACKGROUND = 0.06  #: What breaks a candidate below this part of its first doubl
 BRIDGED_GAP = 0.15  #: Part of a half-cycle that a gap must cover to hide a turning point.
 RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the double amplitude away.
 RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)  #: Of a half-cycle.
-CREEP_PERIODS = 0.6  #: Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping.
-MAX_CREEP = 1.3  #: A half-cycle that turns this much later than a cosine that arrives with it has crept to rest.
 ODD_PERIOD = 0.25  #: A period that differs by this part from the median spans a gap.
+STEEP = 0.1  #: Part of the first drop from which it is steep.
 HOLD_BAND = 0.5  #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest.
 HELD_PERIODS = 0.5  #: Periods beyond it that no oscillating craft stays.
 JUMP_PERIODS = 0.05  #: A rise to it faster than the craft oscillates: it was dropped, or the record was cut.
@@ -124,29 +123,23 @@ class DecayCandidate:
 
     @cached_property
     def period(self) -> float:
-        """Mean period, weighted by the double amplitudes, s; from the first half-cycle where there is no whole one."""
+        """Mean period, weighted by the double amplitudes, s; by the first half-cycle where there is no whole one."""
         periods, double_amplitudes = self._periods
         if periods.size:
             usual = np.abs(periods / weighted_median(periods, double_amplitudes) - 1.0) < ODD_PERIOD
             return float(np.average(periods[usual], weights=double_amplitudes[usual]))
-        crept = self.is_single and self._turned > MAX_CREEP * self._arrived
-        return (self.end - self.release) / CREEP_PERIODS if crept else 2.0 * self.first_half_duration
+        return 2.0 * self.first_half_duration
 
     @cached_property
     def first_half_duration(self) -> float:
-        """Duration of the first half-cycle from the release to the turning point, or to 95 % of the way, s.
-
-        A heavily damped hull creeps to rest, and noise decides where it turns.
-        """
-        return min(self._turned, self._arrived)
-
-    @cached_property
-    def _turned(self) -> float:
-        return float(self.time[self.first + 1] - self.release) / (1.0 - RELEASE_PHASE)
-
-    @cached_property
-    def _arrived(self) -> float:
-        return (self.arriving_time(self.first + 1) - self.release) / (1.0 - 2.0 * RELEASE_PHASE)
+        """Duration of the first half-cycle by that of its steep part, s: noise and waves decide where it turns."""
+        begin, end = self.signal.index(self.release), self.signal.index(self.time[self.first + 1])
+        drop = self.value[self.first + 1] - self.value[self.first]
+        part = (self.signal.value[begin : end + 1] - self.value[self.first]) / drop
+        halfway = np.flatnonzero(part <= 0.5)[-1:]
+        early = np.flatnonzero(part[: halfway[0] + 1 if halfway.size else 0] <= STEEP)[-1:]
+        steep = float(np.sum(halfway) - np.sum(early)) or 1.0
+        return self.signal.interval * steep / (0.5 - float(np.arccos(1.0 - 2.0 * STEEP)) / np.pi)
 
     @property
     def is_single(self) -> bool:
@@ -160,7 +153,7 @@ class DecayCandidate:
     @property
     def is_suited(self) -> bool:
         """Whether its grid is the one on which to look at its period."""
-        return self.period > 0.0 and suits(self.signal, self.period)
+        return self.end > self.release and suits(self.signal, self.period)
 
     def leaving_time(self, turn: int) -> float:
         """Last time near turning point ``turn`` on the way to the next, s."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swath_sysid.attitude.motion.decay_candidates import ASYMMETRY, DecayCandidate, find_candidates
+from swath_sysid.attitude.motion.decay_candidates import ASYMMETRY, HOLD_BAND, DecayCandidate, find_candidates
 from swath_sysid.attitude.motion.releases import kink_time
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import (
@@ -35,8 +35,8 @@ MIN_HALF_CYCLES = 3  #: Three show two losses and one rhythm; fewer are those of
 #: Mean logarithmic decrement per half-cycle below which something sustains the motion; the lightest decay has 0.012.
 MIN_DECREMENT = 0.004
 
-EARLIEST, LATEST = 0.25, 0.05  #: Natural periods about the first of these times between which a release is sought.
-HELD, FALLEN = 0.75, 0.5  #: Parts of the held angle between which the angle first drops after a release.
+HELD = 0.75  #: Part of the held angle from which the angle drops to `HOLD_BAND` after a release.
+LONGEST_FALL = 3.0  #: A release is at most this many times the duration of that drop before it.
 #: Half-cycles left out after a push, as long as they cost no more than this part of the first double amplitude.
 PUSH_MEMORY_HALF_CYCLES, PUSH_MEMORY_COST = 2, 0.25
 
@@ -235,17 +235,18 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     inside = slice(signal.index(candidate.arrival), signal.index(candidate.time[first + 1]) + 1)
     time, away = signal.time[inside], towards * (candidate.centre - signal.value[inside])
     level = float(np.median(away[time <= candidate.release]))
-    below = np.flatnonzero((time > candidate.time[first]) & (away < FALLEN * level))
+    below = np.flatnonzero((time > candidate.time[first]) & (away < HOLD_BAND * level))
     above = np.flatnonzero(away[: below[0]] >= HELD * level) if below.size else below
     if not above.size:
         return candidate.release
     at, later = (
         np.interp(part * level, away[[last + 1, last]], time[[last + 1, last]])
-        for part, last in ((HELD, above[-1]), (FALLEN, below[0] - 1))
+        for part, last in ((HELD, above[-1]), (HOLD_BAND, below[0] - 1))
     )
-    period = 2.0 * np.pi * (later - at) / (np.arccos(FALLEN) - np.arccos(HELD))
-    earliest = max(at - EARLIEST * period, candidate.arrival)
-    found = kink_time(motion, earliest, at + LATEST * period, period, -towards * level)
+    fall = later - at
+    period = 2.0 * np.pi * fall / (np.arccos(HOLD_BAND) - np.arccos(HELD))
+    earliest = max(at - LONGEST_FALL * fall, candidate.arrival)
+    found = kink_time(motion, earliest, at - fall, period, -towards * level)
     return candidate.release if found is None else found
 
 
