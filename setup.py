@@ -61,7 +61,7 @@ setup(
         'fast': ['numba>=0.59'],
         'cluster': ['distributed'],
         'benchmark': ['scikit-learn'],
-        'docs': ['myst-parser>=2.0', 'sphinx>=7.0'],
+        'docs': ['furo>=2024.1', 'latex2mathml>=3.77', 'myst-parser>=2.0', 'sphinx>=7.0', 'sphinx-copybutton>=0.5'],
         'page': ['nicegui>=3.0,<4'],
         'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff>=0.17,<0.18'],
     },

@@ -1,4 +1,7 @@
-"""The site: `sphinx-build -W docs out/site`, or rosdoc2. Its reference is generated from the code (docs/generated)."""
+"""The site: `sphinx-build -W docs out/site`, or rosdoc2. Its reference is generated from the code (docs/generated).
+
+Nothing of it is loaded from another host: fonts are the reader's own, and formulas are MathML, made at build time.
+"""
 
 import os
 import re
@@ -11,24 +14,24 @@ os.environ['COLUMNS'] = '100'
 
 import swath_sysid  # noqa: E402
 from swath_sysid.cli.main import VERBS, build_parser  # noqa: E402
-from swath_sysid.common.sentences import reasons_table  # noqa: E402
+from swath_sysid.common.sentences import reasons_table, warnings_table  # noqa: E402
 from swath_sysid.nodes.parameters.files import markdown_table  # noqa: E402
 from swath_sysid.nodes.parameters.table import NODES  # noqa: E402
 
 project = 'swath_sysid'
 author = copyright = 'The swath_sysid maintainers'
 version = release = swath_sysid.__version__
-extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon', 'sphinx.ext.mathjax']
+extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon', 'sphinx_copybutton']
 exclude_patterns = ['generated/parts']
 # the wings have the same names inside: Run, Scales, heading
 suppress_warnings = ['ref.python']
-html_theme = 'alabaster'
-html_theme_options = {
-    'description': swath_sysid.__doc__.strip(),
-    'fixed_sidebar': True,
-    'page_width': '1100px',
-    'sidebar_width': '240px',
-}
+html_theme = 'furo'
+html_title = f'swath_sysid {release}'
+html_static_path = ['static']
+html_css_files = ['site.css']
+html_math_renderer = 'mathml'
+copybutton_prompt_text = '>>> |... '
+copybutton_prompt_is_regexp = True
 html_show_sphinx = False
 myst_heading_anchors = 3
 myst_enable_extensions = ['dollarmath']
@@ -55,8 +58,18 @@ def restore_comment(app, what, name, obj, options, lines):
     lines[:] = _comments.pop(name, lines)
 
 
+def mathml(translator, node):
+    """A formula as MathML, which browsers show without a script."""
+    from docutils.nodes import SkipNode, math
+    from latex2mathml.converter import convert
+
+    translator.body.append(convert(node.astext(), display='inline' if isinstance(node, math) else 'block'))
+    raise SkipNode
+
+
 def setup(app):
     """Napoleon's own handler has the priority 500."""
+    app.add_html_math_renderer('mathml', (mathml, None), (mathml, None))
     app.connect('autodoc-process-docstring', keep_comment, priority=400)
     app.connect('autodoc-process-docstring', restore_comment, priority=600)
 
@@ -84,6 +97,17 @@ def parameters():
     return f'# Parameters\n\n{head}\n\n' + '\n\n'.join(f'## {node}\n\n{markdown_table(node)}' for node in NODES)
 
 
+def all_warnings():
+    """The catalogue of sentences."""
+    head = (
+        'Every warning by its code, as the command line, `--json`, the log and the model file give it. Words in italics stand for '
+        'values. A code with several sentences has one for each cause. [The verdict on a fit](../reference/warnings.md) has its own '
+        'page.'
+    )
+    return f'# Warnings\n\n{head}\n\n{warnings_table()}'
+
+
 write('commands.md', commands())
 write('parameters.md', parameters())
 write('parts/counted.md', reasons_table())
+write('warnings.md', all_warnings())

@@ -18,7 +18,8 @@ from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme,
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / 'docs' / 'api.rst').read_text(encoding='utf-8')
-DOCUMENTED = re.findall(r'^\.\. auto(?:class|function):: swath_sysid\.(.+)$', PAGE, re.MULTILINE)
+PAGES = [PAGE, *(path.read_text(encoding='utf-8') for path in sorted((ROOT / 'docs' / 'api').glob('*.rst')))]
+DOCUMENTED = re.findall(r'^\.\. auto(?:class|function):: swath_sysid\.(.+)$', '\n'.join(PAGES), re.MULTILINE)
 
 
 @pytest.fixture(scope='module')

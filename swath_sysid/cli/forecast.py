@@ -25,7 +25,7 @@ from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, score, usual_limits, usual_warmup
 from swath_sysid.pipeline.vertical_record import even_stretches
 from swath_sysid.report.figures import save_figure
-from swath_sysid.report.forecast_figure import LABELS, forecast_figure
+from swath_sysid.report.forecast_figure import LABELS, cell, forecast_figure, methods_of
 from swath_sysid.report.forecast_summary import POINT_UNITS, skill_as_data
 
 
@@ -142,7 +142,7 @@ def _print_skill(skill: Any, name: str) -> None:
     for axis, scores in skill.axes.items():
         table = _table_of_leads(skill, f'{name}, {axis}')
         _add_methods(table, scores.nrmse)
-        table.add_row('over best other', *map(_cell, scores.ratio), style='bold')
+        table.add_row('over best other', *map(cell, scores.ratio), style='bold')
         for column, level in enumerate((50, 90, 99)):
             table.add_row(f'{level} % coverage, %', *_percentages(scores.coverage[:, column]), style='dim')
         table.add_row('scored', *map(str, scores.counted), style='dim')
@@ -152,7 +152,7 @@ def _print_skill(skill: Any, name: str) -> None:
             table.add_section()
             table.add_row(f'{AFTER_GAP:g} s after a gap, %', *_percentages(scores.gap_share))
             for method, values in scores.gap_nrmse.items():
-                table.add_row(f'  {LABELS[method]}', *map(_cell, values))
+                table.add_row(f'  {LABELS[method]}', *map(cell, values))
         console.print(table)
     for point, kinds in skill.points.items():
         _print_point(console, skill, point, kinds)
@@ -188,12 +188,8 @@ def _table_of_leads(skill: Any, name: str) -> Table:
 
 
 def _add_methods(table: Table, nrmse: dict[str, Any]) -> None:
-    methods: dict[tuple, list[str]] = {}
-    for method, values in nrmse.items():
-        # where the record is short, VAR(60) is fitted with the order of VAR(40)
-        methods.setdefault(tuple(map(_cell, values)), []).append(method)
-    for cells, names in methods.items():
-        table.add_row(' = '.join(LABELS[name] for name in names), *cells, style='bold' if FORECAST in names else '')
+    for label, names in methods_of(nrmse):
+        table.add_row(label, *map(cell, nrmse[names[0]]), style='bold' if FORECAST in names else '')
 
 
 def _print_quiescence(console: Any, skill: Any) -> None:
@@ -211,12 +207,8 @@ def _print_quiescence(console: Any, skill: Any) -> None:
     )
 
 
-def _cell(value: Any, digits: int = 3):
-    return f'{value:.{digits}f}' if math.isfinite(value) else '-'
-
-
 def _percentages(shares: Any):
-    return (_cell(100.0 * share, 1) for share in shares)
+    return (cell(100.0 * share, 1) for share in shares)
 
 
 def _limits(text: str):

@@ -3,6 +3,8 @@
 Values stand in braces by name. A key is a code, or a code and after a colon what distinguishes its sentence.
 """
 
+import re
+
 SENTENCES = {
     'absurd-values': 'impossible values were left out ({channels}): check the units in the column names, and look for '
     'damaged packets',
@@ -385,3 +387,14 @@ def reasons_table() -> str:
     """Every reason that is counted and what to do about it, as a Markdown table."""
     rows = [f'| `{reason}` | {cure.replace("|", "/")} |' for reason, cure in REASONS.items()]
     return '\n'.join(['| counted as | what it means, and what to do |', '|---|---|', *rows]) + '\n'
+
+
+def warnings_table() -> str:
+    """Every warning with its sentences and flags, as a Markdown table; values are in italics by name."""
+    sentences: dict[str, list[str]] = {}
+    for key, sentence in SENTENCES.items():
+        words = re.sub(r'{(\w+)[^}]*}', lambda value: f'*{value[1].replace("_", " ")}*', sentence.replace('|', '\\|'))
+        sentences.setdefault(key.partition(':')[0], []).append(words)
+    flags = {code: f'`{words}`' for code, words in FLAGS.items()}
+    rows = [f'| `{code}` | {"<br>".join(texts)} | {flags.get(code, "")} |' for code, texts in sentences.items()]
+    return '\n'.join(['| code | what it says | on the command line |', '|---|---|---|', *rows]) + '\n'

@@ -7,16 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swath_sysid.report.figures import (
-    BAND,
-    MODEL,
-    curves_of,
-    draw_fit,
-    new_figure,
-    quiet,
-    two_std_band,
-)
-from swath_sysid.report.fit_summary import short_name
+from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.report.figures import BAND, MODEL, curves_of, draw_fit, new_figure, quiet, two_std_band
+from swath_sysid.report.fit_summary import short_name, spread_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,6 +18,7 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.identification.identify import Identification
 
 MAX_PANELS = 12
+TERMS_A_LINE = 3  #: Of the title, as wide as the figure.
 
 
 def fit_figure(identification: Identification) -> Figure:
@@ -64,6 +58,10 @@ def _draw_curves(frequency_axes: Axes, damping_axes: Axes, identification: Ident
 
 def _headline(identification: Identification):
     model = identification.model
-    terms = ',  '.join(f'{n} {v:.4g} ± {identification.std[n]:.2g}' for n, v in model.terms.items())
-    headline = f'R² {identification.r2:.5f},  period {model.natural_period:.3f} s'
-    return f'{model.axis}, {model.equation.name}:  {headline}\n{terms}'
+    terms = [
+        f'{name} {value:.4g} {spread_of(identification, name, identification.intervals)} {RATIO_UNITS[name]}'
+        for name, value in model.terms.items()
+    ]
+    headline = f'R² {identification.r2:.5f},  period of small motions {model.natural_period:.3f} s'
+    lines = [',   '.join(terms[first : first + TERMS_A_LINE]) for first in range(0, len(terms), TERMS_A_LINE)]
+    return '\n'.join([f'{model.axis}, {model.equation.name}:  {headline}', *lines])

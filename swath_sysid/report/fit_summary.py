@@ -167,13 +167,18 @@ def _joint_lines(found: Identification) -> list[str]:
 
 
 def ratio_lines(identified: Any, intervals: dict[str, tuple[float, float]] | None = None) -> list[str]:
-    """A line per ratio with unit and standard deviation, or the upper end of an interval that begins at zero."""
+    """A line per ratio with its spread and unit."""
     lines = []
     for name, value in identified.model.terms.items():
-        std, (low, high) = identified.std[name], (intervals or {}).get(name, (-math.inf, math.inf))
-        spread = f'< {high:.3g} (95 %)' if low == 0.0 and value < std else f'+- {std:.3g}'
+        spread = spread_of(identified, name, intervals).replace('±', '+-')
         lines.append(f'  {name:<3}{value:>14.6g}  {spread:<14} {RATIO_UNITS[name]}')
     return lines
+
+
+def spread_of(identified: Any, name: str, intervals: dict[str, tuple[float, float]] | None = None) -> str:
+    """The standard deviation of a ratio, or the upper end of an interval that begins at zero."""
+    std, (low, high) = identified.std[name], (intervals or {}).get(name, (-math.inf, math.inf))
+    return f'< {high:.3g} (95 %)' if low == 0.0 and identified.model.terms[name] < std else f'± {std:.3g}'
 
 
 def short_name(source: str) -> str:

@@ -44,21 +44,40 @@ def forecast_figure(trial: Trial, run: Run, skill: Skill) -> Figure:
     return figure
 
 
+def cell(value: float, digits: int = 3) -> str:
+    """A score as it is printed."""
+    return f'{value:.{digits}f}' if np.isfinite(value) else '-'
+
+
+def methods_of(nrmse: dict[str, Any]) -> list[tuple[str, tuple[str, ...]]]:
+    """Label and names of the methods with equal scores: on a short record VAR(60) has the order of VAR(40)."""
+    methods: dict[tuple, list[str]] = {}
+    for name, values in nrmse.items():
+        methods.setdefault(tuple(map(cell, values)), []).append(name)
+    return [(' = '.join(LABELS[name] for name in names), tuple(names)) for names in methods.values()]
+
+
 def _error(axes: Axes, axis: str, leads: np.ndarray, scores: Any):
+    from matplotlib.ticker import LogLocator
+
     # the forecast alone has its colour
     others = [colour for colour in (*SERIES, MEASURED) if colour != MODEL]
     colours = dict(zip([n for n in scores.nrmse if n != 'forecast'], others, strict=False))
-    for name, values in scores.nrmse.items():
+    for label, (name, *_) in methods_of(scores.nrmse):
+        values = scores.nrmse[name]
         if not np.isfinite(values).any():
             continue
-        style: dict = {'color': colours.get(name, MODEL), 'label': LABELS[name]}
+        style: dict = {'color': colours.get(name, MODEL), 'label': label}
         other: dict = {'linewidth': 1.1, 'marker': '.', 'markersize': 4}
         own: dict = {'linewidth': 2.2, 'markersize': 5, 'marker': 'o', 'zorder': 5}
         axes.plot(leads, values, **style, **(own if name == 'forecast' else other))
     axes.axhline(1.0, color=MEASURED, linewidth=0.8, linestyle=':')
-    axes.set(xscale='log', yscale='log', xlabel='lead, s', ylabel='RMSE / standard deviation', title=f'{axis}: error')
+    axes.set(xscale='log', yscale='log', xlabel='lead [s]', ylabel='RMSE / standard deviation [-]')
+    axes.set_title(f'{axis}: error')
     axes.set_ylim(top=3.0)
     axes.set_xticks(leads, [f'{lead:g}' for lead in leads])
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(lambda value, _: f'{value:g}')
     axes.minorticks_off()
     _legend(axes)
 
@@ -99,7 +118,8 @@ def _stretch(axes: Axes, axis: str, trial: Trial, steps: Sequence[Any]):
         reach = 2.2 * np.nanmax(np.abs(np.degrees(angle - np.nanmean(angle))))
         centre = np.degrees(np.nanmean(angle))
         axes.set_ylim(centre - reach, centre + reach)
-    axes.set(xlabel=f'time from {start:.0f} s, s', ylabel=f'{axis}, deg', title='forecasts as issued, and what came')
+    axes.set(xlabel=f'time after {start:.0f} s [s]', ylabel=f'{axis} [deg]')
+    axes.set_title('forecasts as issued, and the measured motion')
     _legend(axes, loc='upper right')
 
 
@@ -111,7 +131,12 @@ def _reliability(axes: Axes, skill: Skill, scores: Any, with_quiescence: bool):
             axes.plot(LEVELS, held, 'o-', color=colour, markersize=4, linewidth=1.0, label=f'{lead:g} s')
     if with_quiescence and skill.quiescence is not None:
         found, enough = skill.quiescence, skill.quiescence.count >= _MIN_COUNT
-        style: dict = {'color': MODEL, 'markersize': 4, 'linewidth': 1.0, 'label': 'quiescence'}
+        style: dict = {'color': MEASURED, 'markersize': 4, 'linewidth': 1.0, 'label': 'quiescence, with counts'}
         axes.plot(found.forecast[enough], found.observed[enough], 's--', **style)
-    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='probability forecast', ylabel='share that held', title='reliability')
+        words: dict = {'fontsize': 7, 'color': MEASURED, 'xytext': (0, 6), 'ha': 'center', 'textcoords': 'offset points'}
+        for forecast, observed, count in zip(found.forecast, found.observed, found.count, strict=True):
+            if count >= _MIN_COUNT:
+                axes.annotate(f'{count:d}', (forecast, observed), **words)
+    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='forecast probability [-]', ylabel='observed share [-]')
+    axes.set_title('reliability')
     _legend(axes)
