@@ -100,9 +100,8 @@ def parameters():
 def all_warnings():
     """The catalogue of sentences."""
     head = (
-        'Every warning by its code, as the command line, `--json`, the log and the model file give it. Words in italics stand for '
-        'values. A code with several sentences has one for each cause. [The verdict on a fit](../reference/warnings.md) has its own '
-        'page.'
+        'The command line, `--json`, the log and the model file give each warning with its code. Words in italics stand'
+        ' for values. [The verdict on a fit](../reference/warnings.md) has its own page.'
     )
     return f'# Warnings\n\n{head}\n\n{warnings_table()}'
 

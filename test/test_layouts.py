@@ -1,15 +1,22 @@
-"""The layouts for PlotJuggler and Foxglove or Lichtblick: whole, and about topics that exist."""
+"""What stands in config/ for other programs: layouts about topics that exist, parameters for drivers, containers."""
 
 import json
 import re
+from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
 import yaml
 
+from swath_sysid.cli.main import build_parser
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, frame_at, lead_topic
+from swath_sysid.nodes.parameters.files import values_from_file
+from swath_sysid.nodes.parameters.imu_buffer import window_settings
+from swath_sysid.nodes.parameters.predictor import pipeline_settings
 from swath_sysid.nodes.parameters.table import defaults
 from swath_sysid.share import share_folder
 
+ROOT = Path(__file__).resolve().parents[1]
 CONFIG = share_folder() / 'config'
 LEADS = [f'/{lead_topic(lead)}' for lead in defaults('predictor')['leads_s']]
 OURS = {
@@ -70,3 +77,25 @@ def test_rviz_shows_the_frames_that_predictor_publishes():
     assert shown == {'base_link_level', 'base_link_now', frame_at('base_link', 1.0)}
     assert layout['Global Options']['Fixed Frame'] == 'base_link_level'
     assert 1.0 in defaults('predictor')['leads_s']
+
+
+@pytest.mark.parametrize('path', sorted((CONFIG / 'drivers').glob('*.yaml')), ids=lambda path: path.stem)
+def test_the_parameters_for_a_driver_are_read_and_its_command_is_one(path):
+    text = path.read_text(encoding='utf-8')
+    axes = {values_from_file(path, node)['frame'] for node in ('imu_buffer', 'predictor')}
+    assert len(axes) == 1 and {'flu': 'forward-left-up', 'frd': 'forward-right-down'}[axes.pop()] in text
+    (command,) = re.findall(r'^# swath-sysid (.*)$', text, re.MULTILINE)
+    given = build_parser('run').parse_args(command.split())
+    assert f'Topic {given.imu_topic}' in text and ROOT / given.params_file == path
+    window_settings(values_from_file(path, 'imu_buffer'))
+    pipeline_settings(values_from_file(path, 'predictor'))
+
+
+def test_the_compose_file_runs_commands_that_exist():
+    services = yaml.safe_load((ROOT / 'compose.yaml').read_text(encoding='utf-8'))['services']
+    for service in services.values():
+        words = re.sub(r'\$\{\w+:-([^}]*)\}', r'\1', service['command']).split()
+        given = vars(build_parser(words[0]).parse_args(words))
+        assert service['network_mode'] == service['ipc'] == 'host'
+        if given.get('params_file'):
+            assert (CONFIG / given['params_file'].removeprefix('/config/')).is_file()

@@ -7,6 +7,7 @@ from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallba
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from swath_sysid.formats.topics import IMU_TOPIC
@@ -22,6 +23,8 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Connects with any publisher.
+
+OVERRIDABLE = QoSOverridingOptions.with_default_policies()  #: By the parameters ``qos_overrides./TOPIC...``.
 
 BAG_DEPTH = 1000  #: So long a queue that a bag loses nothing.
 
@@ -62,7 +65,7 @@ def bag_qos(is_latched: bool, is_reliable: bool = True, depth: int = BAG_DEPTH) 
 def watched_publisher(node: Node, kind: Any, topic: str, qos: QoSProfile | int, health: Reasons) -> Publisher:
     """A publisher whose incompatible subscriptions are counted."""
     events = PublisherEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
-    return node.create_publisher(kind, topic, qos, event_callbacks=events)
+    return node.create_publisher(kind, topic, qos, event_callbacks=events, qos_overriding_options=OVERRIDABLE)
 
 
 def watched_subscription(
@@ -70,4 +73,6 @@ def watched_subscription(
 ) -> Subscription:
     """A subscription whose incompatible publishers are counted."""
     events = SubscriptionEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
-    return node.create_subscription(kind, topic, callback, qos, event_callbacks=events)
+    return node.create_subscription(
+        kind, topic, callback, qos, event_callbacks=events, qos_overriding_options=OVERRIDABLE
+    )

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 BEFORE, AFTER, BAND = '#e08e2b', '#0b8a83', '#9fd8d2'
 NORMAL_90 = 1.6449
 TRUTH = 'simulated craft'
-DOTS: Any = {'marker': '.', 'linestyle': '', 'markersize': 4.5}
+DOTS: Any = {'marker': '.', 'linestyle': '', 'markersize': 3}
 MAX_LEADS = 4
 
 
@@ -52,16 +52,17 @@ def _draw_run(axes: Axes, demonstration: Demonstration, limit: float):
     middle, half_width = np.degrees(after.angle), np.degrees(NORMAL_90 * after.std)
     band(axes, after.time - begin, middle, half_width, color=BAND, alpha=0.45, label='its 90 % interval')
     angle = np.degrees(demonstration.angle)
-    axes.plot(demonstration.time - begin, angle, color=MEASURED, linewidth=1.5, label=TRUTH)
+    axes.plot(demonstration.time - begin, angle, color=MEASURED, linewidth=1.2, zorder=1.5, label=TRUTH)
     first, second = demonstration.releases
-    words: Any = {'color': MEASURED, 'fontsize': 'small', 'xytext': (5, 6), 'textcoords': 'offset points'}
-    for moment, what in (
-        (first, 'release'),
-        (demonstration.model_time, 'decay noticed,\nmodel identified'),
-        (second, 'second release'),
+    words: Any = {'color': MEASURED, 'fontsize': 'small', 'textcoords': 'offset points'}
+    for moment, what, side in (
+        (first, 'release', 'left'),
+        (demonstration.model_time, 'decay detected,\nmodel identified', 'right'),
+        (second, 'second release', 'left'),
     ):
         axes.axvline(moment - begin, color=MEASURED, linewidth=0.8, linestyle=':')
-        axes.annotate(what, (moment - begin, -limit), **words)
+        beside = 5 if side == 'left' else -5
+        axes.annotate(what, (moment - begin, -limit), ha=side, xytext=(beside, 6), **words)
     axes.set(xlim=(0.0, demonstration.time[-1] - begin), ylim=(-limit, limit))
     axes.set(xlabel='time [s]', ylabel=f'{demonstration.axis} [deg]')
     axes.legend(frameon=False, loc='upper center', ncols=4, fontsize='small', bbox_to_anchor=(0.5, 1.1))
@@ -71,7 +72,7 @@ def _draw_lead(axes: Axes, demonstration: Demonstration, forecasts: LeadForecast
     first, second = demonstration.releases
     moving = (demonstration.time >= second - 0.5) & (demonstration.time <= demonstration.end(1))
     time, angle = demonstration.time[moving] - second, np.degrees(demonstration.angle[moving])
-    axes.plot(time, angle, color=MEASURED, linewidth=1.2, zorder=3, label=TRUTH)
+    axes.plot(time, angle, color=MEASURED, linewidth=1.2, zorder=1.5, label=TRUTH)
     for number, (release, colour, name) in enumerate(((first, BEFORE, 'previous'), (second, AFTER, 'this'))):
         scored, style = demonstration.during(forecasts, number), DOTS | {'label': f'forecast, {name} release'}
         axes.plot(scored.time - release, np.degrees(scored.angle), color=colour, **style)

@@ -133,7 +133,13 @@ def _reliability(axes: Axes, skill: Skill, scores: Any, with_quiescence: bool):
         found, enough = skill.quiescence, skill.quiescence.count >= _MIN_COUNT
         style: dict = {'color': MEASURED, 'markersize': 4, 'linewidth': 1.0, 'label': 'quiescence, with counts'}
         axes.plot(found.forecast[enough], found.observed[enough], 's--', **style)
-        words: dict = {'fontsize': 7, 'color': MEASURED, 'xytext': (0, 6), 'ha': 'center', 'textcoords': 'offset points'}
+        words: dict = {
+            'fontsize': 7,
+            'color': MEASURED,
+            'xytext': (0, 6),
+            'ha': 'center',
+            'textcoords': 'offset points',
+        }
         for forecast, observed, count in zip(found.forecast, found.observed, found.count, strict=True):
             if count >= _MIN_COUNT:
                 axes.annotate(f'{count:d}', (forecast, observed), **words)

@@ -67,7 +67,7 @@ def _warn_of_unknown(node: Node, names: set[str]) -> None:
     """Of what was given at the start and is a parameter of none of the nodes: one file often serves them all."""
     known = names.union(*({p.name for p in table_of(each)} for each in NODES))
     for name in node._parameter_overrides:
-        if name in known or node.has_parameter(name) or name.startswith('points.'):
+        if name in known or node.has_parameter(name) or name.startswith(('points.', 'qos_overrides.')):
             continue
         meant = get_close_matches(name, sorted(known), 1)
         hint = f'did you mean {meant[0]}?' if meant else 'see `ros2 param list`'
