@@ -20,8 +20,7 @@ from swath_sysid.report.tables import Column, Table
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from swath_sysid.campaign.evaluation import TIE
-from swath_sysid.campaign.papers.decay_study import DecayStudy, StudiedRecord
+    from swath_sysid.campaign.papers.decay_study import DecayStudy, StudiedRecord
 
 STEADY = 0.2  #: A curve that changes by less than this share of its largest value hardly changes.
 ZERO_SHARE = 0.01  #: Of the range of a coefficient; what is less is near zero.

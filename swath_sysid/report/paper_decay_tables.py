@@ -15,8 +15,7 @@ from swath_sysid.report.paper_decay_claims import GENETIC, OURS, ROUNDING, UNCHA
 from swath_sysid.report.tables import Column, Table, columns_of
 
 if TYPE_CHECKING:
-    from swath_sysid.campaign.evaluation import TIE
-from swath_sysid.campaign.papers.decay_study import DecayStudy
+    from swath_sysid.campaign.papers.decay_study import DecayStudy
 
 NAMES = PARTICULARS | {
     'speed_kn': 'speed [kn]',
