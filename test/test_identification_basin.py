@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import approx_fprime
 from scipy.stats import multivariate_normal, norm, truncnorm
@@ -78,27 +78,39 @@ def linear_case(size=30, step=0.05):
 
 
 def run_filter(ratios, basin, step, counts, readings, bend=0.0):
-    active = tuple(k in (1, 4) for k in range(9))
-    hulls, basins = np.array(ratios)[:, None] * [1.0, 1.2], basin[:, None] * [1.0, 0.7]
-    states, record = np.array([[0.1], [-0.05], [0.01]]) * [1.0, 0.9], (step, bend, *readings, counts)
-    return innovations(Hulls(hulls, active, 0.01), basins, states, 0.03, np.zeros(2), BlockedRecord(*record))
+    """Of two hulls and basins, or of as many hulls as columns of ratios."""
+    hulls = np.array(ratios, dtype=float)
+    if hulls.ndim == 1:
+        hulls, other, near = hulls[:, None] * [1.0, 1.2], [1.0, 0.7], [1.0, 0.9]
+    else:
+        other = near = np.ones(hulls.shape[1])
+    states = np.array([[0.1], [-0.05], [0.01]]) * near
+    hulls = Hulls(hulls, tuple(hulls.any(axis=1)), 0.01)
+    record = BlockedRecord(step, bend, *readings, counts)
+    return innovations(hulls, basin[:, None] * other, states, 0.03, np.zeros(2), record)
+
+
+def linear_parts(basin, step):
+    """Drift of the state but for the hull, its covariance at the start, a step's noise but for the hull's, (12, 12)."""
+    level, *shape = basin[:4]
+    drift, start, noise = np.zeros((3, 12, 12))
+    drift[0, 1] = drift[1, 6] = 1.0
+    drift[4, 4], drift[5, 5] = -1 / basin[7], -1 / basin[9]
+    drift[6:, 6:] = resonators(*shape)
+    start[3, 3], start[4, 4], start[5, 5] = 0.03**2, basin[6] ** 2, basin[8] ** 2
+    start[6:, 6:] = level**2 * disturbance(*np.array(shape)[:, None], step)[1][0]
+    f = expm(drift * step)
+    noise[2, 2] = basin[10] ** 2 * step
+    for block in (slice(4, 5), slice(5, 6), slice(6, 12)):
+        noise[block, block] = start[block, block] - f[block, block] @ start[block, block] @ f[block, block].T
+    return drift, start, noise
 
 
 def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():
     ratios, basin, step, counts, readings = linear_case()
-    level, *shape = basin[:4]
-    whole = np.zeros((12, 12))
-    whole[0, 1], whole[1, 0], whole[1, 1], whole[1, 6] = 1.0, -ratios[4], -ratios[1], 1.0
-    whole[4, 4], whole[5, 5] = -1 / basin[7], -1 / basin[9]
-    whole[6:, 6:] = resonators(*shape)
+    whole, start, noise = linear_parts(basin, step)
+    whole[1, :2] = -ratios[4], -ratios[1]
     f = expm(whole * step)
-    start = np.zeros((12, 12))
-    start[3, 3], start[4, 4], start[5, 5] = 0.03**2, basin[6] ** 2, basin[8] ** 2
-    start[6:, 6:] = level**2 * disturbance(*np.array(shape)[:, None], step)[1][0]
-    noise = np.zeros((12, 12))
-    noise[2, 2] = basin[10] ** 2 * step
-    for block in (slice(4, 5), slice(5, 6), slice(6, 12)):
-        noise[block, block] = start[block, block] - f[block, block] @ start[block, block] @ f[block, block].T
     read = np.zeros((2, 12))
     read[0, [0, 2, 4]], read[1, [1, 3, 5]] = 1.0, 1.0
     size = counts.shape[0]
@@ -124,12 +136,71 @@ def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():
     assert found == pytest.approx(expected, abs=0.05)
 
 
+def plain_filter(ratios, basin, step, bend, readings):
+    """The same innovations and variances, slopes of the readings by finite differences, the motion by scipy."""
+    drift, spread, noise = linear_parts(basin, step)
+    mean, found = np.r_[0.1, -0.05, 0.01, np.zeros(9)], []
+    damping, restoring = np.poly1d([*ratios[3:0:-1], 0.0]), np.poly1d([*ratios[6:3:-1], 0.0])
+
+    def motion(t, state, moment, slope):
+        x, w = state
+        return w, moment + slope * t - np.sign(w) * damping(abs(w)) - restoring(x)
+
+    for k, measured in enumerate(readings.T):
+        if k:
+            last = solve_ivp(motion, (0.0, step), mean[:2], args=tuple(mean[6:8]), rtol=1e-9, atol=1e-12).y[:, -1]
+            x, w = 0.5 * (mean[:2] + last)
+            drift[1, :2] = -restoring.deriv()(x), -damping.deriv()(abs(w))
+            f = expm(drift * step)
+            mean, spread = np.r_[last, (f @ mean)[2:]], f @ spread @ f.T + noise
+        stiffness, damped, moment = restoring.deriv()(mean[0]), damping.deriv()(abs(mean[1])), mean[6]
+        force = motion(0.0, mean[:2], moment, 0.0)[1]
+
+        def means(away, here=mean[:2], force=force, stiffness=stiffness, damped=damped):
+            """Mean values over a block of the motion, linear about the mean."""
+            force = force - stiffness * away[0] - damped * away[1]
+            x, w = here + away
+            return x + bend * force, w - bend * (stiffness * w + damped * force)
+
+        read = np.zeros((2, 12))
+        read[0, [2, 4]] = read[1, [3, 5]] = 1.0
+        read[:, :2] = np.array([approx_fprime(np.zeros(2), lambda v, i=i: means(v)[i], 1e-6) for i in range(2)])
+        e = measured - np.array(means(np.zeros(2))) - mean[[2, 3]] - mean[[4, 5]]
+        s = read @ spread @ read.T + np.diag(basin[4:6] ** 2)
+        gain = spread @ read.T @ np.linalg.inv(s)
+        mean, spread = mean + gain @ e, spread - gain @ read @ spread
+        share = s[0, 1] / s[0, 0]
+        found.append([[e[0], e[1] - share * e[0]], [s[0, 0], s[1, 1] - share * s[0, 1]]])
+    return np.array(found).transpose(1, 0, 2)
+
+
+def test_filter_and_its_slopes_by_every_coefficient_are_those_of_a_plain_one_over_blocks():
+    _, basin, step, counts, readings = linear_case(25, 0.02)
+    ratios = np.array([0.0, 0.8, 2.0, 1.5, 9.0, 20.0, 50.0, 0.0, 0.0])
+    moved = np.vstack([np.zeros(9), 0.01 * np.diag(ratios)[[1, 2, 3, 4, 5, 6]]])
+    basin[0] = 0.02
+
+    def cost(found):
+        e, s = found
+        return 0.5 * np.sum(np.log(s) + e * e / s, axis=(0, 1))
+
+    for bend in (0.0, 0.004):
+        found = run_filter((ratios + moved).T, basin, step, np.ones_like(counts), readings, bend)
+        plain = np.stack([plain_filter(ratios + each, basin, step, bend, readings) for each in moved], axis=-1)
+        assert found[1] == pytest.approx(plain[1], rel=1e-3)
+        assert found[0] / np.sqrt(plain[1]) == pytest.approx(plain[0] / np.sqrt(plain[1]), abs=2e-3)
+        slopes, expected = (cost(each)[1:] - cost(each)[0] for each in (found, plain))
+        assert slopes == pytest.approx(expected, rel=0.01)
+
+
 def test_filter_is_the_same_one_by_one_compiled_and_all_at_once(monkeypatch):
     monkeypatch.setattr(filter_module, 'has_numba', lambda: True)
     one_by_one = run_filter(*linear_case(), 0.002)
     for module in (compiled, filter_module):
         for name, function in list(vars(module).items()):
             monkeypatch.setattr(module, name, getattr(function, '__wrapped__', function))
+    monkeypatch.setattr(filter_module, 'along_row', filter_module.all_at_once)
+    monkeypatch.setattr(filter_module, 'times_transition', filter_module.times_all)
     monkeypatch.setattr(filter_module, 'has_numba', lambda: False)
     assert run_filter(*linear_case(), 0.002) == pytest.approx(one_by_one, rel=1e-9, abs=1e-12)
 

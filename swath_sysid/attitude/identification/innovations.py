@@ -12,6 +12,7 @@ bias, and first-order noise of the angle and of the rate:
 With innovations e_k of variances s_k the likelihood of the readings is exp(-1/2 sum(log s_k + e_k^2 / s_k)).
 """
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,8 +27,9 @@ from swath_sysid.attitude.hull.compiled import (
 from swath_sysid.common.accelerator import accelerated, has_numba
 
 STATES = 12
-#: Places in the state; the last six are the disturbance, its slope, and the same of what drives it and that.
-X, RATE, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE, MOMENT = range(7)
+#: Places in the state; from ``MOMENT`` on the disturbance, its slope, and the same of what drives it and that.
+X, RATE, MOMENT = 0, 1, 2
+TRIM, BIAS, ANGLE_NOISE, RATE_NOISE = 8, 9, 10, 11
 SUBSTEPS = 2  #: Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign.
 
 #: Places of the basin's and the sensor's parameters: the disturbance's standard deviation, rad/s^2, frequency, rad/s,
@@ -67,12 +69,11 @@ class BlockedRecord(NamedTuple):
 
 
 class Filters(NamedTuple):
-    """Of one filter or of B, the first axis of each array; overwritten."""
+    """One filter, or B side by side, the last axis of each array; overwritten."""
 
-    mean: np.ndarray  #: (12, 1); at the first reading.
+    mean: np.ndarray  #: (12,); at the first reading.
     covariance: np.ndarray  #: (12, 12)
     transition: np.ndarray  #: (12, 12)
-    transposed: np.ndarray  #: (12, 12); of the same memory.
     driven: np.ndarray  #: (12, 12); covariance of what a step adds.
     noise: np.ndarray  #: (N, 2); variances, infinite where nothing was read.
     innovation: np.ndarray  #: (N, 2)
@@ -105,29 +106,61 @@ def disturbance(
     return transition, covariance / covariance[:, :1, :1] * units[:, :, None] * units[:, None, :]
 
 
+def one_by_one() -> Iterable[Any]:
+    """Places in a row of a matrix, for a loop that is compiled."""
+    return range(STATES)
+
+
+def all_at_once() -> Iterable[Any]:
+    """The whole row as one place: numpy takes as long for it as for a number."""
+    return (slice(None),)
+
+
+along_row = accelerated(one_by_one, all_at_once)
+
+
 @accelerated
 def move_hull(f: np.ndarray, stiffness: Any, damping: Any, step: float) -> None:
-    """The part of the transition, transposed, that depends on the motion: the matrix exponential to third order."""
+    """The part of the transition that depends on the motion, in place: the matrix exponential to third order."""
     k, c, h2, h3 = stiffness, damping, step * step / 2.0, step * step * step / 6.0
     by_moment, by_slope = step - h2 * c + h3 * (c * c - k), h2 - h3 * c
     kept = 1.0 - k * by_slope
-    f[X, X], f[RATE, X], f[MOMENT, X] = kept, by_moment, by_slope
-    f[X, RATE], f[RATE, RATE] = -k * by_moment, kept - c * by_moment
-    f[MOMENT, RATE], f[MOMENT + 1, RATE] = by_moment, by_slope
+    f[X, X], f[X, RATE], f[X, MOMENT] = kept, by_moment, by_slope
+    f[RATE, X], f[RATE, RATE] = -k * by_moment, kept - c * by_moment
+    f[RATE, MOMENT], f[RATE, MOMENT + 1] = by_moment, by_slope
+
+
+def times_one(f: np.ndarray, given: np.ndarray, found: np.ndarray) -> None:
+    """The transition times a matrix (12, 12) without its zeros, written transposed: twice for a covariance."""
+    for j in range(STATES):
+        x, w, d, slope = given[X, j], given[RATE, j], given[MOMENT, j], given[MOMENT + 1, j]
+        for i in range(MOMENT):
+            found[j, i] = f[i, X] * x + f[i, RATE] * w + f[i, MOMENT] * d + f[i, MOMENT + 1] * slope
+        # the coupling is one way: each resonator is driven by the next
+        for i in range(MOMENT, TRIM):
+            total = 0.0
+            for k in range(i - i % 2, TRIM):
+                total += f[i, k] * given[k, j]
+            found[j, i] = total
+        for i in range(TRIM, STATES):
+            found[j, i] = f[i, i] * given[i, j]
+
+
+def times_all(f: np.ndarray, given: np.ndarray, found: np.ndarray) -> None:
+    """As `times_one`, (12, 12, B): zeros included, which are no loss in numpy."""
+    np.matmul(f.transpose(2, 0, 1), given.transpose(2, 0, 1), out=found.transpose(2, 1, 0))
+
+
+times_transition = accelerated(times_one, times_all)
 
 
 @accelerated
 def run_filter(hulls: Hulls, record: BlockedRecord, filters: Filters) -> None:
-    """Innovations and their variances, written into the filters.
-
-    The transposed arrays of one filter and of B are addressed alike: what belongs to a filter is the last axis.
-    """
+    """Innovations and their variances, written into the filters."""
     ratios, active, friction_rate = hulls
     step, bend, angles, rates, _ = record
-    mean, covariance, transition, transposed, driven, noises, innovations, variances = filters
-    m, c, f = mean.T[0], covariance.T, transition.T
-    noise, innovation, variance = noises.T, innovations.T, variances.T
-    sub = step / SUBSTEPS
+    m, c, f, q, noise, innovation, variance = filters
+    sub, half, a, r = step / SUBSTEPS, np.empty_like(c), np.empty_like(m), np.empty_like(m)
     for k in range(angles.size):
         if k > 0:
             x, w = m[X] + 0.0, m[RATE] + 0.0
@@ -137,9 +170,17 @@ def run_filter(hulls: Hulls, record: BlockedRecord, filters: Filters) -> None:
             stiffness = restoring_slope(0.5 * (x + m[X]), ratios, active)
             damping = damping_slope(0.5 * (w + m[RATE]), ratios, active, friction_rate)
             move_hull(f, stiffness, damping, step)
-            mean[:] = transition @ mean
-            covariance[:] = transition @ covariance @ transposed + driven
+            times_transition(f, c, half)
+            times_transition(f, half, c)
+            c += q
             m[X], m[RATE] = x, w
+            for i in range(MOMENT, TRIM, 2):
+                value = slope = 0.0
+                for j in range(i, TRIM):
+                    value, slope = value + f[i, j] * m[j], slope + f[i + 1, j] * m[j]
+                m[i], m[i + 1] = value, slope
+            for i in range(TRIM, STATES):
+                m[i] *= f[i, i]
         x, w = m[X], m[RATE]
         stiffness = restoring_slope(x, ratios, active)
         damping = damping_slope(w, ratios, active, friction_rate)
@@ -149,30 +190,43 @@ def run_filter(hulls: Hulls, record: BlockedRecord, filters: Filters) -> None:
         rx, rw = bend * damping * stiffness, 1.0 + bend * (damping * damping - stiffness)
         e_angle = angles[k] - (x + bend * force) - m[TRIM] - m[ANGLE_NOISE]
         e_rate = rates[k] - (w - bend * (stiffness * w + damping * force)) - m[BIAS] - m[RATE_NOISE]
-        a = ax * c[X] + aw * c[RATE] + c[TRIM] + c[ANGLE_NOISE]
-        r = rx * c[X] + rw * c[RATE] + c[BIAS] + c[RATE_NOISE]
-        s_angle = ax * a[X] + aw * a[RATE] + a[TRIM] + a[ANGLE_NOISE] + noise[0, k]
+        for j in along_row():
+            a[j] = ax * c[X, j] + aw * c[RATE, j] + c[TRIM, j] + c[ANGLE_NOISE, j]
+            r[j] = rx * c[X, j] + rw * c[RATE, j] + c[BIAS, j] + c[RATE_NOISE, j]
+        s_angle = ax * a[X] + aw * a[RATE] + a[TRIM] + a[ANGLE_NOISE] + noise[k, 0]
         share = (rx * a[X] + rw * a[RATE] + a[BIAS] + a[RATE_NOISE]) / s_angle
         # of the rate given the angle
-        r = r - share * a
-        s_rate = rx * r[X] + rw * r[RATE] + r[BIAS] + r[RATE_NOISE] + noise[1, k]
+        for j in along_row():
+            r[j] -= share * a[j]
+        s_rate = rx * r[X] + rw * r[RATE] + r[BIAS] + r[RATE_NOISE] + noise[k, 1]
         e_rate = e_rate - share * e_angle
-        by_angle, by_rate = a / s_angle, r / s_rate
-        m += by_angle * e_angle + by_rate * e_rate
-        c -= by_angle * np.expand_dims(a, 1) + by_rate * np.expand_dims(r, 1)
-        innovation[0, k], innovation[1, k] = e_angle, e_rate
-        variance[0, k], variance[1, k] = s_angle, s_rate
+        by_angle, by_rate = 1.0 / np.sqrt(s_angle), 1.0 / np.sqrt(s_rate)
+        for j in along_row():
+            a[j] *= by_angle
+            r[j] *= by_rate
+            m[j] += a[j] * (by_angle * e_angle) + r[j] * (by_rate * e_rate)
+        for i in range(STATES):
+            for j in along_row():
+                c[i, j] -= a[i] * a[j] + r[i] * r[j]
+        innovation[k, 0], innovation[k, 1] = e_angle, e_rate
+        variance[k, 0], variance[k, 1] = s_angle, s_rate
 
 
 @accelerated
 def run_each(hulls: Hulls, record: BlockedRecord, filters: Filters) -> None:
-    """`run_filter` for each of B filters, with ratios (B, 9)."""
+    """`run_filter` for each of B filters, with ratios (9, B)."""
     f = filters
-    for b, r in enumerate(hulls.ratios):
+    for b in range(f.mean.shape[1]):
+        r = hulls.ratios[:, b]
         ratios = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
-        arrays = f.mean[b], f.covariance[b], f.transition[b], f.transition[b].T, f.driven[b], f.noise[b]
-        own = Filters(*arrays, f.innovation[b], f.variance[b])
-        run_filter(Hulls(ratios, hulls.active, hulls.friction_rate), record, own)
+        mean, covariance = f.mean[:, b].copy(), f.covariance[:, :, b].copy()
+        transition, driven = f.transition[:, :, b].copy(), f.driven[:, :, b].copy()
+        readings = f.noise[:, :, b], f.innovation[:, :, b], f.variance[:, :, b]
+        run_filter(
+            Hulls(ratios, hulls.active, hulls.friction_rate),
+            record,
+            Filters(mean, covariance, transition, driven, *readings),
+        )
 
 
 def innovations(
@@ -188,32 +242,30 @@ def innovations(
     # most of the sets have the same disturbance
     spectra, which = np.unique(basin[[FREQUENCY, DAMPING, SPREAD]], axis=1, return_inverse=True)
     ahead, stationary = (each[which.ravel()] for each in disturbance(spectra[0], spectra[1], spectra[2], step))
-    m, (c, q, transition) = np.zeros((count, STATES, 1)), np.zeros((3, count, STATES, STATES))
-    m[:, [X, RATE, TRIM], 0] = initial.T
-    c[:, BIAS, BIAS] = bias_std**2
-    for place, std, memory in ((ANGLE_NOISE, ANGLE_COLOUR, ANGLE_MEMORY), (RATE_NOISE, RATE_COLOUR, RATE_MEMORY)):
-        transition[:, place, place] = keep = np.exp(-step / basin[memory])
-        c[:, place, place] = basin[std] ** 2
-        q[:, place, place] = basin[std] ** 2 * (1.0 - keep**2)
     before = stationary * basin[LEVEL][:, None, None] ** 2
-    c[:, MOMENT:, MOMENT:] = before
-    q[:, MOMENT:, MOMENT:] = before - ahead @ before @ ahead.transpose(0, 2, 1)
-    q[:, TRIM, TRIM] = basin[DRIFT] ** 2 * step
-    transition[:, [TRIM, BIAS], [TRIM, BIAS]] = 1.0
-    transition[:, MOMENT:, MOMENT:] = ahead
-    transition[:, X, MOMENT + 1] = step**3 / 6.0
+    m, (c, q, f) = np.zeros((STATES, count)), np.zeros((3, STATES, STATES, count))
+    m[[X, RATE, TRIM]] = initial
+    c[BIAS, BIAS] = bias_std**2
+    for place, std, memory in ((ANGLE_NOISE, ANGLE_COLOUR, ANGLE_MEMORY), (RATE_NOISE, RATE_COLOUR, RATE_MEMORY)):
+        f[place, place] = keep = np.exp(-step / basin[memory])
+        c[place, place] = basin[std] ** 2
+        q[place, place] = basin[std] ** 2 * (1.0 - keep**2)
+    of_disturbance = slice(MOMENT, TRIM), slice(MOMENT, TRIM)
+    c[of_disturbance] = np.moveaxis(before, 0, -1)
+    q[of_disturbance] = np.moveaxis(before - ahead @ before @ ahead.transpose(0, 2, 1), 0, -1)
+    f[of_disturbance] = np.moveaxis(ahead, 0, -1)
+    q[TRIM, TRIM] = basin[DRIFT] ** 2 * step
+    f[[TRIM, BIAS], [TRIM, BIAS]] = 1.0
+    f[X, MOMENT + 1] = step**3 / 6.0
     unread = counts == 0.0
-    variances = basin[[ANGLE_WHITE, RATE_WHITE]].T[:, None] ** 2
-    noise = np.where(unread, np.inf, variances / np.where(unread, 1.0, counts) + floor**2)
-    found = np.empty((2, *noise.shape[::-1])).transpose(0, 3, 2, 1)
+    variances = basin[[ANGLE_WHITE, RATE_WHITE]] ** 2
+    noise = np.where(unread, np.inf, 1.0 / np.where(unread, 1.0, counts))[..., None] * variances + floor[:, None] ** 2
+    found = np.empty((2, *noise.shape))
+    filters = Filters(m, c, f, q, noise, *found)
     if has_numba():
-        filters = Filters(m, c, transition, transition.transpose(0, 2, 1), q, noise, *found)
-        run_each(hulls._replace(ratios=hulls.ratios.T.copy()), record, filters)
+        run_each(hulls, record, filters)
     else:
-        # numpy is faster where the filters are neighbours
-        m, c, transition, q, noise = (np.asfortranarray(each) for each in (m, c, transition, q, noise))
-        filters = Filters(m, c, transition, transition.transpose(0, 2, 1), q, noise, *found)
         with np.errstate(all='ignore'):
             run_filter(hulls._replace(ratios=tuple(hulls.ratios)), record, filters)
-    found[0][:, unread], found[1][:, unread] = 0.0, 1.0
-    return np.moveaxis(found, 1, -1)
+    found[0][unread], found[1][unread] = 0.0, 1.0
+    return found
