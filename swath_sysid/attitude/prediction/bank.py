@@ -16,7 +16,7 @@ from swath_sysid.attitude.prediction.state_space import InnovationsFilter, Innov
 
 HULL, OSCILLATOR = 'hull-filter', 'oscillator'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
-CANDIDATES = {HULL: 3.0, OSCILLATOR: 0.3, NEW_WAVES: 0.3, WAVES: 1.0}
+CANDIDATES = {HULL: 3.0, OSCILLATOR: 0.3, NEW_WAVES: 1.0, WAVES: 1.0}
 PLACE = {name: place for place, name in enumerate(CANDIDATES)}
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2

@@ -150,7 +150,8 @@ class Blend:
         time, mean_ratio, tail, _ = self._spread[(slice(None), *was_free)]
         time, gain = self._aged(time, known, 1.0 - self._step / MEMORY_OF_SIZE, shown * self._step)
         # ratio by ratio: a mean of variances would keep the largest for minutes
-        ratio = (np.minimum(square, CREDIBLE * variance) - noise_variance) / true
+        credible = CREDIBLE * np.maximum(variance, interval / _QUANTILE**2)
+        ratio = (np.minimum(square, credible) - noise_variance) / true
         mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)
         # with wide tails the mean square is more than the 90 % interval needs
         # a new array: of a view np.exp may take another path, by where its result happens to lie in memory

@@ -1,5 +1,6 @@
 """The running state of a forecaster, for operators."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -38,7 +39,9 @@ def diagnose(
     nrmse = coverage = np.full((len(axes), count), np.nan)
     candidate = weights = np.full((len(CANDIDATES), len(axes), count), np.nan)
     if bank is not None:
-        blend, size = bank.blend, np.array([axis.size.deviation for axis in axes.values()])[:, None]
+        # a still craft moves less than its sensor's noise, which no forecast of readings can miss by less
+        size = np.array([max(axis.size.deviation, math.sqrt(axis.noise[0])) for axis in axes.values()])[:, None]
+        blend = bank.blend
         places = blend.place_of_lead[asked]
         nrmse, coverage = np.sqrt(blend.blended_square[places]).T / size, blend.coverage[places].T
         candidate = np.sqrt(blend.mean_square[:, places]).transpose(0, 2, 1) / size
