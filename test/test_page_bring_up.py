@@ -58,9 +58,9 @@ def with_metrics(model, releases=1, **metrics):
     ('metrics', 'action', 'fault', 'cure'),
     [
         ({'verdict': 'adequate', 'motion_error': 0.04}, 'accept', '', 'within 4 % of its motion. Accept it'),
-        ({'verdict': 'doubtful', 'verdict_sentence': 'from 8 deg'}, 'restart', 'doubtful', 'from 8 deg'),
-        ({'verdict': 'rejected', 'verdict_sentence': None}, 'restart', 'rejected', 'release again'),
-        ({'verdict': None, 'verdict_sentence': None}, 'restart', 'not judged', 'release again'),
+        ({'verdict': 'doubtful', 'verdict_sentence': 'from 8 deg'}, 'push', 'doubtful', 'from 8 deg'),
+        ({'verdict': 'rejected', 'verdict_sentence': None}, 'push', 'rejected', 'release again'),
+        ({'verdict': None, 'verdict_sentence': None}, 'push', 'not judged', 'release again'),
     ],
 )
 def test_only_what_its_file_calls_adequate_is_recommended(identified, metrics, action, fault, cure):

@@ -1,4 +1,4 @@
-"""The guided bring-up of a craft: the next step from the present facts, and the cure of a fault.
+"""The guided bring-up of a craft: a table of states, and which of them the present facts are.
 
 Time is the stamps of the motion, so that guidance does not depend on playback speed. The detector of the motion window
 judges decays; the verdict in its file judges a model.
@@ -6,6 +6,7 @@ judges decays; the verdict in its file judges a model.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -36,12 +37,6 @@ SMALLEST_PUSH = WindowSettings.smallest_decay  #: The buffer reports no smaller 
 #: s without rest after which waves are blamed, and from the end of a decay without an identification.
 PATIENCE_S = 20.0
 
-NO_DECAY = (
-    'let go at once instead of lowering it, and keep hands and lines off; a hull that does not oscillate by itself has '
-    'no period to identify'
-)
-
-
 @dataclass(frozen=True)
 class Facts:
     """The present facts."""
@@ -53,6 +48,7 @@ class Facts:
     releases: Mapping[str, Release] = field(default_factory=dict)  #: The newest free decays, by axis.
     models: tuple[IdentifiedModel, ...] = ()  #: Of the axis to be identified, the newest last.
     is_kept: bool = False  #: Whether the user has accepted the model.
+    can_push: bool = False  #: Whether the craft is a simulated one, which the page can push.
 
     @property
     def model(self) -> IdentifiedModel | None:
@@ -88,42 +84,137 @@ class Guidance:
     action: str = ''  #: The button to press now; empty: none.
 
 
-def _missing_nodes(facts: Facts) -> Guidance | None:
+@dataclass(frozen=True)
+class State:
+    """A row of the table, whose texts are formats; see `Guidance`."""
+
+    step: str
+    sentence: str
+    fault: str = ''
+    cure: str = ''
+    action: str = ''
+
+
+AGAIN = 'push'  #: The action after which the craft is released, by the page or by hand.
+
+STATES = {
+    'missing': State(
+        CONNECT,
+        'Waiting for {nodes}.',
+        'nodes-missing',
+        'start the nodes with `swath-sysid run` on this network and in the same ROS_DOMAIN_ID and namespace',
+    ),
+    'silent': State(SENSOR, 'No samples arrive from the sensor.', '{code}', '{message}'),
+    'no sample': State(SENSOR, 'Waiting for the first sample of the sensor.'),
+    'slow': State(
+        SENSOR,
+        'The sensor gives {rate:.1f} samples per second, too few to see a craft roll.',
+        'low-rate',
+        'have its driver publish at 20 Hz or more',
+    ),
+    'contradiction': State(SENSOR, 'The readings of the sensor contradict each other.', '{code}', '{message}'),
+    'no angles': State(SENSOR, 'Waiting for samples that can be used.'),
+    'no orientation': State(
+        SENSOR,
+        'The sensor gives rates without orientation.',
+        'no-orientation',
+        'release the craft, let it roll out and press Identify, which needs no angles as the guide does',
+        'identify',
+    ),
+    'kept': State(
+        KEPT,
+        'Accepted: {model}.',
+        cure='Next: watch the forecasts below, Save or download the model, and take it to a simulator with '
+        '`swath-sysid export`.',
+        action='save',
+    ),
+    'identifying': State(IDENTIFY, 'Identifying: {share:.0f} %.'),
+    'not identified': State(
+        PUSH,
+        'Nothing was identified.',
+        'not-identified',
+        '{message}; release again in still water, from a larger angle',
+        AGAIN,
+    ),
+    'other axis': State(
+        PUSH, 'That was {other}, {moved:.1f} deg.', 'other-axis', '{ask}, or choose {other} above', AGAIN
+    ),
+    'found': State(IDENTIFY, 'Found {cycles:.1f} cycles. Waiting for the identification.'),
+    'not noticed': State(
+        IDENTIFY,
+        'Found {cycles:.1f} cycles. No identification started.',
+        'not-noticed',
+        'press Identify (auto_identify or auto_detect_decay of the nodes may be off)',
+        'identify',
+    ),
+    'unrest': State(REST, 'Keep your hands off until the craft is at rest.'),
+    'waves': State(
+        '{step}',
+        '{sentence}',
+        'waves',
+        'wait for calm water or go behind shelter; or stay for some minutes and press Identify: motion in waves gives '
+        'the period, and the damping at its amplitude',
+        'identify',
+    ),
+    'held': State(
+        PUSH,
+        'The hull is held {offset:.1f} deg from its rest position.',
+        'held',
+        'let go at once, hands and lines off. If nobody holds it, its trim has changed: press Release again',
+        'restart',
+    ),
+    'samples lost': State(
+        PUSH,
+        'Samples were lost on the way to the page.',
+        'samples-lost',
+        'stop other programs on the machine, or press Identify: the buffer may have every sample',
+        'identify',
+    ),
+    'no decay': State(
+        PUSH,
+        'That was no free decay.',
+        'no-decay',
+        'let go at once instead of lowering it, and keep hands and lines off; a hull that does not oscillate by itself '
+        'has no period to identify',
+        AGAIN,
+    ),
+    'gravity': State(REST, 'Keep the craft still: gravity is compared with the attitude.'),
+    'ready': State(PUSH, 'At rest. Now {ask}.', cure='{known}', action=AGAIN),
+    'rolling out': State(DECAY, 'Hands off, and let it roll out.'),
+    'pushing': State(PUSH, '{moved:.1f} of {push}: {way}'),
+    'adequate': State(JUDGE, '{model}.', cure='{remark}Accept it.', action='accept'),
+    'not adequate': State(JUDGE, '{model}.', '{level}', '{cure}.{remark}', AGAIN),
+}
+
+
+def say(name: str, **values: Any) -> Guidance:
+    """The guidance of a state of the table with these values in its texts."""
+    state = STATES[name]
+    step, sentence, fault, cure = (
+        text.format(**values) for text in (state.step, state.sentence, state.fault, state.cure)
+    )
+    return Guidance(step, sentence, fault, cure, state.action)
+
+
+def of_sensor(facts: Facts) -> Guidance | None:
+    """What is missing before the motion can be looked at."""
     missing = [node for node in NODES if not any(name.startswith(f'{node}:') for name in facts.statuses)]
-    if not missing:
-        return None
-    cure = 'start the nodes with `swath-sysid run` on this network and in the same ROS_DOMAIN_ID and namespace'
-    return Guidance(CONNECT, f'Waiting for {", ".join(missing)}.', 'nodes-missing', cure)
-
-
-def _silent_sensor(facts: Facts) -> Guidance | None:
+    if missing:
+        return say('missing', nodes=', '.join(missing))
     reports = [facts.statuses[f'{node}: imu'] for node in NODES[:2] if f'{node}: imu' in facts.statuses]
     worst = max(reports, key=lambda report: report.level, default=None)
     if worst is not None and worst.level == ERROR:
-        fault = 'silence' if facts.value('predictor: imu', 'received') else 'no-sensor'
-        return Guidance(SENSOR, 'No samples arrive from the sensor.', fault, worst.message)
+        code = 'silence' if facts.value('predictor: imu', 'received') else 'no-sensor'
+        return say('silent', code=code, message=worst.message)
     if facts.silence == float('inf'):
-        return Guidance(SENSOR, 'Waiting for the first sample of the sensor.')
-    return None
-
-
-def _slow_sensor(facts: Facts) -> Guidance | None:
-    rate = facts.value('predictor: imu', 'rate_hz')
-    if not 0.0 < rate < LOWEST_RATE:
-        return None
-    sentence = f'The sensor gives {rate:.1f} samples per second, too few to see a craft roll.'
-    return Guidance(SENSOR, sentence, 'low-rate', 'have its driver publish at 20 Hz or more')
-
-
-def _contradictions(facts: Facts) -> Guidance | None:
+        return say('no sample')
+    if 0.0 < (rate := facts.value('predictor: imu', 'rate_hz')) < LOWEST_RATE:
+        return say('slow', rate=rate)
     report = facts.statuses.get('predictor: installation')
     if report is None or report.level == OK:
         return None
     code = facts.text('predictor: installation', 'contradictions').partition(' ')[0]
-    return Guidance(SENSOR, 'The readings of the sensor contradict each other.', code, report.message)
-
-
-SENSOR_CHECKS = (_missing_nodes, _silent_sensor, _slow_sensor, _contradictions)
+    return say('contradiction', code=code, message=report.message)
 
 
 class BringUp:
@@ -137,7 +228,7 @@ class BringUp:
         self._ask = f'push the hull {side} by {self._degrees} and let go'
         # the first that gives guidance is the present step
         self._questions = (
-            *SENSOR_CHECKS,
+            of_sensor,
             self._no_angles,
             self._kept,
             self._identification,
@@ -156,7 +247,11 @@ class BringUp:
 
     def look(self, facts: Facts) -> Guidance:
         """The present step and what to do."""
-        return next(guidance for ask in self._questions if (guidance := ask(facts)) is not None)
+        guidance = next(guidance for ask in self._questions if (guidance := ask(facts)) is not None)
+        if guidance.action != AGAIN or facts.can_push:
+            return guidance
+        # with a real craft it is the hands that release it
+        return replace(guidance, action='restart' if guidance.step == JUDGE else '')
 
     def _wait_for_rest(self, now: float, fault: Guidance | None = None) -> None:
         """Ignore earlier motion; its fault is reported before the next push."""
@@ -168,12 +263,7 @@ class BringUp:
     def _no_angles(self, facts: Facts) -> Guidance | None:
         motion = facts.motions.get(self.axis)
         if motion is None or motion.angle is None or motion.size < 2:
-            if not facts.value('predictor: imu', 'no-orientation'):
-                return Guidance(SENSOR, 'Waiting for samples that can be used.')
-            cure = 'release the craft, let it roll out and press Identify, which needs no angles as the guide does'
-            return Guidance(
-                SENSOR, 'The sensor gives rates without orientation.', 'no-orientation', cure, action='identify'
-            )
+            return say('no orientation' if facts.value('predictor: imu', 'no-orientation') else 'no angles')
         now = float(motion.time[-1])
         if now < self._newest:
             self.restart()
@@ -188,14 +278,12 @@ class BringUp:
         if not facts.is_kept or facts.model is None:
             return None
         self._wait_for_rest(self._newest)
-        following = 'Watch the forecasts, and Save the model; `swath-sysid export` takes it to simulators.'
-        return Guidance(KEPT, f'Accepted: {described(facts.model)}.', cure=following, action='save')
+        return say('kept', model=described(facts.model))
 
     def _identification(self, facts: Facts) -> Guidance | None:
         """State of the identifier and its results since the last look."""
         if facts.is_identifying:
-            share = 100.0 * facts.value(IDENTIFICATION, 'progress')
-            return Guidance(IDENTIFY, f'Identifying: {share:.0f} %.')
+            return say('identifying', share=100.0 * facts.value(IDENTIFICATION, 'progress'))
         refits, published = (facts.value(IDENTIFICATION, name) for name in ('refits', 'published'))
         is_over, is_new = refits > self._refits, published > self._published
         self._refits, self._published = refits, published
@@ -203,8 +291,7 @@ class BringUp:
             return None
         message, fault = of_axis(facts.text(IDENTIFICATION, 'last_verdict'), self.axis), self._other_axis(facts)
         if facts.model is None and not is_new:
-            cure = f'{message}; release again in still water, from a larger angle'
-            fault = fault or Guidance(PUSH, 'Nothing was identified.', 'not-identified', cure, 'restart')
+            fault = fault or say('not identified', message=message)
         self._stays = None if fault else '' if is_new else message
         self._wait_for_rest(self._newest, fault)
         return fault or self._judgement(facts)
@@ -218,8 +305,7 @@ class BringUp:
         (own, _), (beside, _) = (self._since_rest(facts, axis) for axis in (self.axis, self._other))
         if not self._levels or beside <= max(own, SMALLEST_PUSH):
             return None
-        sentence = f'That was {self._other}, {np.degrees(beside):.1f} deg.'
-        return Guidance(PUSH, sentence, 'other-axis', f'{self._ask}, or choose {self._other} above')
+        return say('other axis', other=self._other, moved=np.degrees(beside), ask=self._ask)
 
     def _new_release(self, facts: Facts) -> Guidance | None:
         """Guidance for a detected decay whose identification has not started."""
@@ -227,11 +313,8 @@ class BringUp:
         if release is None or release.motion.time[0] <= self._begun:
             return None
         self._released_at = min(self._released_at, self._newest)
-        found = f'Found {release.cycles:.1f} cycles.'
-        if self._newest - self._released_at < PATIENCE_S:
-            return Guidance(IDENTIFY, f'{found} Waiting for the identification.')
-        cure = 'press Identify (auto_identify or auto_detect_decay of the nodes may be off)'
-        return Guidance(IDENTIFY, f'{found} No identification started.', 'not-noticed', cure, 'identify')
+        is_early = self._newest - self._released_at < PATIENCE_S
+        return say('found' if is_early else 'not noticed', cycles=release.cycles)
 
     def _unrest(self, facts: Facts) -> Guidance | None:
         """Guidance until the craft is at rest for the first time."""
@@ -243,9 +326,10 @@ class BringUp:
         if shown is not None:
             return shown
         if self._newest - self._begun < PATIENCE_S:
-            return Guidance(REST, 'Keep your hands off until the craft is at rest.')
+            return say('unrest')
         std = np.degrees(np.std(facts.motions[self.axis].between(self._newest - PATIENCE_S, None).primary))
-        return _waves(REST, f'The craft does not come to rest: {self.axis} of {std:.2g} deg (standard deviation).')
+        sentence = f'The craft does not come to rest: {self.axis} of {std:.2g} deg (standard deviation).'
+        return say('waves', step=REST, sentence=sentence)
 
     def _at_rest(self, facts: Facts) -> Guidance | None:
         """Guidance for a craft at rest."""
@@ -254,10 +338,7 @@ class BringUp:
             return None
         offset = max(abs(levels[axis] - self._levels.get(axis, levels[axis])) for axis in levels)
         if self._has_moved and offset > SMALLEST_PUSH:
-            cure = 'let go at once, hands and lines off. If nobody holds it, its trim has changed: press Release again'
-            return Guidance(
-                PUSH, f'The hull is held {np.degrees(offset):.1f} deg from its rest position.', 'held', cure
-            )
+            return say('held', offset=np.degrees(offset))
         if self._has_moved:
             self._fault = self._no_decay(facts)
         self._levels, self._rest_end, self._has_moved = levels, self._newest, False
@@ -266,18 +347,17 @@ class BringUp:
         if (shown := self._judgement(facts)) is not None:
             return shown
         if not facts.value('predictor: installation', 'judgements'):
-            return Guidance(REST, 'Keep the craft still: gravity is compared with the attitude.')
+            return say('gravity')
         known = '' if facts.model is None else f'A model is known: {described(facts.model)}.'
-        return Guidance(PUSH, f'At rest. Now {self._ask}.', cure=known)
+        return say('ready', ask='press Push and release' if facts.can_push else self._ask, known=known)
 
     def _no_decay(self, facts: Facts) -> Guidance | None:
         """The fault of a motion that ended without a detected decay."""
         if max(self._since_rest(facts, axis)[0] for axis in AXES) < SMALLEST_PUSH:
             return self._fault
         if len(split_at_pauses(facts.motions[self.axis].between(self._rest_end, None))) > 1:
-            cure = 'stop other programs on the machine, or press Identify: the buffer may have every sample'
-            return Guidance(PUSH, 'Samples were lost on the way to the page.', 'samples-lost', cure, 'identify')
-        return self._other_axis(facts) or Guidance(PUSH, 'That was no free decay.', 'no-decay', NO_DECAY)
+            return say('samples lost')
+        return self._other_axis(facts) or say('no decay')
 
     def _moving(self, facts: Facts) -> Guidance:
         """Guidance while the craft moves after a rest."""
@@ -288,11 +368,11 @@ class BringUp:
         self._stays = None
         since = facts.motions[self.axis].between(self._rest_end, None)
         if since.duration > PATIENCE_S and keeps_oscillating(since) and not find_decays(since):
-            return _waves(DECAY, 'The motion does not die out.')
+            return say('waves', step=DECAY, sentence='The motion does not die out.')
         if came_back or beside > max(own, SMALLEST_PUSH):
-            return Guidance(DECAY, 'Hands off, and let it roll out.')
+            return say('rolling out')
         way = 'let go.' if own >= 0.8 * self._push else 'further, then let go.'
-        return Guidance(PUSH, f'{np.degrees(own):.1f} of {self._degrees}: {way}')
+        return say('pushing', moved=np.degrees(own), push=self._degrees, way=way)
 
     def _since_rest(self, facts: Facts, axis: str) -> tuple[float, bool]:
         """Largest angle of an axis from its rest, rad, and whether it came back to the other side."""
@@ -311,11 +391,11 @@ def judgement(models: Sequence[IdentifiedModel], stays: str) -> Guidance:
     ``stays`` is the reason why it stays although another release was identified.
     """
     level, cure = verdict_of(models[-1])
-    sentence, remark = f'{described(models[-1])}.', stays and f' The previous model stays: {stays}.'
+    model, remark = described(models[-1]), stays and f' The previous model stays: {stays}.'
     if level != ADEQUATE:
-        return Guidance(JUDGE, sentence, level, f'{cure}.{remark}', 'restart')
-    added = remark or gain(models)
-    return Guidance(JUDGE, sentence, '', f'{added} Accept it.'.strip(), 'accept')
+        return say('not adequate', model=model, level=level, cure=cure, remark=remark)
+    added = remark.strip() or gain(models)
+    return say('adequate', model=model, remark=f'{added} ' if added else '')
 
 
 def levels_at_rest(motions: Mapping[str, AxisMotion], now: float) -> dict[str, float]:
@@ -330,11 +410,3 @@ def levels_at_rest(motions: Mapping[str, AxisMotion], now: float) -> dict[str, f
             return {}
         levels[axis] = float(means.mean())
     return levels
-
-
-def _waves(step: str, sentence: str) -> Guidance:
-    cure = (
-        'wait for calm water or go behind shelter; or stay for some minutes and press Identify: motion in waves gives '
-        'the period, and the damping at its amplitude'
-    )
-    return Guidance(step, sentence, 'waves', cure, 'identify')
