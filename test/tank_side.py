@@ -28,7 +28,7 @@ class TankSide:
         self.record, self.guide = LiveRecord(), BringUp(axis)
         self.guidances = []
         self.refitter, self.auto_identify = Refitter(), auto_identify
-        self.steps_back = 0
+        self.steps_back = self.steps_forward = 0
         self._intake, self._check = Intake(installation, StampSettings()), InstallationCheck(installation)
         self._window = MotionWindow(WindowSettings(installation=installation))
         self._stream = StreamHealth('/imu/data')
@@ -108,7 +108,11 @@ class TankSide:
                 Report('forecast', 0, 'forecasting'),
             ],
             'imu_buffer': self._buffer.reports(self.clock, self.stamp_ns),
-            'identifier': [self._identifier.report(self.refitter.described, self.steps_back, False)],
+            'identifier': [
+                self._identifier.report(
+                    self.refitter.described, self.steps_back, False, {'rollbacks_undone': self.steps_forward}
+                )
+            ],
         }
 
     def _report_when_due(self):

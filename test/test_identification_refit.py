@@ -151,9 +151,12 @@ def test_a_changed_craft_starts_anew_and_rollback_leads_back(twice, change):
     assert refitter.take(outcome) and len(refitter.decays['pitch'].decays) == 1
     assert refitter.models['pitch'].model.natural_period == pytest.approx(change.get('period', 2.6), rel=0.01)
     assert refitter.steps_back == 3
+    after_change = refitter.models['pitch']
     assert refitter.rollback() and refitter.models['pitch'] is before and refitter.decays is decays
+    assert refitter.undo_rollback() and refitter.models['pitch'] is after_change and not refitter.undo_rollback()
+    assert refitter.rollback() and refitter.models['pitch'] is before
     assert refitter.rollback() and refitter.rollback() and refitter.models == refitter.decays == {}
-    assert not refitter.rollback() and refitter.version == 6
+    assert not refitter.rollback() and refitter.version == 8
 
 
 def test_decays_that_were_forgotten_stay_so_when_a_refit_ends_afterwards(table, first):

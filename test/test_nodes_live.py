@@ -195,6 +195,9 @@ def test_a_changed_craft_is_followed_and_rollback_leads_back(identified):
     assert read_model(f'{identified.model_path}.1')['pitch'].model.natural_period == pytest.approx(3.1, rel=0.02)
     wait_for(lambda: bench.heard['model/description'][-1].data == before[0].data, 'model before')
     assert read_model(identified.model_path) == model_from_yaml(before[0].data)
+    assert bench.call('identifier/undo_rollback').success
+    assert read_model(identified.model_path)['pitch'].model.natural_period == pytest.approx(3.1, rel=0.02)
+    assert bench.call('identifier/rollback').success
     assert bench.set_parameters('identifier', auto_identify=True) == []
 
 

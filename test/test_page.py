@@ -86,8 +86,9 @@ class Screen:
         wait_until(lambda: words in self.text(name), lambda: f'{name} shows {self.text(name)!r}, not {words!r}')
 
     def loud(self):
-        """The buttons that stand out."""
-        script = "return [...document.querySelectorAll('.q-btn.bg-primary[data-name]')].map(b => b.dataset.name)"
+        """The actions of the buttons that stand out."""
+        script = """return [...document.querySelectorAll('main .q-btn.bg-primary')]
+            .filter(b => getComputedStyle(b).visibility === 'visible').map(b => b.dataset.action)"""
         return self.driver.execute_script(script)
 
     def reason(self, name):
@@ -150,6 +151,7 @@ def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
     screen.wait_for('2.6')
     screen.wait_for('1 release: 2.6', 'model')
     screen.wait_for('model off by 0.0', 'release')
+    screen.wait_for('cycles: Next release forecast within', 'releases')
     level = tank.record.models['pitch'].metrics['verdict']
     assert screen.loud() == ['accept' if level == 'adequate' else 'restart']
     screen.press('accept')
@@ -167,6 +169,10 @@ def test_buttons_reach_the_nodes_and_save_a_model(screen):
     tank.send(REST_S)
     screen.wait_for('Now push')
     assert 'no model yet' in screen.reason('save') and screen.loud() == []
+    tank.record.can_push = True
+    tank.send(1.0)
+    wait_until(lambda: screen.loud() == ['push'], screen.loud)
+    tank.record.can_push = False
     tank.release(5.0)
     screen.wait_for('2.6')
     screen.press('identify')
@@ -179,7 +185,7 @@ def test_buttons_reach_the_nodes_and_save_a_model(screen):
 
 
 @needs_chromium
-def test_no_model_goes_without_a_question_and_a_copy(screen):
+def test_a_rollback_keeps_a_copy_and_can_be_undone(screen):
     tank = screen.tank
     tank.start_again()
     tank.send(REST_S)
@@ -189,14 +195,13 @@ def test_no_model_goes_without_a_question_and_a_copy(screen):
     for path in tank.folder.glob('model_*.yaml'):
         path.unlink()
     tank.pressed.clear()
-    for answer, pressed in (('keep', []), ('go-back', ['rollback'])):
-        screen.press('rollback')
-        screen.wait_for('No other model is kept', 'rollback-question')
-        screen.press(answer)
-        wait_until(
-            lambda: not screen.text('rollback-question') and tank.pressed == pressed,  # noqa: B023 - waited for here
-            lambda: f'{tank.pressed} after {answer}',  # noqa: B023
-        )
+    screen.press('rollback')
+    wait_until(lambda: tank.pressed == ['rollback'], lambda: tank.pressed)
+    assert 'nothing was rolled back' in screen.reason('undo_rollback')
+    tank.steps_forward = 1
+    tank.send(1.0)
+    screen.press('undo_rollback')
+    wait_until(lambda: tank.pressed == ['rollback', 'undo_rollback'], lambda: tank.pressed)
     (saved,) = tank.folder.glob('model_*.yaml')
     assert model_from_yaml(saved.read_text()).keys() == {'pitch'}
 

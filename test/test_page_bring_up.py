@@ -19,7 +19,7 @@ from swath_sysid.page.bring_up import (
     Facts,
     judgement,
 )
-from swath_sysid.page.model_words import gain, reference
+from swath_sysid.page.model_words import gain, of_axis, reference
 from swath_sysid.page.state import refusals
 from swath_sysid.pipeline.health import Report
 
@@ -172,6 +172,21 @@ def test_every_fault_is_named_with_its_cure(fault):
     assert list(tank.faults)[0] == code
     two_lines_of_a_phone = 76
     assert max(len(guidance.sentence) for guidance in tank.guidances) <= two_lines_of_a_phone
+
+
+def test_a_simulated_craft_is_released_by_the_page():
+    tank = TankSide()
+    tank.record.can_push = True
+    tank.send(REST_S)
+    assert tank.guidances[-1].action == 'push' and 'press Push and release' in tank.guidances[-1].sentence
+    tank.release(5.0, damping=0.95)
+    assert (tank.guidances[-1].fault, tank.guidances[-1].action) == ('no-decay', 'push')
+
+
+def test_the_other_axis_is_not_spoken_of():
+    assert of_axis('pitch: adequate; roll: no free decay', 'pitch') == 'adequate'
+    assert of_axis('pitch: not fitted, no motion', 'roll') == 'no free decay in roll'
+    assert of_axis('cancelled', 'roll') == 'cancelled'
 
 
 def test_after_a_fault_the_next_push_is_judged_by_itself():

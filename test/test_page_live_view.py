@@ -1,5 +1,9 @@
 """What the page shows, as plain data."""
 
+from contextlib import nullcontext
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from imu_stream import EPOCH_NS, reading
@@ -15,6 +19,7 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.sea_state import sea_as_yaml, sea_from_yaml
 from swath_sysid.page.charts import motion_options, motion_series
 from swath_sysid.page.live_record import KEPT_FORECASTS, MAX_STATUSES, LiveRecord, horizon_of
@@ -25,9 +30,11 @@ from swath_sysid.page.live_view import (
     model_chart,
     motion_chart,
     release_chart,
+    releases_in_words,
     sea_words,
 )
 from swath_sysid.page.release import Release
+from swath_sysid.page.state import PageState
 from swath_sysid.pipeline.health import Report
 
 LEADS = np.arange(51) * 100_000_000
@@ -35,7 +42,7 @@ LEADS = np.arange(51) * 100_000_000
 
 @pytest.fixture
 def tank():
-    rested = TankSide()
+    rested = TankSide(auto_identify=False)
     rested.send(3.0)
     return rested
 
@@ -127,6 +134,29 @@ def test_a_softening_decay_is_drawn_as_softening_with_the_model_over_it():
         assert measured == pytest.approx(np.interp(dots, degrees, curve), rel=tolerance)
     periods = np.array(chart['period'])[:, 1]
     assert (np.diff(periods) > 0.0).all() and periods[-1] > 1.1 * periods[0]
+
+
+def test_each_release_is_listed_with_what_it_added_and_the_last_minute_can_be_taken_along(tank, tmp_path):
+    hull = IdentifiedModel.exactly(hull_named('swath-pitch').model)
+    models = [
+        replace(hull, metrics={'motion_error': e}, provenance={'segments_s': n * [[0, 9]]})
+        for e, n in ((0.2, 1), (0.05, 2))
+    ]
+    for model in (*models, None):
+        tank.release(5.0)
+        if model is not None:
+            tank.record.set_models({'pitch': model})
+    last, second, first = releases_in_words(tank.record.tried['pitch'])
+    assert first.startswith('From 5.') and 'cycles: Next release forecast within 20 %' in first
+    assert 'within 5 % of its motion (20 % before)' in second and last.endswith('no new model.')
+    (tmp_path / 'motion.csv').write_text(download_of(tank, 'motion.csv', tmp_path))
+    trial = read_csv(tmp_path / 'motion.csv')
+    assert np.ptp(trial.channels['pitch']) > np.radians(5.0) and 20.0 < trial.time[-1] < 61.0
+
+
+def download_of(tank, name, folder):
+    source = SimpleNamespace(lock=nullcontext(), record=tank.record, description='', sensor='')
+    return PageState(source, folder).download(name)
 
 
 def test_a_model_whose_motion_runs_away_is_told():

@@ -142,8 +142,12 @@ class IdentificationNode(Node):
         return response
 
     def _on_rollback(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = False, BUSY if self.busy else 'there is no model before this one'
-        if not self.busy and self.refitter.rollback():
+        return self.replaced(self.refitter.rollback, 'there is no model before this one', response)
+
+    def replaced(self, change: Callable[[], bool], refusal: str, response: Trigger.Response) -> Trigger.Response:
+        """Publish the models after a change of the refitter, or answer why there was none."""
+        response.success, response.message = False, BUSY if self.busy else refusal
+        if not self.busy and change():
             remark = f'{self.refitter.steps_back} more are kept{self.replace_model()}'
             response.success, response.message = True, f'back to {self.refitter.described}; {remark}'
         return response

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
 
 from swath_sysid import __version__
 from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
@@ -18,14 +19,14 @@ from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.identifier import refit_settings
-from swath_sysid.nodes.qos import LATCHED, watched_publisher
+from swath_sysid.nodes.qos import LATCHED, SERVICES, watched_publisher
 from swath_sysid.nodes.window_client import WindowClient
 from swath_sysid.pipeline.health import Report, stability_report
 from swath_sysid.pipeline.validity import verdict_values
 
 
 class Identifier(IdentificationNode):
-    """motion/window in, model/* and ~/progress out, services ~/identify, ~/cancel and ~/rollback."""
+    """motion/window in, model/* and ~/progress out, services ~/identify, ~/cancel, ~/rollback and ~/undo_rollback."""
 
     waits_for = WINDOW_TOPIC  #: The topic without which it does nothing.
 
@@ -39,6 +40,7 @@ class Identifier(IdentificationNode):
         self._noticed: deque[MotionTable] = deque(maxlen=MOST_DECAYS)
         self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window)
         self.serve(warm_up)
+        self.create_service(Trigger, '~/undo_rollback', self._on_undo_rollback, qos_profile=SERVICES)
         if self.refitter.models:
             self._publish()
         if self.parameters['identify_interval_s']:
@@ -55,10 +57,9 @@ class Identifier(IdentificationNode):
 
     def reports(self) -> list[Report]:
         """The status of now."""
+        values = {'rollbacks_undone': self.refitter.steps_forward, **verdict_values(self.refitter.models)}
         return [
-            self.health.report(
-                self.refitter.described, self.refitter.steps_back, self.busy, verdict_values(self.refitter.models)
-            ),
+            self.health.report(self.refitter.described, self.refitter.steps_back, self.busy, values),
             stability_report(self.refitter.stability),
         ]
 
@@ -66,6 +67,9 @@ class Identifier(IdentificationNode):
         """Refit on the decays that were noticed meanwhile."""
         if self._noticed and self.parameters['auto_identify'] and not self.busy:
             self.begin(lambda: self._refit(is_asked=False))
+
+    def _on_undo_rollback(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self.replaced(self.refitter.undo_rollback, 'there is no rollback to undo', response)
 
     def stop_waiting(self) -> None:
         """Give up windows that wait or are waited for."""

@@ -79,6 +79,8 @@ class PageNode(Node):
 
     def _ask_predictor(self) -> None:
         self._requests.get_parameters('predictor', ASKED, self._on_parameters)
+        with self.lock:
+            self.record.can_push = self._requests.can_push()
 
     def _on_parameters(self, *found: Any) -> None:
         values = dict(zip(ASKED, found, strict=True))

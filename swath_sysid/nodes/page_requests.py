@@ -11,6 +11,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import Trigger
 
 MAX_REQUESTS = 10
+RELEASE = 'simulated_craft/release'
 
 
 class PageRequests:
@@ -24,19 +25,20 @@ class PageRequests:
         self._clients: dict[str, Any] = {}
 
     def press(self, button: str) -> None:
-        """A button was pressed, in any thread: ``identify``, ``rollback``, ``cancel``, ``accept`` or ``refine``."""
+        """A button was pressed, in any thread: a service of the identifier, ``push``, ``accept`` or ``refine``."""
         if button in ('accept', 'refine'):
             self._waiting.append(partial(self._keep, button == 'accept'))
+        elif button == 'push':
+            self._ask(RELEASE, lambda answer: self._report('pushed and released'))
         else:
-            self._waiting.append(
-                partial(
-                    self._call,
-                    f'identifier/{button}',
-                    Trigger,
-                    Trigger.Request(),
-                    lambda answer: self._report(answer.message),
-                )
-            )
+            self._ask(f'identifier/{button}', lambda answer: self._report(answer.message))
+
+    def can_push(self) -> bool:
+        """Whether there is a simulated craft."""
+        return self._client(RELEASE, Trigger).service_is_ready()
+
+    def _ask(self, service: str, on_answer: Callable) -> None:
+        self._waiting.append(partial(self._call, service, Trigger, Trigger.Request(), on_answer))
 
     def carry_out(self) -> None:
         """Call what was asked for since the last time."""
@@ -53,10 +55,13 @@ class PageRequests:
             quietly=True,
         )
 
-    def _call(self, service: str, kind: Any, request: Any, on_answer: Callable, quietly: bool = False) -> None:
+    def _client(self, service: str, kind: Any) -> Any:
         if service not in self._clients:
             self._clients[service] = self._node.create_client(kind, service)
-        client = self._clients[service]
+        return self._clients[service]
+
+    def _call(self, service: str, kind: Any, request: Any, on_answer: Callable, quietly: bool = False) -> None:
+        client = self._client(service, kind)
         if client.service_is_ready():
             client.call_async(request).add_done_callback(lambda future: on_answer(future.result()))
         elif not quietly:

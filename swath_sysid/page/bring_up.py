@@ -37,6 +37,7 @@ SMALLEST_PUSH = WindowSettings.smallest_decay  #: The buffer reports no smaller 
 #: s without rest after which waves are blamed, and from the end of a decay without an identification.
 PATIENCE_S = 20.0
 
+
 @dataclass(frozen=True)
 class Facts:
     """The present facts."""

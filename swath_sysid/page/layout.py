@@ -7,7 +7,7 @@ from typing import Any
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.page.bring_up import STEPS
 from swath_sysid.page.charts import curve_options, curve_series, motion_options, release_options, release_series
-from swath_sysid.page.state import BUTTONS, PageState, View
+from swath_sysid.page.state import BUTTONS, GROUPS, PageState, View
 from swath_sysid.pipeline.health import OK, WARN
 
 try:
@@ -77,10 +77,13 @@ def _guide(state: PageState) -> Update:
         progress = ui.linear_progress(0.0, show_value=False).props('rounded')
         sentence = _text('text-subtitle1 text-weight-medium', 'sentence', 2)
         cure = _text('text-body1', 'cure', 2)
-        press = _pressed(state)
-        with ui.row().classes('gap-2'):
-            buttons = {name: _Button(name, partial(press, name)) for name in BUTTONS}
-        answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 4)
+        primary = ui.button().props('no-caps unelevated').style('min-height: 2.75rem').classes('w-full')
+        buttons: dict[str, _Button] = {}
+        for group in GROUPS:
+            with ui.row().classes('gap-x-1 gap-y-0'):
+                buttons |= {name: _Button(name, *texts, partial(_press, state, name)) for name, texts in group.items()}
+        answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 2)
+    primary.on_click(lambda: _press(state, state.view.guidance.action))
 
     def update(view: View) -> None:
         guidance = view.guidance
@@ -89,61 +92,51 @@ def _guide(state: PageState) -> Update:
         cure.text = f'{guidance.fault}: {guidance.cure}' if guidance.fault else guidance.cure
         cure.classes(add='fault') if guidance.fault else cure.classes(remove='fault')
         for name, button in buttons.items():
-            button.show(name == guidance.action, view.refusals.get(name, ''))
+            button.show(view.refusals.get(name, ''))
+        buttons['push'].button.visible = view.can_push
         buttons['record'].button.text = 'Stop recording' if view.is_recording else BUTTONS['record'][0]
+        action = '' if guidance.action in view.refusals else guidance.action
+        if action != primary.props.get('data-action'):
+            primary.props(f'data-action="{action}"')
+            primary.text = BUTTONS[action][0] if action else ''
+            # the place stays reserved
+            primary.style(f'visibility: {"visible" if action else "hidden"}')
         answers.text = '\n'.join(reversed(view.answers))
 
     return update
 
 
-def _pressed(state: PageState) -> Callable[[str], None]:
-    """Handler of a button: at once, or after a question where something would be lost."""
-    with ui.dialog().props('data-name=question') as dialog, ui.card():
-        question = _text('text-body1', 'rollback-question')
-        with ui.row().classes('self-end gap-2'):
-            ui.button('Keep this model', on_click=dialog.close).props('no-caps flat data-name=keep')
-            back = ui.button('Return to the previous model', on_click=dialog.close)
-            back.on_click(lambda: state.press('rollback')).props('no-caps unelevated data-name=go-back')
-
-    def press(name: str) -> None:
-        if name != 'rollback':
-            state.press(name)
-            return
-        question.text = state.view.rollback_question
-        dialog.open()
-
-    return press
+def _press(state: PageState, name: str) -> None:
+    if '.' in name:
+        ui.download.content(state.download(name), name)
+    else:
+        state.press(name)
 
 
 class _Button:
-    """A button that is quiet, recommended, or disabled with a reason."""
+    """A quiet button, or a disabled one with the reason as its tooltip."""
 
-    def __init__(self, name: str, press: Callable[[], None]) -> None:
-        label, self._meaning = BUTTONS[name]
+    def __init__(self, name: str, label: str, meaning: str, press: Callable[[], None]) -> None:
+        self._meaning = meaning
         # a disabled button shows no tooltip of its own
-        with ui.element('span') as self._frame:
-            self.button = ui.button(label, on_click=press).props(f'no-caps flat data-name={name}')
-            self._tooltip = ui.tooltip(self._meaning)
-        self._shown: tuple = False, ''
+        with ui.element('span'):
+            self.button = ui.button(label, on_click=press).props(f'no-caps flat dense data-name="{name}"')
+            self._tooltip = ui.tooltip(meaning)
 
-    def show(self, is_recommended: bool, refusal: str) -> None:
+    def show(self, refusal: str) -> None:
         """Update it; nothing is sent where it has not changed."""
-        if (is_recommended, refusal) == self._shown:
-            return
-        self._shown = is_recommended, refusal
-        self.button.enabled = not refusal
-        self._tooltip.text = refusal or self._meaning
-        loud = is_recommended and not refusal
-        self.button.props('unelevated' if loud else 'flat', remove='flat' if loud else 'unelevated')
+        if self._tooltip.text != (text := refusal or self._meaning):
+            self.button.enabled, self._tooltip.text = not refusal, text
 
 
 def _release() -> Update:
     with _card('The last free decay and the model'):
         words = _text('text-body2', 'release', 1)
+        releases = _text('text-body2 opacity-70 whitespace-pre-line', 'releases', 3)
         chart = ui.echart(release_options()).classes('w-full h-64').props('data-name=release-chart')
 
     def update(view: View) -> None:
-        words.text = view.release_words
+        words.text, releases.text = view.release_words, '\n'.join(view.releases)
         if view.release:
             _fill(chart, release_series(view.release))
 

@@ -9,7 +9,7 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.sensor_mount import Installation
-from swath_sysid.attitude.motion.trial import AXES, AxisMotion
+from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_state import SeaReport
@@ -64,11 +64,14 @@ class LiveRecord:
         self.models: dict[str, IdentifiedModel] = {}
         self.models_before: dict[str, deque[IdentifiedModel]] = {}
         self.releases: dict[str, Release] = {}
+        #: The last releases of each axis, with the models up to the one that came after it.
+        self.tried: dict[str, deque[tuple[Release, tuple[IdentifiedModel, ...]]]] = {}
         self.limits: QuiescenceLimits | None = None
         self.sea: SeaReport | None = None
         self.quiescence: float | None = None
         self.calm: tuple[float, float, float] | None = None
         self.is_kept = False
+        self.can_push = False
 
     def install(self, installation: Installation) -> None:
         """Set the sensor mounting; readings are accepted from the first call on."""
@@ -88,6 +91,7 @@ class LiveRecord:
         finished = None if self._window is None else self._window.add(reading).finished
         if finished is not None and (release := release_of(finished)) is not None:
             self.releases[finished.axis] = release
+            self.tried.setdefault(finished.axis, deque(maxlen=KEPT_MODELS)).append((release, ()))
 
     def add_horizon(self, horizon: Horizon, name: str = '') -> None:
         """Add a forecast of the attitude or of the heave of a named point."""
@@ -115,6 +119,9 @@ class LiveRecord:
                 before.clear()
             elif not before or before[-1] != models[axis]:
                 before.append(models[axis])
+                tried = self.tried.get(axis)
+                if tried and not tried[-1][1]:
+                    tried[-1] = tried[-1][0], tuple(before)
         self.models = dict(models)
 
     def statuses(self, clock: float) -> dict[str, Report]:
@@ -125,6 +132,10 @@ class LiveRecord:
     def stamp(self) -> float:
         """Stamp of the newest sample, s."""
         return self._newest_ns * NANOSECOND
+
+    def trial(self) -> Trial | None:
+        """The last minute; None where nothing was measured."""
+        return None if self._window is None or self._window.size < 2 else self._window.table().trial()
 
     def motions(self) -> dict[str, AxisMotion]:
         """The last minute by axis, where angles are measured."""
@@ -152,4 +163,5 @@ class LiveRecord:
             dict(self.releases),
             tuple(self.models_before.get(axis, ())),
             self.is_kept,
+            self.can_push,
         )

@@ -1,7 +1,7 @@
 """The state of running nodes as plain data: health in words, charts, the model, calm windows, a campaign's trials."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import noise_level
 from swath_sysid.page.live_record import LiveRecord
-from swath_sysid.page.model_words import FAINTEST, amplitudes, history, of_axis, verdict_of
+from swath_sysid.page.model_words import FAINTEST, amplitudes, described, gain, history, of_axis, verdict_of
 from swath_sysid.page.release import Release
 from swath_sysid.pipeline.health import OK, WARN, Report
 from swath_sysid.report.sea_report import sea_in_words
@@ -93,6 +93,15 @@ def release_chart(release: Release, model: IdentifiedModel | None) -> tuple[dict
     if not np.isfinite(misses):
         return chart, f'{words}; the motion of the model runs away.'
     return chart, f'{words}; model off by {np.degrees(misses):.2g} deg rms.'
+
+
+def releases_in_words(tried: Iterable[tuple[Release, Sequence[IdentifiedModel]]]) -> list[str]:
+    """The releases of an axis, the newest first, with what each added to the model."""
+    return [
+        f'From {np.degrees(release.amplitude):.1f} deg, {release.cycles:.1f} cycles: '
+        + (gain(models) or described(models[-1]) if models else 'no new model.')
+        for release, models in reversed(list(tried))
+    ]
 
 
 def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[str, list]:

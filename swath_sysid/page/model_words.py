@@ -82,4 +82,4 @@ def of_axis(message: str, axis: str) -> str:
     """The part of an identifier's message about an axis; all of it where no axis is named."""
     clauses = re.split(rf'(?:^|; )({"|".join(AXES)}): ', message)
     found = dict(zip(clauses[1::2], clauses[2::2], strict=True))
-    return found.get(axis, message)
+    return found.get(axis, f'no free decay in {axis}') if found else message

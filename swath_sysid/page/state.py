@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any, Protocol
 
@@ -16,6 +17,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import verb_command
 from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Facts, Guidance
 from swath_sysid.page.charts import motion_changes
 from swath_sysid.page.live_record import LiveRecord
@@ -27,9 +29,10 @@ from swath_sysid.page.live_view import (
     model_words,
     motion_chart,
     release_chart,
+    releases_in_words,
     sea_words,
 )
-from swath_sysid.page.model_words import described, verdict_of
+from swath_sysid.page.model_words import verdict_of
 from swath_sysid.page.release import Release
 
 CAMPAIGN_PERIOD = 5.0  #: s between scans of the trials' folder.
@@ -39,16 +42,27 @@ SHOWN_ANSWERS = 2
 NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
 
 
-#: Label and meaning.
-BUTTONS = {
-    'identify': ('Identify', 'fit a model to the last minute of motion now'),
-    'accept': ('Accept', 'keep this model: further motion is no longer fitted automatically'),
-    'save': ('Save', 'write the model to a file on the machine of the page'),
-    'restart': ('Release again', 'start over with the craft at rest'),
-    'refine': ('Refine', 'let further releases refine the model again'),
-    'rollback': ('Rollback', 'return to the previous model; asks first'),
-    'record': ('Record', 'write every topic to a bag on the machine of the page; once more ends it'),
-}
+#: Label and meaning, in groups.
+GROUPS = (
+    {
+        'push': ('Push and release', 'push the simulated craft and let it go'),
+        'identify': ('Identify', 'fit a model to the last minute of motion now'),
+        'restart': ('Release again', 'start over with the craft at rest'),
+        'accept': ('Accept', 'keep this model: further motion is no longer fitted automatically'),
+        'refine': ('Refine', 'let further releases refine the model again'),
+    },
+    {
+        'save': ('Save', 'write the model to a file on the machine of the page'),
+        'record': ('Record', 'write every topic to a bag on the machine of the page; once more ends it'),
+        'model.yaml': ('Download model', 'the model file, to this browser'),
+        'motion.csv': ('Download motion', 'the last minute as a CSV file, to this browser'),
+    },
+    {
+        'rollback': ('Rollback', 'return to the previous model; the current one is saved first'),
+        'undo_rollback': ('Undo rollback', 'return to the model that Rollback withdrew'),
+    },
+)
+BUTTONS = {name: texts for group in GROUPS for name, texts in group.items()}
 
 NO_MODEL = 'there is no model yet: release the craft first'
 
@@ -62,7 +76,7 @@ class Source(Protocol):
     sensor: str  #: Full name of its topic.
 
     def press(self, button: str) -> None:
-        """``identify``, ``rollback``, ``cancel``, ``accept`` or ``refine``."""
+        """``push``, ``accept``, ``refine``, or a service of the identifier."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +90,10 @@ class View:
     release: dict[str, list] = field(default_factory=dict)
     release_words: str = ''
     model: dict[str, list] = field(default_factory=dict)
+    releases: list[str] = field(default_factory=list)
     model_words: list[str] = field(default_factory=list)
     refusals: dict[str, str] = field(default_factory=dict)
-    rollback_question: str = ''
+    can_push: bool = False
     calm: str = ''
     sea: str = ''
     trials: list[dict[str, Any]] = field(default_factory=list)
@@ -127,6 +142,7 @@ class PageState:
                 )
                 for name in dict.fromkeys((*AXES, *record.horizons))
             }
+            releases = releases_in_words(record.tried.get(self._axis, ()))
             words = model_words(record, self._axis, facts.text(IDENTIFICATION, 'last_verdict'))
             waters = calm_words(record), sea_words(record)
         if self.manifest and now - self._campaign_read > CAMPAIGN_PERIOD:
@@ -138,9 +154,10 @@ class PageState:
             health(facts.statuses, facts.motions),
             charts,
             *self._fit(facts.releases.get(self._axis), facts.model),
+            releases,
             words,
             refusals(facts),
-            rollback_question(facts, str(self._folder.resolve())),
+            facts.can_push,
             *waters,
             *self._campaign,
             self._recorder is not None,
@@ -175,6 +192,19 @@ class PageState:
             self._record()
         else:
             self._source.press(button)
+
+    def download(self, name: str) -> str:
+        """The text of ``model.yaml`` or ``motion.csv``; empty where there is none."""
+        if name == 'model.yaml':
+            return self._source.description
+        with self._source.lock:
+            trial = self._source.record.trial()
+        if trial is None:
+            return ''
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / name
+            write_csv(path, trial)
+            return path.read_text(encoding='utf-8')
 
     def close(self) -> None:
         """End the recording."""
@@ -230,22 +260,20 @@ def refusals(facts: Facts) -> dict[str, str]:
     busy = '' if is_there else 'the identifier does not answer: start the nodes with swath-sysid run'
     if facts.is_identifying:
         busy = 'an identification is running'
+    unmeasured = '' if facts.motions or facts.silence < float('inf') else 'no motion was measured yet'
     reasons = {
-        'identify': busy or ('' if facts.motions or facts.silence < float('inf') else 'no motion was measured yet'),
+        'push': '' if facts.can_push else 'only a simulated craft is pushed from here',
+        'identify': busy or unmeasured,
+        'motion.csv': unmeasured,
         'accept': NO_MODEL if model is None else 'this model is kept already' if facts.is_kept else busy,
         'refine': '' if facts.is_kept else 'releases already refine the model',
         'save': NO_MODEL if model is None else '',
+        'model.yaml': NO_MODEL if model is None else '',
         'rollback': busy
         or ('' if facts.value(IDENTIFICATION, 'rollbacks_kept') else 'the identifier holds no model before this one'),
+        'undo_rollback': busy
+        or ('' if facts.value(IDENTIFICATION, 'rollbacks_undone') else 'nothing was rolled back since the last model'),
     }
     if model is not None and verdict_of(model)[0] == REJECTED:
         reasons['accept'] = ': '.join(verdict_of(model))
     return {name: reason for name, reason in reasons.items() if reason}
-
-
-def rollback_question(facts: Facts, folder: str) -> str:
-    """The question before the present model is replaced."""
-    goes = '' if facts.model is None else f' {described(facts.model)} is withdrawn.'
-    last = facts.value(IDENTIFICATION, 'rollbacks_kept') <= 1.0
-    left = ' No earlier model is kept: forecasts may then have no model.' if last else ''
-    return f'Return to the previous model?{goes}{left} The current model is saved first, in {folder}.'

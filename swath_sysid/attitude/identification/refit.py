@@ -325,6 +325,7 @@ class Refitter:
         self.version = 0
         self.stability = StabilityWatch()
         self._history = past_of((each, dict[str, HeldDecays]()) for each in history)
+        self._undone: list[tuple[dict[str, IdentifiedModel], dict[str, HeldDecays]]] = []
         self._forgot = False
 
     def request(self, *windows: MotionTable, is_asked: bool = True, **origin: Any) -> RefitRequest:
@@ -344,6 +345,7 @@ class Refitter:
         if not outcome.succeeded:
             return False
         self._history.append(before)
+        self._undone.clear()
         self.models = {**self.models, **outcome.models}
         self.version += 1
         return True
@@ -356,7 +358,17 @@ class Refitter:
         """Return to the models and decays before the last accepted refit; True where there was one."""
         if not self._history:
             return False
+        self._undone.append((self.models, self.decays))
         self.models, self.decays = self._history.pop()
+        self.version += 1
+        return True
+
+    def undo_rollback(self) -> bool:
+        """Return to what the last `rollback` withdrew; True where nothing was identified since."""
+        if not self._undone:
+            return False
+        self._history.append((self.models, self.decays))
+        self.models, self.decays = self._undone.pop()
         self.version += 1
         return True
 
@@ -369,3 +381,8 @@ class Refitter:
     def steps_back(self) -> int:
         """How often `rollback` can be called."""
         return len(self._history)
+
+    @property
+    def steps_forward(self) -> int:
+        """How often `undo_rollback` can be called."""
+        return len(self._undone)
