@@ -241,7 +241,7 @@ def test_a_craft_to_try_is_identified_in_waves_and_its_bag_replays(tmp_path):
 
     bag, models = tmp_path / 'tried.mcap', tmp_path / 'craft.yaml'
     bench = Bench()
-    nodes = command_line('run', '--simulate', 'swath-roll', '--sea', 0.2, '--model', models)
+    nodes = command_line('run', '--simulate', 'swath-roll', '--sea', 0.1, '--model', models)
     record = command_line('record', '--output', bag)
     try:
         wait_for(lambda: len(bench.heard['forecast/next']) > 500 and record.poll() is None, 'forecasts')
@@ -259,7 +259,7 @@ def test_a_craft_to_try_is_identified_in_waves_and_its_bag_replays(tmp_path):
     published = read_model(models)['roll']
     played = tmp_path / 'played.mcap'
     assert main(['play-through', str(bag), '--output', str(played)]) == 0
-    again = model_from_yaml(decoded(played, 'model/description')[-1][1].data)['roll']
+    again = model_from_yaml(decoded(played, '/model/description')[-1][1].data)['roll']
     for model in (published, again):
         assert model.model.natural_period == pytest.approx(ROLL.natural_period, rel=0.05)
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from package_process import wait_for
 from site_pages import PAGES, ROOT, blocks_of
 
 from swath_sysid.campaign.manifest import read_manifest
@@ -121,6 +122,26 @@ def beside(block, folder):
             process.communicate()
 
 
+def push_until_there_is_a_model(folder):
+    """What the reader does on the page."""
+    from live_bench import Bench
+
+    bench = Bench()
+    try:
+        for _ in range(4):
+            assert bench.call('simulated_craft/release').success
+            with contextlib.suppress(AssertionError):
+                wait_for((folder / 'craft.yaml').exists, 'model', 60.0)
+                return
+        raise AssertionError('no model')
+    finally:
+        bench.close()
+
+
+BY_HAND = {'docs/tutorials/first_live_model.md': push_until_there_is_a_model}
+"""By page, what its reader does before the blocks that run alone."""
+
+
 @functools.cache
 def carried_out(page):
     """The folder in which the commands of a page have run, after those of the page that it needs."""
@@ -141,6 +162,7 @@ def carried_out(page):
                 running.enter_context(beside(block, folder))
             else:
                 if block.manner == 'alone':
+                    BY_HAND.get(page, lambda folder: None)(folder)
                     running.close()
                 done = subprocess.run(
                     command_of(block),
@@ -182,6 +204,8 @@ def folders_are_removed(tmp_path_factory, monkeypatch):
 def test_the_commands_of_a_page_run(page):
     if any(block.manner == 'stays' for block in blocks_run(page)):
         pytest.importorskip('rclpy')
+    if '--page' in ''.join(block.text for block in blocks_run(page)):
+        pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
     carried_out(page)
 
 

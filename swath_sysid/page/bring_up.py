@@ -125,8 +125,7 @@ STATES = {
     'kept': State(
         KEPT,
         'Accepted: {model}.',
-        cure='Next: watch the forecasts below, Save or download the model, and take it to a simulator with '
-        '`swath-sysid export`.',
+        cure='Watch the forecasts, Save or download the model, or `swath-sysid export` it.',
         action='save',
     ),
     'identifying': State(IDENTIFY, 'Identifying: {share:.0f} %.'),
@@ -395,8 +394,8 @@ def judgement(models: Sequence[IdentifiedModel], stays: str) -> Guidance:
     model, remark = described(models[-1]), stays and f' The previous model stays: {stays}.'
     if level != ADEQUATE:
         return say('not adequate', model=model, level=level, cure=cure, remark=remark)
-    added = remark.strip() or gain(models)
-    return say('adequate', model=model, remark=f'{added} ' if added else '')
+    added = remark.strip() or gain(models).capitalize().rstrip('.') + '.'
+    return say('adequate', model=model, remark=f'{added} ' if added != '.' else '')
 
 
 def levels_at_rest(motions: Mapping[str, AxisMotion], now: float) -> dict[str, float]:

@@ -99,7 +99,7 @@ def releases_in_words(tried: Iterable[tuple[Release, Sequence[IdentifiedModel]]]
     """The releases of an axis, the newest first, with what each added to the model."""
     return [
         f'From {np.degrees(release.amplitude):.1f} deg, {release.cycles:.1f} cycles: '
-        + (gain(models) or described(models[-1]) if models else 'no new model.')
+        + (gain(models) or described(models[-1]) if models else 'no new model')
         for release, models in reversed(list(tried))
     ]
 

@@ -62,10 +62,8 @@ def error_of(model: IdentifiedModel) -> str:
 def gain(models: Sequence[IdentifiedModel]) -> str:
     """The gain of the last release for the models of an axis, the newest last; empty where not known."""
     error = error_of(models[-1])
-    if not error:
-        return ''
     before = error_of(models[-2]) if len(models) > 1 and releases_in(models[-2]) < releases_in(models[-1]) else ''
-    return f'Next release forecast within {error} of its motion' + (f' ({before} before).' if before else '.')
+    return error and f'next release within {error}' + (f' ({before} before)' if before else '')
 
 
 def history(models: Sequence[IdentifiedModel]) -> list[str]:
