@@ -55,7 +55,7 @@ class Page:
         """Push and let go until so many releases have led to models."""
         self.press('push')
         self.wait_for(lambda: self.text('releases').count('From ') >= count, 'decay')
-        self.wait_for(lambda: 'no new model' not in self.text('releases').splitlines()[0], 'model')
+        self.wait_for(lambda: 'next release' in self.text('releases').partition('\n')[0], 'model')
 
     def view(self, width, height, dark, path):
         run = self.driver.execute_cdp_cmd

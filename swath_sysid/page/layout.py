@@ -62,6 +62,7 @@ def build(state: PageState) -> None:
         for update in updates:
             update(state.view)
 
+    refresh()
     ui.timer(SCREEN_PERIOD, refresh)
 
 

@@ -66,6 +66,7 @@ class LiveRecord:
         self.releases: dict[str, Release] = {}
         #: The last releases of each axis, with the models up to the one that came after it.
         self.tried: dict[str, deque[tuple[Release, tuple[IdentifiedModel, ...]]]] = {}
+        self._model_came: dict[str, float] = {}
         self.limits: QuiescenceLimits | None = None
         self.sea: SeaReport | None = None
         self.quiescence: float | None = None
@@ -92,6 +93,7 @@ class LiveRecord:
         if finished is not None and (release := release_of(finished)) is not None:
             self.releases[finished.axis] = release
             self.tried.setdefault(finished.axis, deque(maxlen=KEPT_MODELS)).append((release, ()))
+            self._credit(finished.axis)
 
     def add_horizon(self, horizon: Horizon, name: str = '') -> None:
         """Add a forecast of the attitude or of the heave of a named point."""
@@ -119,10 +121,15 @@ class LiveRecord:
                 before.clear()
             elif not before or before[-1] != models[axis]:
                 before.append(models[axis])
-                tried = self.tried.get(axis)
-                if tried and not tried[-1][1]:
-                    tried[-1] = tried[-1][0], tuple(before)
+                self._model_came[axis] = self.stamp
+                self._credit(axis)
         self.models = dict(models)
+
+    def _credit(self, axis: str) -> None:
+        """Credit the last release of an axis with the first model after it; either may be noticed first."""
+        tried = self.tried.get(axis)
+        if tried and not tried[-1][1] and self._model_came.get(axis, 0.0) > tried[-1][0].motion.time[0]:
+            tried[-1] = tried[-1][0], tuple(self.models_before[axis])
 
     def statuses(self, clock: float) -> dict[str, Report]:
         """Fresh statuses by name."""
