@@ -147,7 +147,7 @@ def test_each_release_is_listed_with_what_it_added_and_the_last_minute_can_be_ta
         if model is not None:
             tank.record.set_models({'pitch': model})
     last, second, first = releases_in_words(tank.record.tried['pitch'])
-    assert first.startswith('From 5.') and 'cycles: next release within 20 %' in first
+    assert first.startswith('From 5.') and 'deg: next release within 20 %' in first
     assert 'within 5 % (20 % before)' in second and last.endswith('no new model')
     (tmp_path / 'motion.csv').write_text(download_of(tank, 'motion.csv', tmp_path))
     trial = read_csv(tmp_path / 'motion.csv')

@@ -133,7 +133,7 @@ class _Button:
 def _release() -> Update:
     with _card('The last free decay and the model'):
         words = _text('text-body2', 'release', 1)
-        releases = _text('text-body2 opacity-70 whitespace-pre-line', 'releases', 3)
+        releases = _text('text-body2 opacity-70 whitespace-pre-line', 'releases', 4)
         chart = ui.echart(release_options()).classes('w-full h-64').props('data-name=release-chart')
 
     def update(view: View) -> None:

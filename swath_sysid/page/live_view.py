@@ -98,7 +98,7 @@ def release_chart(release: Release, model: IdentifiedModel | None) -> tuple[dict
 def releases_in_words(tried: Iterable[tuple[Release, Sequence[IdentifiedModel]]]) -> list[str]:
     """The releases of an axis, the newest first, with what each added to the model."""
     return [
-        f'From {np.degrees(release.amplitude):.1f} deg, {release.cycles:.1f} cycles: '
+        f'From {np.degrees(release.amplitude):.1f} deg: '
         + (gain(models) or described(models[-1]) if models else 'no new model')
         for release, models in reversed(list(tried))
     ]
