@@ -23,6 +23,7 @@ def swing(size, samples_a_cycle):
         (1.7e18 + 1e7 * np.arange(900), 'counts ns since 1970'),
         (1e-5 * np.arange(900), 'more often than any sensor'),
         (1.0 * np.arange(900), 'name it time_samples'),
+        (np.delete(1.0 * np.arange(901), 300), 'name it time_samples'),
     ],
 )
 def test_other_units_are_refused_with_their_cure(time, words):
@@ -30,12 +31,12 @@ def test_other_units_are_refused_with_their_cure(time, words):
         check_time_base(time, [swing(900, 200.0)], 'a.csv')
 
 
-def test_slow_sensors_pass_and_doubt_is_said():
+def test_slow_sensors_pass():
     time = np.arange(700.0)
-    assert check_time_base(time, [swing(700, 8.0)], 'a.csv') == ()
-    assert [a.code for a in check_time_base(time, [swing(700, 40.0)], 'a.csv')] == ['time-unit']
-    assert check_time_base(time, [np.random.default_rng(1).normal(size=700)], 'a.csv') == ()
-    assert check_time_base(1.7e9 + 0.02 * time, [swing(700, 100.0)], 'a.csv') == ()
+    for samples_a_cycle in (8.0, 50.0):
+        check_time_base(time, [swing(700, samples_a_cycle)], 'a.csv')
+    check_time_base(time, [np.random.default_rng(1).normal(size=700)], 'a.csv')
+    check_time_base(1.7e9 + 0.02 * time, [swing(700, 100.0)], 'a.csv')
 
 
 def test_period_is_that_of_the_swing():
@@ -45,7 +46,7 @@ def test_period_is_that_of_the_swing():
 
 def test_nbp1406_at_one_hertz_is_read(data_folder):
     trial = read_csv(data_folder / 'waves' / 'nbp1406_ship.csv')
-    assert not {'time-unit', 'hardly-moves'} & {a.code for a in trial.advice}
+    assert 'hardly-moves' not in {a.code for a in trial.advice}
 
 
 def test_sample_numbers_are_read_where_their_rate_is_given(tmp_path):

@@ -89,8 +89,6 @@ SENTENCES = {
     '{median:.4g} s): nothing is filled in; choose a part without gaps if the fit is poor',
     'gaps: decay': 'the decay has {gaps} longer than a quarter of its period, the longest of {longest:.2g} s at '
     '{time:.1f} s: the fit bridges this, but record again if the first cycles are missing',
-    'gaps: motion': 'the {axis} has {gaps}, the longest of {longest:.2g} s at {time:.1f} s: look for lost messages, '
-    'and choose a decay without gaps',
     'gravity-missing': 'the accelerations average {force:.2f} m/s^2, without gravity: have the driver give the '
     'specific force, which reads {gravity:.2f} upward at rest, or none',
     'hardly-moves': "'{name}' moves by only {amplitude:.2g} deg: if it is in rad, name it '{other}'",

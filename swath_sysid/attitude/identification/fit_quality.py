@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import HullPosterior
+from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD
 from swath_sysid.attitude.identification.uncertainty import release_error
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
@@ -28,7 +29,6 @@ MAX_AUTOCORRELATION = 0.5
 #: Of `rate_mismatch`: above, a unit, sign or delay is wrong.
 MAX_RATE_MISMATCH = 0.35
 LEAST_USABLE = 0.5  #: Least share of a record's rows that must be usable.
-BLOCKS_PER_PERIOD = 24  #: Within one of them the motion hardly changes.
 CHANCE_STDS = 2.0  #: Standard deviations of the products of white residuals that are attributed to chance.
 LARGEST_PERIOD_RATIO = 2.2  #: Of the natural period and that of the oscillation, or its inverse.
 #: Least righting moment at the release over that of the linear stiffness; a craft that was moved has less.
@@ -222,7 +222,7 @@ def unexplained_share(found: 'Identification', quantity: str) -> float:
         measured = getattr(record.motion, quantity)
         if measured is not None:
             residual = measured - getattr(record, quantity)
-            lags = max(1, round(record.segment.period / BLOCKS_PER_PERIOD / record.motion.sample_interval))
+            lags = max(1, round(record.segment.period / SEARCH_STEPS_PER_PERIOD / record.motion.sample_interval))
             products = [float(np.mean(residual[lag:] * residual[:-lag])) for lag in range(1, lags + 1)]
             chance = CHANCE_STDS * float(np.mean(residual**2)) / np.sqrt(lags * residual.size)
             error += residual.size * (float(np.mean(products)) - chance)

@@ -9,11 +9,11 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulation import STEPS_PER_PERIOD, runge_kutta_population, simulate
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.one_step import with_angle_and_rate
+from swath_sysid.attitude.identification.problem import FIRST_LOOK_PERIODS
 from swath_sysid.attitude.motion.trial import AxisMotion
 
 LEADS = (0.25, 0.5, 1.0)  #: Natural periods ahead.
 MAX_STARTS = 200
-STATE_PERIODS = 0.12  #: Past that the parabola for a forecast's initial state covers.
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ def forecast_errors(
 
 
 def measured_states(motion: AxisMotion, period: float) -> tuple[np.ndarray, np.ndarray, int]:
-    """Angle and rate (N,) from a parabola through the past `STATE_PERIODS`, and the first sample with enough past."""
+    """Angle and rate (N,) by a parabola through the past `FIRST_LOOK_PERIODS`, and the first sample with enough."""
     interval = motion.sample_interval
-    window = int(STATE_PERIODS * period / interval)
+    window = int(FIRST_LOOK_PERIODS * period / interval)
     angle, rate = with_angle_and_rate(motion)
     if window < 5:
         return angle, rate, 0

@@ -21,7 +21,7 @@ from swath_sysid.attitude.identification.absent_terms import (
 )
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
 from swath_sysid.attitude.identification.default_hull import FittedHull, pruned_hull
-from swath_sysid.attitude.identification.fit_quality import Verdict, judge
+from swath_sysid.attitude.identification.fit_quality import CHANCE_STDS, Verdict, judge
 from swath_sysid.attitude.identification.motion_fit import (
     SEARCH_STEPS_PER_PERIOD,
     STARTING_TOLERANCE,
@@ -55,12 +55,9 @@ OBJECTIVES = ('simulation', 'one-step')
 #: Periods that the search uses: its basin of attraction narrows with every cycle. Refinement follows the rest.
 SEARCH_PERIODS = 6.0
 HORIZON_GROWTH = 2.5
-BLOCKS_PER_PERIOD = 24  #: As informative for a search as every sample, and short.
 CURVE_POINTS = 40
 #: Relative; basin motion does not change the natural period by more, but a missing term does.
 MAX_PERIOD_CHANGE = 0.25
-#: Standard deviations from zero from which the least-squares stiffness is used to check the likelihood.
-CERTAIN_STDS = 2.0
 SEARCH_SHARE = 0.7
 ONE_STEP_BIASED = Advice.of('one-step-biased')
 
@@ -390,7 +387,7 @@ def refined_in_basin(found: Identification) -> Identification:
 
 def _has_left(refined: Identification, found: Identification):
     """Whether the likelihood's natural period differs from that of least squares and from that of the oscillation."""
-    if any(found.model.terms[n] < CERTAIN_STDS * found.std[n] for n in ('r1', 's1') if n in found.std):
+    if any(found.model.terms[n] < CHANCE_STDS * found.std[n] for n in ('r1', 's1') if n in found.std):
         return False
     seen = 2.0 * np.pi / found.problem.scales.frequency
     change = [abs(refined.model.natural_period / period - 1.0) for period in (found.model.natural_period, seen)]
@@ -408,7 +405,7 @@ def _search_objective(problem: Problem, equation: Equation, settings: Identifica
         one_step = _one_step(problem)
         return lambda ratios: one_step(full_ratios(ratios, equation, problem.scales))
     period = 2 * np.pi / problem.scales.frequency
-    blocks = tuple(block_means(m, period, BLOCKS_PER_PERIOD) for m in problem.until(SEARCH_PERIODS))
+    blocks = tuple(block_means(m, period, SEARCH_STEPS_PER_PERIOD) for m in problem.until(SEARCH_PERIODS))
     fit = motion_fit(problem, equation, blocks, steps_per_period=SEARCH_STEPS_PER_PERIOD)
     return lambda ratios: fit.objective_of_population(ratios, problem.states)
 

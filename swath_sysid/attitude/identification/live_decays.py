@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.identification.problem import Problem, needed_part, problem_of
+from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays
 from swath_sysid.attitude.motion.sensor_checks import OFFSET_CODES, RATE_CODES, contradictions_in, refuse_contradictions
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
-from swath_sysid.attitude.motion.window import MIN_CYCLES, MotionTable
+from swath_sysid.attitude.motion.window import MotionTable
 
 MOST_DECAYS = 5  #: Held per axis, the newest; the time of a joint fit is proportional to their number.
 

@@ -16,7 +16,7 @@ from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.motion.trial import AxisMotion
 
-SEARCH_STEPS_PER_PERIOD = 24
+SEARCH_STEPS_PER_PERIOD = 24  #: Within one of them the motion hardly changes.
 PERTURBATION = 1e-6
 TOLERANCE = 1e-11
 STARTING_TOLERANCE = 1e-5  #: Of what another search goes on from.

@@ -19,8 +19,7 @@ from swath_sysid.common.signals import bin_means
 #: Dry friction is smoothed over this share of the greatest rate, wide enough for the usual integration step.
 FRICTION_RATE_SHARE = 0.02
 
-DENSEST = 1000
-#: Samples per period: records denser than `DENSEST` are averaged to this, at an error below 1e-5 of the amplitude.
+#: Samples per period to which much denser records are averaged, at an error below 1e-5 of the amplitude.
 AVERAGED = 400
 
 LONGEST_AFTERMATH = 10.0  #: Periods after a decay that are used,
@@ -105,7 +104,9 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
     if len(axes) > 1:
         raise InputError(f'the records are of different axes ({", ".join(sorted(axes))}): identify one axis at a time')
     advice = [a for m, s in zip(motions, segments, strict=True) for a in (*s.advice, *check_decay(m, s))]
-    cut = tuple(_averaged(m.between(s.start, s.end), s.period) for m, s in zip(motions, segments, strict=True))
+    cut = tuple(
+        block_means(m.between(s.start, s.end), s.period, AVERAGED) for m, s in zip(motions, segments, strict=True)
+    )
     frequency = float(np.median([_frequency(m, s) for m, s in zip(cut, segments, strict=True)]))
     noise = Noise(
         angle=weighting_noise([m.angle for m in cut if m.angle is not None] or [np.zeros(1)]),
@@ -130,7 +131,7 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
 def needed_part(motion: AxisMotion, segment: DecaySegment) -> AxisMotion:
     """The part of a record that `problem_of` uses: the decay and what follows it, no denser than a fit needs."""
     end = segment.end + LONGEST_AFTERMATH * segment.period
-    return _averaged(motion.between(segment.start, end), segment.period)
+    return block_means(motion.between(segment.start, end), segment.period, AVERAGED)
 
 
 def _left_alone_until(motion: AxisMotion, segment: DecaySegment):
@@ -148,12 +149,6 @@ def _left_alone_until(motion: AxisMotion, segment: DecaySegment):
     if not loud.size:
         return float(after.time[-1])
     return max(segment.end, float(after.time[loud[0]]) - segment.period)
-
-
-def _averaged(motion: AxisMotion, period: float):
-    """The record at a density that a fit needs."""
-    dense = period / motion.sample_interval > DENSEST
-    return block_means(motion, period, AVERAGED) if dense else motion
 
 
 def block_means(motion: AxisMotion, period: float, blocks: int) -> AxisMotion:

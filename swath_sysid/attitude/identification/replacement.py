@@ -11,14 +11,14 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.at_sea import is_at_sea
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE, DOUBTFUL, REJECTED
-from swath_sysid.attitude.identification.identify import BLOCKS_PER_PERIOD, Identification
-from swath_sysid.attitude.identification.motion_fit import MotionFit
+from swath_sysid.attitude.identification.identify import Identification
+from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, MotionFit
 from swath_sysid.attitude.identification.problem import Problem, block_means
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER
 
 BY_CHANCE = 0.01  #: Probability that chance is reported as a changed hull.
 
-_RANK = {REJECTED: 0, DOUBTFUL: 1, ADEQUATE: 2}
+_LEVELS = REJECTED, DOUBTFUL, ADEQUATE  #: The worst first.
 
 
 def misfit(problem: Problem, model: DecayModel) -> float:
@@ -75,7 +75,7 @@ def has_changed(problem: Problem, before: DecayModel, of_new: Identification, ne
 def _thinned(problem: Problem) -> Problem:
     """The problem at the search's density, in which two hulls still differ."""
     period = 2.0 * np.pi / problem.scales.frequency
-    return replace(problem, motions=tuple(block_means(m, period, BLOCKS_PER_PERIOD) for m in problem.motions))
+    return replace(problem, motions=tuple(block_means(m, period, SEARCH_STEPS_PER_PERIOD) for m in problem.motions))
 
 
 def _part(problem: Problem, places: Sequence[int]) -> Problem:
@@ -121,9 +121,10 @@ def reason_to_keep(current: IdentifiedModel | None, new: IdentifiedModel, is_con
     if current is None or is_at_sea(current):
         return ''
     held = current.metrics.get('verdict', ADEQUATE)
-    if _RANK[level] < _RANK[held]:
+    better = _LEVELS.index(level) - _LEVELS.index(held)
+    if better < 0:
         return f'{verdict_text(new)}; the current model, which is {held}, stays'
-    if _RANK[level] > _RANK[held] or is_contradicted or motion_error(new) < motion_error(current):
+    if better > 0 or is_contradicted or motion_error(new) < motion_error(current):
         return ''
     return (
         f'the current model knows the next release as well (to {motion_error(current):.1%} of its motion, with this '

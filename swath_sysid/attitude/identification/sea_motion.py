@@ -11,6 +11,7 @@ import numpy as np
 from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.turning_points import split_at_pauses
+from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.common.errors import InputError
 
 TAPERS = 5
@@ -101,7 +102,7 @@ class Heave:
     """Vertical acceleration of a craft in waves."""
 
     time: np.ndarray  #: (N,); s.
-    acceleration: np.ndarray  #: (N,); m/s^2; up, with gravity or without.
+    acceleration: np.ndarray  #: (N,); m/s^2; up, without gravity.
 
 
 def heave_of(trial: Trial) -> Heave | None:
@@ -113,9 +114,8 @@ def heave_of(trial: Trial) -> Heave | None:
     finite = np.all(np.isfinite(measured), axis=0)
     if finite.sum() < 64:
         return None
-    roll, pitch, x, y, z = measured[:, finite]
-    up = np.cos(pitch) * (np.sin(roll) * y + np.cos(roll) * z) - np.sin(pitch) * x
-    return Heave(trial.time[finite], up)
+    roll, pitch, *force = measured[:, finite]
+    return Heave(trial.time[finite], vertical_acceleration(roll, pitch, np.transpose(force)))
 
 
 def sea_motion(motion: AxisMotion) -> SeaMotion:

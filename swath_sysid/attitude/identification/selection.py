@@ -22,7 +22,6 @@ CRITERION_MARGIN = 10.0  #: A difference of the information criterion that Kass 
 HELD_OUT_MARGIN = 1.1
 Fit = TypeVar('Fit', bound=Any)
 Ranked = TypeVar('Ranked', bound=Any)  #: A campaign ranks its own summaries of fits.
-ROUNDING = 1e-12  #: Relative difference below which two objective values are equal.
 
 
 @dataclass(frozen=True)
@@ -161,6 +160,6 @@ def enforce_nesting(fits: Sequence[Fit], refit: Callable[[Fit, Fit], Fit]) -> li
         equation = fits[k].model.equation
         contained = [f for f in fits if f is not fits[k] and equation.contains(f.model.equation)]
         best = min(contained, key=lambda f: f.objective_value, default=None)
-        if best is not None and best.objective_value < fits[k].objective_value * (1.0 - ROUNDING):
+        if best is not None and best.objective_value < fits[k].objective_value:
             fits[k] = min(refit(fits[k], best), fits[k], key=lambda f: f.objective_value)
     return fits

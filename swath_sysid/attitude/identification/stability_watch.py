@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swath_sysid.attitude.identification.basin_likelihood import NORMAL
 from swath_sysid.common.advice import Advice
 
 MIN_PART = 2  #: Estimates before and after a change: a single one may be an outlier.
@@ -23,7 +24,6 @@ PRESENT = 1800.0  #: s; averaging time of the present value while nothing has ch
 #: 1 / rad^2, standard deviation: at 10 deg the published hulls' periods differ by up to 3 % from small roll.
 _AMPLITUDE_EFFECT = 1.0
 
-_PERCENTILE = 1.96
 _OVERLAP = 0.25
 
 
@@ -98,7 +98,7 @@ class StabilityWatch:
         if not is_beyond_chance:
             place = min(np.searchsorted(stamp, stamp[-1] - PRESENT, side='right'), stamp.size - MIN_PART)
             largest = _step(level, std, effect, max(place, MIN_PART))
-        relative, spread = math.exp(-2.0 * largest.change), 2.0 * _PERCENTILE * largest.std
+        relative, spread = math.exp(-2.0 * largest.change), 2.0 * NORMAL * largest.std
         interval = relative * math.exp(-spread), relative * math.exp(spread)
         before, now = math.exp(largest.before), math.exp(largest.before + largest.change)
         known, limit = self.settings.known_height, self.settings.limit

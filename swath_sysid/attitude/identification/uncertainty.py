@@ -15,8 +15,7 @@ from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 
 RELATIVE_STEP = 1e-4
 UPPER_PART = 0.9  #: Share of the draws whose error is smaller than the stated error.
-DRAWS = 100  #: Hulls of the posterior that are simulated,
-CANDIDATES = 1000  #: of this many that are drawn.
+DRAWS = 100  #: Hulls of the posterior that are simulated, of ten times as many that are drawn.
 RATES = 30  #: At which the sign of each hull's damping is checked.
 RELEASE_PERIODS = 4.0  #: Length of the next release.
 
@@ -142,8 +141,8 @@ def _drawn(posterior: HullPosterior, active: Sequence[bool], friction_rate: floa
     # the covariance may be singular, and is badly scaled
     std = np.sqrt(np.diag(posterior.covariance))
     values, vectors = np.linalg.eigh(correlation(posterior.covariance))
-    normal = rng.normal(size=(std.size, CANDIDATES))
-    hulls = np.zeros((len(TERM_NAMES), CANDIDATES))
+    normal = rng.normal(size=(std.size, 10 * DRAWS))
+    hulls = np.zeros((len(TERM_NAMES), normal.shape[1]))
     hulls[posterior.equation.indices] = posterior.ratios[:, None] + std[:, None] * (
         (vectors * np.sqrt(np.maximum(values, 0.0))) @ normal
     )

@@ -6,6 +6,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.intake import NANOSECOND, CraftSample
 from swath_sysid.attitude.motion.sensor_checks import (
+    FROZEN,
     GRAVITY_CODES,
     PARTS,
     RATE_CODES,
@@ -20,7 +21,6 @@ from swath_sysid.attitude.motion.sensor_checks import (
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.common.row_buffer import RowBuffer
 
-INTERVAL = 5.0  #: s between judgements of a running sensor.
 MIN_DURATION = 9.0  #: s below which a running sensor's mean acceleration is not accepted as gravity.
 CONFIRMATIONS = 2  #: Successive judgements that must agree on a contradiction, or on its end.
 MAX_SAMPLES = 30_000  #: Of a window: half a minute at 1 kHz.
@@ -62,8 +62,8 @@ class InstallationCheck:
         return 'not judged yet: it takes 10 s of samples, with orientation or accelerations'
 
     def judge(self) -> tuple[Contradiction, ...]:
-        """The contradictions now, judged anew after `INTERVAL`."""
-        if self._newest_ns - self._judged_ns >= INTERVAL * 1e9:
+        """The contradictions now, judged anew after `FROZEN`."""
+        if self._newest_ns - self._judged_ns >= FROZEN * 1e9:
             self._judged_ns = self._newest_ns
             judgement = self._judgement()
             self._weigh(judgement)

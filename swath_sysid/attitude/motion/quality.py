@@ -5,23 +5,25 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.ndimage import median_filter
 
-from swath_sysid.attitude.motion.segmentation import DecaySegment, explain_absence, find_decays
+from swath_sysid.attitude.motion.segmentation import (
+    SMALLEST_DOUBLE_AMPLITUDE,
+    SMALLEST_REACH,
+    DecaySegment,
+    explain_absence,
+    find_decays,
+)
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, find_turning_points, mean_period
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.signals import SPIKE_NEIGHBOURS, quantum, spikes
 
-MIN_CYCLES = 1.75  #: One loss each for linear, quadratic and cubic damping, less the part left out at the release.
-
-#: rad, rad/s. Published tests start at 1 deg; below half of that friction and basin motion dominate the damping.
-MIN_AMPLITUDE = {'angle': np.radians(0.5), 'rate': np.radians(1.0)}
+MIN_CYCLES = 1.5  #: One loss each for linear, quadratic and cubic damping, less the part left out at the release.
 
 #: First amplitude over noise; at 5 it hides the fourth half-cycle of a hull with a tenth of critical damping.
 MIN_OVER_NOISE = 5.0
 
 MIN_SAMPLES = 20.0  #: Per period: the straight line between two of 20 errs by 1 % of the amplitude.
 MAX_GAP = 0.25  #: Periods; a longer gap hides a turning point.
-MISSING_SAMPLES = 5.0  #: Sample intervals from which a record has a gap: single losses harm nothing.
 MIN_STEPS = 50.0  #: Resolution steps in the first amplitude. At 50 rounding alone is noise of 0.6 %.
 SHORTEST_CLIP = 4  #: Equal samples at an extreme; noise and rounding make two, rarely three.
 MIN_SPIKE = 0.05  #: Part of the largest amplitude that a spike must reach to bend a fit.
@@ -34,11 +36,6 @@ def check_motion(motion: AxisMotion, decays: Sequence[DecaySegment] | None = Non
     """Check a whole record, and the decays in it, which `find_decays` finds where they are not given."""
     decays = find_decays(motion) if decays is None else decays
     advice = [] if decays else [explain_absence(motion)]
-    gaps = find_gaps(motion, MISSING_SAMPLES * motion.sample_interval if motion.size > 2 else None)
-    if len(gaps):
-        begin, end = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
-        number = counted(len(gaps), 'gap')
-        advice.append(Advice.of('gaps: motion', axis=motion.axis, gaps=number, longest=end - begin, time=begin))
     if decays:
         return (*advice, *_saturation(motion, decays[0].period))
     points = find_turning_points(motion)
@@ -67,7 +64,8 @@ def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]
 
 def _size(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
     noise, unit, size = even_signal(inside).noise, UNITS[segment.quantity], segment.initial_amplitude
-    if size < MIN_AMPLITUDE[segment.quantity]:
+    # published tests start at 1 deg; below half of that friction and basin motion dominate the damping
+    if size < 0.5 * SMALLEST_REACH * SMALLEST_DOUBLE_AMPLITUDE[segment.quantity]:
         yield Advice.of('too-small', size=np.degrees(size), unit=unit)
     elif size < MIN_OVER_NOISE * noise:
         yield Advice.of(

@@ -18,7 +18,6 @@ STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, GAP, LONG_GAP, RAT
 
 NANOSECOND = 1e-9
 GAP_INTERVALS = 2.5
-LONG_GAP_INTERVALS = 5.0
 FOLLOWING = {True: 0.02, False: 0.1}  #: Largest relative step per sample of the tracked interval, settled or not.
 SETTLING_SAMPLES = 50
 SETTLED = 1.15  #: The interval is settled when it has moved by less than this factor over `SETTLING_SAMPLES`.
@@ -79,7 +78,7 @@ class StampOrder:
             return Placed(False, (DUPLICATE,))
         if -self._settings.backward_jump <= elapsed < 0.0:
             return Placed(False, (OUT_OF_ORDER,))
-        longest = inf if self._interval is None else max(self._settings.gap_limit, LONG_GAP_INTERVALS * self._interval)
+        longest = inf if self._interval is None else max(self._settings.gap_limit, 2.0 * GAP_INTERVALS * self._interval)
         if elapsed < 0.0 or elapsed > longest:
             return self._doubt(stamp_ns, elapsed)
         reasons = self._judge_interval(elapsed)

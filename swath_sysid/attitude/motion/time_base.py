@@ -8,24 +8,22 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 MIN_RATE, MAX_RATE = 0.5, 10_000.0  #: Hz: sensors of motion lie well within.
-USUAL_RATES = 1.0, 2_000.0  #: Hz: which unit a column is in is guessed from these.
 LATEST_EPOCH = 1e11  #: s: the year 5138; what counts from 1970 and is later counts something shorter than seconds.
 
 SHORTER_UNITS = {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
 
-LONGEST_PERIOD, DOUBTFUL_PERIOD = 60.0, 30.0  #: s: roll and pitch of small craft take a few seconds, of ships up to 30.
+LONGEST_PERIOD = 60.0  #: s: roll and pitch of small craft take a few seconds, of ships up to 30.
 
-CONSECUTIVE_SHARE = 0.99
 MIN_CYCLES = 2
 HYSTERESIS = 0.3  #: Of the standard deviation, to be exceeded on both sides of a crossing.
 
 
 def check_time_base(
     time: np.ndarray, motions: Sequence[np.ndarray], source: str, column: str = 'time_s', unit: str = 's'
-) -> tuple[Advice, ...]:
-    """Reject a time (N,) that cannot be in its unit, and warn where motions (N,) show an implausible period."""
+) -> None:
+    """Reject a time (N,) that cannot be in its unit, or in which motions (N,) have an implausible period."""
     if time.size < 2:
-        return ()
+        return
     interval = float(np.median(np.diff(time)))
     name = f"{source}: its column '{column}'"
     if unit == 's' and abs(time[0]) > LATEST_EPOCH:
@@ -33,7 +31,7 @@ def check_time_base(
         raise InputError(f'{name} counts {short} since 1970 and not seconds: call it time_{short}')
     if interval > 1.0 / MIN_RATE:
         shorter = SHORTER_UNITS if unit == 's' else {}
-        fitting = [u for u, scale in shorter.items() if USUAL_RATES[0] <= 1.0 / (interval * scale) <= USUAL_RATES[1]]
+        fitting = [u for u, scale in shorter.items() if MIN_RATE <= 1.0 / (interval * scale) <= MAX_RATE]
         cure = f'call it time_{" or time_".join(fitting)}, as its unit is' if fitting else 'give it its true unit'
         raise InputError(
             f'{name} has a sample every {interval:.4g} s, too seldom for the motion of a craft: '
@@ -44,23 +42,10 @@ def check_time_base(
             f'{name} has a sample every {interval:.4g} s, more often than any sensor of motion: call it '
             f'time_s if it counts seconds, or give it its true unit'
         )
-    return _check_numbering(time, motions, name) if unit == 's' else ()
-
-
-def _check_numbering(time: np.ndarray, motions: Sequence[np.ndarray], name: str) -> tuple[Advice, ...]:
-    """Advice on a column that counts one by one: 1 Hz, or the numbers of the samples?"""
-    if np.mean(np.abs(np.diff(time) - 1.0) < 1e-9) < CONSECUTIVE_SHARE:
-        return ()
-    plain, periods = (
-        [p for p in (motion_period(time, motion, cycles) for motion in motions) if p is not None]
-        for cycles in (MIN_CYCLES, 1)
-    )
-    if not periods or min(periods) <= DOUBTFUL_PERIOD:
-        return ()
-    doubt = Advice.of('time-unit', name=name, period=min(periods))
-    if plain and min(plain) > LONGEST_PERIOD:
-        raise InputError(doubt.message)
-    return (doubt,)
+    if unit == 's' and np.all(np.abs(np.diff(time) / interval % 1.0) < 1e-9) and interval == 1.0:
+        periods = [period for motion in motions if (period := motion_period(time, motion)) is not None]
+        if periods and min(periods) > LONGEST_PERIOD:
+            raise InputError(Advice.of('time-unit', name=name, period=min(periods)).message)
 
 
 def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CYCLES) -> float | None:

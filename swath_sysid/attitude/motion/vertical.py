@@ -9,7 +9,7 @@ from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value, up_in_
 
 BAND_HZ = (0.04, 1.5)  #: Of heave and vertical velocity: slower motion drowns in the drift of twice integrated noise.
 EDGE = 30.0  #: s at either end of a stretch where its zero-phase integrals are not valid.
-HEAVE, VELOCITY, ACCELERATION = 2, 1, 0  #: How often the vertical acceleration is integrated.
+ACCELERATION, VELOCITY, HEAVE = range(3)  #: How often the vertical acceleration is integrated.
 _LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))  #: s; chained time constants.
 
 

@@ -17,6 +17,7 @@ from swath_sysid.attitude.motion.intake import (
     ImuReading,
     Intake,
 )
+from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
@@ -35,7 +36,6 @@ CALM = 0.35  #: Motion below this part of the largest is worth a look for a deca
 FIRST_LOOK = 1.0  #: s after the last large motion.
 NEXT_LOOK = 1.5  #: Factor by which the time to the next look for a decay grows.
 LOOK_RATE = 50.0  #: Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms.
-MIN_CYCLES = 1.5  #: A shorter decay is not reported: it is fitted badly.
 
 
 @dataclass(frozen=True)
