@@ -70,9 +70,9 @@ EDGE_SOFTNESS = 0.1
 MISSING_TOGETHER = 12  #: Neighbouring bands whose misfits may be correlated.
 
 _DECREMENT_PERIODS = 3.0
-#: Relative standard deviations above which the sea is reported to hide the hull,
-PERIOD_WANTED, DAMPING_WANTED = 0.03, 0.25
-PERIOD_USABLE, DAMPING_USABLE = 0.10, 0.50  #: ... and above which the result is unusable.
+#: Relative standard deviations above which the result is unusable; from half of them the sea is reported to hide the
+#: hull.
+PERIOD_USABLE, DAMPING_USABLE = 0.10, 0.50
 POOR_FIT = 2.0
 
 
@@ -549,7 +549,7 @@ def _advice(
     period_spread, damping_spread = np.sqrt(np.diag(covariance)) / (period, damping)
     if holds_decay:
         found.append(Advice.of('holds-decay'))
-    if period_spread > PERIOD_WANTED or damping_spread > DAMPING_WANTED:
+    if period_spread > 0.5 * PERIOD_USABLE or damping_spread > 0.5 * DAMPING_USABLE:
         found.append(
             Advice.of(
                 'sea-hides-hull',

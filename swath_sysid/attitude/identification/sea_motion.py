@@ -28,14 +28,11 @@ OVERSAMPLING = 4.0
 
 EDGE_PERIODS = 1.0  #: Left out at both ends, where the derivatives are one-sided.
 
-HEAVE_ABOVE_NOISE = 10.0
-#: Heave must exceed its noise by that factor wherever the angle's spectrum is above this part of its peak,
+#: Heave must exceed its noise by `ABOVE_NOISE` wherever the angle's spectrum is above this part of its peak,
 HEAVE_WANTED = 0.01
 
 #: and its std must be this many g times that of the angle; below, it is a remainder of gravity.
 HEAVE_LEAST = 0.05
-
-HEAVE_SMOOTHING = 0.06  #: Relative bandwidth over which the spectrum of the heave is averaged.
 
 TERMS = ('acceleration', 'rate', 'angle', 'quadratic damping', 'quadratic restoring', 'cubic restoring')
 
@@ -299,7 +296,7 @@ def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) ->
     if spectra.frequency[-1] > FASTEST * frequency[-1]:
         return None
     noise = np.median(spectrum[frequency > 0.75 * frequency[-1]])
-    below, above = (spectra.frequency * (1.0 + sign * 0.5 * HEAVE_SMOOTHING) for sign in (-1.0, 1.0))
+    below, above = (spectra.frequency * BAND_RATIO**sign for sign in (-1.0, 1.0))
     first = np.searchsorted(frequency, below)
     last = np.maximum(np.searchsorted(frequency, above), first + 1)
     total = np.concatenate([[0.0], np.cumsum(spectrum)])
@@ -307,7 +304,7 @@ def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) ->
     if smooth @ np.gradient(spectra.frequency) < (HEAVE_LEAST * STANDARD_GRAVITY * sea.angle_std) ** 2:
         return None
     moving = spectra.angle > HEAVE_WANTED * spectra.angle.max()
-    return smooth if np.all(smooth[moving] > HEAVE_ABOVE_NOISE * noise) else None
+    return smooth if np.all(smooth[moving] > ABOVE_NOISE * noise) else None
 
 
 def random_decrement(sea: SeaMotion, span: float) -> tuple[np.ndarray, np.ndarray]:

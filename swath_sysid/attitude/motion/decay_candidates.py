@@ -15,6 +15,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import (
+    SMOOTHING,
     EvenSignal,
     centre_of_decay,
     even_signal,
@@ -47,7 +48,6 @@ HOLD_BAND = 0.5  #: A craft held at a level stays beyond this part of it: a hand
 HELD_PERIODS = 0.5  #: Periods beyond it that no oscillating craft stays.
 JUMP_PERIODS = 0.05  #: A rise to it faster than the craft oscillates: it was dropped, or the record was cut.
 REST_BAND = 0.07  #: Rest means within this part of the first double amplitude about a level.
-SMOOTHED_SAMPLES = 3.0  #: How far the smoothing of a grid reaches, samples.
 REST_POWER = 4.0 / 3.0  #: Log odds of rest over those of motion: logistic regression over `benchmark/decays.py`.
 HOLD_FOR_REST = 2.0  #: Periods of rest that a period of being held is worth.
 HALF_CYCLES_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
@@ -282,7 +282,8 @@ def split_into_candidates(
 def bridged_half_cycles(time: np.ndarray, signal: EvenSignal) -> np.ndarray:
     """Mask (M - 1,) of the half-cycles that touch a gap long enough to hide a turning point, at times (M,), s."""
     bridged = np.zeros(time.size - 1, dtype=bool)
-    reach = SMOOTHED_SAMPLES * signal.interval
+    # three standard deviations
+    reach = 3.0 * SMOOTHING * signal.interval
     for begin, end in signal.gaps:
         touched = (time[:-1] <= end + reach) & (time[1:] >= begin - reach)
         bridged |= touched & (end - begin > BRIDGED_GAP * np.diff(time))
