@@ -1,12 +1,19 @@
 """The launch files, as far as they can be held to something without the launch system."""
 
+import contextlib
+import importlib.util
+import os
 import re
+import shutil
+import signal
+import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from package_process import is_alive, wait_for
 
-from swath_sysid.nodes.parameters.table import table_of
+from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, table_of
 
 ROOT = Path(__file__).resolve().parents[1]
 ARGUMENTS = {
@@ -107,3 +114,33 @@ def test_what_is_given_wins_over_the_parameter_file_and_that_over_defaults():
     assert launch.find('let').get('value') == '$(file-content $(var params_file))'
     default = launch.find("arg[@name='params_file']").get('default')
     assert (ROOT / default.replace('$(find-pkg-share swath_sysid)/', '')).is_file()
+
+
+@pytest.mark.dds
+@pytest.mark.skipif(
+    not (shutil.which('ros2') and importlib.util.find_spec('launch_ros')),
+    reason='launch comes with ROS 2 from apt only',
+)
+def test_launch_starts_the_nodes_respawns_one_that_died_and_ends_them_all(tmp_path):
+    """As a user starts it; an apostrophe in a path is no code."""
+    model = tmp_path / "o'brien.yaml"
+    words = ['ros2', 'launch', 'swath_sysid', 'swath_sysid.launch.xml', 'namespace:=boat', f'model_file:={model}']
+    with open(tmp_path / 'log', 'w') as log:
+        process = subprocess.Popen(words, stdout=log, stderr=log, start_new_session=True)
+
+    def found(pattern):
+        return re.findall(pattern, (tmp_path / 'log').read_text())
+
+    try:
+        for node in ATTITUDE_NODES:
+            wait_for(lambda node=node: found(rf'boat\.{node}\]: ready'), f'{node} that is ready')
+        (first,) = map(int, found(r'\[predictor-\d+\]: process started with pid \[(\d+)\]'))
+        os.kill(first, signal.SIGKILL)
+        wait_for(lambda: len(found(r'boat\.predictor\]: ready')) == 2, 'predictor that was started again')
+        started = [int(pid) for pid in found(r'process started with pid \[(\d+)\]')]
+        process.send_signal(signal.SIGINT)
+        process.wait(60.0)
+        wait_for(lambda: not any(map(is_alive, started)), 'end of all nodes')
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)

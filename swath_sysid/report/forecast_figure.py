@@ -68,7 +68,8 @@ def _error(axes: Axes, axis: str, leads: np.ndarray, scores: Any):
         if not np.isfinite(values).any():
             continue
         style: dict = {'color': colours.get(name, MODEL), 'label': label}
-        other: dict = {'linewidth': 1.1, 'marker': '.', 'markersize': 4}
+        # dashed over VAR(40), which it may hide
+        other: dict = {'linewidth': 1.1, 'marker': '.', 'markersize': 4, 'linestyle': '--' if name == 'var_60' else '-'}
         own: dict = {'linewidth': 2.2, 'markersize': 5, 'marker': 'o', 'zorder': 5}
         axes.plot(leads, values, **style, **(own if name == 'forecast' else other))
     axes.axhline(1.0, color=MEASURED, linewidth=0.8, linestyle=':')
@@ -131,18 +132,14 @@ def _reliability(axes: Axes, skill: Skill, scores: Any, with_quiescence: bool):
             axes.plot(LEVELS, held, 'o-', color=colour, markersize=4, linewidth=1.0, label=f'{lead:g} s')
     if with_quiescence and skill.quiescence is not None:
         found, enough = skill.quiescence, skill.quiescence.count >= _MIN_COUNT
-        style: dict = {'color': MEASURED, 'markersize': 4, 'linewidth': 1.0, 'label': 'quiescence, with counts'}
+        style: dict = {'color': MEASURED, 'markersize': 4, 'linewidth': 1.0, 'label': 'quiescence'}
         axes.plot(found.forecast[enough], found.observed[enough], 's--', **style)
-        words: dict = {
-            'fontsize': 7,
-            'color': MEASURED,
-            'xytext': (0, 6),
-            'ha': 'center',
-            'textcoords': 'offset points',
-        }
+        words: dict = {'fontsize': 7, 'ha': 'center', 'xytext': (0, 6), 'textcoords': 'offset points'}
         for forecast, observed, count in zip(found.forecast, found.observed, found.count, strict=True):
             if count >= _MIN_COUNT:
                 axes.annotate(f'{count:d}', (forecast, observed), **words)
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='forecast probability [-]', ylabel='observed share [-]')
-    axes.set_title('reliability')
-    _legend(axes)
+    axes.set_title(
+        'reliability (numbers: counts)' if with_quiescence and skill.quiescence is not None else 'reliability'
+    )
+    _legend(axes, loc='upper left')
