@@ -1,6 +1,8 @@
 """Segmentation: the free decay is found in what surrounds it, and nothing is found in waves."""
 
+import importlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -199,6 +201,17 @@ def test_heavy_damping_hardly_overshoots():
     assert decay.start == pytest.approx(0.0, abs=0.03)
     assert decay.cycles < 1.5
     assert decay.end >= 0.7 * PERIOD
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_waves_do_not_lengthen_the_period_of_a_heavily_damped_hull(seed, monkeypatch):
+    """A hydrofoil of 77 % of critical damping and 1.09 s, released at 5 deg in waves of 0.3 deg."""
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
+    basin = importlib.import_module('basin')
+    made = basin.made_trial('hydrofoil-pitch 5', basin.SCENES['waves-0.3'], seed)
+    decay = find_decay(AxisMotion(made.axis, made.time, made.angle, made.rate))
+    assert decay.start == pytest.approx(made.release, abs=0.01)
+    assert 0.8 < decay.period < 1.3
 
 
 def test_rate_only():
