@@ -236,9 +236,10 @@ def test_what_is_whole_of_a_cut_off_mcap_is_read(tmp_path):
     cut.rename(folder / 'bag_0.mcap')
     assert read_bag(folder).time.size == sizes[2]
     # inside its only chunk
-    cut.write_bytes(next(write_bag(tmp_path / 'short', plain_messages()).glob('*.mcap')).read_bytes()[:-30_000])
+    whole = next(write_bag(tmp_path / 'short', plain_messages()).glob('*.mcap')).read_bytes()
+    cut.write_bytes(whole[: len(whole) // 2])
     trial = read_bag(cut)
-    assert 80 < trial.time.size < COUNT and codes(trial) == ['damaged-bag']
+    assert 80 < trial.time.size < 120 and codes(trial) == ['damaged-bag']
     assert np.allclose(trial.roll, ROLL[: trial.time.size])
 
 

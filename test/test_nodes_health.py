@@ -1,7 +1,7 @@
 """What the nodes tell about themselves, without ROS."""
 
 import pytest
-from imu_stream import EPOCH_NS
+from imu_stream import EPOCH_NS, reading
 
 from swath_sysid.attitude.motion.window import WINDOW_REASONS
 from swath_sysid.common.sentences import REASONS, reasons_table
@@ -181,3 +181,17 @@ def test_a_frame_id_that_changes_is_counted_and_warned_of():
         health.note_frame_id(name)
     told = report(health, 1.0)
     assert told.values[FRAME_CHANGED] == 2 and told.level == WARN and 'two sensors may share the topic' in told.message
+
+
+def test_a_wrong_installation_is_a_warning_within_20_s_and_stays_one():
+    pipeline = ForecastPipeline()
+    health, levels = PredictorHealth('imu/data', pipeline), []
+    for second in range(40):
+        for k in range(20):
+            stamp = EPOCH_NS + second * 10**9 + k * 50_000_000
+            pipeline.add(reading(stamp, 1e-3 * (k % 3), force=(0.0, 0.01 * (k % 3), -9.81)))
+        *_, told = health.reports(float(second), EPOCH_NS)
+        levels.append(told.level)
+    assert told.name == 'installation' and 'set frame to frd' in told.message
+    first = levels.index(WARN)
+    assert first <= 20 and set(levels[first:]) == {WARN} and set(levels[:first]) == {OK}

@@ -3,6 +3,7 @@
 import os
 
 import pytest
+from hostile_models import attitude_texts
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel
@@ -10,7 +11,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.refit import Refitter
 from swath_sysid.formats.model_file import model_to_yaml, read_model, write_model
 from swath_sysid.nodes.kept_model import ModelFile
-from swath_sysid.pipeline.health import IdentifierHealth
+from swath_sysid.pipeline.health import WARN, IdentifierHealth
 
 
 def model(number):
@@ -67,6 +68,20 @@ def test_the_way_back_outlives_every_restart(tmp_path):
     assert not refitter.rollback()
     texts = [each.read_text() for each in tmp_path.iterdir()]
     assert by_hand in texts and all(any(model_to_yaml(model(n)) == text for text in texts) for n in (1, 2, 3, 9))
+
+
+def test_a_file_that_cannot_be_used_is_reported_at_the_start_and_left_as_it_is(tmp_path):
+    path = tmp_path / 'craft.yaml'
+    for text in ('', *(text for text, _ in attitude_texts().values())):
+        path.write_text(text)
+        health = IdentifierHealth()
+        file = ModelFile(path, read_model, model_to_yaml, write_model, health)
+        assert not file.read() and file.history() == []
+        told = health.report('none', 0, False)
+        assert (told.level, told.values['bad-model-file']) == (WARN, 1) and str(path) in told.message
+        assert 'could not be read' in file.keep(model(1)) and path.read_text() == text
+    for unusable in (tmp_path, '/dev/zero'):
+        assert model_file(unusable).read() is None
 
 
 def test_the_only_model_is_set_aside_and_leads_back(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from hostile_models import attitude_text, attitude_texts, manoeuvring_text, manoeuvring_texts  # noqa: E402
+from hostile_models import attitude_text, attitude_texts, manoeuvring_text, manoeuvring_texts, of_any_kind  # noqa: E402
 from live_bench import LATCHED, Bench, stamp_ns, start, start_node, start_together, stop, wait_for  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
@@ -20,8 +20,8 @@ WARN = 1
 
 TOPICS = {
     # status, count of refusals, a model, and texts that are none
-    'model/description': ('predictor: forecast', attitude_text(), attitude_texts()),
-    'manoeuvring/model': ('manoeuvring_predictor: manoeuvre', manoeuvring_text(), manoeuvring_texts()),
+    'model/description': ('predictor: forecast', attitude_text(), of_any_kind(attitude_text())),
+    'manoeuvring/model': ('manoeuvring_predictor: manoeuvre', manoeuvring_text(), of_any_kind(manoeuvring_text())),
 }
 
 
@@ -101,10 +101,10 @@ def test_each_text_is_refused_while_forecasts_go_on(nodes, topic):
 def test_the_model_before_stays_and_a_good_one_ends_the_warning(nodes):
     bench, publishers, _ = nodes
     topic = 'model/description'
-    _, model, texts = TOPICS[topic]
+    model = TOPICS[topic][1]
     assert status_of(bench, topic)[2]['has_model_pitch'] == 'True'
     count = refusals(bench, topic)
-    publishers[topic].publish(String(data=texts['trim a date'][0]))
+    publishers[topic].publish(String(data=attitude_texts()['trim a date'][0]))
     wait_for(lambda: refusals(bench, topic) == count + 1, 'refusal', PATIENCE)
     reports = bench.reports
     wait_for(lambda: bench.reports > reports + 20, 'further diagnostics', PATIENCE)

@@ -185,6 +185,15 @@ def test_buttons_reach_the_nodes_and_save_a_model(screen):
 
 
 @needs_chromium
+def test_a_silent_sensor_is_shown_with_its_cure(screen):
+    screen.tank.start_again()
+    screen.tank.send(REST_S)
+    screen.tank.silence(4.0)
+    screen.wait_for('silence: ', 'cure')
+    assert 'check its driver and cable' in screen.text('cure')
+
+
+@needs_chromium
 def test_a_rollback_keeps_a_copy_and_can_be_undone(screen):
     tank = screen.tank
     tank.start_again()

@@ -75,6 +75,16 @@ def test_a_regression_of_a_known_process_forecasts_with_the_powers_of_its_matrix
         assert np.sqrt(np.mean((found[:, i] - right) ** 2)) < 0.03 * values[:, :2].std()
 
 
+def test_the_error_of_an_autoregression_of_first_order_is_its_closed_form():
+    rng, values = np.random.default_rng(1), np.zeros(30_000)
+    for k in range(1, values.size):
+        values[k] = 0.9 * values[k - 1] + rng.normal()
+    record = record_of(step=1.0, roll=values)
+    found = running_regression(record, (0,), (0,), 1, record.time, np.array([1.0, 3.0]), 1e9)[:, :, 0]
+    errors = [np.nanstd(found[:-lead, i] - values[lead:]) / values.std() for i, lead in enumerate((1, 3))]
+    assert errors == pytest.approx(np.sqrt([1 - 0.9**2, 1 - 0.9**6]), rel=0.02)
+
+
 def test_a_window_that_slid_on_gives_the_least_squares_of_its_own_rows():
     _, values = coupled_sea(3000, seed=3)
     values[1500:1505] = np.nan

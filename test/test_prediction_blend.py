@@ -137,6 +137,17 @@ def test_intervals_hold_what_they_say_where_errors_have_wide_tails():
     assert np.mean(held[600:]) == pytest.approx(0.9, abs=0.02)
 
 
+def test_intervals_are_of_the_true_angle_not_of_the_reading():
+    """Forecasts without error of a true angle at rest, read with noise of .5; said to err by .3 beside the noise."""
+    rng = np.random.default_rng(0)
+    blend = _blend((1.0,))
+    for _ in range(3000):
+        true = 0.3 * rng.normal(size=(1, 3, 1))
+        blend.take(0.5 * rng.normal(size=1), true, np.full((1, 3, 1), 0.34), 0.25)
+    covariance = blend.combine(np.zeros((1, 3, 1)), np.full((1, 3, 1, 1), 0.34), [0], 0.25)[1]
+    assert covariance[:, 0, 0] == pytest.approx(0.09, rel=0.4)
+
+
 def test_what_errs_under_a_moment_does_not_widen_the_intervals_of_a_free_hull():
     blend, (mean, variance) = _blend((1.0,), axes=2), np.ones((2, 1, 3, 2))
     for _ in range(600):

@@ -109,6 +109,19 @@ def test_lost_channels_and_samples_are_filterpys_kalman_update(seed, lost):
         assert covariance == pytest.approx(wanted[1], rel=2e-3, abs=1e-3)
 
 
+def test_a_forecast_while_nothing_comes_grows_to_the_motions_own_spread():
+    model = _model(3)
+    ours = InnovationsFilter(model, model.channels, 1.0)
+    ours.seed(_rows(model, 300))
+    spread = []
+    for _ in range(400):
+        ours.step(np.full(3, np.nan))
+        spread.append(np.diagonal(ours.forecast([0.1])[1][0]))
+    assert spread[-1] == pytest.approx(model.scale**2 * np.diag(model.c @ model.prior @ model.c.T + model.s), rel=1e-6)
+    assert (np.diff(spread, axis=0) > -1e-9).all()
+    assert ours.forecast([0.5])[0][0] == pytest.approx(model.mean, abs=1e-4)
+
+
 @pytest.mark.parametrize('count', [1, 4, 5, 128])
 def test_a_long_gap_is_as_many_missing_rows(count):
     model = _model(4)
