@@ -1,7 +1,7 @@
 # `make demo` and `make test` need nothing but Python 3.11 or 3.12, for which ROS 2 Jazzy exists: each makes its own
 # environment in .venv first, unless it is there. `make PYTHON=python3.12 ...` names another Python.
 VENV ?= .venv
-JOBS ?= 2
+JOBS ?= 3
 SUITABLE := import ensurepip, sys, venv; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))
 ifndef PYTHON
 FOUND := $(shell for p in $(VENV)/bin/python python3 python3.12 python3.11; do $$p -c '$(SUITABLE)' 2>/dev/null && echo $$p && break; done)
@@ -25,10 +25,10 @@ demo: $(READY)
 
 test: $(READY)
 	@$(MAKE) --no-print-directory --jobs 2 lint kernels
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m 'not long'
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m 'not long'
 
 test-long: $(READY)
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m long
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m long
 
 lint: $(READY)
 	$(BIN)/ruff format --check

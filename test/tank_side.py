@@ -3,7 +3,8 @@
 import numpy as np
 from imu_stream import EPOCH_NS, reading, released
 
-from swath_sysid.attitude.identification.refit import Refitter, refit
+from swath_sysid.attitude.identification.identify import IdentificationSettings
+from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import Intake
 from swath_sysid.attitude.motion.sensor_mount import Installation
@@ -27,7 +28,9 @@ class TankSide:
         self.clock = 0.0
         self.record, self.guide = LiveRecord(), BringUp(axis)
         self.guidances = []
-        self.refitter, self.auto_identify = Refitter(), auto_identify
+        # of the equation by which `imu_stream` makes its releases
+        self.refitter = Refitter(RefitSettings(identification=IdentificationSettings('linear')))
+        self.auto_identify = auto_identify
         self.steps_back = self.steps_forward = 0
         self._intake, self._check = Intake(installation, StampSettings()), InstallationCheck(installation)
         self._window = MotionWindow(WindowSettings(installation=installation))

@@ -203,6 +203,7 @@ def test_differences_within_the_noise_are_told(fits, records):
 
 
 def test_ranking_takes_the_simplest_adequate(fits, records):
+    records, fits = records[1:], fits[1:]
     own = [together_of(records, fits, k) for k in range(len(NAMES))]
     together = settled(own[0].problem, own)
     judgements = [judged(f, records[0].problem) for f in fits]

@@ -2,7 +2,6 @@
 
 import contextlib
 import signal
-import subprocess
 import sys
 import time
 from dataclasses import replace
@@ -209,25 +208,6 @@ def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
     assert f'swath-sysid forecast {given["record"]} --leads 0.5,1,2,3 --warmup 180' in capsys.readouterr().out
     assert main(['demo', '--output', str(tmp_path)]) == 2
     assert 'needs none: --only sea' in capsys.readouterr().err
-
-
-@pytest.mark.long
-@pytest.mark.dds
-def test_the_demonstration_runs_to_its_verdict(tmp_path):
-    """Over DDS, nodes and craft each a process; the exit code says what the verdict says, nothing is left running."""
-    pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
-    demo = command_line('demo', '--output', tmp_path / 'out', stderr=subprocess.PIPE)
-    out, error = demo.communicate(timeout=PATIENCE)
-    told = out.splitlines()
-    assert demo.returncode == 0, out + error + _read(tmp_path / 'out' / 'demo.log')
-    assert told[-1].startswith('passed')
-    assert any(text.startswith('released; waiting') for text in told)
-    assert any(text.strip().startswith('adequate: ') for text in told)
-    assert "    swath-sysid run --ros-args -p 'leads_s:=" in out
-    for picture in ('sea.png', 'demo.png'):
-        assert imread(tmp_path / 'out' / picture).shape[1] > 1000
-    log = (tmp_path / 'out' / 'demo.log').read_text()
-    assert 'new model: roll' in log and 'Traceback' not in log
 
 
 @pytest.mark.long

@@ -38,7 +38,7 @@ INSTALLS = 'installs; the stages of .ci/run install by pip and by colcon'
 ROS_APT = 'needs what comes with ROS 2 from apt only'
 NOT_RUN = {
     'README.md': {
-        'make demo': 'test_demo.py runs the demonstration, .ci/run runs make test',
+        'make demo': '.ci/run runs make demo and make test',
         'pip install': INSTALLS,
     },
     'docs/howto/controllers.md': {

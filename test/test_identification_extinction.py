@@ -185,7 +185,7 @@ def test_identify_prints_the_tanks_output(tmp_path, capsys):
     motion = decay(b1=0.06, b2=0.3, duration=30.0)
     write_csv(file, Trial(motion.time, roll=motion.angle, roll_rate=motion.rate))
     craft = ['--mass', '100', '--metacentric-height', '0.4', '--breadth', '1.2', '--uncertainty', 'mass=0.01']
-    identify = ['identify', str(file), '--equation', 'linear', '--extinction', '--force']
+    identify = ['identify', str(file), '--objective', 'one-step', '--equation', 'linear', '--extinction', '--force']
     assert main([*identify, '--json', *craft]) == 0
     found = json.loads(capsys.readouterr().out)
     peak = found['peaks'][1]

@@ -33,8 +33,10 @@ FAULTS = {
 @pytest.mark.parametrize('words', FAULTS)
 def test_rates_that_contradict_the_angle_are_no_noise(words, tmp_path, capsys):
     faulty = replace(TRUE, pitch_rate=FAULTS[words](TRUE.pitch_rate))
-    verdict = identify([faulty.axis('pitch')]).verdict
-    assert (verdict.level, verdict.code) == (REJECTED, 'angle-against-rate')
+    verdict = identify([faulty.axis('pitch')], IdentificationSettings('swath-pitch-2')).verdict
+    # an offset leaves the slope as it is
+    code = 'poor-fit' if words == 'calibrate the gyroscope' else 'angle-against-rate'
+    assert (verdict.level, verdict.code) == (REJECTED, code)
     # and a record that contradicts itself is not fitted to begin with, whatever is forced
     path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'
     write_csv(path, faulty)
@@ -46,7 +48,7 @@ def test_rates_that_contradict_the_angle_are_no_noise(words, tmp_path, capsys):
 def test_a_poor_fit_is_written_only_with_force(verb, tmp_path, capsys):
     path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'
     write_csv(path, TRUE)
-    command = [*verb, 'b3|r3', str(path), '--axis', 'pitch', '--output', str(model)]
+    command = [*verb, 'b3|r3', str(path), '--objective', 'one-step', '--axis', 'pitch', '--output', str(model)]
     assert main([*command, '--json']) == 1
     out, error = capsys.readouterr()
     assert 'poor-fit' in [w['code'] for w in json.loads(out)['warnings']]
@@ -144,7 +146,12 @@ def test_a_model_file_carries_the_verdict(found, tmp_path):
 
 
 #: The hardest of 200, each by its seed.
-FALSE_MODELS = [('bump', 0), ('bump', 11), ('trim_shift', 1), ('trim_shift', 3), ('wake', 6)]
+FALSE_MODELS = [
+    ('bump', 11),
+    ('trim_shift', 1),
+    ('wake', 6),
+    *(pytest.param(*case, marks=pytest.mark.long) for case in (('bump', 0), ('trim_shift', 3))),
+]
 
 
 @pytest.mark.parametrize(('kind', 'seed'), FALSE_MODELS)

@@ -26,14 +26,14 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 
 QUICK = RefitSettings(
-    axes=('pitch',), identification=IdentificationSettings(search=SearchSettings(generations=15, population=40))
+    axes=('pitch',), identification=IdentificationSettings('linear', search=SearchSettings(generations=2))
 )
 
 
 def table_of(seed=1, **motion):
     """A window of a craft released in pitch, in the minute of that number."""
     window = MotionWindow(WindowSettings(detect_decay=False))
-    for one in decay_stream(20.0, 40.0, seed=seed, first_ns=EPOCH_NS + seed * 60 * 10**9, **motion):
+    for one in decay_stream(20.0, 28.0, seed=seed, first_ns=EPOCH_NS + seed * 60 * 10**9, **motion):
         window.add(one)
     return window.table()
 
@@ -123,7 +123,7 @@ def test_the_tail_of_a_decay_is_no_release_of_its_own(table):
 def test_several_releases_are_one_fit_as_several_records_are(table, twice):
     refitter, outcome = twice
     assert outcome.succeeded and '; 2 releases, the next one known to ' in outcome.message
-    assert '% before (b1|r1, period 2.' in outcome.message
+    assert '% before (linear, period 2.' in outcome.message
     problem = prepare([each.trial().axis('pitch') for each in (table, table_of(2))])
     ratios = identify_problem(problem, QUICK.identification).model.ratios
     np.testing.assert_allclose(refitter.models['pitch'].model.ratios, ratios, rtol=1e-6)
@@ -138,8 +138,8 @@ def test_five_decays_are_held_the_newest():
 
 
 def test_releases_of_one_craft_do_not_contradict_each_other():
-    refitter, outcome = after(table_of(1, amplitude=0.05), table_of(2, amplitude=0.12), table_of(3))
-    assert len(refitter.decays['pitch'].decays) == 3 and refitter.version == 3, outcome.message
+    refitter, outcome = after(table_of(1, amplitude=0.05), table_of(2, amplitude=0.12))
+    assert len(refitter.decays['pitch'].decays) == 2 and refitter.version == 2, outcome.message
 
 
 @pytest.mark.parametrize('change', [{'period': 2.65}, {'damping': 0.1}])

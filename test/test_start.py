@@ -50,8 +50,10 @@ def test_a_tool_that_is_interrupted_at_its_start_ends_with_130(number, after, tm
     assert code == 130 or (code in (2, -number) and 'cannot read the manifest' in told), told
 
 
-@pytest.mark.parametrize('words', ['--only predictor --ros-args -r __ns:=/early', '--namespace early'])
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ('number', 'words'),
+    [(signal.SIGINT, '--only predictor --ros-args -r __ns:=/early'), (signal.SIGTERM, '--namespace early')],
+)
 @pytest.mark.parametrize('after', [0.02, 0.3, 0.8])
 def test_nodes_that_are_interrupted_at_their_start_end_with_0(after, number, words):
     pytest.importorskip('rclpy', reason='nodes need ROS 2')

@@ -298,15 +298,14 @@ def _equivalent_text(held: IdentifiedModel, amplitude: float):
 
 
 def warm_up() -> None:
-    """A small refit of simulated decays that loads and compiles everything for the next one."""
-    time = np.arange(0.0, 12.0, 0.05)
+    """A small refit of a simulated decay that loads and compiles everything for the next one."""
+    time = np.arange(0.0, 8.0, 0.05)
     decay = 0.1 * np.exp(-0.2 * time)
     rows = np.full((time.size, 8), np.nan)
     rows[:, 0] = time
-    for index in range(len(AXES)):
-        rows[:, 1 + index] = decay * np.cos(3.0 * time)
-        rows[:, 3 + index] = -decay * (0.2 * np.cos(3.0 * time) + 3.0 * np.sin(3.0 * time))
-    settings = RefitSettings(identification=IdentificationSettings(search=SearchSettings(generations=2)))
+    rows[:, 1] = decay * np.cos(3.0 * time)
+    rows[:, 3] = -decay * (0.2 * np.cos(3.0 * time) + 3.0 * np.sin(3.0 * time))
+    settings = RefitSettings(axes=AXES[:1], identification=IdentificationSettings(search=SearchSettings(generations=2)))
     refit(RefitRequest((MotionTable(rows, 0),), {}, {}, settings))
 
 
