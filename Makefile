@@ -1,6 +1,7 @@
 # `make demo` and `make test` need nothing but Python 3.11 or 3.12, for which ROS 2 Jazzy exists: each makes its own
 # environment in .venv first, unless it is there. `make PYTHON=python3.12 ...` names another Python.
 VENV ?= .venv
+# one more than the cores: tests over DDS wait for a third of their time
 JOBS ?= 3
 SUITABLE := import ensurepip, sys, venv; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))
 ifndef PYTHON
@@ -38,7 +39,8 @@ lint: $(READY)
 # Once, beside mypy: otherwise each of the processes that test would compile them for itself.
 kernels: $(READY)
 	@$(BIN)/python -c 'from swath_sysid.attitude.identification import refit; from swath_sysid.pipeline import \
-	  forecast_pipeline; refit.warm_up(); forecast_pipeline.warm_up()'
+	  forecast_pipeline; from swath_sysid.manoeuvring.identification import refit as manoeuvring; \
+	  refit.warm_up(); forecast_pipeline.warm_up(); manoeuvring.warm_up()'
 
 bench: $(READY)
 	@for script in $(sort $(wildcard benchmark/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done

@@ -67,5 +67,6 @@ def test_lost_scheduler(loss, tmp_path, monkeypatch, capsys):
     assert 'the connection to the Dask scheduler was lost' in error and 'Traceback' not in error
     assert not (tmp_path / 'report' / 'report.html').exists()
     monkeypatch.setattr(campaign, 'executor_of', lambda *_: nullcontext(SerialExecutor()))
+    monkeypatch.setattr(campaign, 'write_report', lambda *_: None)
     assert main(command) == 0
     assert ', 1 reused' in capsys.readouterr().out

@@ -388,6 +388,7 @@ def test_dry_friction_of_a_rig_is_named_by_angles_alone(data_folder):
     assert (found.verdict.code, found.absent_term.name) == ('absent-term', 'b0')
 
 
+@pytest.mark.slow
 def test_a_hull_that_its_upright_position_throws_off_does_not_widen_the_stiffness():
     # of this record such a hull, swinging 20 deg from there, is nearly as likely
     hull = hull_named('swath-roll').model
@@ -397,6 +398,7 @@ def test_a_hull_that_its_upright_position_throws_off_does_not_widen_the_stiffnes
     assert abs(found.model.terms['s1'] - hull.terms['s1']) < 3.0 * found.std['s1']
 
 
+@pytest.mark.slow
 def test_many_records_have_an_uncertainty():
     """The determinant of the covariance of fifty parameters is below the smallest number."""
     hull, count = hull_named('swath-pitch').model, 18

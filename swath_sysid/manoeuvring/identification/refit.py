@@ -9,6 +9,8 @@ import numpy as np
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.history import past_of
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import Scores, score
@@ -113,7 +115,8 @@ def _misfit(scores: Scores, noise: np.ndarray):
 
 
 def warm_up() -> None:
-    """Does nothing: calling it has loaded this module."""
+    """Simulates a craft for an instant, so that the next refit finds everything loaded and compiled."""
+    simulate(preset('wamv-vrx-old'), np.zeros(2), np.zeros(2), 0.1)
 
 
 class ManoeuvreRefitter:
