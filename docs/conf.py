@@ -63,7 +63,10 @@ def mathml(translator, node):
     from docutils.nodes import SkipNode, math
     from latex2mathml.converter import convert
 
-    translator.body.append(convert(node.astext(), display='inline' if isinstance(node, math) else 'block'))
+    if isinstance(node, math):
+        translator.body.append(convert(node.astext()))
+    else:
+        translator.body.append(f'<div class="formula">{convert(node.astext(), display="block")}</div>')
     raise SkipNode
 
 
