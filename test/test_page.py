@@ -91,13 +91,13 @@ class Screen:
             .filter(b => getComputedStyle(b).visibility === 'visible').map(b => b.dataset.action)"""
         return self.driver.execute_script(script)
 
-    def reason(self, name):
-        """Why a button cannot be pressed, as its tooltip says."""
-        chains = webdriver.ActionChains(self.driver)
+    def wait_for_reason(self, name, words):
+        """Wait until the tooltip of a button that cannot be pressed says why; that of another may still fade."""
         button = self.driver.find_element('css selector', f'[data-name={name}]')
         assert not button.is_enabled()
-        chains.move_to_element(button.find_element('xpath', '..')).perform()
-        return wait_until(lambda: self.driver.find_elements('css selector', '.q-tooltip'), lambda: 'no tooltip')[0].text
+        webdriver.ActionChains(self.driver).move_to_element(button.find_element('xpath', '..')).perform()
+        script = "return [...document.querySelectorAll('.q-tooltip')].map(each => each.innerText).join()"
+        wait_until(lambda: words in self.driver.execute_script(script), lambda: f'no tooltip with {words!r}')
 
     def press(self, name):
         script = f"const b = document.querySelector('[data-name={name}]:enabled'); b?.click(); return b !== null"
@@ -168,7 +168,8 @@ def test_buttons_reach_the_nodes_and_save_a_model(screen):
     tank.pressed.clear()
     tank.send(REST_S)
     screen.wait_for('Now push')
-    assert 'no model yet' in screen.reason('save') and screen.loud() == []
+    screen.wait_for_reason('save', 'no model yet')
+    assert screen.loud() == []
     tank.record.can_push = True
     tank.send(1.0)
     wait_until(lambda: screen.loud() == ['push'], screen.loud)
@@ -206,7 +207,7 @@ def test_a_rollback_keeps_a_copy_and_can_be_undone(screen):
     tank.pressed.clear()
     screen.press('rollback')
     wait_until(lambda: tank.pressed == ['rollback'], lambda: tank.pressed)
-    assert 'nothing was rolled back' in screen.reason('undo_rollback')
+    screen.wait_for_reason('undo_rollback', 'nothing was rolled back')
     tank.steps_forward = 1
     tank.send(1.0)
     screen.press('undo_rollback')
