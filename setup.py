@@ -63,7 +63,7 @@ setup(
         'benchmark': ['scikit-learn'],
         'docs': ['furo>=2024.1', 'latex2mathml>=3.77', 'myst-parser>=2.0', 'sphinx>=7.0', 'sphinx-copybutton>=0.5'],
         'page': ['nicegui>=3.0,<4'],
-        'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff>=0.17,<0.18'],
+        'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.8', 'ruff>=0.17,<0.18'],
     },
     entry_points={
         'console_scripts': ['swath-sysid = swath_sysid.start:command_line'],
