@@ -20,6 +20,7 @@ def installed(folder, destination):
 
 
 SHARE = Path('share', NAME)
+TANK = ['h5py>=3.7', 'npTDMS>=1.7', 'openpyxl>=3.0', 'pyarrow>=12.0']
 
 setup(
     name=NAME,
@@ -63,7 +64,9 @@ setup(
         'benchmark': ['scikit-learn'],
         'docs': ['furo>=2024.1', 'latex2mathml>=3.77', 'myst-parser>=2.0', 'sphinx>=7.0', 'sphinx-copybutton>=0.5'],
         'page': ['nicegui>=3.0,<4'],
-        'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.8', 'ruff>=0.17,<0.18'],
+        # each reads one format of data acquisition: .mat of version 7.3 and .h5, .tdms, .xlsx, .parquet
+        'tank': TANK,
+        'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.8', 'ruff>=0.17,<0.18', *TANK],
     },
     entry_points={
         'console_scripts': ['swath-sysid = swath_sysid.start:command_line'],

@@ -132,7 +132,7 @@ def test_cells_that_are_no_numbers(tmp_path, cell, told):
 
 
 def test_columns_of_empty_cells_stay_fast_and_right(tmp_path, monkeypatch):
-    monkeypatch.setattr(tables._BlockParser, '_parse_cells', lambda *_: pytest.fail('parsed cell by cell'))
+    monkeypatch.setattr(tables.BlockParser, '_parse_cells', lambda *_: pytest.fail('parsed cell by cell'))
     rows = ''.join(f',,{t},,,{r},\n' for t, r in zip(TIME, ROLL, strict=True))
     trial = read_csv(written(tmp_path, 'a,b,time_s,pitch_rad,d,roll_rad,e\n' + rows))
     assert np.allclose(trial.roll, ROLL)

@@ -44,10 +44,11 @@ OPTIONAL = {
     'numba': 'fast',
     'dask': 'cluster',
     'distributed': 'cluster',
+    **dict.fromkeys(('h5py', 'nptdms', 'openpyxl', 'pyarrow'), 'tank'),
     **dict.fromkeys(('fastapi', 'nicegui', 'uvicorn'), 'page'),
 }
 """Imports that may fail, and the extra that installs them; Ubuntu 24.04 has no numba, rosdep no distributed and no
-nicegui, which brings fastapi and uvicorn."""
+nicegui, which brings fastapi and uvicorn. A record in a format of data acquisition needs the library of that format."""
 
 ROS_PACKAGES = {
     'ament_index_python',

@@ -22,7 +22,8 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.input_files import existing, shown
-from swath_sysid.formats.schema import anything, built, named, number, one_of, one_or_more, record, text, whole
+from swath_sysid.formats.schema import anything, built, mapping, named, number, one_of, one_or_more, record, text, whole
+from swath_sysid.formats.table_files import ENDINGS
 from swath_sysid.formats.untrusted_yaml import plain_content, text_of
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
@@ -45,6 +46,7 @@ def _decimal(matched: str) -> float:
 
 
 SHOWN_FILES = 3
+TRIAL_ENDINGS = ('.csv', '.mcap', '.db3', '.txt', '.tsv', *ENDINGS)  #: Of files that may be trials.
 LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
 #: Given beside a trial; the craft's own values hold at the design draft alone.
@@ -55,6 +57,15 @@ _NUMBER = number(-LARGEST, LARGEST)
 _POSITIVE = number(above=0.0, highest=LARGEST)
 Name = Annotated[str, _NAME]
 Positive = Annotated[float, _POSITIVE]
+
+
+def _columns(value: Any, where: str) -> tuple[tuple[str, str], ...]:
+    """Columns by the quantity that they hold, as pairs, which can be compared."""
+    return tuple(
+        (quantity, _NAME(column, f'{where}, {quantity}')) for quantity, column in mapping(value, where).items()
+    )
+
+
 #: What an entry may say.
 _TRIAL = named(
     {
@@ -70,6 +81,7 @@ _TRIAL = named(
         'end_s': _NUMBER,
         'frame': one_of(('flu', 'frd'), 'frame'),
         'topic': _NAME,
+        'columns': _columns,
     },
 )
 
@@ -129,6 +141,7 @@ class TrialEntry:
     end: float | None = None
     frame: str | None = None
     topic: str | None = None
+    columns: tuple[tuple[str, str], ...] = ()  #: Quantities with the columns that hold them.
     speed_m_s: float | None = None
     mass_kg: float | None = None
     gm_m: float | None = None
@@ -167,6 +180,7 @@ _CAMPAIGN = named(
         'title': _NAME,
         'craft': record(Craft),
         'axis': one_of(AXES, 'axis'),
+        'columns': _columns,
         'equations': one_or_more(_equation),
         'objectives': one_or_more(one_of(OBJECTIVES, 'objective')),
         'search': record(SearchSettings, **{each.name: _single for each in fields(SearchSettings)}),
@@ -192,9 +206,10 @@ def read_manifest(path: str | Path) -> Manifest:
     plain = _CAMPAIGN(content, str(path))
     faults: list[str] = []
     trials: list[TrialEntry] = []
+    usual = {key: plain[key] for key in ('axis', 'columns') if key in plain}
     for place, entry in enumerate(entries, 1):
         try:
-            trials += _trials_of(entry, f'trials, {place}', path.parent, plain.get('axis'), faults)
+            trials += _trials_of(entry, f'trials, {place}', path.parent, usual, faults)
         except InputError as error:
             faults.append(str(error))
     trials = _without_duplicates(trials, faults)
@@ -216,7 +231,7 @@ def read_manifest(path: str | Path) -> Manifest:
     )
 
 
-def _trials_of(entry: Any, where: str, folder: Path, default_axis: str | None, faults: list[str]) -> list[TrialEntry]:
+def _trials_of(entry: Any, where: str, folder: Path, usual: dict, faults: list[str]) -> list[TrialEntry]:
     """The trials of one entry: one file, or all files of a pattern but those that become faults."""
     given = _TRIAL(entry, where)
     if ('file' in given) == ('pattern' in given):
@@ -226,22 +241,22 @@ def _trials_of(entry: Any, where: str, folder: Path, default_axis: str | None, f
     if 'file' in given:
         name = given.pop('file')
         path = built(lambda: existing(folder / name, f'{shown(name)}, relative to the manifest'), where)
-        return [_trial(path, given, {}, default_axis, where)]
+        return [_trial(path, usual | given, {}, where)]
     pattern, trials = given.pop('pattern'), []
     for path, matched in built(lambda: _matches(pattern, folder), where):
         try:
-            trials.append(_trial(path, given, matched, default_axis, where))
+            trials.append(_trial(path, usual | given, matched, where))
         except InputError as error:
             faults.append(str(error))
     return trials
 
 
-def _trial(path: Path, given: dict, matched: dict, default_axis: str | None, where: str) -> TrialEntry:
+def _trial(path: Path, given: dict, matched: dict, where: str) -> TrialEntry:
     twice = sorted(set(given) & set(matched) - {'axis'})
     if twice:
         raise InputError(f"{where}: '{twice[0]}' is given both by the pattern and beside it: leave one out")
-    axis = {} if default_axis is None else {'axis': default_axis}
-    values = _TRIAL(axis | given | matched, f'{where}, {path.name}')
+    columns = given.pop('columns', ())
+    values = _TRIAL(given | matched, f'{where}, {path.name}')
     loadings = [(quantity, values.pop(quantity)) for quantity in QUANTITIES if quantity in values]
     if len(loadings) > 1:
         raise InputError(f'{where}: give one of {", ".join(QUANTITIES)} for {path.name}, not {len(loadings)}')
@@ -255,6 +270,7 @@ def _trial(path: Path, given: dict, matched: dict, default_axis: str | None, whe
         path,
         where,
         loading=loadings[0] if loadings else None,
+        columns=columns,
         **{names.get(key, key): value for key, value in values.items()},
     )
 
@@ -350,7 +366,7 @@ def new_manifest(
         raise InputError(f'{folder} is not a folder: give the folder of the trials')
     files = [p for p in sorted(folder.iterdir()) if _may_be_trial(p)]
     if not files:
-        raise InputError(f'{folder} holds no trial: CSV files, bags or MTi exports (.txt) were looked for')
+        raise InputError(f'{folder} holds no trial: {", ".join(TRIAL_ENDINGS)} and bag folders were looked for')
     by_pattern: dict[str, list[str]] = {}
     for file in files:
         by_pattern.setdefault(pattern_of_name(file.name), []).append(file.name)
@@ -400,4 +416,4 @@ def _may_be_trial(path: Path) -> bool:
         return False
     if path.is_dir():
         return (path / 'metadata.yaml').is_file()
-    return path.suffix.lower() in ('.csv', '.mcap', '.db3', '.txt', '.tsv')
+    return path.suffix.lower() in TRIAL_ENDINGS

@@ -200,7 +200,7 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> TrialOutc
     outcome = TrialOutcome(entry, entry.path.name)
     try:
         sha256 = source_hash(entry.path)
-        trial = read_trial(entry.path, topic=entry.topic, frame=entry.frame)
+        trial = read_trial(entry.path, topic=entry.topic, frame=entry.frame, columns=dict(entry.columns))
         refuse_contradictions(trial, entry.axis)
         problem = prepare([trial.axis(entry.axis)], entry.start, entry.end)
         angle = entry.initial_angle_deg
@@ -230,7 +230,7 @@ def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
     first: dict[tuple, TrialOutcome] = {}
     for t in trials:
         if t.record is not None:
-            what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic
+            what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic, t.entry.columns
             original = first.setdefault(what, t)
             if original is not t:
                 t = t.left_out(
@@ -591,4 +591,4 @@ def _place_name(place: Condition | float) -> str:
 def _identity(trial: TrialOutcome) -> list:
     """All that a prepared record depends on."""
     e = trial.entry
-    return [RESULT_FORMAT, __version__, trial.sha256, e.axis, e.start, e.end, e.frame, e.topic]
+    return [RESULT_FORMAT, __version__, trial.sha256, e.axis, e.start, e.end, e.frame, e.topic, e.columns]

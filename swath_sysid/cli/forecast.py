@@ -18,7 +18,7 @@ from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.settings_flags import add_setting, finite, not_negative, numbers
-from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, read_record
+from swath_sysid.cli.sources import RECORD_FILES, add_reading_arguments, check_model_and_plot, read_record
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.pipeline.record_run import run_through
@@ -31,7 +31,7 @@ from swath_sysid.report.forecast_summary import POINT_UNITS, skill_as_data
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The record, the model, the leads, and the form of the output."""
-    parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
+    parser.add_argument('record', metavar='RECORD', help=RECORD_FILES)
     parser.add_argument('--axis', choices=AXES, help='score this axis only (default: all measured)')
     parser.add_argument('--model', metavar='MODEL.yaml', help='model file of the identified hull')
     add_setting(parser, '--leads', 'predictor', 'leads_s', meaning='leads that are scored')

@@ -11,7 +11,15 @@ import numpy as np
 
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.settings_flags import add_setting, finite
-from swath_sysid.cli.sources import assignment, check_model_and_plot, provenance_of, refuse_twice, without_copies
+from swath_sysid.cli.sources import (
+    add_column_argument,
+    assignment,
+    check_model_and_plot,
+    columns_of,
+    provenance_of,
+    refuse_twice,
+    without_copies,
+)
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.input_files import existing
@@ -96,11 +104,12 @@ def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
         'runs',
         nargs=count,
         metavar='RUN',
-        help='rosbag2 bag, or CSV file with the columns time_s, port_thrust_n and starboard_thrust_n (or port_command '
-        'and starboard_command, -1 to 1; or port_pwm_us and starboard_pwm_us), and any of surge_m_s, sway_m_s, '
-        'yaw_rate_rad_s, heading_deg, x_m, y_m',
+        help='rosbag2 bag, or table (CSV, .mat, .tdms, .lvm, .xlsx or .parquet file) with the columns time_s, '
+        'port_thrust_n and starboard_thrust_n (or port_command and starboard_command, -1 to 1; or port_pwm_us and '
+        'starboard_pwm_us), and any of surge_m_s, sway_m_s, yaw_rate_rad_s, heading_deg, x_m, y_m',
     )
     parser.add_argument('--frame', choices=FRAMES, help='frame of yaw, sway and position (default: as the file states)')
+    add_column_argument(parser)
     parser.add_argument(
         '--gap-means-zero',
         action='store_true',
@@ -141,8 +150,8 @@ def _read(path: str | Path, arguments: Namespace):
         )
         return trial if arguments.frame is None else replace(trial, frame=arguments.frame)
     if Path(path).is_dir():
-        raise InputError(f'{path} is a folder but not a bag: give CSV files or bags')
-    return read_manoeuvring_csv(path, arguments.frame)
+        raise InputError(f'{path} is a folder but not a bag: give files of tables, or bags')
+    return read_manoeuvring_csv(path, arguments.frame, columns_of(arguments))
 
 
 def _add_identify(parser: ArgumentParser) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.settings_flags import not_negative
+from swath_sysid.cli.sources import RECORD_FILES, add_column_argument, columns_of
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.sentences import REASONS
 from swath_sysid.formats.bags import is_bag
@@ -35,13 +36,14 @@ PROGRESS_STEP = 2000
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The record, the output, and what the nodes would be started with."""
-    parser.add_argument('record', metavar='RECORD', help='rosbag2 bag, CSV file or MTi text export')
+    parser.add_argument('record', metavar='RECORD', help=RECORD_FILES)
     parser.add_argument(
         '--output', required=True, metavar='OUT.mcap', help='bag of the messages that the nodes would publish'
     )
     parser.add_argument('--params', metavar='FILE', help='ROS parameter file of the nodes (default: their defaults)')
     parser.add_argument('--model', metavar='FILE', help='model file at the start (default: that of model_path)')
     parser.add_argument('--topic', help='IMU topic, for bags with several')
+    add_column_argument(parser)
     parser.add_argument(
         '--refit-delay',
         type=not_negative,
@@ -64,7 +66,8 @@ def run(arguments: Namespace) -> int:
     nodes = {name: values_from_file(arguments.params, name) for name in ATTITUDE_NODES}
     predictor = nodes['predictor']
     mount = installation(predictor)
-    readings = read_readings(arguments.record, arguments.topic, frame=mount.frame, mounting=mount.mounting)
+    how: dict[str, Any] = {'frame': mount.frame, 'mounting': mount.mounting, 'columns': columns_of(arguments)}
+    readings = read_readings(arguments.record, arguments.topic, **how)
     pipeline = _pipeline_of(nodes, arguments, readings.in_craft_axes)
     health = PlayedHealth(pipeline, IMU_TOPIC, [values['diagnostics_period_s'] for values in nodes.values()])
     verdicts = []

@@ -6,7 +6,7 @@ from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.prediction.sea_state import sea_state
 from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.cli.settings_flags import finite
-from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, read_record
+from swath_sysid.cli.sources import RECORD_FILES, add_reading_arguments, check_model_and_plot, read_record
 from swath_sysid.formats.sea_state import REMARKS, sea_as_data
 from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
 from swath_sysid.report.figures import save_figure
@@ -17,7 +17,7 @@ from swath_sysid.report.sea_report import sea_figure, sea_in_words
 def add_arguments(parser: ArgumentParser) -> None:
     """The record, and the form of the output."""
     parser.epilog = ' '.join(f'{remark[0].upper()}{remark[1:]}.' for remark in REMARKS)
-    parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
+    parser.add_argument('record', metavar='RECORD', help=RECORD_FILES)
     add_reading_arguments(parser)
     parser.add_argument(
         '--start', type=finite, metavar='S', help="start, in the record's time (default: start of the record)"

@@ -23,6 +23,7 @@ from swath_sysid.report.figures import FORMATS, save_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+RECORD_FILES = 'CSV, .mat, .tdms, .lvm, .xlsx or .parquet file, rosbag2 bag (folder, .mcap or .db3) or MTi text export'
 LONG_RECORD = 10_000_000  #: Bytes of a file from which its reading is shown.
 
 EXIT_POOR_FIT = 1  #: The result was printed, but explains too little to be written as a model.
@@ -34,7 +35,7 @@ def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
         'trials' if many else 'trial',
         metavar='TRIAL',
         nargs='+' if many else None,
-        help='CSV file, rosbag2 bag (folder, .mcap or .db3) or MTi text export',
+        help=RECORD_FILES,
     )
     parser.add_argument('--axis', help='roll or pitch (default: the axis that moves more)')
     add_reading_arguments(parser)
@@ -48,6 +49,27 @@ def add_reading_arguments(parser: ArgumentParser) -> None:
     """How to read a record."""
     parser.add_argument('--topic', help='IMU topic, for bags with several')
     add_setting(parser, '--frame', 'predictor', 'frame', default=None)
+    add_column_argument(parser)
+
+
+def add_column_argument(parser: ArgumentParser) -> None:
+    """``--column``: which column of a table holds what."""
+    parser.add_argument(
+        '--column',
+        action='append',
+        default=[],
+        dest='columns',
+        metavar='QUANTITY=NAME:UNIT',
+        help='column of a table that its name does not identify, as in roll=Phi:deg or time=t:s (repeat for more)',
+    )
+
+
+def columns_of(arguments: Namespace) -> dict[str, str]:
+    """The assigned columns by quantity."""
+    for text in arguments.columns:
+        if not all(text.partition('=')):
+            raise InputError(f"--column '{text}' is not QUANTITY=NAME:UNIT: write, for example, --column roll=Phi:deg")
+    return {quantity.strip(): source for quantity, _, source in (text.partition('=') for text in arguments.columns)}
 
 
 def assignment(text: str, example: str) -> tuple[str, float]:
@@ -69,7 +91,7 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
 
 def read_record(path: str, arguments: Namespace) -> Trial:
     """Read one record as the command line says, with progress where it is long."""
-    how = {'topic': arguments.topic, 'frame': arguments.frame}
+    how: dict[str, Any] = {'topic': arguments.topic, 'frame': arguments.frame, 'columns': columns_of(arguments)}
     if not os.path.isfile(path) or os.path.getsize(path) < LONG_RECORD:
         return read_trial(path, **how)
     with progress_of(f'reading {path}') as progress:

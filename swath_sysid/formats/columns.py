@@ -1,7 +1,6 @@
 """The columns of tables, for both wings: names with units to readings in SI units."""
 
-import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -11,7 +10,8 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import reading, shown
-from swath_sysid.formats.tables import Progress, TableHead, listed_names, read_columns, read_head
+from swath_sysid.formats.named_columns import NamedColumns, Progress, listed_names, plain_name
+from swath_sysid.formats.table_files import tables_in
 
 #: Units as the names of columns end in them, with their size in SI.
 UNITS = {
@@ -23,6 +23,8 @@ TIME, ANGLE, RATE, SPEED = ('s', 'ms', 'us', 'ns'), ('rad', 'deg'), ('rad_s', 'd
 SAMPLES = 'samples'  #: The unit of a time column that numbers the samples; a comment line says how many a second.
 
 TIME_NAMES = ('time', 't', 'stamp', 'timestamp', 'header_stamp')
+#: Of a number beside the columns that stands in for a time, per second and in seconds.
+RATES, INTERVALS = ('sample_rate_hz', 'sample_rate', 'rate_hz', 'fs', 'fs_hz'), ('dt', 'dt_s')
 DATE_NAMES = (*TIME_NAMES, 'date', 'datetime', 'date_time', 'utc', 'time_utc', 'utc_time')  #: Of dates, without a unit.
 
 #: A reading, the names of its column without the unit, and its units.
@@ -52,11 +54,15 @@ MANOEUVRE_QUANTITIES: tuple[Quantity, ...] = (
     *((name, (name,), ('m',)) for name in ('x', 'y', 'east', 'north')),
 )
 
+NO_COLUMN = -1  #: The place of a time that only a sample rate gives.
 EPOCH_SECONDS = 1e8  #: A time that begins beyond this counts from an epoch.
 SIMILAR = 0.85  #: Likeness, from 0 to 1, of a name that may be a slip of the pen.
 SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3  #: Difference of two columns of one quantity, as share or in SI, by rounding.
 
 UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
+
+
+UNKNOWN = 'columns-unknown'  #: Code of the errors that an assignment of columns mends.
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,10 @@ class Column:
     def scale(self) -> float:
         """Its unit in SI."""
         return UNITS.get(self.unit, 1.0)
+
+
+#: A table that has what is needed: its plain names, its columns to read, and the names of those that lack a unit.
+_Match = tuple[NamedColumns, Sequence[str], tuple[Column, ...], list[str]]
 
 
 @dataclass(frozen=True)
@@ -111,13 +121,19 @@ class Table:
             # subtracted before the nanoseconds are added: a double resolves an epoch to 0.2 us only
             time = sum(further, time - self.start)
             return time - _first_finite(time)
-        rate = self.remark('sample_rate_hz') if self.columns[0].unit == SAMPLES else 1.0
-        if rate is None or not 0.0 < rate < np.inf:
-            raise InputError(
-                f"{self.path} numbers its samples and says 'sample_rate_hz: {rate}', which must be greater than zero: "
-                "put a line '# sample_rate_hz: 100' above the columns"
-            )
+        rate = self._rate() if self.columns[0].unit == SAMPLES else 1.0
         return sum(further, time) / rate
+
+    def _rate(self) -> float:
+        """Samples a second, as the file says beside its columns."""
+        key = _rate_key(self.remarks) or RATES[0]
+        said = self.remark(key)
+        if said is None or not 0.0 < said < np.inf:
+            raise InputError(
+                f"{self.path} numbers its samples and says '{key}: {said}', which must be greater than zero: state "
+                "the rate, in a CSV file by a line '# sample_rate_hz: 100' above the columns"
+            )
+        return 1.0 / said if plain_name(key) in INTERVALS else said
 
     def readings(self) -> dict[str, np.ndarray]:
         """Reading to values in SI units, of the first column of each; columns that contradict it are refused."""
@@ -140,29 +156,39 @@ def read_table(
     quantities: Iterable[Quantity],
     lacking: Callable[[set[str]], str],
     progress: Progress | None = None,
+    assigned: Mapping[str, str] | None = None,
 ) -> Table:
-    """Read the known columns of a text file; ``lacking`` says of the readings found what is missing, if anything."""
+    """Read the known columns of a file, from its one table that has them.
+
+    Args:
+        path: Of the file.
+        quantities: What is known.
+        lacking: From the readings found, what is missing, if anything.
+        progress: Called with 0 to 1 while a long file is read.
+        assigned: Columns by the quantity that they hold, as in ``{'roll': 'Phi:deg'}``.
+
+    Raises:
+        InputError: No table or several have what is needed, or the columns of one cannot be read.
+    """
     with reading(path):
-        head = read_head(path)
-        plain = [plain_name(name) for name in head.names]
-        columns, unitless = _find_columns(path, head, plain, quantities)
-        if missing := lacking({column.reading for column in columns}):
-            if unitless:
-                raise InputError(f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}")
-            raise InputError(f'{path} has no {missing}; found {listed_names(head.names)}: name the columns so')
-        values, advice = read_columns(path, head, [column.index for column in columns], progress)
+        matches, problems = [], []
+        tables = tables_in(path)
+        for table in tables:
+            try:
+                matches.append(_matched(path, table, quantities, lacking, assigned or {}))
+            except InputError as error:
+                problems.append(error)
+        if len(matches) != 1:
+            raise _choice_is_open(path, tables, matches, problems)
+        table, plain, columns, unitless = matches[0]
+        values, advice = table.read([column.index for column in columns if column.index != NO_COLUMN], progress)
+    if columns[0].index == NO_COLUMN:
+        values = np.vstack([np.arange(values.shape[1]), values])
     if unitless:
         advice += (Advice.of('unit-missing', columns=listed_names(unitless), unit_advice=UNIT_ADVICE),)
-    if meant := _likely_meant(head, plain, columns, quantities):
+    if meant := _likely_meant(table, plain, columns, quantities):
         advice += (Advice.of('columns-misspelt', pairs=meant),)
-    return Table(path, head.remarks, columns, values, advice)
-
-
-def plain_name(name: str) -> str:
-    """``Roll rate [deg/s]`` as ``roll_rate_deg_s``."""
-    plain = name.lower().replace('°', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
-    plain = re.sub('[^a-z0-9]+', '_', plain).strip('_')
-    return re.sub('_(per|p)_', '_', plain)
+    return Table(path, table.remarks, columns, values, advice)
 
 
 def agree(one: np.ndarray, other: np.ndarray) -> bool:
@@ -186,8 +212,77 @@ def _names(quantities: Iterable[Quantity]) -> dict[str, tuple[str, str]]:
     }
 
 
+def _matched(
+    path: str | Path,
+    table: NamedColumns,
+    quantities: Iterable[Quantity],
+    lacking: Callable[[set[str]], str],
+    assigned: Mapping[str, str],
+) -> _Match:
+    """The columns to read of a table that has what is needed."""
+    plain = _with_assigned(path, table, quantities, assigned)
+    columns, unitless = _find_columns(path, table, plain, quantities)
+    missing = lacking({column.reading for column in columns})
+    if missing and unitless:
+        raise InputError(f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}", UNKNOWN)
+    if missing:
+        meant = _likely_meant(table, plain, columns, quantities)
+        listed = listed_names(table.names) + (f' ({meant})' if meant else '')
+        raise InputError(f'{path} has no {missing}; found {listed}: name the columns so, or assign them', UNKNOWN)
+    return table, plain, columns, unitless
+
+
+def _choice_is_open(
+    path: str | Path, tables: Sequence[NamedColumns], matches: Sequence[_Match], problems: Sequence[InputError]
+) -> InputError:
+    """Why not one table of a file is the one to read."""
+    if matches:
+        table, column = matches[0][0], matches[0][2][-1]
+        listed = listed_names([match[0].name for match in matches])
+        return InputError(
+            f'{path} holds {len(matches)} tables that can be read ({listed}): choose one by assigning a column of it, '
+            f"as in '{column.reading}={table.name}/{column.name}:{column.unit}'",
+            UNKNOWN,
+        )
+    if len(tables) == 1:
+        return problems[0]
+    listed = listed_names([f'{table.name}/{name}'.lstrip('/') for table in tables for name in table.names])
+    return InputError(f'{path} holds {len(tables)} tables, {listed}; of the first: {problems[0]}', UNKNOWN)
+
+
+def _with_assigned(
+    path: str | Path, table: NamedColumns, quantities: Iterable[Quantity], assigned: Mapping[str, str]
+) -> list[str]:
+    """The plain names, where the caller assigns a quantity those that say so; no other column holds it then."""
+    plain = [plain_name(name) for name in table.names]
+    known = _names(quantities)
+    known |= {name: ('time', '') for name in (*DATE_NAMES, *(_with_unit(n, u) for n in TIME_NAMES for u in TIME))}
+    for quantity, source in assigned.items():
+        name, _, unit = source.rpartition(':')
+        if plain_name(unit) not in UNITS or not name:
+            name, unit = source, ''
+        wanted = _with_unit(plain_name(quantity), plain_name(unit))
+        if wanted not in known:
+            examples = [each for each in known if each.startswith(plain_name(quantity))] or list(known)
+            raise InputError(
+                f"'{quantity}={source}' is not a quantity, its column and its unit, as in roll=Phi:deg: quantities "
+                f'with their units are {listed_names(examples)}'
+            )
+        whole = [(each, f'{table.name}/{each}', f'{table.name}.{each}') for each in table.names]
+        place = next((k for k, names in enumerate(whole) if name in names), None)
+        if place is None:
+            near = get_close_matches(name, table.names, 1)
+            meant = f' (did you mean {shown(near[0])}?)' if near else ''
+            raise InputError(
+                f"{path} has no column '{shown(name)}'{meant}: assign one of {listed_names(table.names)}", UNKNOWN
+            )
+        plain = ['' if known.get(each, ('',))[0] == known[wanted][0] else each for each in plain]
+        plain[place] = wanted
+    return plain
+
+
 def _find_columns(
-    path: str | Path, head: TableHead, plain: Sequence[str], quantities: Iterable[Quantity]
+    path: str | Path, head: NamedColumns, plain: Sequence[str], quantities: Iterable[Quantity]
 ) -> tuple[tuple[Column, ...], list[str]]:
     """The columns to read, those of the time first, and the names of those that lack a unit."""
     known = _names(quantities)
@@ -197,23 +292,29 @@ def _find_columns(
         unitless = next((head.names[k] for k, name in enumerate(plain) if name in TIME_NAMES), None)
         if unitless is not None:
             raise InputError(
-                f"{path} has a column '{shown(unitless)}' without a unit: call it time_s, time_ms, time_us or time_ns"
+                f"{path} has a column '{shown(unitless)}' without a unit: call it time_s, time_ms, time_us or time_ns",
+                UNKNOWN,
             )
-        raise InputError(
-            f'{path} has no time column: looked for time_s, time_ms, time_us, time_ns (or t_, stamp_, timestamp_), or '
-            f'time with dates such as 2026-05-01T12:00:00.25Z; found {listed_names(head.names)}: name the columns so'
-        )
+        key = _rate_key(head.remarks)
+        if key is None:
+            raise InputError(
+                f'{path} has no time column: looked for time_s, time_ms, time_us, time_ns (or t_, stamp_, timestamp_), '
+                f'time with dates such as 2026-05-01T12:00:00.25Z, or a number {RATES[0]} or fs; found '
+                f'{listed_names(head.names)}: name the columns so, or assign them',
+                UNKNOWN,
+            )
+        columns = [Column('time', key, NO_COLUMN, SAMPLES)]
     columns += [
         Column(known[name][0], head.names[k], k, known[name][1]) for k, name in enumerate(plain) if name in known
     ]
-    read = [plain[column.index] for column in columns]
+    read = [column.name if column.index == NO_COLUMN else plain[column.index] for column in columns]
     twice = next((column.name for k, column in enumerate(columns) if read[k] in read[:k]), None)
     if twice is not None:
         raise InputError(f"{path} has two columns '{shown(twice)}': leave one out, or rename it")
     return tuple(columns), [head.names[k] for k, name in enumerate(plain) if name in bare]
 
 
-def _time_columns(plain: Sequence[str], head: TableHead) -> list[Column]:
+def _time_columns(plain: Sequence[str], head: NamedColumns) -> list[Column]:
     """The column (or the two columns, seconds and nanoseconds) of the time, by the first of its names that is there."""
     with_units = [(_with_unit(name, unit), unit) for name in TIME_NAMES for unit in (*TIME, SAMPLES)]
     dated = {*DATE_NAMES, *(name for name, _ in with_units)}
@@ -232,7 +333,7 @@ def _time_columns(plain: Sequence[str], head: TableHead) -> list[Column]:
 
 
 def _likely_meant(
-    head: TableHead, plain: Sequence[str], columns: Sequence[Column], quantities: Iterable[Quantity]
+    head: NamedColumns, plain: Sequence[str], columns: Sequence[Column], quantities: Iterable[Quantity]
 ) -> str:
     """Names that are not read and near to the name of a reading that is not there, with that name."""
     there = {column.reading for column in columns}
@@ -243,6 +344,11 @@ def _likely_meant(
         near = [] if place in read else get_close_matches(name, missing, 1, SIMILAR)
         pairs += [f"'{shown(head.names[place])}': did you mean {near[0]}?" for near in [near] if near]
     return ', '.join(pairs[:3])
+
+
+def _rate_key(remarks: Mapping[str, str]) -> str | None:
+    """What says the sample rate or interval."""
+    return next((key for key in remarks if plain_name(key) in (*RATES, *INTERVALS)), None)
 
 
 def _first_finite(values: np.ndarray) -> float:

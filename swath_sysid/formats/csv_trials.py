@@ -1,6 +1,7 @@
-"""CSV trials: a line of column names that say their units, and lines of numbers."""
+"""Trials in tables: column names that say their units, and numbers."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import MOTION_QUANTITIES, Table, agree, read_table
 from swath_sysid.formats.input_files import shown
-from swath_sysid.formats.tables import Progress, write_table
+from swath_sysid.formats.named_columns import Progress
+from swath_sysid.formats.tables import write_table
 
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}  #: rad, with some rounding.
 BROKEN_SHARE = 0.01  #: Of values beyond all limits, which may be broken packets.
@@ -31,8 +33,9 @@ def read_csv(
     frame: str | None = None,
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
     progress: Progress | None = None,
+    columns: Mapping[str, str] | None = None,
 ) -> Trial:
-    """Read a trial from a CSV file.
+    """Read a trial from a CSV file, or from a table of another format.
 
     Columns are found by name, in any order; capitals, spaces, brackets and slashes do not matter:
     ``Roll rate [deg/s]`` is ``roll_rate_deg_s``. Delimiters are comma, semicolon, tab or spaces;
@@ -53,13 +56,13 @@ def read_csv(
 
     Comment lines above (``# key: value``) may give ``draft_m``, ``initial_angle_deg`` or
     ``initial_angle_rad``, ``frame``, ``mounting_deg`` (roll, pitch, yaw of the sensor, as in ``180, 0, 0``), and
-    ``sample_rate_hz``, which goes with ``time_samples``.
+    ``sample_rate_hz`` (or ``fs``, ``dt``), which goes with ``time_samples`` or replaces the time.
 
     A quantity that appears in two columns is read where both agree, and a column whose name is near to a known one is
     reported. Frame and mounting, where they are not given, are
     those that the file states. Parameters and errors are those of `swath_sysid.formats.reading.read_trial`.
     """
-    table = read_table(path, MOTION_QUANTITIES, _lacking, progress)
+    table = read_table(path, MOTION_QUANTITIES, _lacking, progress, columns)
     _check_units(table)
     readings = table.readings()
     _refuse_contradicting_orientation(path, readings)

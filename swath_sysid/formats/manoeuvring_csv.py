@@ -1,5 +1,6 @@
 """CSV records of manoeuvres: thrusters, speeds, yaw, position."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,10 @@ USUAL_NEUTRAL, USUAL_FULL = 1500.0, 1900.0  #: us; pulses for no thrust and for 
 LARGEST_COMMAND = 1.5  #: A larger command is not normalised.
 
 
-def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> ManoeuvringTrial:
-    """Read a record of a manoeuvre.
+def read_manoeuvring_csv(
+    path: str | Path, frame: str | None = None, columns: Mapping[str, str] | None = None
+) -> ManoeuvringTrial:
+    """Read a record of a manoeuvre from a CSV file or a table of another format.
 
     Columns, in any order: the time as in trials; ``port_thrust_n`` and ``starboard_thrust_n``, or ``port_command`` and
     ``starboard_command``, or ``port_pwm_us`` and ``starboard_pwm_us``; any of ``surge_m_s``, ``sway_m_s``,
@@ -30,6 +33,7 @@ def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> Manoeuvr
     Args:
         path: Of the file.
         frame: ``enu`` or ``ned``; by default what the file states, else not stated.
+        columns: Columns by the quantity that they hold, as in `read_trial`.
 
     Returns:
         The channels in SI units, for `prepare_runs`.
@@ -42,7 +46,7 @@ def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> Manoeuvr
         >>> trial.thrust_input, sorted(trial.measured())
         ('force', ['heading', 'surge', 'sway', 'x', 'y', 'yaw_rate'])
     """
-    table = read_table(path, MANOEUVRE_QUANTITIES, _lacking)
+    table = read_table(path, MANOEUVRE_QUANTITIES, _lacking, assigned=columns)
     found = table.readings()
     thrust_input, port, starboard = _thrusters(table, found)
     frame = (frame or table.remarks.get('frame', '')).lower() or None

@@ -12,7 +12,8 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import reading
-from swath_sysid.formats.tables import Progress, listed_names, read_columns, read_head
+from swath_sysid.formats.named_columns import Progress, listed_names
+from swath_sysid.formats.tables import read_columns, read_head
 
 SAMPLE_TIME_FINE_HZ = 10_000  #: Ticks a second of the sensor's clock.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,25 +15,11 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.input_files import existing, reading
 from swath_sysid.formats.mti import is_mti, read_mti
-from swath_sysid.formats.tables import Progress, read_head
+from swath_sysid.formats.named_columns import Progress
+from swath_sysid.formats.table_files import head_of_text, kind_of
 
 if TYPE_CHECKING:
     from swath_sysid.formats.bags import ImuRecord
-
-#: First bytes of files that are none of ours, and what to do with them.
-FOREIGN = {
-    b'#ROSBAG V': 'a ROS 1 bag: convert it with rosbags-convert --src OLD.bag --dst NEW',
-    b'PK\x03\x04': 'a zip archive or a spreadsheet: unpack it, or save it as CSV',
-    b'\x1f\x8b': 'compressed with gzip: unpack it first',
-    b'\x28\xb5\x2f\xfd': 'compressed with zstd: unpack it, or give its bag folder',
-    b'\xd0\xcf\x11\xe0': 'an old spreadsheet: save it as CSV',
-    b'PAR1': 'a Parquet table: save it as CSV, a row a sample',
-    b'TDSm': 'a LabVIEW TDMS file: export it as CSV, with one line of column names',
-    b'LabVIEW Measurem': 'a LabVIEW measurement file: export it as CSV, with one line of column names',
-    b'MATLAB 5.0 MAT-f': 'a MATLAB file: save its signals as CSV (writetable)',
-    b'\x89HDF': 'an HDF5 file (or a MATLAB file of version 7.3): save its signals as CSV',
-    b'\xfa\xff': 'a binary MTi log: export it as text in MT Manager',
-}
 
 
 def read_trial(
@@ -42,17 +29,20 @@ def read_trial(
     frame: str | None = None,
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
     progress: Progress | None = None,
+    columns: Mapping[str, str] | None = None,
 ) -> Trial:
-    """Read a trial from a CSV file, a rosbag2 bag, or an MTi text export.
+    """Read a trial from a rosbag2 bag, an MTi text export or a table: CSV, .mat, .tdms, .lvm, .xlsx, .parquet, .h5.
 
-    The kind of file is found from its content, not from its name.
+    The kind of file is found from its content, not from its name. Tables have their columns named as in CSV.
 
     Args:
         path: Of a file or a bag folder.
         topic: The IMU topic, for bags that hold several.
         frame: ``flu`` or ``frd``: the sensor's axes; by default that stated in a CSV file, else ``flu``.
         mounting: Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, that stated in a CSV file.
-        progress: Called with 0 to 1 while a long text is read.
+        progress: Called with 0 to 1 while a long table is read.
+        columns: The columns of a table by the quantity that they hold, where their names do not say so, as in
+            ``{'roll': 'Phi:deg', 'time': 't:s'}``.
 
     Returns:
         The motion in the craft's axes and SI units, with advice on what was repaired or left out.
@@ -79,10 +69,10 @@ def read_trial(
             raise InputError(f'{path} is a folder without a rosbag2 bag in it: give a trial file or a bag folder')
         if topic:
             raise InputError(f'{path} is not a bag, so it has no topic {topic}: leave the topic out, or give a bag')
-        _refuse_foreign(path)
         try:
-            head = read_head(path)
-            return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting, progress)
+            if not columns and kind_of(path) is None and is_mti(head_of_text(path).names):
+                return read_mti(path, frame, mounting, progress)
+            return read_csv(path, frame, mounting, progress, columns)
         except InputError as error:
             if path.suffix in MAGIC.values():
                 raise InputError(
@@ -98,6 +88,7 @@ def read_readings(
     *,
     frame: str = 'flu',
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    columns: Mapping[str, str] | None = None,
 ) -> ImuRecord:
     """The IMU messages of a bag, as they are; of other trials, those that an IMU would have sent in craft axes."""
     from swath_sysid.formats.bags import ImuRecord, imu_values, is_bag, read_imu
@@ -108,7 +99,7 @@ def read_readings(
         bag = False  # read_trial says what is wrong
     if bag:
         return read_imu(path, topic)
-    trial = read_trial(path, topic=topic, frame=None if frame == 'flu' else frame, mounting=mounting)
+    trial = read_trial(path, topic=topic, frame=None if frame == 'flu' else frame, mounting=mounting, columns=columns)
     stamps = np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
     return ImuRecord(stamps, imu_values(replace(trial, yaw_rate=None)), in_craft_axes=True, advice=trial.advice)
 
@@ -122,11 +113,3 @@ def source_hash(path: str | Path) -> str:
                 return hashlib.file_digest(file, 'sha256').hexdigest()
         files = sorted(file for file in path.iterdir() if file.is_file())
         return hashlib.sha256('\0'.join(f'{file.name}\0{source_hash(file)}' for file in files).encode()).hexdigest()
-
-
-def _refuse_foreign(path: str | Path) -> None:
-    with open(path, 'rb') as file:
-        start = file.read(16)
-    for magic, what in FOREIGN.items():
-        if start.startswith(magic):
-            raise InputError(f'{path} is {what}')

@@ -4,7 +4,6 @@ import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -14,6 +13,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.input_files import BLOCK_BYTES, shown
+from swath_sysid.formats.named_columns import ISO_TIME, MISSING, Progress, known_number, seconds_of_text
 
 COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
 HEAD_BYTES = 1 << 16  #: How much text is looked at to find the columns.
@@ -27,13 +27,6 @@ QUOTED = re.compile(r'"([^"\n]*)"')
 
 LINES_TOGETHER = 1000  #: Lines that are written at once, or parsed cell by cell where one of them is damaged.
 
-#: ISO 8601, with or without a zone.
-ISO_TIME = re.compile(r'"?\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?"?', re.I)
-
-#: How a missing value may be written, beside nan.
-MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
-
-Progress = Callable[[float], None]  #: Takes the share done, 0 to 1.
 Readers = dict[int | str, Callable[[str], float]]  #: Of the cells of columns, by their places.
 
 
@@ -100,7 +93,7 @@ def read_columns(
 
     Dates become seconds since 1970; one without a zone counts as UTC.
     """
-    parser = _BlockParser(head, tuple(indices))
+    parser = BlockParser(head, tuple(indices))
     with _opened(path) as file:
         size = file.seek(0, io.SEEK_END)
         file.seek(head.offset)
@@ -127,20 +120,14 @@ def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[s
             file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
 
 
-def listed_names(names: Sequence[str]) -> str:
-    """The names of columns, fit for one line of a message."""
-    listed = ', '.join(shown(name) for name in names[:12])
-    return f'{listed} and {len(names) - 12} more' if len(names) > 12 else listed
-
-
-class _BlockParser:
+class BlockParser:
     """Parses a table block by block: fast where it is clean, cell by cell where it is not."""
 
     def __init__(self, head: TableHead, indices: Sequence[int]) -> None:
         self.head = head
         self.indices = indices
-        self.dates: Readers = {index: _seconds for index in indices if index in head.dates}
-        self.readers: Readers = {index: self.dates.get(index, _known) for index in indices}
+        self.dates: Readers = {index: seconds_of_text for index in indices if index in head.dates}
+        self.readers: Readers = {index: self.dates.get(index, known_number) for index in indices}
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line
         self.text_cells = 0
@@ -226,20 +213,6 @@ class _BlockParser:
             self.text_cells += 1
             self.first_text = self.first_text or (line, self.head.names[index], cell.strip())
             return np.nan
-
-
-def _known(cell: str) -> float:
-    """A number, NaN where it is missing."""
-    return np.nan if cell.strip().lower() in MISSING else float(cell)
-
-
-def _seconds(cell: str) -> float:
-    """Seconds since 1970 of a date, with or without a zone; a number stays."""
-    try:
-        return _known(cell)
-    except ValueError:
-        moment = datetime.fromisoformat(cell.strip())
-        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def _opened(path: str | Path) -> BinaryIO:

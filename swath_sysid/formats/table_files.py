@@ -1,0 +1,123 @@
+"""The tables in a file, whatever format it has."""
+
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import shown
+from swath_sysid.formats.named_columns import NamedColumns, Progress, Read
+from swath_sysid.formats.tables import TableHead, read_columns, read_head
+
+#: First bytes of files that are none of ours, and what to do with them.
+FOREIGN = {
+    b'#ROSBAG V': 'a ROS 1 bag: convert it with rosbags-convert --src OLD.bag --dst NEW',
+    b'PK\x03\x04': 'a zip archive: unpack it',
+    b'\x1f\x8b': 'compressed with gzip: unpack it first',
+    b'\x28\xb5\x2f\xfd': 'compressed with zstd: unpack it, or give its bag folder',
+    b'\xd0\xcf\x11\xe0': 'an old spreadsheet: save it as .xlsx or CSV',
+    b'\xfa\xff': 'a binary MTi log: export it as text in MT Manager',
+}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A format of data acquisition."""
+
+    what: str
+    start: bytes  #: Its first bytes.
+    ending: str
+    module: str  #: In `swath_sysid.formats.tank`.
+    library: str  #: As pip names it.
+
+
+KINDS = (
+    Kind('a MATLAB file', b'MATLAB 5.0 MAT-f', '.mat', 'mat', 'scipy'),
+    Kind('a MATLAB file of version 7.3', b'MATLAB 7.3 MAT-f', '.mat', 'hdf5', 'h5py'),
+    Kind('an HDF5 file', b'\x89HDF\r\n\x1a\n', '.h5', 'hdf5', 'h5py'),
+    Kind('a LabVIEW TDMS file', b'TDSm', '.tdms', 'tdms', 'npTDMS'),
+    Kind('a LabVIEW measurement file', b'LabVIEW Measurem', '.lvm', 'lvm', 'numpy'),
+    Kind('a spreadsheet', b'PK\x03\x04', '.xlsx', 'xlsx', 'openpyxl'),
+    Kind('a Parquet table', b'PAR1', '.parquet', 'parquet', 'pyarrow'),
+)
+ENDINGS = tuple(dict.fromkeys(kind.ending for kind in KINDS))
+
+
+def kind_of(path: str | Path) -> Kind | None:
+    """The format of a file by its first bytes, None for a text; foreign files are refused."""
+    with open(path, 'rb') as file:
+        start = file.read(16)
+    for kind in KINDS:
+        if start.startswith(kind.start) and (kind.ending != '.xlsx' or _is_spreadsheet(path)):
+            return kind
+    for magic, what in FOREIGN.items():
+        if start.startswith(magic):
+            raise InputError(f'{path} is {what}')
+    return None
+
+
+def tables_in(path: str | Path) -> list[NamedColumns]:
+    """Every table of a file, whose numbers are read when they are asked for."""
+    kind = kind_of(path)
+    if kind is None:
+        head = head_of_text(path)
+        return [NamedColumns(head.names, partial(read_columns, path, head), head.remarks, head.dates)]
+    with _guarded(path, kind):
+        tables = import_module(f'swath_sysid.formats.tank.{kind.module}').tables(path)
+    if not tables:
+        raise InputError(f'{path} is {kind.what} without columns of numbers: save a vector or column for each signal')
+    return [replace(table, read=partial(_read, path, kind, table.read)) for table in tables]
+
+
+def head_of_text(path: str | Path) -> TableHead:
+    """What precedes the numbers of a text; the name of another format beside no text is reported."""
+    try:
+        return read_head(path)
+    except InputError as error:
+        if Path(path).suffix.lower() in ENDINGS:
+            raise InputError(
+                f'{path} is named {Path(path).suffix} but is no such file, and no table as text either: copy or export '
+                'it again'
+            ) from error
+        raise
+
+
+def _read(
+    path: str | Path, kind: Kind, read: Read, places: Sequence[int], progress: Progress | None
+) -> tuple[np.ndarray, tuple[Advice, ...]]:
+    with _guarded(path, kind):
+        return read(places, progress)
+
+
+@contextmanager
+def _guarded(path: str | Path, kind: Kind) -> Iterator[None]:
+    """Whatever a library raises over a file becomes one sentence."""
+    try:
+        yield
+    except InputError:
+        raise
+    except ImportError as error:
+        raise InputError(
+            f'{path} is {kind.what}, and {kind.library}, which reads it, is not installed: pip install {kind.library}'
+        ) from error
+    except Exception as error:  # libraries raise anything over a damaged file
+        raise InputError(
+            f'{path} is {kind.what} that is damaged or cut off ({shown(error)}): copy or export it again'
+        ) from error
+
+
+def _is_spreadsheet(path: str | Path) -> bool:
+    if Path(path).suffix.lower() == '.xlsx':
+        return True
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return 'xl/workbook.xml' in archive.namelist()
+    except zipfile.BadZipFile:
+        return False

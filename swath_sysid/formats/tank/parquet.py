@@ -1,0 +1,32 @@
+"""Parquet files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from swath_sysid.formats.named_columns import NamedColumns, Progress, check_size, numbers_of
+
+
+def tables(path: str | Path) -> list[NamedColumns]:
+    """The one table."""
+    from pyarrow import parquet, types
+
+    with parquet.ParquetFile(path) as file:
+        schema, remarks = file.schema_arrow, file.metadata.metadata or {}
+        check_size(path, file.metadata.num_rows * len(schema.names))
+
+    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[()]]:
+        names = [schema.names[place] for place in places]
+        parts = [np.empty((len(names), 0))]
+        with parquet.ParquetFile(path) as file:
+            for group in range(file.num_row_groups):
+                rows = file.read_row_group(group, columns=names)
+                parts.append(np.stack([numbers_of(rows[name].to_numpy()) for name in names]))
+                if progress is not None:
+                    progress((group + 1) / file.num_row_groups)
+        return np.concatenate(parts, axis=1), ()
+
+    said = {key.decode().lower(): value.decode() for key, value in remarks.items() if not key.startswith(b'ARROW')}
+    dates = frozenset(place for place, kind in enumerate(schema.types) if types.is_timestamp(kind))
+    return [NamedColumns(tuple(schema.names), read, said, dates)]

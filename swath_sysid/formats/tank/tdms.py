@@ -1,0 +1,49 @@
+"""LabVIEW TDMS files: a table for each group of channels."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.named_columns import NamedColumns, Progress, Read, by_length, check_size, numbers_of, with_unit
+
+
+def tables(path: str | Path) -> list[NamedColumns]:
+    """The channels of each group, with their units; those of a waveform state its interval."""
+    from nptdms import TdmsFile
+
+    with TdmsFile.open(path) as file:
+        if file.file_status.incomplete_final_segment:
+            raise InputError(f'{path} was cut off while it was written or copied: copy it again, or export its rest')
+        channels = [(group, channel) for group in file.groups() for channel in group.channels()]
+        check_size(path, sum(len(channel) for _, channel in channels))
+        found = []
+        for group in file.groups():
+            for columns in by_length((channel.name, channel) for channel in group.channels()):
+                found.append(_table(path, {**file.properties, **group.properties}, group.name, columns))
+    return found
+
+
+def _table(path: str | Path, properties: dict[str, Any], group: str, channels: dict[str, Any]) -> NamedColumns:
+    intervals = {channel.properties.get('wf_increment') for channel in channels.values()} - {None}
+    remarks = {key.lower(): str(value) for key, value in properties.items()}
+    remarks |= {'dt': str(intervals.pop())} if len(intervals) == 1 else {}
+    return NamedColumns(
+        tuple(with_unit(name, str(channel.properties.get('unit_string', ''))) for name, channel in channels.items()),
+        _reader(path, group, list(channels)),
+        remarks,
+        frozenset(place for place, channel in enumerate(channels.values()) if channel.dtype.kind == 'M'),
+        group,
+    )
+
+
+def _reader(path: str | Path, group: str, names: Sequence[str]) -> Read:
+    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[()]]:
+        from nptdms import TdmsFile
+
+        with TdmsFile.open(path) as file:
+            return np.stack([numbers_of(file[group][names[place]][:]) for place in places]), ()
+
+    return read

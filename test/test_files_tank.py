@@ -1,0 +1,309 @@
+"""Files of data acquisition: each gives the motion and the fit that the CSV file of the same record gives."""
+
+import contextlib
+import io
+import json
+import sys
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.io import savemat
+
+from swath_sysid.campaign.manifest import read_manifest
+from swath_sysid.cli.main import main
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats import named_columns
+from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv
+from swath_sysid.formats.reading import read_trial
+
+STEP = 0.05
+TIME = STEP * np.arange(400)
+ROLL = 6.0 * np.exp(-0.12 * TIME) * np.cos(2.5 * TIME)
+COLUMNS = {'time_s': TIME, 'roll_deg': ROLL, 'wave [m]': 0.1 * np.sin(TIME)}
+
+
+def write_csv(path, columns):
+    rows = zip(*columns.values(), strict=True)
+    path.write_text(','.join(columns) + '\n' + '\n'.join(','.join(map(repr, map(float, row))) for row in rows))
+
+
+def write_iso(path, columns):
+    names = ['time' if name == 'time_s' else name for name in columns]
+    start = datetime(2026, 5, 1, 12, tzinfo=UTC)
+    rows = [
+        [(start + timedelta(seconds=row[0])).isoformat(), *map(repr, map(float, row[1:]))]
+        for row in zip(*columns.values(), strict=True)
+    ]
+    path.write_text('\n'.join(map(','.join, [names, *rows])))
+
+
+def variables(columns):
+    """The names that MATLAB allows."""
+    return {named_columns.plain_name(name): values for name, values in columns.items()}
+
+
+def write_mat(path, columns):
+    savemat(path, variables(columns), do_compression=True)
+
+
+def write_mat_struct(path, columns):
+    savemat(path, {'record': variables(columns), 'note': 'calm', 'gains': np.arange(3.0)}, oned_as='column')
+
+
+def write_hdf5(path, columns):
+    h5py = pytest.importorskip('h5py')
+    with h5py.File(path, 'w', userblock_size=512) as file:
+        for name, values in variables(columns).items():
+            file.create_dataset(name, data=np.asarray(values)[None, :])
+        file.create_group('#refs#')
+    with open(path, 'r+b') as file:
+        file.write(b'MATLAB 7.3 MAT-file, Platform: GLNXA64'.ljust(512))
+
+
+def write_tdms(path, columns):
+    nptdms = pytest.importorskip('nptdms')
+    channels = []
+    for name, values in columns.items():
+        plain, _, unit = named_columns.plain_name(name).rpartition('_')
+        channels.append(nptdms.ChannelObject('Run 1', plain, values, properties={'unit_string': unit}))
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([nptdms.GroupObject('Setup'), *channels])
+
+
+def write_lvm(path, columns, segments=1, x_columns='One'):
+    """As LabVIEW's 'Write To Measurement File' does, with decimal commas."""
+    (_, time), *signals = columns.items()
+    labels = [name.rstrip(']').replace(' [', '_').rpartition('_')[::2] for name, _ in signals]
+    lines = ['LabVIEW Measurement\t', 'Writer_Version\t2', 'Separator\tTab', 'Decimal_Separator\t,']
+    lines += [f'X_Columns\t{x_columns}', 'Time_Pref\tRelative', 'Date\t2026/05/01', '***End_of_Header***\t', '\t']
+    for rows in np.array_split(np.arange(time.size), segments):
+        lines += [f'Channels\t{len(signals)}\t', f'Samples\t{rows.size}', f'X0\t{time[rows[0]]}\t{time[rows[0]]}']
+        lines += ['\t'.join(('Y_Unit_Label', *(unit for _, unit in labels))), 'X_Dimension\tTime\tTime']
+        lines += [f'Delta_X\t{STEP}\t{STEP}', '***Start_Special***\t', 'x\t1', '***End_Special***\t']
+        lines += ['***End_of_Header***\t', '\t'.join(('X_Value', *(name for name, _ in labels), 'Comment'))]
+        first = time if x_columns == 'One' else [None] * time.size
+        for row in rows:
+            cells = (
+                '' if value is None else repr(float(value)) for value in (first[row], *(s[row] for _, s in signals))
+            )
+            lines.append('\t'.join(cells).replace('.', ','))
+        lines.append('')
+    path.write_text('\r\n'.join(lines) + '\r\n', newline='')
+
+
+def write_xlsx(path, columns):
+    openpyxl = pytest.importorskip('openpyxl')
+    book = openpyxl.Workbook()
+    book.active.title = 'Notes'
+    book.active.append(['A decay, in calm water'])
+    sheet = book.create_sheet('Run 1')
+    for row in (['Model tank'], ['draft_m', 0.154], [], list(columns), *zip(*columns.values(), strict=True)):
+        sheet.append([cell.item() if isinstance(cell, np.generic) else cell for cell in row])
+    book.save(path)
+
+
+def write_parquet(path, columns):
+    pyarrow = pytest.importorskip('pyarrow')
+    from pyarrow import parquet
+
+    parquet.write_table(pyarrow.table(columns), path, row_group_size=150)
+
+
+WRITERS = {
+    'iso.csv': write_iso,
+    '5.mat': write_mat,
+    'struct.mat': write_mat_struct,
+    '73.mat': write_hdf5,
+    'a.tdms': write_tdms,
+    'a.lvm': write_lvm,
+    'a.xlsx': write_xlsx,
+    'a.parquet': write_parquet,
+}
+PACKED = [name for name in WRITERS if not name.endswith('.csv')]
+
+
+@pytest.fixture(scope='module')
+def csv_fit(tmp_path_factory):
+    path = tmp_path_factory.mktemp('csv') / 'a.csv'
+    write_csv(path, COLUMNS)
+    return fit_of(path)
+
+
+def fit_of(path):
+    """R2 and coefficients that the command line prints."""
+    with contextlib.redirect_stdout(io.StringIO()) as text:
+        assert main(['identify', str(path), '--equation', 'b1|r1', '--json']) == 0
+    found = json.loads(text.getvalue())
+    return [found['r2'], *(ratio['value'] for ratio in found['ratios'].values())]
+
+
+@pytest.mark.parametrize('name', WRITERS)
+def test_a_fit_is_that_of_the_csv_file(tmp_path, csv_fit, name):
+    path = tmp_path / name
+    WRITERS[name](path, COLUMNS)
+    assert fit_of(path) == pytest.approx(csv_fit, rel=1e-4)
+
+
+@pytest.mark.parametrize('name', PACKED)
+def test_a_truncated_file_is_one_sentence(tmp_path, name, capsys):
+    path = tmp_path / name
+    WRITERS[name](path, COLUMNS)
+    whole = path.read_bytes()
+    for share in (0.001, 0.02, 0.1, 0.3, 0.6, 0.9, 0.99):
+        path.write_bytes(whole[: int(share * len(whole))])
+        if name == 'a.lvm' and share > 0.05:  # a text keeps its lines
+            assert 0 < read_trial(path).time.size < TIME.size
+            continue
+        assert main(['inspect', str(path)]) == 2
+        said = capsys.readouterr().err
+        assert said.count('\n') == 1 and str(path) in said and 'Traceback' not in said
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(name=st.sampled_from(PACKED), data=st.data())
+def test_damaged_bytes_give_a_trial_or_one_sentence(tmp_path, name, data):
+    path = tmp_path / name
+    if not (tmp_path / f'{name}.whole').exists():
+        WRITERS[name](path, COLUMNS)
+        (tmp_path / f'{name}.whole').write_bytes(path.read_bytes())
+    content = bytearray((tmp_path / f'{name}.whole').read_bytes())
+    for _ in range(3):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(content)
+    try:
+        assert read_trial(path).axes
+    except InputError as error:
+        assert '\n' not in str(error)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    kind=st.sampled_from(['5.mat', '73.mat', 'a.tdms', 'a.xlsx', 'a.parquet']),
+    quantity=st.sampled_from(['roll', 'pitch', 'roll_rate', 'gyro_y']),
+    unit=st.sampled_from(['rad', 'deg']),
+    clock=st.sampled_from(['s', 'ms', 'us']),
+    written=st.sampled_from(['{}_{}', '{} [{}]', '{} ({})']),
+    spelt=st.sampled_from([str.lower, str.upper, str.title]),
+)
+def test_names_and_units_are_matched_as_in_csv(tmp_path, kind, quantity, unit, clock, written, spelt):
+    unit += '/s' if quantity not in ('roll', 'pitch') else ''
+    names = written.format(spelt('time'), clock), written.format(spelt(quantity), unit)
+    if kind.endswith('mat'):
+        names = [named_columns.plain_name(name) for name in names]
+    scale = {'s': 1.0, 'ms': 1e3, 'us': 1e6}[clock]
+    columns = {names[0]: scale * TIME, names[1]: np.radians(ROLL) if 'rad' in unit else ROLL, 'remark': 0 * TIME}
+    write_csv(tmp_path / 'a.csv', columns)
+    WRITERS[kind](tmp_path / kind, columns)
+    found, expected = read_trial(tmp_path / kind), read_trial(tmp_path / 'a.csv')
+    assert found.channels.keys() == expected.channels.keys()
+    assert np.allclose(found.time, expected.time, atol=1e-9)
+    for channel, values in expected.channels.items():
+        assert np.allclose(found.channels[channel], values, equal_nan=True, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    'content',
+    [
+        {'fs': 1 / STEP, 'roll_deg': ROLL},
+        {'dt': STEP, 'record': {'roll_deg': ROLL, 'counts': np.arange(9)}},
+        {'run': {'sample_rate': 1 / STEP, 'roll_deg': ROLL[:, None]}},
+        {'time_s': TIME, 'record': {'roll_deg': ROLL, 'pitch_deg': 0 * ROLL}},
+    ],
+)
+def test_variables_and_structs_with_a_time_or_a_rate(tmp_path, content):
+    savemat(tmp_path / 'a.mat', content)
+    trial = read_trial(tmp_path / 'a.mat')
+    assert trial.time == pytest.approx(TIME) and np.degrees(trial.roll) == pytest.approx(ROLL)
+
+
+@pytest.mark.parametrize('layout', [{'segments': 3}, {'x_columns': 'No'}])
+def test_segments_of_labview_and_channels_without_a_time(tmp_path, layout):
+    write_lvm(tmp_path / 'a.lvm', COLUMNS, **layout)
+    trial = read_trial(tmp_path / 'a.lvm')
+    assert trial.time == pytest.approx(TIME) and np.degrees(trial.roll) == pytest.approx(ROLL) and trial.advice == ()
+    write_lvm(tmp_path / 'a.lvm', {**COLUMNS, 'time_s': 0 * TIME}, segments=2)
+    with pytest.raises(InputError, match="2 tables that can be read .segment 1, segment 2.*'roll=segment 1/roll"):
+        read_trial(tmp_path / 'a.lvm')
+
+
+def test_a_waveform_states_its_interval_and_a_group_can_be_chosen(tmp_path):
+    nptdms = pytest.importorskip('nptdms')
+    path = tmp_path / 'a.tdms'
+    units = {'wf_increment': STEP, 'unit_string': 'deg'}
+    with nptdms.TdmsWriter(path) as writer:
+        for group, sign in (('Run 1', 1.0), ('Run 2', -1.0)):
+            writer.write_segment([nptdms.ChannelObject(group, 'Roll', sign * ROLL, properties=units)])
+    with pytest.raises(InputError, match='2 tables that can be read .Run 1, Run 2.'):
+        read_trial(path)
+    trial = read_trial(path, columns={'roll': 'Run 2/Roll [deg]:deg'})
+    assert trial.time == pytest.approx(TIME) and np.degrees(trial.roll) == pytest.approx(-ROLL)
+
+
+def test_dates_and_units_in_a_row_of_their_own(tmp_path):
+    openpyxl = pytest.importorskip('openpyxl')
+    book = openpyxl.Workbook()
+    start = datetime(2026, 5, 1, 12)
+    rows = [[start + timedelta(milliseconds=1000 * t), float(r), None] for t, r in zip(TIME, ROLL, strict=True)]
+    for row in (['Time', 'Roll', 'Remark'], ['', 'deg', ''], rows[0][:2] + ['release'], *rows[1:], []):
+        book.active.append(row)
+    book.save(tmp_path / 'a.xlsx')
+    trial = read_trial(tmp_path / 'a.xlsx')
+    assert trial.time == pytest.approx(TIME, abs=1e-6) and np.degrees(trial.roll) == pytest.approx(ROLL)
+
+
+def test_assigned_columns_on_the_command_line_and_in_a_manifest(tmp_path, capsys):
+    path = tmp_path / 'a.mat'
+    savemat(path, {'t': TIME, 'Phi': ROLL, 'data': np.column_stack([TIME, ROLL, ROLL / 2]), 'roll_deg': 0 * ROLL})
+    assert main(['inspect', str(path)]) == 2
+    assert "column 't' without a unit" in (said := capsys.readouterr().err) and '--column roll=Phi:deg' in said
+    assert main(['inspect', str(path), '--column', 'time=t:s', '--column', 'roll=Phi:deg', '--json']) == 0
+    capsys.readouterr()
+    trial = read_trial(path, columns={'time': 't:s', 'roll': 'data(:,3):deg'})
+    assert np.degrees(trial.roll) == pytest.approx(ROLL / 2)
+    for assigned, words in (
+        ({'roll': 'Phy:deg'}, 'no column .Phy. .did you mean Phi.*t, Phi, data'),
+        ({'roll': 'Phi:m'}, 'roll_rad, roll_deg'),
+        ({'rolling': 'Phi:deg'}, "'rolling=Phi:deg' is not a quantity"),
+    ):
+        with pytest.raises(InputError, match=words):
+            read_trial(path, columns={'time': 't:s', **assigned})
+    assert main(['inspect', str(path), '--column', 'Phi']) == 2
+    assert "'Phi' is not QUANTITY=NAME:UNIT" in capsys.readouterr().err
+    manifest = "axis: roll\ncolumns: {time: 't:s', roll: 'Phi:deg'}\ntrials:\n- file: a.mat\n- file: b.mat\n"
+    (tmp_path / 'b.mat').write_bytes(path.read_bytes())
+    (tmp_path / 'campaign.yaml').write_text(manifest + "  columns: {roll: 'x'}\n")
+    first, second = read_manifest(tmp_path / 'campaign.yaml').trials
+    assert dict(first.columns) == {'time': 't:s', 'roll': 'Phi:deg'} and second.columns == (('roll', 'x'),)
+
+
+def test_a_manoeuvre_is_read_from_a_table(tmp_path):
+    columns = {name: np.cos(TIME) for name in ('port_command', 'starboard_command', 'yaw_rate_rad_s', 'V')}
+    savemat(tmp_path / 'a.mat', {'dt': STEP, **columns})
+    trial = read_manoeuvring_csv(tmp_path / 'a.mat', columns={'surge': 'V:kn'})
+    assert trial.surge == pytest.approx(1852 / 3600 * np.cos(TIME)) and trial.time == pytest.approx(TIME)
+
+
+def test_what_is_missing_or_too_large_is_one_sentence(tmp_path, monkeypatch):
+    for name in ('a.xlsx', '73.mat', 'a.tdms', 'a.parquet', '5.mat', 'a.lvm'):
+        path = tmp_path / name
+        WRITERS[name](path, COLUMNS)
+        with monkeypatch.context() as changed:
+            changed.setattr(named_columns, 'LARGEST_VALUES', 300)
+            with pytest.raises(InputError, match='more than 300'):
+                read_trial(path)
+    assert named_columns.LARGEST_VALUES > 200e6
+    monkeypatch.setitem(sys.modules, 'openpyxl', None)
+    with pytest.raises(InputError, match='pip install openpyxl'):
+        read_trial(tmp_path / 'a.xlsx')
+    savemat(tmp_path / 'empty.mat', {'note': 'nothing'})
+    with pytest.raises(InputError, match='without columns of numbers'):
+        read_trial(tmp_path / 'empty.mat')
+    (tmp_path / 'other.tdms').write_bytes(bytes(range(256)))
+    with pytest.raises(InputError, match='named .tdms but is no such file'):
+        read_trial(tmp_path / 'other.tdms')
+    savemat(tmp_path / 'two.mat', {'one': {'x': TIME, 'y': TIME}, 'other': {'z': ROLL, 'w': ROLL}})
+    with pytest.raises(InputError, match='2 tables, one/x, one/y, other/z, other/w; of the first: .* no time column'):
+        read_trial(tmp_path / 'two.mat')
