@@ -1,6 +1,7 @@
 """Campaigns from manifest to report: bad trials, interruption, workers that die, and what is written."""
 
 import csv
+import json
 import math
 import os
 import pickle
@@ -205,7 +206,7 @@ def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys, mon
     )
     (tmp_path / 'campaign.yaml').write_text(text)
     output = tmp_path / 'out'
-    assert main(['campaign', str(tmp_path / 'campaign.yaml'), '--output', str(output), '--jobs', '1']) == 1
+    assert main(['campaign', str(tmp_path / 'campaign.yaml'), '--output', str(output), '--jobs', '1', '--json']) == 1
     said = capsys.readouterr()
     for number, words in (
         (2, 'torn.mcap'),
@@ -218,7 +219,8 @@ def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys, mon
         (9, 'times the derivative of the pitch angle'),
     ):
         assert any(f'trials, {number}' in told and words in told for told in said.err.splitlines()), said.err
-    assert '2 of 6 trials' in said.out
+    told = json.loads(said.out)
+    assert told['trials'] == 6 and len(told['left_out']) >= 4 and told['axes']['pitch']['choice']
     page = (output / 'report.html').read_text()
     assert 'torn.mcap' in page and 'absent.csv' in page
     assert len(rows_of(output / 'tables' / 'trials.csv')) == 6

@@ -1,5 +1,6 @@
 """Exports, each held against the target's own equations, written here again from its sources."""
 
+import json
 import re
 from dataclasses import replace
 from xml.etree import ElementTree
@@ -201,7 +202,9 @@ def test_fossens_matrices_come_back_to_the_craft_cubic_terms_and_all(
     port, starboard, duration, language, craft_of, tmp_path, capsys
 ):
     model = CUBIC.with_values(lag=0.0, delay=0.0, N0=3.0, X0=-2.0)
-    said = exported(capsys, written(tmp_path / 'm.yaml', model), '--to', 'fossen', '--language', language)
+    words = [written(tmp_path / 'm.yaml', model), '--to', 'fossen', '--language', language]
+    said = exported(capsys, *words)
+    assert json.loads(exported(capsys, *words, '--json').out)['text'] == said.out
     assert said.err == ''
     acceleration, nu, step = craft_of(said.out), np.zeros(3), 0.05
     for _ in range(round(duration / step)):

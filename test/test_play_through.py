@@ -1,5 +1,6 @@
 """Play-through: deterministic, equal to the cores by themselves, and readable by anyone."""
 
+import json
 from math import radians
 
 import numpy as np
@@ -84,9 +85,11 @@ def stub_fit(calls):
     return fit
 
 
-def test_two_runs_give_the_same_messages_bit_for_bit(bag, played, tmp_path):
+def test_two_runs_give_the_same_messages_bit_for_bit(bag, played, tmp_path, capsys):
     again = tmp_path / 'out.mcap'
-    assert main(['play-through', str(bag), '--output', str(again), '--refit-delay', '0.5']) == 0
+    assert main(['play-through', str(bag), '--output', str(again), '--refit-delay', '0.5', '--json']) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told['published']['forecast/next'] > 100 and told['refits'][0]['verdict']
     first, second = messages_of(played), messages_of(again)
     assert len(first) > 800
     assert first == second

@@ -9,7 +9,7 @@ from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.manifest import read_manifest, write_new_manifest
 from swath_sysid.campaign.result_store import ResultStore
 from swath_sysid.campaign.run import run_campaign
-from swath_sysid.cli.progress import progress_of
+from swath_sysid.cli.progress import add_json_argument, print_result, progress_of
 from swath_sysid.cli.settings_flags import add_jobs_argument
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
@@ -30,6 +30,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument('--output', metavar='DIR', help='folder of the report; with --new, the file of the manifest')
     add_jobs_argument(parser)
+    add_json_argument(parser)
     parser.add_argument('--scheduler', metavar='ADDRESS', help='run the fits on the Dask scheduler at this address')
     parser.epilog = (
         'After an interruption, the same command continues from the finished fits. Exit code 0: everything was '
@@ -77,11 +78,30 @@ def run(arguments: Namespace) -> int:
     left_out = [f'{t.name}, {t.reason}' for t in outcome.trials if t.record is None]
     for line in (*left_out, *outcome.failures):
         print(f'left out: {line}', file=sys.stderr)
+    used, wall_s = len(outcome.trials) - len(left_out), time.perf_counter() - began
+    data = {
+        'report': str(report),
+        'trials': len(outcome.trials),
+        'left_out': [*manifest.faults, *left_out, *outcome.failures],
+        'axes': {
+            axis.axis: {
+                'choice': axis.ranking.choice.name,
+                'reason': axis.ranking.reason,
+                'findings': [finding.message for finding in axis.ranking.findings],
+            }
+            for axis in outcome.axes
+        },
+        'computed': outcome.computed,
+        'kept': outcome.kept,
+        'wall_s': wall_s,
+    }
+    lines = []
     for axis in outcome.axes:
-        print(f'{axis.axis}: {axis.ranking.reason}')
-        print(''.join(f'  {a.message}\n' for a in axis.ranking.findings), end='')
-    print(
-        f'{len(outcome.trials) - len(left_out)} of {len(outcome.trials)} trials, {outcome.computed} tasks computed, '
-        f'{outcome.kept} reused, {time.perf_counter() - began:.1f} s\n{report}'
-    )
+        lines += [f'{axis.axis}: {axis.ranking.reason}', *(f'  {a.message}' for a in axis.ranking.findings)]
+    lines += [
+        f'{used} of {len(outcome.trials)} trials, {outcome.computed} tasks computed, {outcome.kept} reused, '
+        f'{wall_s:.1f} s',
+        str(report),
+    ]
+    print_result(arguments.json, data, lines)
     return EXIT_LEFT_OUT if left_out or manifest.faults or outcome.failures else 0

@@ -2,9 +2,10 @@
 
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
+from typing import Any
 
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.cli.progress import show_advice
+from swath_sysid.cli.progress import add_json_argument, print_result, show_advice
 from swath_sysid.cli.sources import assignment
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
@@ -16,6 +17,7 @@ from swath_sysid.formats.export.vrx import vrx
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
 from swath_sysid.formats.model_file import FORMAT, read_model
 from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.report.fit_summary import warnings_as_data
 
 GAZEBO, VRX, NAV2, FOSSEN = TARGETS = ('gazebo', 'vrx', 'nav2', 'fossen')
 ATTITUDE_TARGETS = (GAZEBO, FOSSEN)
@@ -51,6 +53,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         help='inertia for roll and pitch models, with added inertia: roll=0.08',
     )
     parser.add_argument('--output', metavar='FILE', help='write to this file instead of the terminal')
+    add_json_argument(parser)
 
 
 def run(arguments: Namespace) -> int:
@@ -58,11 +61,12 @@ def run(arguments: Namespace) -> int:
     check_outputs([Output('--output', arguments.output)], [arguments.model])
     found = _exported(arguments)
     show_advice(found.advice)
+    data: dict[str, Any] = {'target': arguments.to, 'text': found.text, **warnings_as_data(found.advice)}
     if arguments.output is None:
-        print(found.text, end='')
+        print_result(arguments.json, data, [found.text.removesuffix('\n')])
         return 0
     write_text(arguments.output, found.text)
-    print(f'{arguments.output} written')
+    print_result(arguments.json, {**data, 'file': arguments.output}, [f'{arguments.output} written'])
     return 0
 
 

@@ -16,7 +16,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
-from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.progress import add_json_argument, progress_of, show_advice
 from swath_sysid.cli.settings_flags import add_setting, finite, not_negative, numbers
 from swath_sysid.cli.sources import RECORD_FILES, add_reading_arguments, check_model_and_plot, read_record
 from swath_sysid.common.errors import InputError
@@ -80,7 +80,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         'from the sensor; the reference is the integral of the whole record without phase error '
         '(repeat for more points)',
     )
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    add_json_argument(parser)
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture')
 
 

@@ -13,7 +13,7 @@ from swath_sysid.attitude.identification.problem import Problem, decays_or_waves
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import PRESETS, SearchSettings
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
-from swath_sysid.cli.progress import print_result, progress_of, show_advice
+from swath_sysid.cli.progress import add_json_argument, print_result, progress_of, show_advice
 from swath_sysid.cli.settings_flags import add_setting
 from swath_sysid.cli.sources import EXIT_POOR_FIT, add_source_arguments, motions_of, trials_of, write_fit
 from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
@@ -70,7 +70,7 @@ def add_search_arguments(parser: ArgumentParser) -> None:
     for name in ('objective', 'search', 'generations', 'population', 'seed'):
         add_setting(parser, f'--{name}', 'identifier', name)
     parser.add_argument('--preset', choices=tuple(PRESETS), help='search settings and ranges of a paper')
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    add_json_argument(parser)
 
 
 def settings_of(arguments: Namespace, equation: str = AUTO) -> IdentificationSettings:

@@ -6,12 +6,17 @@ when it is asked for.
 
 import importlib
 import re
+import shutil
 import sys
-from argparse import ArgumentParser
+import textwrap
+from argparse import Action, ArgumentParser, HelpFormatter, RawDescriptionHelpFormatter
+from difflib import get_close_matches
 from types import ModuleType
 from typing import Any, NoReturn
 
 from swath_sysid import __version__
+from swath_sysid.cli.completion import actions_of, completion_script
+from swath_sysid.cli.examples import examples_of
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import with_flags
 
@@ -48,21 +53,53 @@ class OneSentenceParser(ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Leave the sentence to `main`."""
+        message = re.sub('^argument ', '', message)
+        message = re.sub(r': expected (one|at least one) argument$', ' needs a value', message)
+        message = re.sub(r': expected (\d+) arguments$', r' needs \1 values', message)
+        message = re.sub('^the following arguments are required: ', 'these are missing: ', message)
+        if unknown := re.match(r'unrecognized arguments: (\S+)', message):
+            flags = [flag for action in actions_of(self) for flag in action.option_strings]
+            message = f"there is no argument '{unknown[1]}'{_meant(unknown[1].partition('=')[0], flags)}"
         raise InputError(f'{message}; see {self.prog} --help')
 
+    def _check_value(self, action: Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            of = action.option_strings[0] if action.option_strings else str(action.metavar or action.dest).lower()
+            choices = list(map(str, action.choices))
+            raise InputError(f"there is no {of} '{value}'{_meant(value, choices)}: choose from {', '.join(choices)}")
 
-def build_parser(verb: str | None) -> ArgumentParser:
-    """Parser of the command line, with the arguments of one verb filled in."""
+
+def _meant(word: Any, known: list[str]) -> str:
+    near = get_close_matches(str(word), known, 1)
+    return f' (did you mean {near[0]}?)' if near else ''
+
+
+def build_parser(*filled: str | None) -> ArgumentParser:
+    """Parser of the command line, with the arguments of some verbs filled in."""
     parser = OneSentenceParser(
         prog='swath-sysid', description='Record, identify and forecast the motion of small craft.'
     )
     parser.add_argument('--version', action='version', version=f'swath_sysid {__version__}')
+    parser.add_argument(
+        '--completion',
+        action='store_true',
+        help='print the script that completes verbs and flags in bash and zsh: eval "$(swath-sysid --completion)"',
+    )
     verbs = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     for name, summary in VERBS.items():
         sub = verbs.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + '.')
-        if name == verb:
+        if name in filled:
             module_of(name).add_arguments(sub)
+            _add_examples(sub, name)
     return parser
+
+
+def _add_examples(parser: ArgumentParser, verb: str):
+    epilog = parser.epilog or ''
+    if parser.formatter_class is HelpFormatter:
+        parser.formatter_class = RawDescriptionHelpFormatter
+        epilog = textwrap.fill(epilog, shutil.get_terminal_size().columns - 2)
+    parser.epilog = f'{epilog.rstrip()}\n\n{examples_of(verb)}'.lstrip()
 
 
 def module_of(verb: str) -> ModuleType:
@@ -75,6 +112,12 @@ def main(argv: list[str] | None = None) -> int:
     argv = sys.argv[1:] if argv is None else argv
     verb = next((word for word in argv if not word.startswith('-')), None)
     try:
+        if argv == ['--completion']:
+            verbs = {name: OneSentenceParser() for name in VERBS}
+            for name, parser in verbs.items():
+                module_of(name).add_arguments(parser)
+            print(completion_script(verbs))
+            return 0
         arguments = build_parser(verb).parse_args(argv or ['--help'])
         return module_of(arguments.verb).run(arguments)
     except InputError as error:

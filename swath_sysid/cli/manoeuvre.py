@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.cli.progress import print_result, progress_of, show_advice
+from swath_sysid.cli.progress import add_json_argument, print_result, progress_of, show_advice
 from swath_sysid.cli.settings_flags import add_setting, finite
 from swath_sysid.cli.sources import (
     add_column_argument,
@@ -186,7 +186,7 @@ def _add_identify(parser: ArgumentParser) -> None:
     )
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
     parser.add_argument('--plot', metavar='DIR', help='write the pictures into this folder')
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    add_json_argument(parser)
 
 
 def _identify(arguments: Namespace):
@@ -298,7 +298,7 @@ def _add_forecast(parser: ArgumentParser) -> None:
     )
     add_setting(parser, '--leads', PREDICTOR, 'leads_s', default=LEADS, meaning='leads that are scored')
     parser.add_argument('--plot', metavar='FILE.png')
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    add_json_argument(parser)
 
 
 def _forecast(arguments: Namespace):
@@ -374,7 +374,7 @@ def _add_simulate(parser: ArgumentParser) -> None:
     parser.add_argument('--output', metavar='FILE', help='.csv, .mcap or .db3 file; a folder for the programme')
     parser.add_argument('--format', choices=('csv', 'mcap', 'db3'), default='csv', help='file format of the programme')
     parser.add_argument('--plot', metavar='FILE.png')
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    add_json_argument(parser)
 
 
 def _simulate(arguments: Namespace):

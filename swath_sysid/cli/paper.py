@@ -3,15 +3,17 @@
 import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
+from typing import Any
 
 from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.papers.decay_study import run_decay_study
 from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study
 from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY, STUDIES
-from swath_sysid.cli.progress import progress_of
+from swath_sysid.cli.progress import add_json_argument, print_result, progress_of
 from swath_sysid.cli.settings_flags import add_jobs_argument
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.paper_decay import decay_page
 from swath_sysid.report.paper_manoeuvring import manoeuvring_page
 
@@ -21,6 +23,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('study', choices=STUDIES, help='study to repeat')
     parser.add_argument('--output', metavar='FILE.html', help='report (default: STUDY.html in this folder)')
     add_jobs_argument(parser)
+    add_json_argument(parser)
 
 
 def run(arguments: Namespace) -> int:
@@ -29,11 +32,25 @@ def run(arguments: Namespace) -> int:
     path = Path(arguments.output or f'{arguments.study}.html')
     check_outputs([Output('--output', path, endings=('html',))])
     if arguments.study == MANOEUVRING_STUDY:
-        page = manoeuvring_page(run_manoeuvring_study(), time.perf_counter() - began)
+        manoeuvring = run_manoeuvring_study()
+        page = manoeuvring_page(manoeuvring, time.perf_counter() - began)
+        data: dict[str, Any] = {'derivatives': [vars(derivative) for derivative in manoeuvring.derivatives]}
     else:
         with executor_of(arguments.jobs) as executor, progress_of('paper') as progress:
             study = run_decay_study(arguments.study, executor, lambda done, total: progress(done / total))
         page = decay_page(study, time.perf_counter() - began)
+        data = {
+            'records': [
+                {
+                    'draft_factor': record.draft_factor,
+                    'angle_deg': record.angle_deg,
+                    'true_ratios': record.hull.terms,
+                    'ratios': record.ours.model.terms,
+                    'r2': record.ours.r2,
+                }
+                for record in study.records
+            ]
+        }
     write_text(path, page)
-    print(path)
+    print_result(arguments.json, finite_or_none({'report': str(path), **data}), [str(path)])
     return 0

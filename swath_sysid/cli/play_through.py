@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from swath_sysid.attitude.motion.sensor_mount import Installation
-from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.progress import add_json_argument, print_result, progress_of, show_advice
 from swath_sysid.cli.settings_flags import not_negative
 from swath_sysid.cli.sources import RECORD_FILES, add_column_argument, columns_of
 from swath_sysid.common.advice import Advice, counted
@@ -52,6 +52,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         help='delay from a window to its model; 0.1 to 3 s on board (default: until the next sample)',
     )
     parser.add_argument('--with-imu', action='store_true', help='copy the IMU messages to the output as well')
+    add_json_argument(parser)
 
 
 def run(arguments: Namespace) -> int:
@@ -92,13 +93,21 @@ def run(arguments: Namespace) -> int:
         progress(1.0)
     beside = Advice.of('manoeuvres-beside', record=arguments.record)
     show_advice((*readings.advice, *([beside] if manoeuvres else ())))
-    for stamp_ns, verdict in verdicts:
-        print(f'{(stamp_ns - int(readings.stamps[0])) / 1e9:.2f} s: {verdict}')
     stability = pipeline.refitter.stability.newest
     show_advice(() if stability is None else stability.advice)
-    _report_counts(pipeline)
+    counted_reasons = _report_counts(pipeline)
+    refits = [((stamp_ns - int(readings.stamps[0])) / 1e9, str(verdict)) for stamp_ns, verdict in verdicts]
     published = ', '.join(f'{topic} {count}' for topic, count in bag.counts.items()) or 'nothing'
-    print(f'{arguments.output}: from {len(readings)} messages {published}')
+    data = {
+        'file': arguments.output,
+        'messages': len(readings),
+        'published': dict(bag.counts),
+        'refits': [{'t_s': t, 'verdict': verdict} for t, verdict in refits],
+        'counted': counted_reasons,
+    }
+    lines = [f'{t:.2f} s: {verdict}' for t, verdict in refits]
+    lines.append(f'{arguments.output}: from {len(readings)} messages {published}')
+    print_result(arguments.json, data, lines)
     return 0
 
 
@@ -131,7 +140,8 @@ def _play_manoeuvres(arguments: Namespace):
     identified = read_manoeuvring_model(model) if model else None
     count = write_forecasts(arguments.output, play_manoeuvres(trial, settings, identified), settings.leads)
     show_advice(trial.advice)
-    print(f'{arguments.output}: {count} forecasts of surge, sway and yaw (there is no IMU to forecast attitude from)')
+    told = f'{arguments.output}: {count} forecasts of surge, sway and yaw (there is no IMU to forecast attitude from)'
+    print_result(arguments.json, {'file': arguments.output, 'forecasts': count}, [told])
     return 0
 
 
@@ -143,8 +153,10 @@ def _known_models(model: str | None, model_path: str):
     return read_model(own) if os.path.exists(own) else None
 
 
-def _report_counts(pipeline: Any) -> None:
-    """What was counted, by reason and with its meaning, on standard error."""
-    for reason, count in {**pipeline.forecasts.counts, **pipeline.window.counts}.items():
-        if count:
-            print(f'{reason} ({counted(count, "time")}): {REASONS[reason]}', file=sys.stderr)
+def _report_counts(pipeline: Any) -> dict[str, int]:
+    """What was counted, by reason; with its meaning on standard error."""
+    counts = {**pipeline.forecasts.counts, **pipeline.window.counts}
+    found = {reason: count for reason, count in counts.items() if count}
+    for reason, count in found.items():
+        print(f'{reason} ({counted(count, "time")}): {REASONS[reason]}', file=sys.stderr)
+    return found

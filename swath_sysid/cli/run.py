@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from swath_sysid.cli.interfaces import interface_lines
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import verb_command
@@ -45,6 +46,7 @@ OPEN_TO_THE_SUBNET = (
 def add_arguments(parser: ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument('--only', choices=NODES, metavar='NODE', help=f'run a single node: {", ".join(NODES)}')
+    parser.add_argument('--list', action='store_true', help='print the topics and services of the nodes, with types')
     parser.add_argument('--params-file', metavar='FILE', help='ROS parameter file for all nodes')
     parser.add_argument('--model', metavar='FILE', help='model file: read at the start, replaced by refits')
     parser.add_argument('--namespace', metavar='NAME', help='namespace of nodes and topics')
@@ -73,6 +75,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the nodes until a signal comes; returns the exit code."""
+    if arguments.list:
+        print('\n'.join(interface_lines()))
+        return 0
     with ros_needed():
         import rclpy  # noqa: F401 - only to say what to do where it is missing
     given = ros_arguments(arguments)

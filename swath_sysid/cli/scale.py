@@ -3,9 +3,11 @@
 from argparse import ArgumentParser, Namespace
 
 from swath_sysid.attitude.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
-from swath_sysid.cli.progress import show_advice
+from swath_sysid.cli.progress import add_json_argument, print_result, show_advice
 from swath_sysid.formats.model_file import read_description, read_model, write_model, write_scheduled
 from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.plain_data import finite_or_none
+from swath_sysid.report.fit_summary import warnings_as_data
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -18,6 +20,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         help='length of the result divided by that of the given model: 25, or 1/25 for the reverse',
     )
     parser.add_argument('--output', required=True, metavar='FILE.yaml', help='write the scaled model file')
+    add_json_argument(parser)
 
 
 def run(arguments: Namespace) -> int:
@@ -30,10 +33,18 @@ def run(arguments: Namespace) -> int:
     else:
         write_model(arguments.output, {axis: scaled(m, ratio) for axis, m in models.items()})
     written = read_model(arguments.output)
-    show_advice(dict.fromkeys(a for m in models.values() for a in scaling_advice(m.model, ratio)))
+    advice = tuple(dict.fromkeys(a for m in models.values() for a in scaling_advice(m.model, ratio)))
+    show_advice(advice)
+    data, lines = {}, []
     for axis, before in models.items():
         after = written[axis]
-        print(f'{axis}: natural period {before.model.natural_period:.4g} s -> {after.model.natural_period:.4g} s')
+        periods = [before.model.natural_period, after.model.natural_period]
+        lines.append(f'{axis}: natural period {periods[0]:.4g} s -> {periods[1]:.4g} s')
+        ratios = {}
         for name, value in before.model.terms.items():
-            print(f'  {name:<3}{value:>14.6g} -> {after.model.terms[name]:.6g} +- {after.std[name]:.2g}')
+            scaled_to, std = after.model.terms[name], after.std[name]
+            lines.append(f'  {name:<3}{value:>14.6g} -> {scaled_to:.6g} +- {std:.2g}')
+            ratios[name] = {'given': value, 'value': scaled_to, 'std': std}
+        data[axis] = {'natural_period_s': periods, 'ratios': ratios}
+    print_result(arguments.json, finite_or_none({'axes': data, **warnings_as_data(advice)}), lines)
     return 0

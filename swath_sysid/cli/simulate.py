@@ -6,6 +6,7 @@ from argparse import ArgumentParser, Namespace
 from swath_sysid.attitude.hull.catalogue import hull_named, hull_of_family
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.cli.hulls import add_hull_arguments, hull_of
+from swath_sysid.cli.progress import add_json_argument, print_result
 from swath_sysid.cli.settings_flags import add_setting, finite
 from swath_sysid.formats.outputs import Output, check_outputs
 
@@ -63,6 +64,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     add_setting(parser, '--seed', 'identifier', 'seed', meaning='seed of the noise')
     parser.add_argument('--output', required=True, metavar='FILE', help='FILE.csv, FILE.mcap, FILE.db3 or a bag folder')
+    add_json_argument(parser)
 
 
 def run(arguments: Namespace) -> int:
@@ -85,7 +87,17 @@ def run(arguments: Namespace) -> int:
         from swath_sysid.formats.bags import write_imu_bag as write
     write(arguments.output, trial)
     ratios = ', '.join(f'{name} {value:.6g}' for name, value in model.terms.items())
-    print(f'{arguments.output}: {trial.time.size} samples of {model.axis}, {model.equation.name}, true ratios {ratios}')
+    print_result(
+        arguments.json,
+        {
+            'file': arguments.output,
+            'samples': trial.time.size,
+            'axis': model.axis,
+            'equation': model.equation.name,
+            'ratios': model.terms,
+        },
+        [f'{arguments.output}: {trial.time.size} samples of {model.axis}, {model.equation.name}, true ratios {ratios}'],
+    )
     return 0
 
 
