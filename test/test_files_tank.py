@@ -291,10 +291,10 @@ def test_what_is_missing_or_too_large_is_one_sentence(tmp_path, monkeypatch):
         path = tmp_path / name
         WRITERS[name](path, COLUMNS)
         with monkeypatch.context() as changed:
-            changed.setattr(named_columns, 'LARGEST_VALUES', 300)
+            changed.setattr(named_columns, 'LARGEST_UNPACKED', 300)
             with pytest.raises(InputError, match='more than 300'):
                 read_trial(path)
-    assert named_columns.LARGEST_VALUES > 200e6
+    assert named_columns.LARGEST_UNPACKED > 200e6
     monkeypatch.setitem(sys.modules, 'openpyxl', None)
     with pytest.raises(InputError, match='pip install openpyxl'):
         read_trial(tmp_path / 'a.xlsx')

@@ -8,7 +8,7 @@ from pathlib import Path
 from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.manifest import read_manifest, write_new_manifest
 from swath_sysid.campaign.result_store import ResultStore
-from swath_sysid.campaign.run import run_campaign
+from swath_sysid.campaign.run import CampaignOutcome, run_campaign
 from swath_sysid.cli.progress import add_json_argument, print_result, progress_of
 from swath_sysid.cli.settings_flags import add_jobs_argument
 from swath_sysid.common.errors import InputError
@@ -75,14 +75,20 @@ def run(arguments: Namespace) -> int:
         print('stopped: the same command continues from the finished fits', file=sys.stderr)
         raise
     report = write_report(outcome, arguments.output, time.perf_counter() - began)
+    _print_outcome(outcome, report, time.perf_counter() - began, arguments.json)
+    is_whole = all(t.record is not None for t in outcome.trials) and not (manifest.faults or outcome.failures)
+    return 0 if is_whole else EXIT_LEFT_OUT
+
+
+def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_json: bool):
     left_out = [f'{t.name}, {t.reason}' for t in outcome.trials if t.record is None]
     for line in (*left_out, *outcome.failures):
         print(f'left out: {line}', file=sys.stderr)
-    used, wall_s = len(outcome.trials) - len(left_out), time.perf_counter() - began
+    used = len(outcome.trials) - len(left_out)
     data = {
         'report': str(report),
         'trials': len(outcome.trials),
-        'left_out': [*manifest.faults, *left_out, *outcome.failures],
+        'left_out': [*outcome.manifest.faults, *left_out, *outcome.failures],
         'axes': {
             axis.axis: {
                 'choice': axis.ranking.choice.name,
@@ -103,5 +109,4 @@ def run(arguments: Namespace) -> int:
         f'{wall_s:.1f} s',
         str(report),
     ]
-    print_result(arguments.json, data, lines)
-    return EXIT_LEFT_OUT if left_out or manifest.faults or outcome.failures else 0
+    print_result(as_json, data, lines)

@@ -13,7 +13,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import shown
 
-LARGEST_VALUES = 1 << 28  #: Numbers in one packed file; what a packed file unpacks to is not limited by its size.
+LARGEST_UNPACKED = 1 << 28  #: Numbers, or bytes of text, in one packed file, whatever its own size.
 
 #: ISO 8601, with or without a zone.
 ISO_TIME = re.compile(r'"?\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?"?', re.I)
@@ -93,11 +93,12 @@ def of_arrays(columns: Mapping[str, np.ndarray], remarks: Mapping[str, str], nam
     )
 
 
-def check_size(path: str | Path, values: float) -> None:
+def check_size(path: str | Path, unpacked: int) -> None:
     """Refuse a file that would unpack to more than a memory holds."""
-    if values > LARGEST_VALUES:
+    if unpacked > LARGEST_UNPACKED:
         raise InputError(
-            f'{path} holds {values:.3g} numbers, more than {LARGEST_VALUES:.3g}: save the motion alone, or cut it'
+            f'{path} unpacks to {unpacked:.3g} numbers or bytes, more than {LARGEST_UNPACKED:.3g}: save the motion '
+            'alone, or cut it'
         )
 
 

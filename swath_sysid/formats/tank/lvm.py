@@ -17,14 +17,13 @@ END_OF_HEADER = re.compile(r'^\*\*\*End_of_Header\*\*\*.*\n', re.MULTILINE)
 NEXT_HEADER = re.compile(r'^Channels[\t,]', re.MULTILINE)
 SPECIAL = re.compile(r'^\*\*\*Start_Special\*\*\*.*?^\*\*\*End_Special\*\*\*.*?\n', re.MULTILINE | re.DOTALL)
 ABSCISSA = 'X_Value'
-SHORTEST_CELL = 2  #: Bytes of a number with its separator.
 
 Fields = Mapping[str, Sequence[str]]  #: Of a header: the values by their key, a value for each channel.
 
 
 def tables(path: str | Path) -> list[NamedColumns]:
     """The segments; one that goes on in time from another with the same channels is joined to it."""
-    check_size(path, os.path.getsize(path) / SHORTEST_CELL)
+    check_size(path, os.path.getsize(path))
     text = SPECIAL.sub('', Path(path).read_text('latin-1').replace('\r\n', '\n'))
     first, *parts = END_OF_HEADER.split(text)
     mark = ',' if re.search('^Separator[\t,]Comma', first, re.MULTILINE) else '\t'

@@ -20,16 +20,13 @@ from swath_sysid.formats.named_columns import (
     with_unit,
 )
 
-SHORTEST_CELL = 8  #: Bytes of a number in the text of a sheet: <c><v>0.
-PROGRESS_STEP = 1000  #: Rows.
-
 
 def tables(path: str | Path) -> list[NamedColumns]:
     """The sheets that hold numbers under names."""
     from openpyxl import load_workbook
 
     with zipfile.ZipFile(path) as archive:
-        check_size(path, sum(member.file_size for member in archive.infolist()) / SHORTEST_CELL)
+        check_size(path, sum(member.file_size for member in archive.infolist()))
     book = load_workbook(path, read_only=True, data_only=True)
     found = [_table(path, sheet) for sheet in book.worksheets]
     book.close()
@@ -80,7 +77,7 @@ def _reader(path: str | Path, title: str, first: int) -> Read:
         for count, row in enumerate(book[title].iter_rows(min_row=first, values_only=True)):
             if any(cell is not None for cell in row):
                 rows.append([row[place] if place < len(row) else None for place in places])
-            if progress is not None and count % PROGRESS_STEP == 0:
+            if progress is not None:
                 progress(min(1.0, count / (book[title].max_row or np.inf)))
         book.close()
         return np.stack([numbers_of(np.array(column, dtype=object)) for column in zip(*rows, strict=True)]), ()
