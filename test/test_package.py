@@ -79,7 +79,7 @@ INNER_ORDER = ('motion', 'hull', 'identification', 'prediction')
 PURE_ROOMS = ('common', *(f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER), 'pipeline')
 FLAGLESS_ROOMS = ('common', *WINGS, 'pipeline', 'formats', 'campaign')
 OF_OTHER_COMMANDS = {
-    'reading.py': 'rosbags-convert',
+    'table_files.py': 'rosbags-convert',
     'manifest.py': 'the comment above a new manifest',
     'sentences.py': 'what the command line adds',
 }
