@@ -172,7 +172,7 @@ def read_table(
     """
     with reading(path):
         matches, problems = [], []
-        tables = tables_in(path)
+        tables = sorted(tables_in(path), key=lambda table: -len(table.names))  # for the sentence: the widest first
         for table in tables:
             try:
                 matches.append(_matched(path, table, quantities, lacking, assigned or {}))
