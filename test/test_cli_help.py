@@ -82,6 +82,7 @@ def test_run_lists_every_topic_and_service_of_the_policy_with_its_type(capsys):
 
 
 def test_simulate_and_scale_print_json(tmp_path, capsys, model_file):
+    capsys.readouterr()
     words = ['simulate', '--hull', 'swath-roll', '--initial-angle-deg', '6', '--duration', '2']
     assert main([*words, '--output', str(tmp_path / 'a.csv'), '--json']) == 0
     made = json.loads(capsys.readouterr().out)
