@@ -19,6 +19,7 @@ OTHER_TYPES = {
             '~/identify',
             '~/cancel',
             '~/rollback',
+            '~/undo_rollback',
             '~/release',
             'imu_buffer/publish_window',
         ),
