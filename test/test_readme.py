@@ -1,5 +1,6 @@
 """README and site say what is true: every command line is one, every name is explained."""
 
+import re
 import runpy
 import shlex
 from pathlib import Path
@@ -27,6 +28,7 @@ def test_every_command_line_is_one(line):
 def test_there_are_command_lines_for_every_verb():
     written = {line.split()[1] for line in command_lines()}
     assert set(VERBS) - written <= {'compare', 'scale', 'demo'}
+    assert set(re.findall(r'`swath-sysid ([a-z-]+)', SITE)) <= set(VERBS)
 
 
 def test_every_verb_hull_preset_and_topic_is_explained():

@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.cli.interfaces import interface_lines
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
@@ -59,7 +60,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--simulate',
         metavar='HULL',
         help='in place of a sensor, simulate a craft that is pushed and released by the page, or whenever the service '
-        'simulated_craft/release is called; HULL as listed by `swath-sysid hulls`',
+        f'simulated_craft/release is called: {", ".join(PUBLISHED_HULLS)}',
     )
     parser.add_argument(
         '--sea',

@@ -317,7 +317,8 @@ REASONS = {
     'absurd-value': 'values that no craft reaches were left out: check that rates are rad/s and accelerations m/s^2',
     'bad-loading': 'a draft or displacement was not a positive number, and the previous one stays: check what '
     'publishes it',
-    'bad-model': 'a model description could not be read, and the previous model stays: publish what `identify` writes',
+    'bad-model': 'a model description could not be read, and the previous model stays: publish what '
+    'swath-sysid identify writes',
     'bad-model-file': 'the model file cannot be used and is not overwritten: correct it or move it away, and restart '
     'the node',
     'bad-quaternion': 'invalid quaternions were left out, and the rates were used: if the sensor has no orientation, '
@@ -352,8 +353,8 @@ REASONS = {
     'outlier-roll': 'samples that contradict the forecast were rejected: look for shocks or magnetic disturbance',
     'passed-over': 'samples had waited in a queue: the filters used them, but forecasts were issued from newer ones '
     'only; check the load of the machine',
-    'qos-mismatch': 'a publisher and a subscription have incompatible QoS and do not connect: compare both with `ros2 '
-    'topic info --verbose`',
+    'qos-mismatch': 'a publisher and a subscription have incompatible QoS and do not connect: compare both with ros2 '
+    'topic info --verbose',
     'rate-changed': 'the sample rate changed, and the new one is used: check the driver if this was not intended',
     'sensor-silent': 'the sensor stopped publishing: check its driver and cable',
     'several-publishers': 'more than one node publishes the IMU topic: stop one, or remap them apart',

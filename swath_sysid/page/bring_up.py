@@ -103,7 +103,7 @@ STATES = {
         CONNECT,
         'Waiting for {nodes}.',
         'nodes-missing',
-        'start the nodes with `swath-sysid run` on this network and in the same ROS_DOMAIN_ID and namespace',
+        'start the nodes with swath-sysid run on this network and in the same ROS_DOMAIN_ID and namespace',
     ),
     'silent': State(SENSOR, 'No samples arrive from the sensor.', '{code}', '{message}'),
     'no sample': State(SENSOR, 'Waiting for the first sample of the sensor.'),
@@ -125,7 +125,7 @@ STATES = {
     'kept': State(
         KEPT,
         'Accepted: {model}.',
-        cure='Watch the forecasts, Save or download the model, or `swath-sysid export` it.',
+        cure='Watch the forecasts, Save or download the model, or export it with swath-sysid export.',
         action='save',
     ),
     'identifying': State(IDENTIFY, 'Identifying: {share:.0f} %.'),

@@ -187,12 +187,12 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
 
 def _one_sided(other_side: float) -> Iterator[tuple[str, str, str]]:
     if not other_side <= LARGEST_UNEXPLAINED:
-        size = f'by {other_side:.0%} of it' if other_side < 1.0 else 'altogether'
+        size = f' by {other_side:.0%} of its motion' if other_side < 1.0 else ''
         yield (
             DOUBTFUL,
             'one-sided',
-            f'the record shows the motion to one side only, and a release to the other may be forecast off {size}: '
-            'release the craft from the other side, too',
+            'the record shows the motion to one side only, so the forecast of a release to the other side may be wrong'
+            f'{size}: release the craft from the other side too',
         )
 
 

@@ -259,7 +259,7 @@ def _refit_at_sea(
     except InputError as error:
         raise InputError(
             f'{error}; the window is as long as window_s of imu_buffer: raise it where more is needed, as in '
-            '`ros2 param set /imu_buffer window_s 300.0`, and identify when it is full'
+            'ros2 param set /imu_buffer window_s 300.0, and identify when it is full'
         ) from error
     estimate = None
     if found.has_period:
