@@ -104,7 +104,7 @@ def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
         'runs',
         nargs=count,
         metavar='RUN',
-        help='rosbag2 bag, or table (CSV, .mat, .tdms, .lvm, .xlsx or .parquet file) with the columns time_s, '
+        help='rosbag2 bag, or table (CSV, .mat, .tdms, .lvm, .xlsx, .parquet or .h5 file) with the columns time_s, '
         'port_thrust_n and starboard_thrust_n (or port_command and starboard_command, -1 to 1; or port_pwm_us and '
         'starboard_pwm_us), and any of surge_m_s, sway_m_s, yaw_rate_rad_s, heading_deg, x_m, y_m',
     )

@@ -23,7 +23,9 @@ from swath_sysid.report.figures import FORMATS, save_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-RECORD_FILES = 'CSV, .mat, .tdms, .lvm, .xlsx or .parquet file, rosbag2 bag (folder, .mcap or .db3) or MTi text export'
+RECORD_FILES = (
+    'CSV, .mat, .tdms, .lvm, .xlsx, .parquet or .h5 file, rosbag2 bag (folder, .mcap or .db3) or MTi text export'
+)
 LONG_RECORD = 10_000_000  #: Bytes of a file from which its reading is shown.
 
 EXIT_POOR_FIT = 1  #: The result was printed, but explains too little to be written as a model.
