@@ -11,6 +11,7 @@ endif
 
 PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 READY := $(VENV)/ready-$(PYTHON_VERSION)
+TESTS_READY := $(READY)-with-tests
 BIN := $(VENV)/bin
 
 # What a sourced ROS 2 or another environment exports would be mixed with the packages in .venv.
@@ -24,14 +25,14 @@ unexport AMENT_PREFIX_PATH PYTHONPATH PYTHONHOME RMW_IMPLEMENTATION VIRTUAL_ENV 
 demo: $(READY)
 	$(BIN)/swath-sysid demo --output out/
 
-test: $(READY)
+test: $(TESTS_READY)
 	@$(MAKE) --no-print-directory --jobs 2 lint kernels
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m 'not long'
 
-test-long: $(READY)
+test-long: $(TESTS_READY)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m long
 
-lint: $(READY)
+lint: $(TESTS_READY)
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
 	$(BIN)/mypy
@@ -56,5 +57,9 @@ $(READY): setup.py package.xml
 	@echo 'Setting up $(VENV) with Python $(PYTHON_VERSION): once, about a minute'
 	@rm -f $(VENV)/ready-*
 	@test -x $(BIN)/python$(PYTHON_VERSION) || $(PYTHON) -m venv --clear $(VENV)
+	@$(BIN)/python -m pip install -qq --editable '.[ros,fast]'
+	@touch $@
+
+$(TESTS_READY): $(READY)
 	@$(BIN)/python -m pip install -qq --editable '.[ros,fast,test]'
 	@touch $@
