@@ -110,7 +110,7 @@ def test_the_verb_scores_points_and_the_sensor(record, tmp_path, capsys):
     [
         (['bow:1,2,3', 'bow:1,2,4'], 'given twice'),
         (['sensor:1,0,0'], "sensor's own position"),
-        *(([point], 'argument --point') for point in ('bow', 'bow:1,2', 'bow:1,2,x', '2bow:1,2,3', 'bow:1,2,nan')),
+        *(([point], '--point: ') for point in ('bow', 'bow:1,2', 'bow:1,2,x', '2bow:1,2,3', 'bow:1,2,nan')),
     ],
 )
 def test_impossible_points_are_refused(record, points, words, capsys):
