@@ -60,6 +60,7 @@ NOT_RUN = {
         'python examples/simulate_trials.py': 'takes minutes: the tutorial of a tank trial runs a smaller one',
         'pip install': 'needs other machines',
     },
+    'docs/index.md': {'pip install': INSTALLS},
     'docs/releasing.md': {'docker build': 'needs a Docker daemon'},
     'docs/tutorials/manoeuvring.md': {'bash examples/': 'takes a minute; the page runs what it calls, one by one'},
 }
