@@ -60,7 +60,8 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--simulate',
         metavar='HULL',
         help='in place of a sensor, simulate a craft that is pushed and released by the page, or whenever the service '
-        f'simulated_craft/release is called: {", ".join(PUBLISHED_HULLS)}',
+        f'simulated_craft/release is called: {", ".join(PUBLISHED_HULLS)}; the hydrofoil comes to rest within half a '
+        'cycle, in which nothing can be identified',
     )
     parser.add_argument(
         '--sea',

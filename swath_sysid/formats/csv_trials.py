@@ -125,9 +125,10 @@ def _check_units(table: Table) -> None:
     for name, (angle, known) in _angles(table, 'rad').items():
         if np.quantile(np.abs(known), 1.0 - BROKEN_SHARE, method='lower') > LARGEST_ANGLES[angle]:
             other = re.sub('rad', 'deg', name, flags=re.IGNORECASE)
+            cure = f"call it '{shown(other)}'" if other != name else 'say so where the column is assigned'
             raise InputError(
                 f"{table.path}: '{shown(name)}' goes to {np.abs(known).max():.4g}, more than an angle in rad can be: "
-                f"if it is in degrees, call it '{shown(other)}'"
+                f'if it is in degrees, {cure}'
             )
 
 

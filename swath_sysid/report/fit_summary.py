@@ -116,7 +116,8 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
         ),
         *ratio_lines(found, found.intervals),
         *_joint_lines(found),
-        f'  trim {math.degrees(model.trim):.4f} deg +- {math.degrees(found.trim_std):.2g}',
+        f'  trim {math.degrees(model.trim):.4f} deg'
+        + (f' +- {math.degrees(found.trim_std):.2g}' if math.isfinite(found.trim_std) else ''),
         f'  natural period of small motions {model.natural_period:.4f} s, equivalent damping ratio '
         f'{found.damping_ratio:.4f} at {math.degrees(found.reference_amplitude):.2f} deg',
         f'  R2 {found.r2:.6f}, {found.objective} objective {found.objective_value:.6g}, '
