@@ -112,6 +112,7 @@ def test_the_page_beside_the_nodes_hears_the_same_names(monkeypatch):
     monkeypatch.setattr('swath_sysid.page.server.check_installed', lambda: None)
     command = run.page_command(parsed('--page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu'))
     assert command[3:] == ['page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu']
+    assert run.page_command(parsed('--page', '--simulate', 'swath-pitch'))[-2:] == ['--axis', 'pitch']
 
 
 def test_whoever_comes_from_elsewhere_is_asked_for_a_token():

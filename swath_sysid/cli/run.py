@@ -119,7 +119,8 @@ def page_command(arguments: Namespace) -> list[str]:
     from swath_sysid.page.server import check_installed
 
     check_installed()
-    named = [('--namespace', arguments.namespace), ('--imu-topic', arguments.imu_topic)]
+    axis = PUBLISHED_HULLS[arguments.simulate].axis if arguments.simulate else None
+    named = [('--namespace', arguments.namespace), ('--imu-topic', arguments.imu_topic), ('--axis', axis)]
     return verb_command('page', *(word for option, value in named if value for word in (option, value)))
 
 
