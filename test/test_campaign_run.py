@@ -243,6 +243,17 @@ def test_nothing_usable_is_an_error(tmp_path):
         work_off(tmp_path, tmp_path / 'out', text='axis: pitch\ntrials: [{file: bad.csv}]\n')
 
 
+def test_files_of_several_drafts_need_the_design_draft(tmp_path):
+    for repeat, factor in enumerate(DRAFTS, 1):
+        made = simulated_trial(hull_at(factor), math.radians(6), 8.0, 20.0, SensorNoise(), repeat)
+        write_csv(tmp_path / f'pitch_6deg_repeat{repeat}.csv', replace(made, draft=0.154 * factor))
+    text = "axis: pitch\nequations: [linear]\ntrials: [{pattern: 'pitch_{angle}deg_repeat{repeat}.csv'}]\n"
+    with pytest.raises(InputError, match=r'0.1386, 0.1694 m.*draft_m under craft'):
+        work_off(tmp_path, tmp_path / 'out', text=text)
+    outcome = work_off(tmp_path, tmp_path / 'out', text=text + 'craft: {draft_m: 0.154}\n')
+    assert [t.record.condition.loading for t in outcome.trials] == pytest.approx(DRAFTS)
+
+
 def test_drafts_are_converted_where_the_craft_is_known(trials, tmp_path):
     one, other = sorted(trials.glob('*0.9T*.csv'))
     text = (

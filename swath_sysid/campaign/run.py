@@ -58,6 +58,7 @@ class TrialOutcome:
     record: Record | None = None
     reason: str = ''
     advice: tuple[Advice, ...] = ()
+    unused_draft: float | None = None  #: m; that the file gives, of a craft whose design draft is unknown.
 
     def left_out(self, reason: object) -> 'TrialOutcome':
         """The same, not used."""
@@ -143,6 +144,7 @@ def run_campaign(
     """Carry a campaign out; results in the store are not computed again."""
     quantity = loading_quantity(manifest)
     trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
+    _check_drafts(trials)
     axes = {t.record.condition.series for t in trials if t.record is not None}
     if not axes:
         reasons = '; '.join(f'{t.name}: {t.reason}' for t in trials[:3])
@@ -214,7 +216,19 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> TrialOutc
     condition = Condition(entry.axis, loading, float(angle), entry.speed_m_s or 0.0)
     record = Record(outcome.name, condition, entry.repeat or 0, trial.axis(entry.axis), problem)
     advice = tuple(dict.fromkeys((*trial.advice, *problem.advice)))
-    return replace(outcome, sha256=sha256, record=record, advice=advice)
+    is_unused = entry.loading is None and quantity == 'draft_factor' and manifest.craft.draft_m is None
+    draft = trial.draft if is_unused else None
+    return replace(outcome, sha256=sha256, record=record, advice=advice, unused_draft=draft)
+
+
+def _check_drafts(trials: Sequence[TrialOutcome]) -> None:
+    """Refuse trials of several drafts that would all count as the design draft."""
+    drafts = sorted({t.unused_draft for t in trials if t.record is not None and t.unused_draft is not None})
+    if len(drafts) > 1:
+        raise InputError(
+            f'the files of the trials give several drafts ({", ".join(f"{draft:g}" for draft in drafts)} m), and the '
+            "manifest no design draft: write the craft's draft_m under craft:, to which the drafts of trials refer"
+        )
 
 
 def _rounded_angle(trial: Trial, problem: Problem) -> float:
