@@ -174,13 +174,21 @@ def loading_quantity(manifest: Manifest) -> str:
     return next((t.loading[0] for t in manifest.trials if t.loading is not None), 'draft_factor')
 
 
+def hides_drafts(craft: Craft, quantity: str) -> bool:
+    """Whether drafts in files have nothing to refer to, so that every trial counts as one at the design draft."""
+    return quantity == 'draft_factor' and craft.draft_m is None
+
+
 def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> float:
     """Loading of a trial in the campaign's quantity."""
     given = entry.loading
-    if given is None and trial.draft is not None and quantity != 'displacement_kg':
+    if (
+        given is None
+        and trial.draft is not None
+        and quantity != 'displacement_kg'
+        and not hides_drafts(craft, quantity)
+    ):
         given = ('draft_m', trial.draft)
-        if quantity == 'draft_factor' and craft.draft_m is None:
-            given = None
     if given is None:
         design = craft.design_loading(quantity)
         if design is None:
@@ -216,8 +224,7 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> TrialOutc
     condition = Condition(entry.axis, loading, float(angle), entry.speed_m_s or 0.0)
     record = Record(outcome.name, condition, entry.repeat or 0, trial.axis(entry.axis), problem)
     advice = tuple(dict.fromkeys((*trial.advice, *problem.advice)))
-    is_unused = entry.loading is None and quantity == 'draft_factor' and manifest.craft.draft_m is None
-    draft = trial.draft if is_unused else None
+    draft = trial.draft if entry.loading is None and hides_drafts(manifest.craft, quantity) else None
     return replace(outcome, sha256=sha256, record=record, advice=advice, unused_draft=draft)
 
 

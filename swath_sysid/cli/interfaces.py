@@ -6,26 +6,19 @@ from xml.etree import ElementTree
 from swath_sysid.formats.topics import LEADS, MANOEUVRING_LEADS, ODOMETRY, STRING, TYPES, type_of
 from swath_sysid.share import share_folder
 
-TRIGGER, FLOAT = 'std_srvs/srv/Trigger', 'std_msgs/msg/Float64'
+FLOAT = 'std_msgs/msg/Float64'
+OWN_TRIGGERS = 'clear publish_window identify cancel rollback undo_rollback release'.split()
 #: Types of what the nodes do not publish themselves, and of services.
 OTHER_TYPES = {
-    **{'odometry': ODOMETRY, 'manoeuvring/model': STRING, 'craft/loading': FLOAT, '~/progress': 'std_msgs/msg/Float32'},
-    **{'thrusters/left/thrust': FLOAT, 'thrusters/right/thrust': FLOAT},
+    'odometry': ODOMETRY,
+    'manoeuvring/model': STRING,
+    'craft/loading': FLOAT,
+    'thrusters/left/thrust': FLOAT,
+    'thrusters/right/thrust': FLOAT,
     'manoeuvring/future_thrust': 'std_msgs/msg/Float64MultiArray',
-    **dict.fromkeys(
-        (
-            '~/clear',
-            '~/publish_window',
-            '~/identify',
-            '~/cancel',
-            '~/rollback',
-            '~/undo_rollback',
-            '~/release',
-            'imu_buffer/publish_window',
-        ),
-        TRIGGER,
-    ),
+    '~/progress': 'std_msgs/msg/Float32',
     '~/record': 'std_srvs/srv/SetBool',
+    **dict.fromkeys((*(f'~/{name}' for name in OWN_TRIGGERS), 'imu_buffer/publish_window'), 'std_srvs/srv/Trigger'),
 }
 DIRECTIONS = {'publish': 'publishes', 'subscribe': 'subscribes to', 'reply': 'serves', 'request': 'calls'}
 
@@ -43,7 +36,6 @@ def interface_lines() -> Iterator[str]:
 
 
 def _type_of(name: str) -> str:
-    known = {**TYPES, **OTHER_TYPES}.get(name, '')
-    if name.startswith((LEADS, MANOEUVRING_LEADS)):
+    if name in TYPES or name.startswith((LEADS, MANOEUVRING_LEADS)):
         return type_of(name)
-    return known
+    return OTHER_TYPES.get(name, '')

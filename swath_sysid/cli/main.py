@@ -10,13 +10,13 @@ import shutil
 import sys
 import textwrap
 from argparse import Action, ArgumentParser, HelpFormatter, RawDescriptionHelpFormatter
-from difflib import get_close_matches
 from types import ModuleType
 from typing import Any, NoReturn
 
 from swath_sysid import __version__
 from swath_sysid.cli.completion import actions_of, completion_script
 from swath_sysid.cli.examples import examples_of
+from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import with_flags
 
@@ -59,23 +59,20 @@ class OneSentenceParser(ArgumentParser):
         message = re.sub('^the following arguments are required: ', 'these are missing: ', message)
         if unknown := re.match(r'unrecognized arguments: (\S+)', message):
             flags = [flag for action in actions_of(self) for flag in action.option_strings]
-            message = f"there is no argument '{unknown[1]}'{_meant(unknown[1].partition('=')[0], flags)}"
+            message = f"there is no argument '{unknown[1]}'{did_you_mean(unknown[1].partition('=')[0], flags)}"
         raise InputError(f'{message}; see {self.prog} --help')
 
     def _check_value(self, action: Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             of = action.option_strings[0] if action.option_strings else str(action.metavar or action.dest).lower()
             choices = list(map(str, action.choices))
-            raise InputError(f"there is no {of} '{value}'{_meant(value, choices)}: choose from {', '.join(choices)}")
+            raise InputError(
+                f"there is no {of} '{value}'{did_you_mean(str(value), choices)}: choose from {', '.join(choices)}"
+            )
 
 
-def _meant(word: Any, known: list[str]) -> str:
-    near = get_close_matches(str(word), known, 1)
-    return f' (did you mean {near[0]}?)' if near else ''
-
-
-def build_parser(*filled: str | None) -> ArgumentParser:
-    """Parser of the command line, with the arguments of some verbs filled in."""
+def build_parser(verb: str | None) -> ArgumentParser:
+    """Parser of the command line, with the arguments of one verb filled in."""
     parser = OneSentenceParser(
         prog='swath-sysid', description='Record, identify and forecast the motion of small craft.'
     )
@@ -88,7 +85,7 @@ def build_parser(*filled: str | None) -> ArgumentParser:
     verbs = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     for name, summary in VERBS.items():
         sub = verbs.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + '.')
-        if name in filled:
+        if name == verb:
             module_of(name).add_arguments(sub)
             _add_examples(sub, name)
     return parser

@@ -1,6 +1,8 @@
 """Warnings as values: the core returns them, the callers show them."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from swath_sysid.common.sentences import SENTENCES
 
@@ -30,3 +32,9 @@ class Advice:
 def counted(number: int, noun: str) -> str:
     """A number with its noun in the singular or plural: ``1 gap``, ``2 gaps``."""
     return f'{number} {noun}' if number == 1 else f'{number} {noun}s'
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`` (did you mean roll?)``, or nothing where no known word is near."""
+    near = get_close_matches(word, list(known), 1)
+    return f' (did you mean {near[0]}?)' if near else ''

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.advice import Advice, did_you_mean
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import reading, shown
 from swath_sysid.formats.named_columns import NamedColumns, Progress, listed_names, plain_name
@@ -271,8 +271,7 @@ def _with_assigned(
         whole = [(each, f'{table.name}/{each}', f'{table.name}.{each}') for each in table.names]
         place = next((k for k, names in enumerate(whole) if name in names), None)
         if place is None:
-            near = get_close_matches(name, table.names, 1)
-            meant = f' (did you mean {shown(near[0])}?)' if near else ''
+            meant = did_you_mean(name, map(shown, table.names))
             raise InputError(
                 f"{path} has no column '{shown(name)}'{meant}: assign one of {listed_names(table.names)}", UNKNOWN
             )

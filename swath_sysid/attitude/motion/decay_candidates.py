@@ -41,7 +41,6 @@ ASYMMETRY = 2.2  #: Largest ratio of two successive half-cycles: an asymmetric r
 BACKGROUND = 0.06  #: What breaks a candidate below this part of its first double amplitude is the background.
 BRIDGED_GAP = 0.15  #: Part of a half-cycle that a gap must cover to hide a turning point.
 RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the double amplitude away.
-RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)  #: Of a half-cycle.
 ODD_PERIOD = 0.25  #: A period that differs by this part from the median spans a gap.
 STEEP = 0.1  #: Part of the first drop from which it is steep.
 HOLD_BAND = 0.5  #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest.
