@@ -1,4 +1,4 @@
-"""The picture of an identification at sea: spectra, the hull's response, random decrement."""
+"""The picture of an identification at sea: spectra, and the hull's response."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
+from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, new_figure, quiet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,16 +21,15 @@ _TICKS = np.array([1.0, 2.0, 5.0])
 
 def at_sea_figure(found: AtSeaIdentification) -> Figure:
     """Draw an `AtSeaIdentification`."""
-    figure = new_figure(12.0, 7.4)
-    spectrum, response, excitation, decrement = (quiet(axes) for axes in figure.subplots(2, 2).ravel())
+    figure = new_figure(15.0, 4.4)
+    spectrum, excitation, response = (quiet(axes) for axes in figure.subplots(1, 3))
     s, unit = found.spectra, np.degrees(1.0) ** 2 * 2.0 * np.pi
     _spectra(spectrum, found, (unit * s.measured, 'measured'), (unit * s.fitted, 'fitted', MODEL))
-    spectrum.set(ylabel=f'{found.model.axis}, deg²/Hz', ylim=_limits(unit * s.measured))
+    spectrum.set(xlabel='frequency, Hz', ylabel=f'{found.model.axis}, deg²/Hz', ylim=_limits(unit * s.measured))
     _spectra(excitation, found, (s.excitation, 'needed by the hull'), (s.fitted_excitation, 'fitted waves', RESIDUAL))
     excitation.set(xlabel='frequency, Hz', ylabel='exciting moment / inertia, (rad/s²)² s')
     excitation.set(ylim=_limits(s.fitted_excitation))
     _response(response, found)
-    _decrement(decrement, found)
     figure.suptitle(
         f'{found.model.axis} at sea: natural period {found.natural_period:.3f} ± {found.natural_period_std:.2g} s,  '
         f'equivalent damping ratio {found.damping_ratio:.3f} ± {found.damping_ratio_std:.2g}  '
@@ -93,16 +92,3 @@ def _response(axes: Axes, found: AtSeaIdentification):
 def _magnification(hertz: np.ndarray, period: float, damping: float):
     u = hertz * period
     return 1.0 / np.sqrt((1.0 - u * u) ** 2 + (2.0 * damping * u) ** 2)
-
-
-def _decrement(axes: Axes, found: AtSeaIdentification):
-    d = found.decrement
-    for values, style, colour, label in (
-        (d.measured, '-', MEASURED, 'random decrement, measured'),
-        (d.fitted, '--', MODEL, 'of the fitted spectrum'),
-        (d.free_decay, '-', SERIES[3], 'free decay of the hull'),
-    ):
-        axes.plot(d.lag, np.degrees(values), style, color=colour, linewidth=1.2, label=label)
-    axes.axhline(0.0, color=MEASURED, linewidth=0.5)
-    axes.set(xlabel='s after crossing', ylabel=f'{found.model.axis}, deg')
-    axes.legend(frameon=False, fontsize='small', loc='upper right')

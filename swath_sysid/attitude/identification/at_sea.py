@@ -5,8 +5,9 @@ that of the vertical acceleration times a power of frequency, or JONSWAP (Hassel
 The result is the linear hull at amplitude sqrt(2) std: one record does not show how damping depends on amplitude.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -15,16 +16,14 @@ from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import TERM_INDEX, TERM_NAMES
+from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.identification.sea_motion import (
     EDGE_PERIODS,
     GAUSSIAN_RATE,
     Heave,
     SeaMotion,
-    TermSpectra,
     heave_spectrum,
-    random_decrement,
     sea_motion,
     term_spectra,
 )
@@ -37,39 +36,36 @@ from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 AT_SEA = 'motion in waves'  #: Marks a model identified at sea, as ``provenance['identified_from']``.
 MIN_WAVES = 50  #: Peak periods that a record must hold.
 
-#: Parameters of hull and level; those of the sea's shape follow.
-PARAMETERS = (
-    'log frequency',
-    'log damping',
-    'quadratic damping',
-    'quadratic restoring',
-    'cubic restoring',
-    'log level',
-)
-_FREQUENCY, _DAMPING, _QUADRATIC, _EVEN, _CUBIC, _LEVEL = range(6)
-_PRIOR_STD = (1.0, 1.2, 0.5, 0.3, 0.1, np.inf)
+#: Parameters of hull and level, with mean and standard deviation before the record is seen; those of the sea's shape
+#: follow. Frequency over that of the spectrum's peak; nonlinear terms as parts of the linear one.
+HULL_PRIORS = {
+    'log frequency': (0.0, 1.0),
+    'log damping': (np.log(0.15), 1.2),
+    'quadratic damping': (0.0, 0.5),
+    'quadratic restoring': (0.0, 0.3),
+    'cubic restoring': (0.0, 0.1),
+    'log level': (0.0, inf),
+}
+_FREQUENCY, _DAMPING, _QUADRATIC, _EVEN, _CUBIC, _LEVEL = range(len(HULL_PRIORS))
+_NONLINEAR = slice(_QUADRATIC, _LEVEL)
 
-#: JONSWAP's mean. With less, a hull near resonance takes part of the sea's peak for its own.
-MEAN_PEAKEDNESS = 3.3
-
-_FLOOR_PRIOR = (-7.0, 2.0)
-_FREQUENCY_STARTS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
-_PEAK_STARTS = (0.7, 1.0, 1.4)
+#: Log peak frequency over that of the spectrum, log of JONSWAP's peakedness less one (with less than its mean, 3.3, a
+#: hull near resonance takes part of the sea's peak for its own), tail.
+JONSWAP_PRIORS = (0.0, 0.5), (np.log(2.3), 1.0), (3.0, 2.0)
+HEAVE_PRIORS = ((0.0, 1.0),)  #: Power of the frequency.
+FLOOR_PRIOR = -7.0, 2.0  #: Log floor over the sea's peak.
 
 #: The measured heave spectrum is used unless its misfit is this many times that of JONSWAP.
 HEAVE_PREFERRED = 1.5
 
-_FIRST_DAMPING = 0.15
-_REFINED = 8  #: Number of best starts that are refined.
-_MODE_DEPTH = 8.0  #: Other optima add to the uncertainty unless their log-likelihood is this much worse.
 MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; otherwise it is a tone.
 
 #: Std of the log natural frequency above the highest band, where nothing can be seen.
 EDGE_SOFTNESS = 0.1
 
 MISSING_TOGETHER = 12  #: Neighbouring bands whose misfits may be correlated.
+PERTURBATION = 1e-6
 
-_DECREMENT_PERIODS = 3.0
 #: Relative standard deviations above which the result is unusable; from half of them the sea is reported to hide the
 #: hull.
 PERIOD_USABLE, DAMPING_USABLE = 0.10, 0.50
@@ -86,16 +82,6 @@ class FittedSpectra:
     excitation: np.ndarray  #: (B,); of the exciting moment over inertia that the hull needs, (rad/s^2)^2 s.
     fitted_excitation: np.ndarray  #: (B,); of the fitted sea, (rad/s^2)^2 s.
     response: np.ndarray  #: (B,); angle over the static angle of the same moment.
-
-
-@dataclass(frozen=True)
-class Decrement:
-    """The random decrement signature and what the fit predicts for it."""
-
-    lag: np.ndarray  #: (L,); s.
-    measured: np.ndarray  #: (L,); rad.
-    fitted: np.ndarray  #: (L,); Autocorrelation of the fitted spectrum, to the same level.
-    free_decay: np.ndarray  #: (L,); Of the identified hull in still water, from the same level.
 
 
 @dataclass(frozen=True)
@@ -117,9 +103,8 @@ class AtSeaIdentification:
     peak_period: float  #: Of the fitted excitation, s.
     duration: float  #: Of the stretch used, s.
     spectra: FittedSpectra
-    decrement: Decrement
     motion: AxisMotion
-    advice: tuple[Advice, ...]
+    holds_decay: bool  #: Whether a free decay was found in it too.
 
     @property
     def has_period(self) -> bool:
@@ -135,6 +120,20 @@ class AtSeaIdentification:
     def std(self) -> dict[str, float]:
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def advice(self) -> tuple[Advice, ...]:
+        """What must be known to use it."""
+        found = [Advice.of('equivalent-linear', amplitude=np.degrees(self.amplitude))]
+        period, damping = self.natural_period_std / self.natural_period, self.damping_ratio_std / self.damping_ratio
+        if period > 0.5 * PERIOD_USABLE or damping > 0.5 * DAMPING_USABLE:
+            spread = {'period': 100 * period, 'damping': 100 * damping}
+            found.append(Advice.of('sea-hides-hull', peak=self.peak_period, minutes=self.duration / 60, **spread))
+        if self.holds_decay:
+            found.append(Advice.of('holds-decay'))
+        if self.misfit > POOR_FIT:
+            found.append(Advice.of('sea-not-fitted', misfit=self.misfit))
+        return tuple(found)
 
     def identified_model(self, provenance: dict) -> IdentifiedModel:
         """The content of a model file; ``provenance`` is the caller's record of the sources, and gets `AT_SEA`."""
@@ -181,8 +180,8 @@ def identify_at_sea(
     or cannot be used, and `Cancelled`.
     """
     motion = motion.between(start, end)
-    fit, modes = _best_fit(motion, heave, progress, should_cancel)
-    return _identification(motion, fit, modes, not searched and bool(find_decays(motion)))
+    fit, optima = _best_fit(motion, heave, progress, should_cancel)
+    return _identification(motion, fit, optima, not searched and bool(find_decays(motion)))
 
 
 def gain_over(
@@ -193,14 +192,16 @@ def gain_over(
     Twice that is chi-squared with two degrees of freedom if the model is true (Wilks 1938), after division by the fit's
     `inflation`.
     """
-    fit, modes = _best_fit(motion, heave, None, should_cancel)
-    free = modes[0]
-    held = _Fit(fit.sea, fit.spectra, fit.waves, np.log([model.natural_frequency, max(model.damping_ratio, 1e-4)]))
-    given = held.optima(should_cancel=should_cancel)[0]
-    return float((given.fun - free.fun) / fit.inflation(free.x))
+    fit, (free, *_) = _best_fit(motion, heave, None, should_cancel)
+    starts = fit.starts()
+    for start in starts:
+        start[[_FREQUENCY, _DAMPING]] = np.log([model.natural_frequency, max(model.damping_ratio, 1e-4)])
+    held = np.isin(np.arange(free.z.size), (_FREQUENCY, _DAMPING))
+    given = min(each.cost for each in fit.search_each(starts, [held] * len(starts)))
+    return float((given - free.cost) / fit.inflation(free))
 
 
-def excitation_spectrum(frequency: np.ndarray, peak: float, peakedness: float, tail: float) -> np.ndarray:
+def excitation_spectrum(frequency: np.ndarray, peak: Any, peakedness: Any, tail: Any) -> np.ndarray:
     """JONSWAP (Hasselmann et al. 1973) with a tail frequency^-tail, one at its peak; frequency (B,) and peak in rad/s.
 
     The tail is 5 where the moment follows wave height, 1 where it follows wave slope in deep water.
@@ -208,27 +209,27 @@ def excitation_spectrum(frequency: np.ndarray, peak: float, peakedness: float, t
     u = frequency / peak
     width = np.where(u <= 1.0, 0.07, 0.09)
     log_peak = np.log(peakedness) * (np.exp(-0.5 * ((u - 1.0) / width) ** 2) - 1.0)
-    return np.exp(np.clip(log_peak - np.clip(tail, -20.0, 20.0) * np.log(u) - 1.25 * (u**-4 - 1.0), -80.0, 80.0))
+    return np.exp(log_peak - tail * np.log(u) - 1.25 * (u**-4 - 1.0))
 
 
 def _best_fit(motion: AxisMotion, heave: Heave | None, progress: Progress | None, should_cancel: ShouldCancel | None):
     """The likelihood with the sea that is to be used, and its optima, the best first."""
     report = progress or (lambda share: None)
-    sea, spectra = _prepared(motion)
-    plain = _Fit(sea, spectra, _Jonswap(sea))
-    others = plain.optima(lambda share: report(0.5 * share), should_cancel)
-    shown = heave_spectrum(heave, sea, spectra)
-    if shown is None:
-        report(1.0)
-        return plain, others
-    seen = _Fit(sea, spectra, _Heaving(sea, spectra, shown))
-    optima = seen.optima(lambda share: report(0.5 + 0.5 * share), should_cancel)
-    if seen.deviance(optima[0].x) > HEAVE_PREFERRED * max(1.0, plain.deviance(others[0].x)):
-        return plain, others
-    return seen, optima
+    sea = _prepared(motion)
+    fit = SeaPosterior(sea, None, should_cancel)
+    optima = fit.minimise(fit.starts())
+    report(0.5)
+    shown = heave_spectrum(heave, sea, fit.spectra)
+    if shown is not None:
+        seen = SeaPosterior(sea, shown, should_cancel)
+        found = seen.minimise(seen.starts())
+        if seen.deviance(found[0]) <= HEAVE_PREFERRED * max(1.0, fit.deviance(optima[0])):
+            fit, optima = seen, found
+    report(1.0)
+    return fit, optima
 
 
-def _prepared(motion: AxisMotion):
+def _prepared(motion: AxisMotion) -> SeaMotion:
     if motion.size < 64:
         raise InputError(
             f'the {motion.axis} has only {motion.size} samples there: give at least 10 minutes of motion in waves'
@@ -242,128 +243,111 @@ def _prepared(motion: AxisMotion):
             f'too few waves to separate hull and sea: record at least {np.ceil(needed):.0f} s, better three times as '
             'long'
         )
-    return sea, term_spectra(sea)
+    return sea
 
 
-class _Jonswap:
-    """A sea of which only the kind of shape is known: log peak frequency, log (peakedness - 1), tail, log floor."""
+class SeaPosterior(LogPosterior):
+    """Whittle's likelihood of one record in waves: in a JONSWAP sea, or one as the vertical acceleration shows it.
 
-    name = 'jonswap'
+    ``shown`` is the spectrum of that acceleration at the bands, (B,), or None. Parameters (p,) are those of
+    `HULL_PRIORS` and of the sea's shape, the floor last.
+    """
 
-    def __init__(self, sea: SeaMotion):
-        self.prior = np.array([np.log(sea.peak), np.log(MEAN_PEAKEDNESS - 1.0), 3.0, _FLOOR_PRIOR[0]])
-        self.prior_std = np.array([0.5, 1.0, 2.0, _FLOOR_PRIOR[1]])
-
-    def starts(self):
-        for factor in _PEAK_STARTS:
-            yield self.prior + np.array([np.log(factor), 0.0, 0.0, 0.0])
-
-    def spectrum(self, frequency: np.ndarray, parameters: np.ndarray):
-        peak, peakedness, floor = np.exp(np.clip(parameters[[0, 1, 3]], -60.0, 60.0))
-        return excitation_spectrum(frequency, peak, 1.0 + peakedness, parameters[2]) + floor
-
-
-class _Heaving:
-    """The sea as the vertical acceleration shows it: power of the frequency, log floor."""
-
-    name = 'heave'
-
-    def __init__(self, sea: SeaMotion, spectra: TermSpectra, shown: np.ndarray):
-        self.prior, self.prior_std = np.array([0.0, _FLOOR_PRIOR[0]]), np.array([1.0, _FLOOR_PRIOR[1]])
-        self._shown, self._relative = shown / shown.max(), spectra.frequency / sea.peak
-
-    def starts(self):
-        yield self.prior.copy()
-
-    def spectrum(self, frequency: np.ndarray, parameters: np.ndarray):
-        floor = np.exp(np.clip(parameters[1], -60.0, 60.0))
-        return self._shown * self._relative ** np.clip(parameters[0], -20.0, 20.0) + floor
-
-
-class _Fit:
-    """The likelihood of one record with one kind of sea; with the hull's parameters held, if given."""
+    equation = EQUATIONS['linear']
 
     def __init__(
-        self, sea: SeaMotion, spectra: TermSpectra, waves: _Jonswap | _Heaving, held: np.ndarray | None = None
-    ):
-        self.sea, self.spectra, self.waves, self.held = sea, spectra, waves, held
-        self.noise, self.highest = sea.noise(spectra.frequency), np.log(spectra.frequency[-1])
-        hull = [np.log(sea.peak), np.log(_FIRST_DAMPING), 0.0, 0.0, 0.0, 0.0]
-        self.prior = np.concatenate([hull, waves.prior])
-        self.prior_std = np.concatenate([_PRIOR_STD, waves.prior_std])
+        self, sea: SeaMotion, shown: np.ndarray | None = None, should_cancel: Callable[[], bool] | None = None
+    ) -> None:
+        self.sea, self.spectra, self._should_cancel = sea, term_spectra(sea), should_cancel
+        self.noise = sea.noise(self.spectra.frequency)
+        self._shown = None if shown is None else shown / shown.max()
+        of_sea = JONSWAP_PRIORS if shown is None else HEAVE_PRIORS
+        self._mean, std = np.array([*HULL_PRIORS.values(), *of_sea, FLOOR_PRIOR]).T
+        self._weight = std**-2
+        self._in_peaks = [_FREQUENCY, *([len(HULL_PRIORS)] if shown is None else [])]
+        self._mean[self._in_peaks] += np.log(sea.peak)
+        self.lowest = np.full(std.size, -np.inf)
 
-    def weights(self, parameters: np.ndarray):
-        """Coefficients of the terms in the exciting moment, shape (6,)."""
-        frequency, damping = np.exp(np.clip(parameters[:2], -60.0, 60.0))
+    @property
+    def name(self) -> str:
+        """Source of the sea's spectrum."""
+        return 'jonswap' if self._shown is None else 'heave'
+
+    def _waves(self, shape: np.ndarray):
+        """Spectrum (P, B) of the sea of P shapes, one about its peak."""
+        w, floor = self.spectra.frequency, np.exp(shape[:, -1:])
+        if self._shown is not None:
+            return self._shown * (w / self.sea.peak) ** shape[:, :1] + floor
+        return excitation_spectrum(w, np.exp(shape[:, :1]), 1.0 + np.exp(shape[:, 1:2]), shape[:, 2:3]) + floor
+
+    def _weights(self, points: np.ndarray):
+        """Coefficients (P, 6) of the terms in the exciting moment."""
+        frequency, damping = np.exp(points[:, [_FREQUENCY, _DAMPING]].T)
         b, r = 2.0 * damping * frequency, frequency**2
-        return np.array([1.0, b, r, parameters[_QUADRATIC] * b, parameters[_EVEN] * r, parameters[_CUBIC] * r])
+        return np.column_stack([np.ones_like(b), b, r, points[:, _NONLINEAR] * np.column_stack([b, r, r])])
 
-    def parts(self, parameters: np.ndarray):
-        """Spectra of the moment that the hull needs and that the sea gives, and the hull's squared stiffness."""
-        own, w = self.weights(parameters), self.spectra.frequency
-        needed = self.spectra.matrices @ own @ own
-        stiffness = (own[2] - w**2) ** 2 + (own[1] * w) ** 2
-        level = np.exp(np.clip(parameters[_LEVEL], -60.0, 60.0))
-        given = level * self.waves.spectrum(w, parameters[len(PARAMETERS) :])
+    def parts(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of P points, each (P, B): spectra of the moment that the hull needs and that the sea gives, and the hull's
+        squared stiffness.
+        """
+        own, w = self._weights(points), self.spectra.frequency
+        needed = (own[:, :, None] * own[:, None, :]).reshape(len(own), -1) @ self.spectra.matrices.reshape(w.size, -1).T
+        stiffness = (own[:, 2:3] - w**2) ** 2 + (own[:, 1:2] * w) ** 2
+        given = np.exp(points[:, [_LEVEL]]) * self._waves(points[:, len(HULL_PRIORS) :])
         return needed, given + stiffness * self.noise, stiffness
 
-    def __call__(self, parameters: np.ndarray):
-        """Negative log posterior."""
-        needed, given, stiffness = self.parts(parameters)
-        # the bands are those of the measured angle: the change of variables to the moment is the stiffness
-        value = self.spectra.counts @ (np.log(given / stiffness) + needed / given)
-        value += 0.5 * np.sum(((parameters - self.prior) / self.prior_std) ** 2)
-        value += 0.5 * (max(parameters[_FREQUENCY] - self.highest, 0.0) / EDGE_SOFTNESS) ** 2
-        return value if np.isfinite(value) else 1e12
-
-    def optima(self, progress: Progress | None = None, should_cancel: ShouldCancel | None = None):
-        """Local optima as scipy's results, the best first."""
-        starts = sorted(self._starts(), key=self)[:_REFINED]
-        found = []
-        for number, start in enumerate(starts):
-            if should_cancel is not None and should_cancel():
-                raise Cancelled
-            found.append(self._refined(start))
-            if progress is not None:
-                progress((number + 1.0) / len(starts))
-        return sorted(found, key=lambda result: result.fun)
-
-    def _refined(self, start: np.ndarray):
-        fixed = start[:0] if self.held is None else self.held
-        from scipy.optimize import minimize
-
-        result = minimize(
-            lambda rest: self(np.concatenate([fixed, rest])),
-            start[fixed.size :],
-            method='BFGS',
-            options={'gtol': 1e-2, 'maxiter': 300},
-        )
-        result.x = np.concatenate([fixed, result.x])
-        return result
-
-    def _starts(self):
-        for waves in self.waves.starts():
-            for factor in _FREQUENCY_STARTS:
-                start = np.concatenate([self.prior[: len(PARAMETERS)], waves])
-                start[_FREQUENCY] += np.log(factor)
-                if self.held is not None:
-                    start[: self.held.size] = self.held
-                needed, given, _ = self.parts(start)
-                start[_LEVEL] = np.log(np.average(needed / given, weights=self.spectra.counts * self.spectra.angle))
-                yield start
-
-    def hull(self, parameters: np.ndarray):
-        """Ratios (9,) of the nonlinear hull about its angle of rest."""
-        one, b, r, quadratic, even, cubic = self.weights(parameters)
-        s, q, x = self.sea.angle_std, self.sea.rate_std, self.sea.angle
-        restoring = np.polynomial.Polynomial(
-            [
-                -even * s - cubic * np.mean(x**3) / s**2,
-                r - 3.0 * cubic,
-                even / s,
-                cubic / s**2,
+    def evaluate(self, points: Sequence[np.ndarray]) -> list[Evaluation]:
+        """The posterior and its derivatives at some points (p,), all at once."""
+        if self._should_cancel is not None and self._should_cancel():
+            raise Cancelled
+        steps = PERTURBATION * np.vstack([np.zeros(self._mean.size), np.eye(self._mean.size)])
+        with np.errstate(all='ignore'):
+            moved = np.array(points)[:, None] + steps
+            parts = self.parts(moved.reshape(-1, self._mean.size))
+            return [
+                self._evaluation(z, *each)
+                for z, *each in zip(points, *(np.split(part, len(points)) for part in parts), strict=True)
             ]
-        )
+
+    def _evaluation(self, z: np.ndarray, needed: np.ndarray, given: np.ndarray, stiffness: np.ndarray):
+        counts = self.spectra.counts
+        # the bands are those of the measured angle: the change of variables to the moment is the stiffness
+        logs = np.log(given / stiffness), np.log(needed / given)
+        ratio = needed[0] / given[0]
+        by_given, by_ratio = ((log[1:] - log[0]) / PERTURBATION for log in logs)
+        cost = float(counts @ (logs[0][0] + ratio) + 0.5 * self._weight @ (z - self._mean) ** 2)
+        gradient = (by_given + ratio * by_ratio) @ counts + self._weight * (z - self._mean)
+        # a nonlinear term has nothing in common with the sea that the hull needs otherwise: it adds to it
+        by_ratio[_NONLINEAR] = 0.0
+        information = (by_ratio * counts) @ by_ratio.T + np.diag(self._weight)
+        units = self._weights(z[None])[0, [1, 2, 2]]
+        added = np.tensordot(2.0 * counts / given[0], self.spectra.matrices[:, 3:, 3:], 1)
+        information[_NONLINEAR, _NONLINEAR] += added * np.outer(units, units)
+        beyond = max(z[_FREQUENCY] - np.log(self.spectra.frequency[-1]), 0.0) / EDGE_SOFTNESS**2
+        gradient[_FREQUENCY] += beyond
+        information[_FREQUENCY, _FREQUENCY] += (beyond > 0.0) / EDGE_SOFTNESS**2
+        cost += 0.5 * (beyond * EDGE_SOFTNESS) ** 2
+        return Evaluation(z, cost if np.isfinite(cost) else np.inf, gradient, information)
+
+    def starts(self) -> list[np.ndarray]:
+        """Parameters (p,) of hulls and seas of several frequencies, with the level that suits them."""
+        found = []
+        for of_hull in np.geomspace(0.5, 5.6, 8):
+            for of_sea in (0.7, 1.0, 1.4) if self._shown is None else (None,):
+                start = self._mean.copy()
+                start[self._in_peaks] += np.log([of_hull, *([of_sea] if of_sea else [])])
+                needed, given, _ = self.parts(start[None])
+                weight = self.spectra.counts * self.spectra.angle
+                start[_LEVEL] = np.log(np.average((needed / given)[0], weights=weight))
+                found.append(start)
+        return found
+
+    def hull(self, z: np.ndarray) -> np.ndarray:
+        """Ratios (9,) of the nonlinear hull about its angle of rest."""
+        _, b, r, quadratic, even, cubic = self._weights(z[None])[0]
+        s, q, x = self.sea.angle_std, self.sea.rate_std, self.sea.angle
+        mean = -even * s - cubic * np.mean(x**3) / s**2
+        restoring = np.polynomial.Polynomial([mean, r - 3.0 * cubic, even / s, cubic / s**2])
         rest = 0.0
         for _ in range(5):
             slope = restoring.deriv()(rest)
@@ -377,67 +361,46 @@ class _Fit:
             ratios[TERM_INDEX[name]] = restoring.deriv(power)(rest) / (1.0, 2.0, 6.0)[power - 1]
         return ratios
 
-    def estimate(self, parameters: np.ndarray):
-        """Logarithms of natural period, s, and damping ratio at the record's amplitude."""
-        amplitude = np.sqrt(2.0) * self.sea.angle_std
-        curves = amplitude_curves(self.hull(parameters), np.array([amplitude]), 1e-6)
+    def estimate(self, z: np.ndarray) -> np.ndarray:
+        """Logarithms of natural frequency, rad/s, and damping ratio at the record's amplitude."""
+        curves = amplitude_curves(self.hull(z), np.array([np.sqrt(2.0) * self.sea.angle_std]), 1e-6)
         frequency, damping = float(curves.frequency[0]), float(curves.damping_ratio[0])
-        if not (np.isfinite(frequency) and damping > 0.0):
-            # no closed orbit of that size: what remains is the Gaussian linearisation
-            frequency, damping = np.exp(parameters[:2])
-        return np.array([np.log(2.0 * np.pi / frequency), np.log(damping)])
+        # without a closed orbit of that size, what remains is the Gaussian linearisation
+        is_known = np.isfinite(frequency) and damping > 0.0
+        return np.log([frequency, damping]) if is_known else z[[_FREQUENCY, _DAMPING]]
 
-    def deviance(self, parameters: np.ndarray):
+    def _ratio(self, point: Evaluation):
+        needed, given, _ = self.parts(point.z[None])
+        return (needed / given)[0]
+
+    def deviance(self, point: Evaluation) -> float:
         """Deviance a degree of freedom."""
-        needed, given, _ = self.parts(parameters)
-        ratio = needed / given
+        ratio = self._ratio(point)
         total = 2.0 * self.spectra.counts @ (ratio - np.log(ratio) - 1.0)
-        return float(total / max(1, self.spectra.counts.size - parameters.size))
+        return float(total / max(1, ratio.size - point.z.size))
 
-    def inflation(self, parameters: np.ndarray):
+    def inflation(self, point: Evaluation) -> float:
         """Variance of the parameters over that of a perfect fit, at least one.
 
         The deviance times the summed autocorrelation of neighbouring bands' residuals (as Newey and West 1987): where
         the sea has another shape, neighbouring bands miss together.
         """
-        needed, given, _ = self.parts(parameters)
-        residual = np.sqrt(self.spectra.counts) * (needed / given - 1.0).clip(-1.0, 3.0)
+        residual = np.sqrt(self.spectra.counts) * (self._ratio(point) - 1.0).clip(-1.0, 3.0)
         residual = residual - residual.mean()
-        variance = residual @ residual
         together = 1.0
         for lag in range(1, MISSING_TOGETHER):
-            together += 2.0 * (1.0 - lag / MISSING_TOGETHER) * (residual[lag:] @ residual[:-lag]) / variance
-        return max(1.0, self.deviance(parameters) * max(1.0, together))
-
-    def covariance(self, parameters: np.ndarray):
-        """Inverse of the Hessian of the negative log posterior, by differences."""
-        size, spread = parameters.size, self.prior_std
-        step = 1e-3 * np.where(np.isfinite(spread), np.maximum(spread, 0.3), 1.0)
-        hessian = np.empty((size, size))
-        for i in range(size):
-            for j in range(i + 1):
-                value = 0.0
-                for sign_i in (1.0, -1.0):
-                    for sign_j in (1.0, -1.0):
-                        moved = parameters.copy()
-                        moved[i] += sign_i * step[i]
-                        moved[j] += sign_j * step[j]
-                        value += sign_i * sign_j * self(moved)
-                hessian[i, j] = hessian[j, i] = value / (4.0 * step[i] * step[j])
-        values, vectors = np.linalg.eigh(hessian)
-        least = np.min(spread[np.isfinite(spread)] ** -2.0)
-        # no direction is known less well than before the record
-        return (vectors / np.maximum(values, least)) @ vectors.T
+            share = 2.0 * (1.0 - lag / MISSING_TOGETHER)
+            together += share * (residual[lag:] @ residual[:-lag]) / (residual @ residual)
+        return max(1.0, self.deviance(point) * max(1.0, together))
 
 
-def _identification(motion: AxisMotion, fit: _Fit, modes: Sequence[Any], holds_decay: bool):
-    sea, spectra, best = fit.sea, fit.spectra, modes[0]
-    misfit = fit.deviance(best.x)
-    logs, log_covariance = _estimate_with_covariance(fit, modes, fit.inflation(best.x))
-    period, damping = np.exp(logs)
-    scale = np.array([period, damping])
-    covariance = log_covariance * np.outer(scale, scale)
-    frequency = 2.0 * np.pi / period
+def _identification(motion: AxisMotion, fit: SeaPosterior, optima: Sequence[Evaluation], holds_decay: bool):
+    sea, spectra, best = fit.sea, fit.spectra, optima[0]
+    misfit = fit.deviance(best)
+    logs, log_covariance = _estimate_with_covariance(fit, optima)
+    frequency, damping = np.exp(logs)
+    period = 2.0 * np.pi / frequency
+    covariance = log_covariance * np.outer([-period, damping], [-period, damping])
     if frequency > 0.95 * spectra.frequency[-1]:
         raise InputError(
             f'the {motion.axis} follows the waves as far as it is known (down to periods of '
@@ -450,115 +413,62 @@ def _identification(motion: AxisMotion, fit: _Fit, modes: Sequence[Any], holds_d
             'which say nothing about the damping: give motion in irregular waves, or record a free decay in still water'
         )
     b1, r1 = 2.0 * damping * frequency, frequency**2
-    # derivatives of (log b1, log r1) by (log period, log damping)
-    to_ratios = np.array([[-1.0, 1.0], [-2.0, 0.0]])
-    ratio_covariance = to_ratios @ log_covariance @ to_ratios.T * np.outer([b1, r1], [b1, r1])
+    # derivatives of b1 and r1 by log frequency and log damping
+    slopes = np.array([[b1, b1], [2.0 * r1, 0.0]])
     trim = 0.0 if np.isnan(sea.mean) else sea.mean
-    model = DecayModel.from_terms(EQUATIONS['linear'], {'b1': b1, 'r1': r1}, trim=trim, axis=motion.axis)
-    fitted = _fitted_spectra(fit, best.x)
+    fitted = _fitted_spectra(fit, best)
     band = np.gradient(spectra.frequency)
     variance = float(band @ spectra.angle)
     amplitude = np.sqrt(2.0) * sea.angle_std
     # variance of a variance: 2 pi / T int S^2 (one-sided), of a mean: pi / T S(0)
     amplitude_std = 0.5 * amplitude * np.sqrt(2.0 * np.pi / sea.duration * (band @ spectra.angle**2)) / variance
     trim_std = np.sqrt(np.pi / sea.duration * np.median(spectra.angle[spectra.frequency < 0.5 * sea.peak]))
-    peak_period = 2.0 * np.pi / float(fitted.frequency[fitted.fitted_excitation.argmax()])
-    advice = _advice(holds_decay, sea, period, damping, covariance, misfit, peak_period, amplitude)
+    period_std, damping_std = np.sqrt(np.diag(covariance)).tolist()
     return AtSeaIdentification(
-        model=model,
+        model=DecayModel.from_terms(EQUATIONS['linear'], {'b1': b1, 'r1': r1}, trim=trim, axis=motion.axis),
         natural_period=float(period),
-        natural_period_std=float(np.sqrt(covariance[0, 0])),
+        natural_period_std=period_std,
         damping_ratio=float(damping),
-        damping_ratio_std=float(np.sqrt(covariance[1, 1])),
+        damping_ratio_std=damping_std,
         amplitude=float(amplitude),
         amplitude_std=float(amplitude_std),
         trim_std=float('nan') if np.isnan(sea.mean) else float(trim_std),
         estimate_covariance=covariance,
-        covariance=ratio_covariance,
+        covariance=slopes @ log_covariance @ slopes.T,
         misfit=misfit,
-        sea=fit.waves.name,
-        peak_period=peak_period,
+        sea=fit.name,
+        peak_period=2.0 * np.pi / float(fitted.frequency[fitted.fitted_excitation.argmax()]),
         duration=float(sea.duration),
         spectra=fitted,
-        decrement=_decrement(sea, fitted, model),
         motion=motion,
-        advice=advice,
+        holds_decay=holds_decay,
     )
 
 
-def _estimate_with_covariance(fit: _Fit, modes: Sequence[Any], inflation: float):
-    """Logarithms of period and damping with their covariance, the spread over other optima included."""
-    best = modes[0]
-    within = inflation * fit.covariance(best.x)
-    slopes = np.empty((2, best.x.size))
-    for index in range(best.x.size):
-        step = np.zeros(best.x.size)
-        step[index] = 1e-4
-        slopes[:, index] = (fit.estimate(best.x + step) - fit.estimate(best.x - step)) / 2e-4
-    logs = fit.estimate(best.x)
-    covariance = slopes @ within @ slopes.T
-    depths = np.array([(mode.fun - best.fun) / inflation for mode in modes])
-    likely = [
-        (np.exp(-depth), fit.estimate(mode.x) - logs)
-        for depth, mode in zip(depths, modes, strict=True)
-        if depth < _MODE_DEPTH
-    ]
-    # optima reached twice are one
-    apart: list[tuple] = []
-    for weight, shift in likely:
-        if all(np.abs(shift - other).max() > 0.01 for _, other in apart):
-            apart.append((weight, shift))
-    total = sum(weight for weight, _ in apart)
-    covariance += sum(weight / total * np.outer(shift, shift) for weight, shift in apart)
-    return logs, covariance
+def _estimate_with_covariance(fit: SeaPosterior, optima: Sequence[Evaluation]):
+    """`estimate` and its covariance (2, 2), the spread over other optima included."""
+    best, inflation = optima[0], fit.inflation(optima[0])
+    steps = 1e-4 * np.eye(best.z.size)
+    slopes = np.array([fit.estimate(best.z + step) - fit.estimate(best.z - step) for step in steps]).T / 2e-4
+    apart: list[tuple[float, np.ndarray]] = []
+    for each in optima:
+        found = fit.estimate(each.z)
+        # optima reached twice are one
+        if all(np.abs(found - other).max() > 0.01 for _, other in apart):
+            apart.append((np.exp((best.cost - each.cost) / inflation), found))
+    weights, logs = np.array([weight for weight, _ in apart]), np.array([found for _, found in apart])
+    shifts = logs - logs[0]
+    covariance = inflation * slopes @ np.linalg.inv(best.information) @ slopes.T
+    return logs[0], covariance + (weights / weights.sum() * shifts.T) @ shifts
 
 
-def _fitted_spectra(fit: _Fit, parameters: np.ndarray):
-    needed, given, stiffness = fit.parts(parameters)
-    own = fit.weights(parameters)
+def _fitted_spectra(fit: SeaPosterior, point: Evaluation):
+    needed, given, stiffness = (part[0] for part in fit.parts(point.z[None]))
     return FittedSpectra(
         frequency=fit.spectra.frequency,
         measured=fit.spectra.angle,
         fitted=fit.spectra.angle * given / needed,
         excitation=needed,
         fitted_excitation=given - stiffness * fit.noise,
-        response=own[2] / np.sqrt(stiffness),
+        response=np.exp(2.0 * point.z[_FREQUENCY]) / np.sqrt(stiffness),
     )
-
-
-def _decrement(sea: SeaMotion, spectra: FittedSpectra, model: DecayModel):
-    lag, measured = random_decrement(sea, _DECREMENT_PERIODS * 2.0 * np.pi / min(sea.peak, model.natural_frequency))
-    level = np.sqrt(2.0) * sea.angle_std
-    power = np.gradient(spectra.frequency) * spectra.fitted
-    fitted = level * np.cos(np.outer(lag, spectra.frequency)) @ (power / power.sum())
-    decay, _ = simulate(model.with_trim(0.0), level, 0.0, lag)
-    return Decrement(lag, measured, fitted, decay)
-
-
-def _advice(
-    holds_decay: bool,
-    sea: SeaMotion,
-    period: float,
-    damping: float,
-    covariance: np.ndarray,
-    misfit: float,
-    peak_period: float,
-    amplitude: float,
-):
-    found = [Advice.of('equivalent-linear', amplitude=np.degrees(amplitude))]
-    period_spread, damping_spread = np.sqrt(np.diag(covariance)) / (period, damping)
-    if holds_decay:
-        found.append(Advice.of('holds-decay'))
-    if period_spread > 0.5 * PERIOD_USABLE or damping_spread > 0.5 * DAMPING_USABLE:
-        found.append(
-            Advice.of(
-                'sea-hides-hull',
-                peak=peak_period,
-                period=100 * period_spread,
-                damping=100 * damping_spread,
-                minutes=sea.duration / 60,
-            )
-        )
-    if misfit > POOR_FIT:
-        found.append(Advice.of('sea-not-fitted', misfit=misfit))
-    return tuple(found)

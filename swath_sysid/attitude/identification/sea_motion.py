@@ -305,24 +305,3 @@ def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) ->
         return None
     moving = spectra.angle > HEAVE_WANTED * spectra.angle.max()
     return smooth if np.all(smooth[moving] > ABOVE_NOISE * noise) else None
-
-
-def random_decrement(sea: SeaMotion, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lags (L,), s, and mean motion (L,), rad, after a crossing of sqrt(2) std, NaN without a crossing.
-
-    Cole, NASA CR-2205 (1973). For a Gaussian motion it is the autocorrelation times the level: the free decay of the
-    hull for white excitation, of hull and sea together otherwise.
-    """
-    level, value = np.sqrt(2.0) * sea.angle_std, sea.angle
-    count = max(2, int(span / sea.interval))
-    lag = sea.interval * np.arange(count)
-    total, found = np.zeros(count), 0
-    for sign in (1.0, -1.0):
-        above = sign * value >= level
-        at = np.flatnonzero(above[1:] != above[:-1])
-        # of the two samples around the crossing the nearer one
-        at = at + (np.abs(sign * value[at + 1] - level) < np.abs(sign * value[at] - level))
-        at = at[at + count <= value.size]
-        total += sign * sum((value[k : k + count] for k in at), np.zeros(count))
-        found += at.size
-    return lag, total / found if found else np.full(count, np.nan)
