@@ -123,7 +123,7 @@ def test_nothing_is_named_of_sound_sensors_whatever_they_leave_out(first, monkey
 
 def test_a_value_that_is_not_known_makes_no_fault():
     """Slopes of which nothing is known but that the angle moves: no comparison may take that for a finding."""
-    unknown = Slope(0, np.full(3, np.nan), *[np.nan] * 5, frequency=1.0, speed=1.0)
+    unknown = Slope(0, np.full(3, np.nan), *[np.nan] * 5, frequency=1.0)
     assert sensor_checks._rates_against_angles([unknown], 0.01, 0, STRAIGHT) == []
     for key in (key for key in SENTENCES if key.partition(':')[0] in CODES):
         values = {field: np.nan for _, field, _, _ in Formatter().parse(SENTENCES[key]) if field not in (None, 'axis')}

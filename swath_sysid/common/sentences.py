@@ -11,8 +11,6 @@ SENTENCES = {
     'absurd-values: run': '{source}: {number} values of {name} beyond {limit:g} were left out: check its unit',
     'accelerations-in-g': 'the accelerations average {force:.2f} where gravity is {gravity:.2f} m/s^2: they are in g; '
     'give them in m/s^2 (multiplied by {gravity:.2f})',
-    'accelerations-scaled': 'the accelerations average {force:.2f} where gravity is {gravity:.2f} m/s^2: give them in '
-    'm/s^2, or calibrate the accelerometer',
     'added-mass-diverges': 'added mass exceeds mass, and the plugin, which applies it with the previous acceleration, '
     'diverges; identify again with the mass as weighed',
     'angle-late': 'the {axis} angle comes {lag:.2f} s after the {axis} rate: have the driver stamp both when they are '

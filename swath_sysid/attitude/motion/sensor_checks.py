@@ -28,32 +28,27 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import SENTENCES
 
 WINDOW = 30.0  #: s over which the accelerations of waves average out.
-BIN = 0.05  #: s; samples are averaged to this time base, unless their own is coarser: craft roll in 1 s and more.
-WINDOW_BINS = 300  #: Bins of a window of a sensor so slow that `WINDOW` holds fewer.
+#: Bins of a window of a sensor so slow that `WINDOW` holds fewer; samples of a fast one are averaged to twice as many.
+WINDOW_BINS = 300
 MIN_BINS = 40  #: Fewer are not judged.
 MAX_STRETCHES = 20  #: Of a long record, over which they are spread; up to twice as many are judged.
 
 FROZEN = 5.0  #: s of fresh stamps with the same values.
-MIN_STEPS = 3.0  #: Resolution steps by which values change just before a sensor freezes; coarse ones at rest: one.
 MIN_TURN = np.radians(3.0)  #: rad that the rates turn while the angles stand still; no angle is as coarse.
 GRAVITY_TOLERANCE = 0.2  #: Of gravity; consumer accelerometers are within a few percent.
-NO_GRAVITY = 0.3  #: Of gravity below which a mean specific force holds none.
 MIN_UPRIGHT = np.cos(np.radians(45.0))  #: Cosine of the largest mean list at which a craft floats.
 #: Cosine between gravity and attitude below which they contradict each other; alignment errors are a few degrees.
 CONTRADICTED = np.cos(np.radians(30.0))
 
 MIN_ANGLE = np.radians(0.25)  #: rad, standard deviation; a craft that moves less shows nothing.
-MIN_RATE = np.radians(0.5)  #: rad/s, standard deviation; slower angles may be drift of an attitude filter.
 BAND_POWER = 0.98  #: Share of an angle's power below the highest frequency used; the rest is mostly noise.
 #: Of the Nyquist frequency; a wider angle is too coarse or noisy to be differentiated. With half of it, noise passed
 #: for motion in 20 of 960 simulated decays of 1 to 3 deg, with this in none.
 WIDEST_BAND = 0.3
 LIVELY = 0.9  #: Share of the energy of the slopes within the part of a stretch that is looked at.
-LAG_OF_PERIOD = 0.45  #: Longest lag as a share of the mean period: beyond half of it a delay looks like a reversal.
 
 FOLLOWS = 0.7  #: Correlation with the slope of its angle from which a rate is that of the angle.
 EXPLAINS = 0.9  #: Correlation from which a delay, a factor or another arrangement of the axes explains the rates.
-UNRELATED = 0.4  #: Correlation with the slope of its angle at every delay below which a rate does not follow it.
 MIN_FREEDOM = 3.0  #: Degrees of freedom below which a correlation proves nothing: less than a cycle and a half.
 SIGNIFICANT = 4.0  #: Standard deviations beyond which a delay, a factor or an offset is not chance.
 UNIT_TOLERANCE = 1.3  #: Factor by which a rate may differ from the slope of its angle, and from a unit of `UNITS`.
@@ -85,9 +80,7 @@ PARTS = ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate'), ('acc
 
 #: All faults, by what must be compared to find them.
 REPEAT_CODES = frozenset({'sensor-frozen', 'angles-frozen'})
-GRAVITY_CODES = frozenset(
-    {'accelerations-in-g', 'gravity-missing', 'accelerations-scaled', 'sensor-turned', 'axes-of-sensor'}
-)
+GRAVITY_CODES = frozenset({'accelerations-in-g', 'gravity-missing', 'sensor-turned', 'axes-of-sensor'})
 RATE_CODES = frozenset(
     {
         'rates-swapped',
@@ -103,7 +96,7 @@ RATE_CODES = frozenset(
 OFFSET_CODES = frozenset({'rate-offset'})
 
 #: Those that leave the rest of the data usable.
-DOUBTFUL_CODES = frozenset({'accelerations-scaled', 'angles-frozen', 'gravity-missing', 'sensor-frozen'})
+DOUBTFUL_CODES = frozenset({'angles-frozen', 'gravity-missing', 'sensor-frozen'})
 
 
 @dataclass(frozen=True)
@@ -138,7 +131,6 @@ class Slope:
     gain: float  #: Of its own rate over the slope at that lag, by least squares.
     gain_std: float
     frequency: float  #: rad/s, mean of the slope.
-    speed: float  #: rad/s, standard deviation of the slope.
 
     @property
     def follows(self) -> bool:
@@ -224,11 +216,11 @@ def judge(
 
 def samples_a_bin(interval: float) -> int:
     """This many samples of an interval (s) are averaged to a bin."""
-    return max(int(BIN / interval + 0.5), 1)
+    return max(int(WINDOW / (2 * WINDOW_BINS) / interval + 0.5), 1)
 
 
 def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tuple[np.ndarray, ...]:
-    """Time (N,) and angles, rates and specific force (N, 3) averaged over bins of `BIN` s, NaN if one is missing."""
+    """Time (N,) and angles, rates and specific force (N, 3) averaged over bins, NaN if one is missing."""
     count = samples_a_bin(interval)
     if count == 1 or time.size < 2 * count:
         return time, *parts
@@ -261,8 +253,9 @@ def _repeats(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.
     if time[-1] - time[since] >= FROZEN and time.size - since >= MIN_BINS // 2:
         before = steps[:since, 3:]  # the noise of rates and accelerations; angles that come alone may stand still
         resolution = np.min(before, axis=0, where=before > 0.0, initial=np.inf)
+        # coarse values of a craft at rest change by one step, if at all
         usual = np.median(before[-(MIN_BINS // 2) :], axis=0)
-        return _found('sensor-frozen', seconds=FROZEN) if np.any(usual >= MIN_STEPS * resolution) else []
+        return _found('sensor-frozen', seconds=FROZEN) if np.any(usual > 1.5 * resolution) else []
     still = min(int(np.searchsorted(time, time[-1] - FROZEN)), time.size - MIN_BINS // 2)
     if still <= 0:
         return []
@@ -296,7 +289,7 @@ def mean_force_of(force: np.ndarray) -> np.ndarray | None:
     mean = force[known].mean(axis=0) / STANDARD_GRAVITY
     size, usual = np.linalg.norm(mean), np.linalg.norm(force[known], axis=1).mean() / STANDARD_GRAVITY
     # heavy rolling shortens the mean
-    return mean * usual / size if size > NO_GRAVITY and abs(usual - 1.0) <= GRAVITY_TOLERANCE else mean
+    return mean * usual / size if size > GRAVITY_TOLERANCE and abs(usual - 1.0) <= GRAVITY_TOLERANCE else mean
 
 
 def _gravity_against_attitude(
@@ -308,11 +301,11 @@ def _gravity_against_attitude(
     size = float(np.linalg.norm(mean_force))
     in_g = abs(size * STANDARD_GRAVITY - 1.0) <= GRAVITY_TOLERANCE
     found: list[Contradiction] = []
-    if abs(size - 1.0) > GRAVITY_TOLERANCE:
-        name = 'accelerations-in-g' if in_g else 'gravity-missing' if size < NO_GRAVITY else 'accelerations-scaled'
+    if in_g or size <= GRAVITY_TOLERANCE:
+        name = 'accelerations-in-g' if in_g else 'gravity-missing'
         found = _found(name, force=size * STANDARD_GRAVITY, gravity=STANDARD_GRAVITY)
-    if size <= NO_GRAVITY and not in_g:
-        return False, found + ([] if up is None else _list_of_craft(up, installation))
+        if not in_g:
+            return False, found + ([] if up is None else _list_of_craft(up, installation))
     direction = mean_force / size
     if up is None:
         return False, found + _direction_alone(direction, installation)
@@ -462,8 +455,8 @@ def _unrelated(slope: Slope) -> list[Contradiction]:
     """A rate unrelated to its moving angle."""
     # noise makes the rate larger, and the slope: together they allow a gain up to this
     largest_gain = slope.gain / max(slope.lagged**2, 1e-6)
-    least = EXPLAINS if largest_gain < 1.0 / UNIT_TOLERANCE else UNRELATED
-    is_poor = slope.lagged < least and slope.gain < UNRELATED**2 and slope.differs and slope.speed >= MIN_RATE
+    least = EXPLAINS if largest_gain < 1.0 / UNIT_TOLERANCE else 1.0 - FOLLOWS
+    is_poor = slope.lagged < least and slope.gain < (1.0 - FOLLOWS) ** 2 and slope.differs
     return _found('rate-unrelated', AXES[slope.axis]) if is_poor else []
 
 
@@ -542,8 +535,8 @@ def _slope(axis: int, step: float, angle: np.ndarray, differences: np.ndarray, r
     spectrum, others = whole[band], [other[band] for other in others]
     power = np.abs(spectrum) ** 2
     mean_square = np.sum((2.0 * np.pi * frequency[band]) ** 2 * power) / np.sum(power)
-    longest = LAG_OF_PERIOD * 2.0 * np.pi / np.sqrt(mean_square)
-    lag, lagged, gain = _lag(spectrum, others[axis], frequency[band], step, longest)
+    # beyond half of the mean period a delay looks like a reversal
+    lag, lagged, gain = _lag(spectrum, others[axis], frequency[band], step, np.pi / np.sqrt(mean_square))
     incoherent = np.sqrt(max(1.0 - lagged**2, 0.0) / max(lagged**2, 1e-6) / freedom)
     return Slope(
         axis=axis,
@@ -554,7 +547,6 @@ def _slope(axis: int, step: float, angle: np.ndarray, differences: np.ndarray, r
         gain=gain,
         gain_std=float(abs(gain) * incoherent),
         frequency=float(np.sqrt(mean_square)),
-        speed=float(np.sqrt(np.sum(power) / size / np.sum(taper**2))),
     )
 
 
@@ -567,7 +559,7 @@ def _taper(size: int) -> np.ndarray:
 
 def _lively(differences: np.ndarray, step: float) -> slice:
     """The part of a stretch in which the angles change: a decay is short beside what lies before and after it."""
-    width = max(round(5.0 * BIN / step), 1)
+    width = MIN_BINS // 8
     energy = np.cumsum(np.sum(uniform_filter1d(differences - differences.mean(axis=0), width, axis=0) ** 2, axis=1))
     quiet = 0.5 * (1.0 - LIVELY)
     first, last = np.searchsorted(energy, [quiet * energy[-1], (1.0 - quiet) * energy[-1]])
