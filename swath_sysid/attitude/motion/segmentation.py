@@ -118,10 +118,9 @@ def decay_or_absence(motion: AxisMotion, start: float | None = None, end: float 
 
 
 def is_finished(segment: DecaySegment, motion: AxisMotion) -> bool:
-    """Whether a decay found in a growing record is over: disturbed, faded, small, or more than a period ago."""
-    over = segment.ending in ('noise-floor', 'faded', 'disturbed')
+    """Whether a decay found in a growing record is over: small, or ended more than a period ago."""
     fallen = segment.final_amplitude <= FINISHED * segment.initial_amplitude
-    return bool(over or fallen or motion.time[-1] > segment.end + segment.period)
+    return bool(fallen or motion.time[-1] > segment.end + segment.period)
 
 
 def explain_absence(motion: AxisMotion) -> Advice:

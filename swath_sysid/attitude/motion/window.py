@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field, replace
 from math import ceil, inf, pi
 from typing import NamedTuple
@@ -13,7 +12,6 @@ from swath_sysid.attitude.motion.intake import (
     INTAKE_REASONS,
     NANOSECOND,
     ConvertedReading,
-    CraftSample,
     ImuReading,
     Intake,
 )
@@ -30,11 +28,8 @@ COLUMNS = ('t', *CHANNELS)  #: Columns of a window: the stamp, s, and the channe
 
 WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
 
-WATCH_SPAN = 2.0  #: s over which motion is judged large or small.
-WATCH_BLOCK = 0.25  #: s of which the extremes are kept, not every sample.
-CALM = 0.35  #: Motion below this part of the largest is worth a look for a decay that has ended.
-FIRST_LOOK = 1.0  #: s after the last large motion.
-NEXT_LOOK = 1.5  #: Factor by which the time to the next look for a decay grows.
+LOOK_INTERVAL = 1.0  #: s from one look for a decay that has ended to the next,
+CALM = 0.35  #: ... while the motion of the last two of them stays within this part of all motion in the window.
 LOOK_RATE = 50.0  #: Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms.
 
 
@@ -188,7 +183,7 @@ class MotionWindow:
         self._stamp_ns, stamp = sample[0], sample[0] * NANOSECOND
         self._rows.append((stamp, *sample[1:8]))
         self._rows.drop_below(stamp - self.settings.window)
-        return WindowStep(True, reasons, self._watch.look(sample, self))
+        return WindowStep(True, reasons, self._watch.look(stamp, self))
 
     def table(self, since: float | None = None) -> MotionTable:
         """The rows, oldest first, from a stamp on, s."""
@@ -208,50 +203,39 @@ class DecayWatch:
 
     def restart(self) -> None:
         """Forget what was seen and reported."""
-        self._watches = {axis: _AxisWatch(ceil(self._settings.window / WATCH_BLOCK)) for axis in AXES}
         self._reported_until: dict[str, float | None] = dict.fromkeys(AXES)
-        self._block_end: float | None = None
+        self._next_look = -inf
 
     def resize(self, settings: WindowSettings) -> None:
         """Look in a window of another length; what was reported stays so."""
-        reported, self._settings = self._reported_until, settings
-        self.restart()
-        self._reported_until = reported
+        self._settings = settings
 
-    def look(self, sample: CraftSample, window: MotionWindow) -> FinishedDecay | None:
-        """Add a sample that is in the window: the decay that has ended, if any."""
-        if not self.on:
+    def look(self, stamp: float, window: MotionWindow) -> FinishedDecay | None:
+        """Whether a decay has ended at a stamp, s, up to which the window reaches."""
+        if not self.on or stamp < self._next_look:
             return None
-        stamp, roll, pitch, roll_rate, pitch_rate = sample[:5]
-        by_roll, by_pitch = self._watches.values()
-        by_roll.widen(roll if roll == roll else roll_rate)
-        by_pitch.widen(pitch if pitch == pitch else pitch_rate)
-        time = stamp * NANOSECOND
-        if self._block_end is None:
-            self._block_end = time + WATCH_BLOCK
-        if time < self._block_end:
-            return None
-        self._block_end = time + WATCH_BLOCK
-        due = [axis for axis, watch in self._watches.items() if watch.is_due(time)]
-        return next(filter(None, (self._search(axis, window) for axis in due)), None)
+        self._next_look = stamp + LOOK_INTERVAL
+        return next(filter(None, (self._search(axis, window) for axis in AXES)), None)
 
     def _search(self, axis: str, window: MotionWindow) -> FinishedDecay | None:
         """The newest decay about an axis that has ended and was not reported before."""
         table = window.table(self._reported_until[axis])
         try:
-            motion = averaged(table, LOOK_RATE).trial().axis(axis)
+            motion = table.trial().axis(axis)
         except InputError:
             return None
-        if motion.size < 2 * LOOK_RATE * FIRST_LOOK:
+        newest = motion.primary[motion.time >= motion.time[-1] - 2.0 * LOOK_INTERVAL]
+        if not np.ptp(newest) < CALM * np.ptp(motion.primary):
             return None
+        motion = averaged(table, LOOK_RATE).trial().axis(axis)
         ended = [decay for decay in find_decays(motion) if self._is_worth_reporting(decay, motion)]
         if not ended:
             return None
-        newest = max(ended, key=lambda decay: decay.end)
+        decay = max(ended, key=lambda each: each.end)
         origin = float(table.rows[0, 0])
-        self._reported_until[axis] = origin + newest.end
-        noticed = NoticedDecay(axis, origin + newest.start, origin + newest.end)
-        return FinishedDecay(axis, newest, replace(table, noticed=noticed))
+        self._reported_until[axis] = origin + decay.end
+        noticed = NoticedDecay(axis, origin + decay.start, origin + decay.end)
+        return FinishedDecay(axis, decay, replace(table, noticed=noticed))
 
     def _is_worth_reporting(self, decay: DecaySegment, motion: AxisMotion) -> bool:
         amplitude = decay.initial_amplitude
@@ -260,42 +244,6 @@ class DecayWatch:
         begun = decay.beginning in ('released', 'pushed')
         large = amplitude >= self._settings.smallest_decay and decay.cycles >= MIN_CYCLES
         return begun and large and is_finished(decay, motion)
-
-
-class _AxisWatch:
-    """How far one quantity reached lately, and when to look for a decay next."""
-
-    def __init__(self, blocks: int) -> None:
-        spans = round(WATCH_SPAN / WATCH_BLOCK)
-        self._lows, self._highs = deque([inf], spans), deque([-inf], spans)
-        self._reaches = deque([0.0], max(blocks, spans))
-        self._low, self._high = inf, -inf
-        self._calm_since: float | None = None
-        self._wait = FIRST_LOOK
-
-    def widen(self, value: float) -> None:
-        """Add a value, which may be beyond the block's lowest and highest."""
-        if value < self._low:
-            self._low = value
-        if value > self._high:
-            self._high = value
-
-    def is_due(self, time: float) -> bool:
-        """Close a block of samples; whether to look for a decay now, s."""
-        self._lows.append(self._low)
-        self._highs.append(self._high)
-        self._low, self._high = inf, -inf
-        reach = max(max(self._highs) - min(self._lows), 0.0)
-        self._reaches.append(reach)
-        if reach >= CALM * max(self._reaches):
-            self._calm_since, self._wait = None, FIRST_LOOK
-            return False
-        if self._calm_since is None:
-            self._calm_since = time
-        if time - self._calm_since < self._wait:
-            return False
-        self._wait *= NEXT_LOOK
-        return True
 
 
 def averaged(table: MotionTable, rate: float) -> MotionTable:
