@@ -73,14 +73,13 @@ def test_a_good_fit_is_adequate(found):
 @pytest.mark.parametrize(
     'path', ['records/kvlcc2_roll_decay.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pitch_8.4deg_repeat3.csv']
 )
-def test_measured_decays_are_adequate_and_their_residuals_are_not_called_noise(path, data_folder):
+def test_measured_decays_are_adequate(path, data_folder):
     is_roll = 'kvlcc2' in path
     place = ROOT / path if path.startswith('records') else data_folder / 'decay' / path
     equation = 'b1,b3|r1,r3' if is_roll else 'b0,b1,b2|r1,r2,r3'
     motion = read_trial(place).axis('roll' if is_roll else 'pitch')
     verdict = identify([motion], IdentificationSettings(equation)).verdict
     assert verdict.level == ADEQUATE, str(verdict)
-    assert ('oscillates with the craft' in verdict.sentence) == (verdict.autocorrelation > 0.5) == is_roll
 
 
 def test_the_error_of_the_next_release_is_that_of_its_period(found):

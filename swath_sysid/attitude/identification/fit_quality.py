@@ -24,8 +24,6 @@ ADEQUATE, DOUBTFUL, REJECTED = 'adequate', 'doubtful', 'rejected'
 #: Relative error of the next release up to which a model is adequate, and from which a forecast of rest is as good.
 ADEQUATE_ERROR, REJECTED_ERROR = 0.1, 1.0
 LARGEST_UNEXPLAINED = 0.5  #: Largest share of the motion that a fit may leave, or leave open to the other side.
-#: Of the residuals, at one period: above, they oscillate with the craft.
-MAX_AUTOCORRELATION = 0.5
 #: Of `rate_mismatch`: above, a unit, sign or delay is wrong.
 MAX_RATE_MISMATCH = 0.35
 LEAST_USABLE = 0.5  #: Least share of a record's rows that must be usable.
@@ -49,7 +47,6 @@ class Verdict:
     code: str  #: The cause, kebab-case.
     sentence: str  #: Cause and cure.
     motion_error: float  #: Upper end (90 %) of the error of the next release, a share of its motion; may be infinite.
-    autocorrelation: float  #: Of the residuals at one period; NaN in records shorter than two.
 
     def __str__(self):
         return f'{self.level}: {self.sentence}'
@@ -61,15 +58,15 @@ class Verdict:
 
     @property
     def metrics(self) -> dict[str, float | str | None]:
-        """As model files hold it; None for a number that is not finite."""
-        numbers = {'motion_error': self.motion_error, 'residual_autocorrelation': self.autocorrelation}
-        finite = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
-        return {'verdict': self.level, 'verdict_code': self.code, 'verdict_sentence': self.sentence, **finite}
+        """As model files hold it; None for an infinite error."""
+        error = float(self.motion_error) if np.isfinite(self.motion_error) else None
+        words = {'verdict': self.level, 'verdict_code': self.code, 'verdict_sentence': self.sentence}
+        return {**words, 'motion_error': error}
 
 
 def judge(found: 'Identification') -> Verdict:
     """Judge a fit, the gravest cause first."""
-    (same_side, other_side), periodic = posterior_errors(found), residual_autocorrelation(found)
+    same_side, other_side = posterior_errors(found)
     uncertain = max(same_side, other_side) if other_side <= ADEQUATE_ERROR else same_side
     angle, rate = (unexplained_share(found, quantity) for quantity in ('angle', 'rate'))
     # a gyro may drift and an angle lag without a fault of the model, as long as little of the rate is left
@@ -84,13 +81,11 @@ def judge(found: 'Identification') -> Verdict:
     for level in (REJECTED, DOUBTFUL):
         for graveness, code, sentence in causes:
             if graveness == level:
-                return Verdict(level, code, sentence, error, periodic)
-    left = f'; the fit leaves {unexplained:.1%} of the motion'
-    if periodic > MAX_AUTOCORRELATION:
-        left += f', which is not noise: it oscillates with the craft (autocorrelation {periodic:+.2f} at one period)'
+                return Verdict(level, code, sentence, error)
     other = f' ({other_side:.0%} to the other side)' if other_side > ADEQUATE_ERROR else ''
-    sentence = f'the next release should be forecast to within {error:.1%} of its motion{other}{left}'
-    return Verdict(ADEQUATE, 'adequate', sentence, error, periodic)
+    ahead = f'the next release should be forecast to within {error:.1%} of its motion{other}'
+    sentence = f'{ahead}; the fit leaves {unexplained:.1%} of the motion'
+    return Verdict(ADEQUATE, 'adequate', sentence, error)
 
 
 def _contradictions(found: 'Identification', unexplained: float) -> Iterator[tuple[str, str, str]]:
@@ -228,18 +223,6 @@ def unexplained_share(found: 'Identification', quantity: str) -> float:
             error += residual.size * (float(np.mean(products)) - chance)
             motion += float(np.sum((measured - measured.mean()) ** 2))
     return float(np.sqrt(max(error, 0.0) / motion)) if motion > 0.0 else 0.0
-
-
-def residual_autocorrelation(found: 'Identification') -> float:
-    """Autocorrelation of the residuals at one period, over all records that are longer than two."""
-    product = power = 0.0
-    for record in found.records:
-        lag = max(1, round(record.segment.period / record.motion.sample_interval))
-        residual = record.residual - record.residual.mean()
-        if residual.size > 2 * lag:
-            product += float(residual[lag:] @ residual[:-lag]) * residual.size / (residual.size - lag)
-            power += float(residual @ residual)
-    return product / power if power > 0.0 else float('nan')
 
 
 def rate_mismatch(motion: AxisMotion, period: float) -> float:
