@@ -261,8 +261,6 @@ SENTENCES = {
     'twist-in-world-axes': '{path}: the twist of the odometry is in world axes and was turned into body axes: publish '
     'it in child_frame_id, as nav_msgs/Odometry defines',
     'uncertain': '{name} {value:.3g} has a standard deviation of {std:.3g}: add {runs}',
-    'uneven-time-base': 'sample intervals range from {low:.4g} to {high:.4g} s about a median of {median:.4g} s: if '
-    'these are times of arrival, use the stamps of the sensor',
     'unit-missing': 'columns without a unit were left out ({columns}): {unit_advice}',
     'unstable': 'the model is unstable at the speeds of its runs{where}: do not use it; add turns at several speeds',
     'viscous-scale-effect': 'Froude scaling keeps wave damping but not viscous damping: the Reynolds number changes by '

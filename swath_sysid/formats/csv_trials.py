@@ -139,7 +139,7 @@ def _small_angle_advice(table: Table) -> tuple[Advice, ...]:
     if not amplitudes or not AMPLITUDES_RAD[0] < max(amplitudes.values()) < AMPLITUDES_RAD[1]:
         return ()
     name = max(amplitudes, key=lambda angle: amplitudes[angle])
-    samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name], 1)
+    samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name])
     if samples_a_cycle is None or samples_a_cycle < MIN_SAMPLES_A_CYCLE:
         return ()
     other = re.sub('deg', 'rad', name, flags=re.IGNORECASE)

@@ -14,8 +14,6 @@ MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
 
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
-UNEVEN_SPREAD = 0.1  #: 90 % band of the intervals over their median from which a time base is uneven.
-
 
 Channels = dict[str, np.ndarray]
 
@@ -26,8 +24,7 @@ def clean(
     """Clean a record, time (N,) in s and channels (N,) in SI units: increasing stamps, NaN for missing values.
 
     The longest increasing sequence of stamps is kept. Rows that share rounded stamps are spread evenly, impossible
-    values (`limit_of`) become NaN, channels without a finite value are left out; gaps and an uneven time base are only
-    reported.
+    values (`limit_of`) become NaN, channels without a finite value are left out; gaps are only reported.
     """
     time = np.asarray(time, dtype=float)
     channels = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
@@ -48,7 +45,7 @@ def clean(
             f'{source} holds usable values in {counted(usable, "row")} of {time.size} and at least {MIN_ROWS} are '
             f'needed: check that the sensor sent data and that the units are right'
         )
-    return time, channels, tuple(advice + _time_base_advice(time))
+    return time, channels, tuple(advice + _gap_advice(time))
 
 
 def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndarray, Channels, list[Advice]]:
@@ -178,18 +175,14 @@ def _plausible_channels(channels: Channels) -> tuple[Channels, list[Advice]]:
     return plausible, [Advice.of(code, channels=names) for code, names in seen.items() if names]
 
 
-def _time_base_advice(time: np.ndarray) -> list[Advice]:
-    """Advice on gaps and uneven intervals."""
-    advice = []
+def _gap_advice(time: np.ndarray) -> list[Advice]:
     intervals = np.diff(time)
-    low, median, high = np.percentile(intervals, [5, 50, 95])
+    median = np.median(intervals)
     gaps = np.flatnonzero(intervals > GAP_INTERVALS * median)
-    if gaps.size:
-        at, number = gaps[np.argmax(intervals[gaps])], counted(gaps.size, 'gap')
-        advice.append(Advice.of('gaps', gaps=number, longest=intervals[at], time=time[at], median=median))
-    if high - low > UNEVEN_SPREAD * median:
-        advice.append(Advice.of('uneven-time-base', low=low, high=high, median=median))
-    return advice
+    if not gaps.size:
+        return []
+    at, number = gaps[np.argmax(intervals[gaps])], counted(gaps.size, 'gap')
+    return [Advice.of('gaps', gaps=number, longest=intervals[at], time=time[at], median=median)]
 
 
 def limit_of(name: str) -> float:

@@ -8,14 +8,10 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 MIN_RATE, MAX_RATE = 0.5, 10_000.0  #: Hz: sensors of motion lie well within.
-LATEST_EPOCH = 1e11  #: s: the year 5138; what counts from 1970 and is later counts something shorter than seconds.
 
 SHORTER_UNITS = {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
 
 LONGEST_PERIOD = 60.0  #: s: roll and pitch of small craft take a few seconds, of ships up to 30.
-
-MIN_CYCLES = 2
-HYSTERESIS = 0.3  #: Of the standard deviation, to be exceeded on both sides of a crossing.
 
 
 def check_time_base(
@@ -26,9 +22,6 @@ def check_time_base(
         return
     interval = float(np.median(np.diff(time)))
     name = f"{source}: its column '{column}'"
-    if unit == 's' and abs(time[0]) > LATEST_EPOCH:
-        short = next((u for u, scale in SHORTER_UNITS.items() if abs(time[0]) * scale < LATEST_EPOCH), 'ns')
-        raise InputError(f'{name} counts {short} since 1970 and not seconds: call it time_{short}')
     if interval > 1.0 / MIN_RATE:
         shorter = SHORTER_UNITS if unit == 's' else {}
         fitting = [u for u, scale in shorter.items() if MIN_RATE <= 1.0 / (interval * scale) <= MAX_RATE]
@@ -48,18 +41,16 @@ def check_time_base(
             raise InputError(Advice.of('time-unit', name=name, period=min(periods)).message)
 
 
-def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CYCLES) -> float | None:
-    """Mean period, s, of a motion (N,) by its upward crossings of the median; None with fewer cycles than these."""
+def motion_period(time: np.ndarray, motion: np.ndarray) -> float | None:
+    """Mean period, s, of a motion (N,) by its upward crossings of the median; None with less than a cycle.
+
+    A crossing is from a standard deviation below to one above.
+    """
     known = np.isfinite(motion)
-    if np.count_nonzero(known) < 4:
+    if not known.any():
         return None
     time, motion = time[known], motion[known] - np.median(motion[known])
-    band = HYSTERESIS * motion.std()
-    beyond = np.flatnonzero(np.abs(motion) > band)
-    if beyond.size < 2:
-        return None
+    beyond = np.flatnonzero(np.abs(motion) > motion.std())
     side = motion[beyond] > 0.0
     upward = time[beyond[1:][side[1:] & ~side[:-1]]]
-    if upward.size <= min_cycles:
-        return None
-    return float((upward[-1] - upward[0]) / (upward.size - 1))
+    return float((upward[-1] - upward[0]) / (upward.size - 1)) if upward.size > 1 else None
