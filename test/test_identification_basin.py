@@ -13,6 +13,7 @@ from scipy.stats import multivariate_normal, norm, truncnorm
 
 from swath_sysid.attitude.hull import compiled
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification import innovations as filter_module
@@ -23,7 +24,6 @@ from swath_sysid.attitude.identification.basin_likelihood import (
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, disturbance, innovations
 from swath_sysid.attitude.identification.motion_fit import InitialState
-from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.scoring import CONVERGED, Evaluation, clipped_step, scoring, secant
 from swath_sysid.attitude.motion.segmentation import find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion

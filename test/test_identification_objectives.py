@@ -5,11 +5,11 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import term_moments
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
 from swath_sysid.attitude.identification.one_step import OneStepObjective
-from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.uncertainty import known_together
 from swath_sysid.common.covariance import correlation, sandwich_covariance
 from swath_sysid.common.noise import autocovariance, correlated_information, weighting_noise

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.attitude.identification.scaling import Scales
+from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.identification.search import (
     ALGORITHMS,
     PRESETS,

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.attitude.hull.terms import damping_moment, restoring_energy, restoring_moment
+from swath_sysid.attitude.hull.terms import TERM_NAMES, damping_moment, restoring_energy, restoring_moment
 
 QUADRATURE_NODES = 96
 NEWTON_STEPS = 12  #: They converge quadratically from the trim: six suffice for the published hulls.
 
-_ALL_TERMS = (True,) * 9
+_ALL_TERMS = (True,) * len(TERM_NAMES)
 
 
 @dataclass(frozen=True)

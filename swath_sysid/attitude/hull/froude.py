@@ -19,7 +19,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 #: Power of the time unit in each ratio.
-TIME_POWERS = {'b0': -2, 'b1': -1, 'b2': 0, 'b3': 1, 'r1': -2, 'r2': -2, 'r3': -2, 's1': -2, 's2': -2}
+TIME_POWERS = {name: DAMPING_NAMES.index(name) - 2 if name in DAMPING_NAMES else -2 for name in TERM_NAMES}
 
 #: Power of the length ratio in each loading, in water of the same density.
 LOADING_POWERS = {'draft_factor': 0, 'draft_m': 1, 'displacement_kg': 3}

@@ -12,11 +12,11 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring_slope
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, innovations
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
-from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise

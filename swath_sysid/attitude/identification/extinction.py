@@ -22,7 +22,6 @@ from swath_sysid.common.errors import InputError
 #: Periods to each side of a turning point that its parabola covers; lowers every amplitude by 0.05 %.
 PEAK_WINDOW = 0.1
 
-MIN_ROWS = (1, 4, 6)  #: Least decrements for a curve of one, two, three terms.
 RESIDUAL_MEMORY = 4  #: Half cycles over which disturbances of a basin are correlated, at least.
 COVERAGE_FACTOR = 2.0  #: k of the expanded uncertainty: 95 %.
 
@@ -145,7 +144,7 @@ def extinction_of(peaks: Sequence[Peaks]) -> Extinction:
             'an extinction curve needs three turning points: the damping is too strong, or the record too short'
         )
     amplitude, period = (np.concatenate([getattr(p, name) for p in peaks]) for name in ('mean_amplitude', 'period'))
-    terms = sum(amplitude.size >= least for least in MIN_ROWS)
+    terms = min(max(amplitude.size // 2, 1), 3)
     coefficients, covariance = np.zeros(3), np.zeros((3, 3))
     coefficients[:terms], covariance[:terms, :terms] = _fitted(peaks, range(1, terms + 1))
     (bertin,), ((bertin_variance,),) = _fitted(peaks, [2])
@@ -247,10 +246,6 @@ class TankQuantity:
         return COVERAGE_FACTOR * self.combined
 
 
-_FROM_HYDROSTATICS = {'time_base': 1, 'mass': 1, 'metacentric_height': 1}
-_FROM_INERTIA = {'time_base': -1, 'inertia': 1}
-
-
 _BOTH = ('frequency', 'damping_ratio')
 
 
@@ -269,7 +264,10 @@ def tank_quantities(
     needs mass and size too.
     """
     unit = particulars.damping_unit(axis)
-    sources = _FROM_HYDROSTATICS if particulars.inertia is None else _FROM_INERTIA
+    # powers of the sources in the damping
+    sources = {'time_base': 1, 'mass': 1, 'metacentric_height': 1}
+    if particulars.inertia is not None:
+        sources = {'time_base': -1, 'inertia': 1}
     symbol = {'roll': 'B44', 'pitch': 'B55'}[axis]
     rows = [
         ('natural period', 's', lambda w, z: 2.0 * np.pi / w, _BOTH[:1], {'time_base': 1}),

@@ -10,6 +10,7 @@ import numpy as np
 from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
+from swath_sysid.attitude.hull.scaling import LOWER, UPPER
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
 from swath_sysid.attitude.identification.absent_terms import (
     SMOOTH_TERMS,
@@ -30,7 +31,6 @@ from swath_sysid.attitude.identification.motion_fit import (
 )
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit, prepare
-from swath_sysid.attitude.identification.scaling import LOWER, UPPER
 from swath_sysid.attitude.identification.search import (
     PRESETS,
     SearchResult,

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
-from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.motion.quality import check_decay
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decay_or_absence, find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion

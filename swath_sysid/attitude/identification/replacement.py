@@ -8,13 +8,13 @@ from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.scaling import LOWER, UPPER
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.at_sea import is_at_sea
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE, DOUBTFUL, REJECTED
 from swath_sysid.attitude.identification.identify import Identification
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, MotionFit
 from swath_sysid.attitude.identification.problem import Problem, block_means
-from swath_sysid.attitude.identification.scaling import LOWER, UPPER
 
 BY_CHANCE = 0.01  #: Probability that chance is reported as a changed hull.
 

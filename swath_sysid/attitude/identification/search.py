@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.hull.scaling import LOWER, UPPER, Scales
 from swath_sysid.attitude.hull.terms import TERM_NAMES
-from swath_sysid.attitude.identification.scaling import LOWER, UPPER, Scales
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
 from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel

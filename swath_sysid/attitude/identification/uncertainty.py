@@ -8,9 +8,9 @@ import numpy as np
 from swath_sysid.attitude.hull.amplitude import AmplitudeCurves, amplitude_curves
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import HullPosterior
+from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.simulation import longest_step, runge_kutta_population
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RESTORING_NAMES, TERM_NAMES, damping_moment
-from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 
 RELATIVE_STEP = 1e-4
