@@ -97,6 +97,7 @@ CONTRACT = {
     'forecast/lead_5_0s': ('sensor_msgs/msg/Imu', 'predictor', False, 1),
     'forecast/horizon': ('trajectory_msgs/msg/JointTrajectory', 'predictor', False, 1),
     'forecast/calm': ('trajectory_msgs/msg/JointTrajectory', 'predictor', True, 1),
+    'forecast/valid_lead': ('std_msgs/msg/Float32MultiArray', 'predictor', False, 1),
 }
 
 

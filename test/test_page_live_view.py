@@ -32,6 +32,7 @@ from swath_sysid.page.live_view import (
     release_chart,
     releases_in_words,
     sea_words,
+    valid_words,
 )
 from swath_sysid.page.release import Release
 from swath_sysid.page.state import PageState
@@ -173,6 +174,13 @@ def test_calm_is_counted_from_now(tank):
     assert calm_words(tank.record).endswith('probability of 25 %. Calm from 1.0 to 4.0 s from now (93 %).')
     tank.record.limits = QuiescenceLimits(roll=np.radians(3.0), duration=5.0)
     assert calm_words(tank.record).endswith(' Quiet means within ±(roll 3 deg) for 5 s.')
+
+
+def test_the_valid_leads_are_those_of_the_diagnostics():
+    values = {'published': 3, 'valid_lead_roll_s': '2.74', 'valid_lead_bow.heave_s': 1.0}
+    words = valid_words({'predictor: forecast': Report('forecast', 0, '', values)})
+    assert words == 'Valid lead: roll 2.7 s, bow.heave 1.0 s.'
+    assert valid_words({}) == valid_words({'predictor: forecast': Report('forecast', 0, '', {})}) == ''
 
 
 def test_the_sea_is_said_in_words_or_why_it_is_not_known(tank):

@@ -101,7 +101,9 @@ def test_every_message_is_what_a_type_system_writes(played):
     for _, kind, _, raw in messages_of(played):
         kinds.add(kind.rpartition('/')[2])
         assert bytes(STORE.serialize_cdr(STORE.deserialize_cdr(raw, kind), kind)) == raw
-    assert kinds == set('DiagnosticArray Imu JointTrajectory PointCloud2 String Float32 Float64MultiArray'.split())
+    assert kinds == set(
+        'DiagnosticArray Imu JointTrajectory PointCloud2 String Float32 Float32MultiArray Float64MultiArray'.split()
+    )
 
 
 def test_forecasts_are_those_of_the_predictor_core(bag, played):

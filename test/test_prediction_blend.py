@@ -35,7 +35,7 @@ def _run(blend, errors, variance, seconds=120.0, seed=0):
         mean = errors * rng.normal(size=shape)
         blend.take(reading, mean, np.broadcast_to(variance, shape))
         covariance = np.broadcast_to(variance, shape)[..., None] * np.eye(shape[2])
-        told, told_covariance = blend.combine(mean, covariance, range(shape[2]))
+        told, told_covariance, _ = blend.combine(mean, covariance, range(shape[2]))
         issued.append(mean)
         blended.append(told)
         spread.append(np.diagonal(told_covariance, axis1=1, axis2=2))
@@ -82,7 +82,7 @@ def test_a_candidate_without_a_forecast_has_no_weight_and_comes_in_unproven():
     blend = _blend()
     absent = np.concatenate([np.full((1, 3, 1), np.nan), np.ones((1, 3, 1))])
     _take(blend, [math.nan, 1.0], 600)
-    mean, covariance = blend.combine(absent, np.ones((2, 3, 1, 1)), [0])
+    mean, covariance, _ = blend.combine(absent, np.ones((2, 3, 1, 1)), [0])
     assert mean == pytest.approx(1.0) and np.isfinite(covariance).all()
     assert (blend.weights[0] < 0.25).all()
     _take(blend, [0.5, 1.0], 300)
@@ -174,10 +174,22 @@ def test_correlations_of_the_targets_survive():
     assert combined == pytest.approx(covariance[0])
 
 
+def test_calibration_leaves_what_the_candidates_expect_of_themselves():
+    blend = _blend((1.0, 1.0))
+    variance = np.broadcast_to(np.array([1.0, 4.0])[:, None, None], (2, 3, 1))
+    rng = np.random.default_rng(3)
+    for _ in range(1200):
+        blend.take(np.zeros(1), 3.0 * rng.normal(size=(2, 3, 1)), variance)
+    weights = blend.weights[:, blend.place_of_lead, 0]
+    _, covariance, own = blend.combine(np.zeros((2, 3, 1)), variance[..., None], [0])
+    assert own[:, 0] == pytest.approx(np.sqrt(weights.T @ [1.0, 4.0]))
+    assert (covariance[:, 0, 0] > 1.5 * own[:, 0] ** 2).all()
+
+
 def test_leads_between_steps_are_scored_at_the_nearest():
     blend = Blend([0.02, 0.1, 0.26, 0.33, 1.0], STEP, 1, (1.0,))
     assert blend.steps.tolist() == [1, 3, 10]
-    mean, _ = blend.combine(np.arange(5.0).reshape(1, 5, 1), np.ones((1, 5, 1, 1)), [0])
+    mean, _, _ = blend.combine(np.arange(5.0).reshape(1, 5, 1), np.ones((1, 5, 1, 1)), [0])
     assert mean[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 

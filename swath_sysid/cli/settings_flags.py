@@ -27,7 +27,7 @@ def add_setting(
     if parameter.choices:
         parser.add_argument(flag, choices=tuple(parameter.choices), default=default, help=words)
     else:
-        unit = 'N' if isinstance(parameter.default, int) else parameter.unit.upper()
+        unit = 'N' if isinstance(parameter.default, int) else parameter.unit.upper() or 'VALUE'
         metavar = f'{unit},...' if isinstance(parameter.default, list) else unit
         parser.add_argument(flag, type=_converter(parameter), default=default, metavar=metavar, help=words)
 

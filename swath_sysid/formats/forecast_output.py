@@ -16,6 +16,7 @@ from swath_sysid.formats.messages import (
     header,
     horizon_message,
     make,
+    named_numbers_message,
     number_message,
     serialised,
     text_message,
@@ -33,6 +34,7 @@ from swath_sysid.formats.topics import (
     SEA_TOPIC,
     TRAJECTORY,
     TYPES,
+    VALID_LEAD_TOPIC,
     frame_at,
     lead_topic,
     point_acceleration_topic,
@@ -51,7 +53,8 @@ _NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [LARGEST_RATE_VARIANCE] 
 
 def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Sequence[float] = ()) -> list[str]:
     """Every topic that is published, for leads, s, named points, and frames at leads as `ForecastMessages` has them."""
-    topics = [NEXT_TOPIC, *map(lead_topic, leads), HORIZON_TOPIC, QUIESCENCE_TOPIC, CALM_TOPIC, SEA_TOPIC]
+    topics = [NEXT_TOPIC, *map(lead_topic, leads), HORIZON_TOPIC, VALID_LEAD_TOPIC]
+    topics += [QUIESCENCE_TOPIC, CALM_TOPIC, SEA_TOPIC]
     for point in points:
         topics.append(point_horizon_topic(point))
         topics += [topic_at(point, lead) for topic_at in (point_lead_topic, point_acceleration_topic) for lead in leads]
@@ -81,6 +84,8 @@ class ForecastMessages:
             yield lead_topic(lead), self.attitude(forecast)
         if (trajectory := step.trajectory()) is not None:
             yield HORIZON_TOPIC, horizon_message(trajectory, self.frame_id)
+        if step.horizon is not None:
+            yield VALID_LEAD_TOPIC, named_numbers_message(step.horizon.valid_leads)
         if step.quiescence is not None:
             yield QUIESCENCE_TOPIC, number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC])
         yield from self._at_points(step)

@@ -278,6 +278,14 @@ def coefficients_message(models: Mapping[str, IdentifiedModel]) -> bytes:
     return serialised(make('std_msgs/msg/Float64MultiArray', (dimensions, 0), values.ravel()))
 
 
+def named_numbers_message(values: Mapping[str, float]) -> bytes:
+    """A std_msgs/Float32MultiArray of named numbers, with their names in its only dimension."""
+    dimension = ','.join(values), len(values), len(values)
+    return serialised(
+        make('std_msgs/msg/Float32MultiArray', ([dimension], 0), np.array([*values.values()], np.float32))
+    )
+
+
 def diagnostics_message(
     stamp_ns: int, statuses: Iterable[tuple[int, str, str, Mapping[str, str]]], hardware_id: str = ''
 ) -> bytes:

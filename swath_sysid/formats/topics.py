@@ -15,6 +15,7 @@ NEXT_TOPIC = 'forecast/next'
 HORIZON_TOPIC = 'forecast/horizon'
 QUIESCENCE_TOPIC = 'forecast/quiescence'
 CALM_TOPIC = 'forecast/calm'
+VALID_LEAD_TOPIC = 'forecast/valid_lead'
 SEA_TOPIC = 'sea/state'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 PATH_TOPIC = 'manoeuvring/forecast'
@@ -31,6 +32,7 @@ TYPES = {
     HORIZON_TOPIC: TRAJECTORY,
     QUIESCENCE_TOPIC: 'std_msgs/msg/Float32',
     CALM_TOPIC: TRAJECTORY,
+    VALID_LEAD_TOPIC: 'std_msgs/msg/Float32MultiArray',
     SEA_TOPIC: STRING,
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
     PATH_TOPIC: PATH,

@@ -209,9 +209,10 @@ def _calm() -> Update:
     with _card('Sea and calm'):
         calm = _text('text-body1', 'calm', 4)
         sea = _text('text-body2 whitespace-pre-line', 'sea', 4)
+        valid = _text('text-body2 opacity-70', 'valid', 1)
 
     def update(view: View) -> None:
-        calm.text, sea.text = view.calm, view.sea
+        calm.text, sea.text, valid.text = view.calm, view.sea, view.valid
 
     return update
 

@@ -27,6 +27,8 @@ INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NOR
 
 AMPLITUDES = 25
 
+VALID_LEAD = 'valid_lead_'  #: How the values of a status begin that are valid leads; they end with the unit, ``_s``.
+
 STATUSES = {
     'predictor: imu': 'Sensor',
     'predictor: installation': 'Frame, units, gravity',
@@ -173,6 +175,14 @@ def limits_in_words(limits: QuiescenceLimits | None) -> str:
     named = [f'{name} {bound:g} {unit}' for name, bound, unit in bounds if np.isfinite(bound)]
     about = ' about the present trim' if limits.about_trim else ''
     return f' Quiet means within ±({", ".join(named) or "any motion"}){about} for {limits.duration:g} s.'
+
+
+def valid_words(statuses: Mapping[str, Report]) -> str:
+    """How far ahead the forecast can be trusted; empty where it is not known."""
+    report = statuses.get('predictor: forecast')
+    leads = {} if report is None else {k: v for k, v in report.values.items() if k.startswith(VALID_LEAD)}
+    named = [f'{key.removeprefix(VALID_LEAD)[:-2]} {float(str(value)):.1f} s' for key, value in leads.items()]
+    return f'Valid lead: {", ".join(named)}.' if named else ''
 
 
 def sea_words(record: LiveRecord) -> str:

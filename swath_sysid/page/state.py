@@ -31,6 +31,7 @@ from swath_sysid.page.live_view import (
     release_chart,
     releases_in_words,
     sea_words,
+    valid_words,
 )
 from swath_sysid.page.model_words import verdict_of
 from swath_sysid.page.release import Release
@@ -96,6 +97,7 @@ class View:
     can_push: bool = False
     calm: str = ''
     sea: str = ''
+    valid: str = ''
     trials: list[dict[str, Any]] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     is_recording: bool = False
@@ -144,7 +146,7 @@ class PageState:
             }
             releases = releases_in_words(record.tried.get(self._axis, ()))
             words = model_words(record, self._axis, facts.text(IDENTIFICATION, 'last_verdict'))
-            waters = calm_words(record), sea_words(record)
+            waters = calm_words(record), sea_words(record), valid_words(facts.statuses)
         if self.manifest and now - self._campaign_read > CAMPAIGN_PERIOD:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
         self._look_after_recorder()

@@ -58,6 +58,7 @@ class PredictorHealth(StreamHealth):
             'refused_model': self._refusal,
             'has_waves': state.has_waves,
             'published': self.published,
+            **{f'valid_lead_{name}_s': lead for name, lead in state.valid_leads.items()},
             'uncompiled_because': self.uncompiled_because,
             **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
         }

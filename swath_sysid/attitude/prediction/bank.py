@@ -124,8 +124,8 @@ class Bank:
         for axis in self._axes:
             axis.rows_since_surprise += steps
 
-    def forecast(self, age: float) -> tuple[np.ndarray, np.ndarray]:
-        """True motion (L, 4) and covariance (L, 4, 4) at the leads, ``age`` s after the newest row."""
+    def forecast(self, age: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See `Blend.combine`: (L, 4), (L, 4, 4) and (L, 4) at the leads, ``age`` s after the newest row."""
         at_row = age == 0.0 and self._leads_are_rows
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
         return self.blend.combine(mean, covariance, _AXIS_OF_TARGET, self._noise)

@@ -168,11 +168,13 @@ class Blend:
 
     def combine(
         self, mean: np.ndarray, covariance: np.ndarray, axis_of: Sequence[int], noise_variance: float | np.ndarray = 0.0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted average of the true motion at the leads, mean (L, M) and covariance (L, M, M).
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Weighted average of the true motion at the leads, mean (L, M) and covariance (L, M, M), from the candidates'.
 
-        Of the candidates' (E, L, M) and (E, L, M, M), of readings, NaN without a forecast; ``axis_of`` is each target's
-        axis.
+        With the standard deviation (L, M) of a reading about it that the candidates expect, before calibration.
+
+        The candidates' (E, L, M) and (E, L, M, M) are of readings, NaN without a forecast; ``axis_of`` is each
+        target's axis.
         """
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
         weights = present_weights(self.weights[:, places[0], places[1]], np.isfinite(mean))
@@ -181,7 +183,7 @@ class Blend:
         variance = np.diagonal(blended, axis1=1, axis2=2)
         true = self.scale[places] * np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         factor = np.sqrt(np.maximum(true, _PROVABLE_SHARE * noise_variance) / variance)
-        return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :]
+        return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :], np.sqrt(variance)
 
 
 def error_weights(mean_square: np.ndarray, time: np.ndarray, prior: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ class ForecasterDiagnostics:
     candidate_nrmse: np.ndarray  #: (K, A, L); running error of each of `CANDIDATES`.
     weights: np.ndarray  #: (K, A, L); their weights.
     advice: tuple[Advice, ...]
+    valid_leads: dict[str, float] = field(default_factory=dict)  #: As in `Forecast`.
 
 
 def diagnose(

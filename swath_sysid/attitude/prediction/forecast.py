@@ -21,6 +21,8 @@ class AxisForecast:
     angle: np.ndarray  #: (L,); rad.
     rate: np.ndarray  #: (L,); rad/s.
     covariance: np.ndarray  #: (L, 2, 2); Of angle and rate.
+    #: (L,), or None; rad: what the learnt models expect the measured angle to differ by, before calibration.
+    own_deviation: np.ndarray | None = None
 
     @property
     def half_width(self) -> np.ndarray:
@@ -43,3 +45,5 @@ class Forecast:
     calm: CalmWindow | None = None
     #: Vertical motion at the configured points; empty until it is learnt.
     points: dict[str, PointMotion] = field(default_factory=dict)
+    #: s, by axis and by heave and vertical velocity of each point: see `ErrorLimit`.
+    valid_leads: dict[str, float] = field(default_factory=dict)

@@ -6,7 +6,7 @@ contradict it.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -27,6 +27,7 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliabi
 from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, ROW_RATE, History, RowClock
 from swath_sysid.attitude.prediction.sea_fit import WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
+from swath_sysid.attitude.prediction.valid_lead import ErrorLimit, ValidLeads
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.errors import InputError
 
@@ -72,6 +73,7 @@ class ForecasterSettings:
     hull: HullFilterSettings = HullFilterSettings()
     quiescence: QuiescenceLimits | None = None  #: Limits whose probability of being kept is forecast; None: it is not.
     points: tuple[Point, ...] = ()  #: Where vertical motion is forecast, too.
+    valid_error: ErrorLimit = ErrorLimit()  #: Of the expected error, up to which a forecast is trusted.
 
     def __post_init__(self):
         if not self.leads or any(not b > a for a, b in zip((0.0, *self.leads), self.leads, strict=False)):
@@ -120,6 +122,7 @@ class Forecaster:
         axes = tuple(self._axes.values())
         self._points = PointForecaster(s.points, axes, 2 * round(s.horizon * ROW_RATE) + 1)
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
+        self._valid_leads = ValidLeads(s.valid_error, horizon, axes, s.window)
         self._time = self._rows_begun = 0.0
         self._due = self._oscillator_due = self._refit_due = self._sea_state_due = -math.inf
         self._is_linked = False
@@ -316,27 +319,29 @@ class Forecaster:
 
     def _issue(self, bank: Bank, stamp: float):
         since_row = self._clock.since_row
-        mean, covariance = bank.forecast(since_row)
+        mean, covariance, own = bank.forecast(since_row)
         points = self._points.forecast(self._leads, since_row, mean, covariance)
         ahead = {name: motion.at(self._over_horizon) for name, motion in points.items()}
+        at = mean[self._over_horizon], covariance[self._over_horizon]
+        valid_leads = self._valid_leads.assess(self._time, *at, ahead)
         quiescence, window = math.nan, None
         if self._calm is not None:
-            at = mean[self._over_horizon], covariance[self._over_horizon]
             quiescence, window = self._calm.assess(self._time, *at, ahead, self._history, self._clock.step, since_row)
         known = [place for place in range(len(AXES)) if math.isfinite(mean[0, place])]
         if len(known) < len(AXES):
             joint = [*known, *(place + len(AXES) for place in known)]
-            mean, covariance = mean[:, joint], covariance[:, joint][:, :, joint]
+            mean, covariance, own = mean[:, joint], covariance[:, joint][:, :, joint], own[:, joint]
         asked = {name: motion.at(self._asked) for name, motion in points.items()}
         return [
             Forecast(
                 stamp,
                 self._leads[chosen],
-                _by_axis(known, mean[chosen], covariance[chosen]),
+                _by_axis(known, mean[chosen], covariance[chosen], own[chosen]),
                 covariance[chosen],
                 quiescence,
                 window,
                 at_points,
+                valid_leads,
             )
             for chosen, at_points in ((self._asked, asked), (self._over_horizon, ahead))
         ]
@@ -346,7 +351,8 @@ class Forecaster:
     def diagnostics(self) -> ForecasterDiagnostics:
         """The running state, for operators."""
         count = len(self.settings.leads)
-        return diagnose(self._axes, self._bank, self._asked, count, self._clock.interval, self._has_waves)
+        state = diagnose(self._axes, self._bank, self._asked, count, self._clock.interval, self._has_waves)
+        return replace(state, valid_leads=self._valid_leads.newest)
 
 
 def _places_of(wanted: np.ndarray, leads: np.ndarray):
@@ -355,10 +361,10 @@ def _places_of(wanted: np.ndarray, leads: np.ndarray):
     return places if places.size < leads.size else slice(None)
 
 
-def _by_axis(places: Sequence[int], mean: np.ndarray, covariance: np.ndarray):
+def _by_axis(places: Sequence[int], mean: np.ndarray, covariance: np.ndarray, own: np.ndarray):
     """Joint forecasts of angles and then rates, each axis by itself."""
     count = len(places)
     return {
-        AXES[place]: AxisForecast(mean[:, k], mean[:, count + k], covariance[:, k::count, k::count])
+        AXES[place]: AxisForecast(mean[:, k], mean[:, count + k], covariance[:, k::count, k::count], own[:, k])
         for k, place in enumerate(places)
     }

@@ -7,6 +7,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_filter import HullFilterSettings
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
+from swath_sysid.attitude.prediction.valid_lead import ErrorLimit
 from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.parameters.sensor import installation, stamp_settings
 from swath_sysid.nodes.parameters.table import Values, check
@@ -41,6 +42,7 @@ def pipeline_settings(values: Values) -> PipelineSettings:
             first_refit=values['waves_first_fit_s'],
             quiescence=quiescence_limits(values),
             points=tuple(Point(name, position) for name, position in points.items()),
+            valid_error=ErrorLimit(values['valid_error'], values['valid_error_rad']),
         ),
     )
 
