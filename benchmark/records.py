@@ -34,6 +34,7 @@ from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.baselines import Record, running_regression, simple_forecasts
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import FORECAST, score_forecasts
+from swath_sysid.pipeline.valid_lead_scores import score_valid_leads
 
 WINDOW = ForecasterSettings().window
 """s of past that every row may learn from."""
@@ -82,24 +83,35 @@ def vector_autoregression(trial, axes, stamps, leads):
     return {axis: found[..., k] for k, axis in enumerate(axes)}
 
 
-def swath_sysid(trial, axes, stamps, leads, models=None):
+def swath_sysid(trial, axes, stamps, leads):
     """The package's own forecasts."""
+    return issued(steps_of(trial, leads), axes, stamps, leads, 'angle')
+
+
+def steps_of(trial, leads, models=None):
+    """What the package issued, by stamp."""
     base = ForecasterSettings()
     settings = replace(base, leads=tuple(leads), window=WINDOW, horizon=max(base.horizon, max(leads)))
-    issued = {step.stamp: step.forecast.axes for step in run_through(trial, settings, models or {}).steps}
+    return {step.stamp: step for step in run_through(trial, settings, models or {}).steps}
+
+
+def issued(steps, axes, stamps, leads, what):
+    """By axis, one of the quantities that were issued at the stamps; NaN where none was."""
     found = {axis: np.full((stamps.size, len(leads)), np.nan) for axis in axes}
     for place, stamp in enumerate(stamps):
-        for axis, forecast in issued.get(stamp, {}).items():
-            found[axis][place] = forecast.angle
+        ahead = steps[stamp].forecast.axes if stamp in steps else {}
+        for axis in ahead.keys() & set(axes):
+            found[axis][place] = getattr(ahead[axis], what)
     return found
 
 
+OURS = 'swath_sysid'
 ROWS: dict[str, Callable] = {
     'persistence': persistence,
     'constant rate': constant_rate,
     'AR(40)': autoregression,
     'VAR(40)': vector_autoregression,
-    'swath_sysid': swath_sysid,
+    OURS: swath_sysid,
 }
 GAUSSIAN_PROCESS = 'gaussian_process:forecasts'
 WITH_HULL = 'swath_sysid, hull'
@@ -247,40 +259,55 @@ def scores_of(case, rows, with_hull=True):
     trial, leads = case.trial(), np.array(case.leads)
     axes, start, end = axes_of(trial), float(trial.time[0]), float(trial.time[-1])
     record, found = Record.of(trial), {}
-    made = {name: row(trial, axes, trial.time, leads) for name, row in rows.items()}
+    made = {name: row(trial, axes, trial.time, leads) for name, row in rows.items() if name != OURS}
+    own = {OURS: steps_of(trial, case.leads)} if OURS in rows else {}
     for warmup in case.warmups:
         if warmup + leads[-1] >= end - start:
             continue
-        now = dict(made)
         models = hulls_before(trial, start + warmup, case.hull_records) if with_hull else {}
-        if models:
-            now[WITH_HULL] = swath_sysid(trial, axes, trial.time, leads, models)
+        ran = own | ({WITH_HULL: steps_of(trial, case.leads, models)} if models else {})
         scored = trial.time >= start + warmup
+        stamps = trial.time[scored]
+        now = {name: {axis: made[name][axis][scored] for axis in axes} for name in made}
+        now |= {name: issued(steps, axes, stamps, leads, 'angle') for name, steps in ran.items()}
         for axis in axes:
-            for name, forecasts in now.items():
+            for name in sorted(now, key=[*rows, WITH_HULL].index):
                 if name == WITH_HULL and axis not in models:
                     continue
-                found[warmup, axis, name] = score_forecasts(
-                    record, axis, trial.time[scored], leads, forecasts[axis][scored], made['persistence'][axis][scored]
-                )
+                resting, expected, valid = now['persistence'][axis], None, None
+                if name in ran:
+                    expected = issued(ran[name], [axis], stamps, leads, 'own_deviation')[axis]
+                    valid = score_valid_leads(record, axis, [ran[name][at] for at in stamps if at in ran[name]])
+                score = score_forecasts(record, axis, stamps, leads, now[name][axis], resting, expected)
+                found[warmup, axis, name] = replace(score, valid_lead=valid)
     return found
 
 
 def table_of(case, scores):
-    """Markdown: error over the standard deviation of the motion, with its 95 % interval."""
+    """Markdown: error over the standard deviation of the motion, with its 95 % interval, and as it was expected."""
     lines = [
         f'## {case.title}',
         '',
-        f'| warm-up | axis | forecaster | {" | ".join(f"{lead:g} s" for lead in case.leads)} | counted |',
-        '|' + '---|' * (4 + len(case.leads)),
+        f'| warm-up | axis | forecaster | {" | ".join(f"{lead:g} s" for lead in case.leads)} | counted | valid lead |',
+        '|' + '---|' * (5 + len(case.leads)),
     ]
     for (warmup, axis, name), score in scores.items():
         cells = [
             f'{error:.3f}' + (f' ({low:.3f}-{high:.3f})' if np.isfinite(low) else '')
             for error, (low, high) in zip(score.nrmse[FORECAST], score.interval, strict=True)
         ]
-        lines.append(f'| {warmup:g} s | {axis} | {name} | {" | ".join(cells)} | {score.counted[0]} |')
+        head = f'| {warmup:g} s | {axis} | {name}'
+        lines.append(f'{head} | {" | ".join(cells)} | {score.counted[0]} | {valid_lead_of(score.valid_lead)} |')
+        if np.isfinite(score.expected).any():
+            lines.append(f'{head} expects | {" | ".join(f"{error:.3f}" for error in score.expected)} | | |')
     return '\n'.join([*lines, ''])
+
+
+def valid_lead_of(found):
+    """The median, and the error there over the limit; empty for forecasters that give none."""
+    if found is None or not np.isfinite(found.lead[0]):
+        return ''
+    return f'{found.lead[0]:.2f} s' + (f', {found.error_over_limit:.2f}' if found.counted else '')
 
 
 INTRODUCTION = """# Forecasts of measured records
@@ -292,9 +319,15 @@ its 95 % interval from a bootstrap of 30 s blocks where the record is long enoug
 predicting the mean. Every forecaster starts with the record and uses no sample later than the one it forecasts from.
 Every forecast issued after the warm-up is scored, unless nothing was measured at its time; a missing forecast is
 replaced by persistence. Regressions learn from the last ten minutes. The hull of the last row is identified from the
-samples before the end of the warm-up; without a hull in these samples there is no such row. The records and their
-licences are named in `records/NOTICE` or in the titles. Your own forecaster is a function: `python benchmark/records.py
---help`.
+samples before the end of the warm-up; without a hull in these samples there is no such row.
+
+A row that `expects` gives the error that the learnt models of the row above expect of themselves, before calibration.
+More data or a better fit can gain the difference; only another sensor can gain more. The column `valid lead` gives how
+far ahead the forecasts said that they can be trusted (median; expected error below half of the motion), and the
+measured error there divided by this limit: 1 is calibrated.
+
+The records and their licences are named in `records/NOTICE` or in the titles. Your own forecaster is a function:
+`python benchmark/records.py --help`.
 """
 
 

@@ -16,6 +16,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.attitude.prediction.valid_lead import ErrorLimit
 from swath_sysid.cli.progress import add_json_argument, progress_of, show_advice
 from swath_sysid.cli.settings_flags import add_setting, finite, not_negative, numbers
 from swath_sysid.cli.sources import RECORD_FILES, add_reading_arguments, check_model_and_plot, read_record
@@ -56,19 +57,14 @@ def add_arguments(parser: ArgumentParser) -> None:
         meaning='length of the past motion that wave models and baselines are fitted to',
     )
     add_reading_arguments(parser)
-    parser.add_argument(
-        '--quiet-deg',
-        type=_limits,
-        metavar='ROLL,PITCH',
-        help='limits of quiescence, whose probability is scored (default: two standard deviations of the warm-up; '
-        '0: no limit)',
-    )
-    parser.add_argument(
-        '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='limits of the rates (default: no limit)'
-    )
     add_setting(
-        parser, '--quiet-for', 'predictor', 'quiet_for_s', default=5.0, meaning='how long the limits must be kept'
+        parser,
+        '--valid-error',
+        'predictor',
+        'valid_error',
+        meaning='largest expected error of a forecast that is trusted, as a fraction of the standard deviation',
     )
+    _add_quiescence(parser)
     parser.add_argument(
         '--point',
         type=_point,
@@ -82,6 +78,31 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     add_json_argument(parser)
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture')
+
+
+def _add_quiescence(parser: ArgumentParser) -> None:
+    """The limits of quiescence, and the decisions by them."""
+    parser.add_argument(
+        '--quiet-deg',
+        type=_limits,
+        metavar='ROLL,PITCH',
+        help='limits of quiescence, whose probability is scored (default: two standard deviations of the warm-up; '
+        '0: no limit)',
+    )
+    parser.add_argument(
+        '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='limits of the rates (default: no limit)'
+    )
+    add_setting(
+        parser,
+        '--quiet-probability',
+        'predictor',
+        'quiet_probability',
+        default=0.5,
+        meaning='probability from which a decision to go is made',
+    )
+    add_setting(
+        parser, '--quiet-for', 'predictor', 'quiet_for_s', default=5.0, meaning='how long the limits must be kept'
+    )
 
 
 def run(arguments: Namespace) -> int:
@@ -103,7 +124,8 @@ def run(arguments: Namespace) -> int:
     angles, rates = (given or (math.inf, math.inf) for given in (arguments.quiet_deg, arguments.quiet_rate_deg_s))
     base = ForecasterSettings()
     quiet_for = arguments.quiet_for or base.horizon
-    quiet = QuiescenceLimits(angles[0], angles[1], rates[0], rates[1], quiet_for)
+    asked = arguments.quiet_probability
+    quiet = QuiescenceLimits(angles[0], angles[1], rates[0], rates[1], quiet_for, probability=asked)
     limits = usual_limits(trial, quiet, warmup, AXES if arguments.axis is None else (arguments.axis,))
     settings = replace(
         base,
@@ -111,7 +133,9 @@ def run(arguments: Namespace) -> int:
         window=arguments.window,
         quiescence=None if limits is None else quiet,
         points=points,
-        horizon=max(base.horizon, quiet_for, arguments.leads[-1]),
+        # windows of calm are announced as long before they begin as the longest lead
+        horizon=max(base.horizon, quiet_for + arguments.leads[-1]),
+        valid_error=ErrorLimit(arguments.valid_error),
     )
     with progress_of('forecasting') as progress:
         run_made = run_through(
@@ -142,6 +166,8 @@ def _print_skill(skill: Any, name: str) -> None:
     for axis, scores in skill.axes.items():
         table = _table_of_leads(skill, f'{name}, {axis}')
         _add_methods(table, scores.nrmse)
+        if np.isfinite(scores.expected).any():
+            table.add_row('its own expectation', *map(cell, scores.expected))
         table.add_row('over best other', *map(cell, scores.ratio), style='bold')
         for column, level in enumerate((50, 90, 99)):
             table.add_row(f'{level} % coverage, %', *_percentages(scores.coverage[:, column]), style='dim')
@@ -154,12 +180,24 @@ def _print_skill(skill: Any, name: str) -> None:
             for method, values in scores.gap_nrmse.items():
                 table.add_row(f'  {LABELS[method]}', *map(cell, values))
         console.print(table)
+        _print_valid_lead(console, axis, scores.valid_lead)
     for point, kinds in skill.points.items():
         _print_point(console, skill, point, kinds)
     _print_quiescence(console, skill)
     console.print(
         f'processing: {1e3 * skill.step_time["median"]:.2f} ms per sample (median), '
         f'{1e3 * skill.refit_time["median"]:.0f} ms per refit (longest {1e3 * skill.refit_time["most"]:.0f} ms)'
+    )
+
+
+def _print_valid_lead(console: Console, axis: str, found: Any) -> None:
+    if not np.isfinite(found.lead[0]):
+        return
+    median, low, high = found.lead
+    beyond = f', and beyond the horizon {100.0 * found.beyond_horizon:.0f} % of the time' * (found.beyond_horizon > 0.0)
+    console.print(
+        f'valid lead of {axis}: {median:.2g} s (80 %: {low:.2g} to {high:.2g} s){beyond}; '
+        f'measured error there over the limit: {found.error_over_limit:.2f}'
     )
 
 
@@ -204,6 +242,21 @@ def _print_quiescence(console: Any, skill: Any) -> None:
     console.print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
         f'(climatology: {found.brier_of_climate:.3f})'
+    )
+    if skill.decisions is not None:
+        _print_decisions(console, skill.decisions)
+
+
+def _print_decisions(console: Console, found: Any) -> None:
+    table = Table(title=f'decisions to go, right at {100.0 * found.base_rate:.0f} % of the times', title_justify='left')
+    for name in ('go when', 'F1', 'precision, %', 'recall, %', 'false alarms / min'):
+        table.add_column(name, justify='left' if name == 'go when' else 'right')
+    for name, rule in found.rules.items():
+        table.add_row(name, cell(rule.f1), *_percentages((rule.precision, rule.recall)), cell(rule.false_alarms, 1))
+    console.print(table)
+    counts = ', '.join(f'{start:g} s: {count}' for start, count in zip(found.edges, found.lead_times, strict=False))
+    console.print(
+        f'windows of calm by how long before they were announced: {counts}, not announced: {found.unannounced}'
     )
 
 

@@ -16,7 +16,9 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliabi
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts
+from swath_sysid.pipeline.decisions import DecisionSkill, score_decisions
 from swath_sysid.pipeline.record_run import Run
+from swath_sysid.pipeline.valid_lead_scores import ValidLeadSkill, score_valid_leads
 from swath_sysid.pipeline.vertical_record import vertical_record
 
 FORECAST = 'forecast'
@@ -52,6 +54,9 @@ class QuantitySkill:
     ratio_interval: np.ndarray  #: (L, 2)
     gap_share: np.ndarray  #: (L,); Share of the counted that were issued in a gap or within `AFTER_GAP` after it.
     gap_nrmse: dict[str, np.ndarray]  #: (L,); their error, of ``forecast`` and ``persistence``.
+    #: (L,); the forecast's error as the learnt models expected it, NaN where they expect none.
+    expected: np.ndarray
+    valid_lead: ValidLeadSkill | None = None  #: Of roll and pitch.
 
 
 @dataclass(frozen=True)
@@ -78,6 +83,7 @@ class Skill:
     quiescence_limits: QuiescenceLimits | None = None
     advice: tuple[Advice, ...] = ()
     points: dict[str, dict[str, QuantitySkill]] = field(default_factory=dict)  #: By point and `POINT_MOTION`.
+    decisions: DecisionSkill | None = None  #: Where limits of quiescence were scored.
 
 
 def usual_warmup(trial: Trial) -> float:
@@ -167,14 +173,14 @@ def score(
     span = start + warmup, start + until + leads[-1]
     results, advice = {}, []
     for axis in axes:
-        angle, half_width = _issued(scored, axis, leads)
+        angle, half_width, own = _issued(scored, axis, leads)
         at = _Occasions(stamps, leads, span, record.after_gap(axis, stamps, AFTER_GAP), seed)
         methods = {FORECAST: angle, **baselines[axis]}
-        results[axis] = _score(record, axis, at, methods, half_width, 'persistence')
+        valid = score_valid_leads(record, axis, scored)
+        results[axis] = replace(_score(record, axis, at, methods, half_width, 'persistence', own), valid_lead=valid)
         missing = round(float(np.nan_to_num(results[axis].replaced_share[FORECAST] * results[axis].counted).max()))
         if missing:
             advice.append(Advice.of('forecast-missing', missing=missing, axis=axis))
-    advice += _leads_between_samples(leads, trial.time)
     vertical: dict[str, dict[str, QuantitySkill]] = {}
     if points:
         truth = vertical_record(trial, points)
@@ -201,8 +207,9 @@ def score(
         _spread(run.refit_times),
         run.reliability,
         run.quiescence_limits,
-        tuple(advice),
+        (*advice, *_leads_between_samples(leads, trial.time)),
         vertical,
+        None if run.quiescence_limits is None else score_decisions(trial, scored, run.quiescence_limits),
     )
 
 
@@ -220,26 +227,28 @@ def score_forecasts(
     leads: np.ndarray,
     forecasts: np.ndarray,
     stand_in: np.ndarray,
-    seed: int = 0,
+    own: np.ndarray | None = None,
 ) -> QuantitySkill:
     """Score forecasts (N, L) of one channel, issued at stamps (N,), s, for leads (L,), s, beside ``persistence``.
 
-    Where a forecast is NaN, ``stand_in`` (N, L) counts in its place; ``seed`` is that of the bootstrap.
+    Where a forecast is NaN, ``stand_in`` (N, L) counts in its place; ``own`` (N, L) are the errors that were expected.
     """
     span = float(stamps[0]), float(stamps[-1] + leads[-1])
-    at = _Occasions(stamps, leads, span, record.after_gap(name, stamps, AFTER_GAP), seed)
+    at = _Occasions(stamps, leads, span, record.after_gap(name, stamps, AFTER_GAP), 0)
     none = np.full((*forecasts.shape, LEVELS.size), np.nan)
-    return _score(record, name, at, {FORECAST: forecasts, 'persistence': stand_in}, none, 'persistence')
+    return _score(record, name, at, {FORECAST: forecasts, 'persistence': stand_in}, none, 'persistence', own)
 
 
 def _issued(steps: Sequence[Any], axis: str, leads: np.ndarray):
-    """Angles, shape (N, L), and half widths, shape (N, L, 3), as issued; NaN where the axis was not forecast."""
+    """Angles (N, L), half widths (N, L, 3) and the models' own deviations (N, L) as issued; NaN where not forecast."""
     places = _places(steps, leads)
     absent = np.full(leads.size, np.nan), np.full((leads.size, LEVELS.size), np.nan)
     issued = [s.forecast.axes.get(axis) for s in steps]
     angle = np.array([absent[0] if ahead is None else ahead.angle[places] for ahead in issued])
     half_width = np.array([absent[1] if ahead is None else ahead.half_width[places] for ahead in issued])
-    return angle, half_width
+    known = [None if ahead is None else ahead.own_deviation for ahead in issued]
+    own = np.array([absent[0] if deviation is None else deviation[places] for deviation in known])
+    return angle, half_width, own
 
 
 def _issued_at_point(steps: Sequence[Any], name: str, leads: np.ndarray):
@@ -275,7 +284,13 @@ class _Occasions(NamedTuple):
 
 
 def _score(
-    record: Record, name: str, at: _Occasions, methods: Mapping[str, np.ndarray], half_width: np.ndarray, stand_in: str
+    record: Record,
+    name: str,
+    at: _Occasions,
+    methods: Mapping[str, np.ndarray],
+    half_width: np.ndarray,
+    stand_in: str,
+    own: np.ndarray | None = None,
 ):
     """Scores of the methods' forecasts of a channel; the named method replaces those without a value."""
     stamps, leads = at.stamps, at.leads
@@ -291,6 +306,7 @@ def _score(
     scale = deviation if deviation > 0.0 else math.nan
     nrmse = {name: np.sqrt(square.sum(axis=0) * share) / scale for name, square in squares.items()}
     held = counts[..., None] & ~absent[FORECAST][..., None] & (np.abs(errors[FORECAST])[..., None] <= half_width)
+    expected = np.where(counts, np.nan if own is None else own**2, np.nan)
     best = tuple(min(baselines, key=lambda name: nrmse[name][i]) for i in range(leads.size))
     of_best = np.column_stack([squares[name][:, i] for i, name in enumerate(best)])
     sums = block_sums(stamps, np.stack([squares[FORECAST], of_best, counts.astype(float)]))
@@ -302,6 +318,7 @@ def _score(
             for name in (FORECAST, 'persistence')
         }
         ratio = nrmse[FORECAST] / np.array([nrmse[name][i] for i, name in enumerate(best)])
+        expected = np.sqrt(np.nansum(expected, axis=0) / np.isfinite(expected).sum(axis=0)) / scale
         interval, ratio_interval = _middle(np.sqrt(ours / samples) / scale), _middle(np.sqrt(ours / theirs))
     return QuantitySkill(
         deviation=deviation,
@@ -316,6 +333,7 @@ def _score(
         ratio_interval=ratio_interval,
         gap_share=after.sum(axis=0) * share,
         gap_nrmse=gap_nrmse,
+        expected=expected,
     )
 
 

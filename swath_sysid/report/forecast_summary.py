@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
@@ -43,6 +44,8 @@ def skill_as_data(skill: Skill) -> dict:
             'brier': r.brier,
             'brier_of_climate': r.brier_of_climate,
         }
+    if skill.decisions is not None:
+        data['decisions'] = asdict(skill.decisions)
     return finite_or_none(data)
 
 
@@ -64,6 +67,8 @@ def _scores_as_data(scores: Any, unit: str):
         'unmeasured': scores.unmeasured,
         'nrmse': scores.nrmse,
         'nrmse_interval': scores.interval,
+        'nrmse_expected': scores.expected,
+        **({} if scores.valid_lead is None else {'valid_lead': asdict(scores.valid_lead)}),
         'best_baseline': scores.best,
         'ratio': scores.ratio,
         'ratio_interval': scores.ratio_interval,
