@@ -22,7 +22,6 @@ from swath_sysid.attitude.identification.identify import (
     identify_problem,
     refit_from,
 )
-from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.problem import Problem, motion_fit, problem_of
 from swath_sysid.attitude.identification.search import SearchResult
 from swath_sysid.attitude.identification.selection import (
@@ -33,13 +32,13 @@ from swath_sysid.attitude.identification.selection import (
     simplest_adequate,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.campaign.manifest import SHOWN
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import as_plain
 from swath_sysid.common.rounding import percent
+from swath_sysid.pipeline.scoring import CONFIDENCE
 
-CONFIDENCE = 0.95
-SHOWN_RECORDS = 3
 TIE = 1e-7  #: Relative difference of objective values below which they are equal.
 
 
@@ -96,7 +95,8 @@ def settle(problem: Problem, fits: Sequence[Identification]) -> list[dict]:
 
     def refit(fit: Identification, better: Identification) -> Identification:
         tried = replace(fit.search, best=np.empty(0), value=float('nan'), stop='refined')
-        return _refit(problem, fit.settings, better.model.ratios, better.states, tried)
+        equation = fit.settings.chosen_equation
+        return refit_from(problem, fit.settings, equation, better.model.ratios, better.states, tried)
 
     return [fit.plain() for fit in enforce_nesting(fits, refit)]
 
@@ -112,25 +112,14 @@ def out_of_order(fits: Sequence[Identification]) -> tuple[tuple[str, str], ...]:
 
 
 def fit_together(problem: Problem, starts: Sequence[Identification]) -> dict:
-    """Fit common ratios to several records, each with its own initial state, as plain data.
-
-    ``starts`` are their single fits of one equation, in order. Refinement starts at the optimum of the record with the
-    largest motion, which shows the most of every term.
+    """Fit common ratios to several records, each with its own initial state, from their single fits of one equation:
+    at the optimum of the record with the largest motion, which shows the most of every term. As plain data.
     """
     largest = max(starts, key=lambda start: start.amplitude_range[1])
     states = [state for start in starts for state in start.states]
     search = SearchResult(np.empty(0), float('nan'), 0, 0, 'refined')
-    return _refit(problem, largest.settings, largest.model.ratios, states, search).plain()
-
-
-def _refit(
-    problem: Problem,
-    settings: IdentificationSettings,
-    ratios: np.ndarray,
-    states: Sequence[InitialState],
-    search: SearchResult,
-) -> Identification:
-    return refit_from(problem, settings, settings.chosen_equation, ratios, states, search)
+    equation = largest.settings.chosen_equation
+    return refit_from(problem, largest.settings, equation, largest.model.ratios, states, search).plain()
 
 
 @dataclass(frozen=True)
@@ -145,12 +134,7 @@ class Judgement:
 
 
 def judge(fits: Sequence[Identification], other: Problem | None) -> list[dict]:
-    """A `Judgement` of each fit of one record, as plain data.
-
-    Args:
-        fits: Of one record, with every equation.
-        other: Another repeat of the same condition where there is one.
-    """
+    """A `Judgement` of each fit of one record, as plain data, also on another repeat of its condition."""
     return [as_plain(_judged(fit, other)) for fit in fits]
 
 
@@ -274,16 +258,10 @@ def common_equation(pruned: Iterable[Identification], with_friction: bool) -> st
 
 
 def with_open_choice(fits: Sequence[Identification], pruned: Identification) -> tuple[Identification, ...]:
-    """The joint fit of a draft, only as certain as the choice of its terms leaves it.
-
-    Args:
-        fits: Of the one equation of all drafts.
-        pruned: Of the hull that the draft's own records show.
-    """
+    """The joint fit of a draft, only as certain as the choice of its terms, ``pruned`` for it alone, leaves it."""
     (fit,) = fits
-    return (
-        pruned if pruned.model.equation.terms == fit.model.equation.terms else replace(fit, posterior=pruned.posterior),
-    )
+    is_alike = pruned.model.equation.terms == fit.model.equation.terms
+    return (pruned if is_alike else replace(fit, posterior=pruned.posterior),)
 
 
 def with_verdicts(
@@ -299,7 +277,7 @@ def with_verdicts(
     ]
     others = [record for record, fit in by_record.items() if fit.verdict.level != ADEQUATE]
     if others:
-        shown = f'{"; ".join(others[:SHOWN_RECORDS])}{"; ..." if len(others) > SHOWN_RECORDS else ""}'
+        shown = f'{"; ".join(others[:SHOWN])}{"; ..." if len(others) > SHOWN else ""}'
         findings.append(Advice.of('record-not-adequate', number=len(others), records=len(by_record), names=shown))
     return replace(ranking, reason=reason, findings=tuple(findings))
 

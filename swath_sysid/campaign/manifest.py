@@ -45,7 +45,7 @@ def _decimal(matched: str) -> float:
     return float(matched.replace(',', '.'))
 
 
-SHOWN_FILES = 3
+SHOWN = 3
 TRIAL_ENDINGS = ('.csv', '.mcap', '.db3', '.txt', '.tsv', *ENDINGS)  #: Of files that may be trials.
 LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
@@ -214,7 +214,7 @@ def read_manifest(path: str | Path) -> Manifest:
             faults.append(str(error))
     trials = _without_duplicates(trials, faults)
     if not trials:
-        raise InputError(f'{path}: no trial is left to use: {"; ".join(faults[:SHOWN_FILES])}')
+        raise InputError(f'{path}: no trial is left to use: {"; ".join(faults[:SHOWN])}')
     craft = plain.get('craft', Craft())
     # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
     objectives = {OBJECTIVES[0], *plain.get('objectives', ())}
@@ -319,7 +319,7 @@ def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
     if not found:
         parent = root / Path(glob).parent
         names = sorted(p.name for p in parent.iterdir() if not p.name.startswith('.')) if parent.is_dir() else []
-        near = ', '.join(names[:SHOWN_FILES])
+        near = ', '.join(names[:SHOWN])
         there = f'there are {near}, ...' if near else f'the folder {parent} is empty or does not exist'
         raise InputError(f"no file matches '{shown(pattern)}' ({there}): check the folder and the placeholders")
     return found
@@ -357,9 +357,7 @@ def _without_duplicates(trials: Sequence[TrialEntry], faults: list[str]) -> list
     return kept
 
 
-def new_manifest(
-    folder: str | Path, axis: str = 'pitch', name: str = 'campaign.yaml', at: str | Path | None = None
-) -> str:
+def new_manifest(folder: str | Path, name: str = 'campaign.yaml', at: str | Path | None = None) -> str:
     """Text of a commented manifest for the trials in a folder."""
     folder = Path(folder)
     if not folder.is_dir():
@@ -379,18 +377,18 @@ def new_manifest(
         else:
             hints = '    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
             lines += [f'  - file: {_quoted(way + name)}\n{hints}' for name in names]
-    found_axis = next((a for a in AXES if any(a in file.name.lower() for file in files)), axis)
+    found_axis = next((a for a in AXES if any(a in file.name.lower() for file in files)), 'pitch')
     head = resources.files(__package__).joinpath('new_manifest.yaml').read_text(encoding='utf-8')
     title = _quoted(folder.resolve().name or 'campaign')
     return head.format(name=name, title=title, axis=found_axis) + '\n'.join(lines) + '\n'
 
 
-def write_new_manifest(folder: str | Path, path: str | Path, axis: str = 'pitch') -> None:
+def write_new_manifest(folder: str | Path, path: str | Path) -> None:
     """Write `new_manifest` to a file that does not exist yet."""
     path = Path(path)
     if path.exists():
         raise InputError(f'{path} exists already: remove it first, or name another file', 'manifest-exists')
-    write_text(path, new_manifest(folder, axis, path.name, path.parent))
+    write_text(path, new_manifest(folder, path.name, path.parent))
 
 
 def pattern_of_name(name: str) -> str:

@@ -36,7 +36,7 @@ from swath_sysid.campaign.evaluation import (
     with_verdicts,
 )
 from swath_sysid.campaign.executors import connection_losses
-from swath_sysid.campaign.manifest import Craft, Manifest, TrialEntry
+from swath_sysid.campaign.manifest import SHOWN, Craft, Manifest, TrialEntry
 from swath_sysid.campaign.result_store import ResultStore, key_of
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -142,19 +142,20 @@ def run_campaign(
     on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> CampaignOutcome:
     """Carry a campaign out; results in the store are not computed again."""
-    quantity = loading_quantity(manifest)
+    # that of the first entry which names one
+    quantity = next((t.loading[0] for t in manifest.trials if t.loading is not None), 'draft_factor')
     trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
     _check_drafts(trials)
     axes = {t.record.condition.series for t in trials if t.record is not None}
     if not axes:
-        reasons = '; '.join(f'{t.name}: {t.reason}' for t in trials[:3])
+        reasons = '; '.join(f'{t.name}: {t.reason}' for t in trials[:SHOWN])
         raise InputError(f'no trial of the campaign can be used: {reasons}')
     work = _Work(store, executor, on_progress)
     plans = [_AxisPlan(axis, manifest, trials, work) for axis in sorted(axes)]
-    work.expect(sum(plan.task_count for plan in plans))
+    work.total = sum(plan.task_count for plan in plans)
     found = [plan.carry_out(quantity) for plan in plans]
     if not any(found):
-        raise InputError(f'no fit of the campaign succeeded: {"; ".join(work.failures[:3])}')
+        raise InputError(f'no fit of the campaign succeeded: {"; ".join(work.failures[:SHOWN])}')
     left_out = {name: reason for plan in plans for name, reason in plan.left_out.items()}
     trials = [t.left_out(left_out[str(t.record)]) if t.record and str(t.record) in left_out else t for t in trials]
     return CampaignOutcome(
@@ -167,11 +168,6 @@ def run_campaign(
         work.kept,
         work.cpu_s,
     )
-
-
-def loading_quantity(manifest: Manifest) -> str:
-    """The quantity that gives the loading in a campaign: what its first entry that names one uses."""
-    return next((t.loading[0] for t in manifest.trials if t.loading is not None), 'draft_factor')
 
 
 def hides_drafts(craft: Craft, quantity: str) -> bool:
@@ -294,14 +290,10 @@ class _Work:
         self, store: ResultStore, executor: concurrent.futures.Executor, on_progress: Callable[[Progress], None]
     ) -> None:
         self._store, self._executor, self._on_progress = store, executor, on_progress
-        self._done = self._total = 0
+        self._done = self.total = 0
         self.computed = self.kept = 0
         self.cpu_s = 0.0
         self.failures: list[str] = []
-
-    def expect(self, tasks: int) -> None:
-        """Say how many tasks there are in all."""
-        self._total = tasks
 
     def results(self, tasks: Sequence[Task]) -> dict[str, Any]:
         """Key to plain result of every task that succeeded."""
@@ -367,7 +359,7 @@ class _Work:
 
     def _say(self, pending: dict[concurrent.futures.Future, Task]) -> None:
         running = tuple(task.label for future, task in pending.items() if future.running())
-        self._on_progress(Progress(self._done, max(self._total, self._done), running))
+        self._on_progress(Progress(self._done, max(self.total, self._done), running))
 
 
 class _AxisPlan:

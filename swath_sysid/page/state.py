@@ -3,7 +3,6 @@
 import signal
 import subprocess
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -105,7 +104,7 @@ class View:
 
 
 class PageState:
-    """The state of the page; models and bags are saved in ``folder``, ``clock``, s, is that of the source."""
+    """The state of the page; models and bags are saved in ``folder``."""
 
     def __init__(
         self,
@@ -113,13 +112,11 @@ class PageState:
         folder: Path,
         axis: str = AXES[0],
         manifest: str | None = None,
-        clock: Callable[[], float] = monotonic,
     ) -> None:
         self.view = View()
         self.answers: deque[str] = deque(maxlen=SHOWN_ANSWERS)
         self.manifest = manifest
         self._source = source
-        self._clock = clock
         self._folder = folder
         self._guides = {each: BringUp(each) for each in AXES}
         self._axis = axis
@@ -135,7 +132,7 @@ class PageState:
 
     def refresh(self) -> None:
         """Update the view, once for all browsers."""
-        now, record = self._clock(), self._source.record
+        now, record = monotonic(), self._source.record
         with self._source.lock:
             facts = record.facts(self._axis, now)
             charts = {

@@ -9,7 +9,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
-from swath_sysid.manoeuvring.motion.trial import STEP
+from swath_sysid.manoeuvring.motion.trial import MEASURED, STEP
 
 #: Runs to drive for an identification: name, instructions, duration in s.
 RECIPE = (
@@ -41,18 +41,17 @@ class SensorNoise:
                 raise InputError(f'the noise of {name} must not be negative: give zero or a positive number')
 
 
-def trial_programme(model: ManoeuvringModel, step: float = STEP) -> dict[str, Manoeuvre]:
-    """Straight runs with thrust steps, turns to both sides at several speeds, zig-zags, in steps of s; about 15 min."""
-    full = model.largest_input
+def trial_programme(model: ManoeuvringModel) -> dict[str, Manoeuvre]:
+    """Straight runs with thrust steps, turns to both sides at several speeds, zig-zags; about 15 min."""
     return {
-        'speed_up': _steps(model, step, [(s, s, 25.0) for s in (0.15, 0.3, 0.5, 0.7, 1.0)], full),
-        'speed_down': _steps(model, step, [(s, s, 25.0) for s in (0.9, 0.4, 0.8, 0.2, 0.0)], full),
-        'turns_slow': _steps(model, step, _turns(0.25, (0.1, -0.1, 0.25, -0.2), 25.0), full),
-        'turns_fast': _steps(model, step, _turns(0.6, (0.1, -0.1, 0.35, -0.25), 25.0), full),
-        'zigzag_10': _zigzag(model, step, 0.5, 0.15, np.radians(10.0), 90.0),
-        'zigzag_20': _zigzag(model, step, 0.65, 0.3, np.radians(20.0), 90.0),
-        'reverse': _steps(model, step, [(0.5, 0.5, 15), (-0.4, -0.4, 20), (0.6, -0.3, 20), (-0.3, 0.6, 20)], full),
-        'mixed': _steps(model, step, [(port, starboard, 15) for port, starboard in MIXED], full),
+        'speed_up': _steps(model, [(s, s, 25) for s in (0.15, 0.3, 0.5, 0.7, 1.0)]),
+        'speed_down': _steps(model, [(s, s, 25) for s in (0.9, 0.4, 0.8, 0.2, 0.0)]),
+        'turns_slow': _steps(model, [(0.25 + d, 0.25 - d, 25) for d in (0.1, -0.1, 0.25, -0.2)]),
+        'turns_fast': _steps(model, [(0.6 + d, 0.6 - d, 25) for d in (0.1, -0.1, 0.35, -0.25)]),
+        'zigzag_10': _zigzag(model, 0.5, 0.15, np.radians(10.0)),
+        'zigzag_20': _zigzag(model, 0.65, 0.3, np.radians(20.0)),
+        'reverse': _steps(model, [(0.5, 0.5, 15), (-0.4, -0.4, 20), (0.6, -0.3, 20), (-0.3, 0.6, 20)]),
+        'mixed': _steps(model, [(port, starboard, 15) for port, starboard in MIXED]),
     }
 
 
@@ -63,35 +62,24 @@ def with_noise(manoeuvre: Manoeuvre, noise: SensorNoise, seed: int) -> Manoeuvre
     def disturbed(values: np.ndarray, std: float) -> np.ndarray:
         return values + std * rng.standard_normal(values.size)
 
-    return replace(
-        manoeuvre,
-        surge=disturbed(manoeuvre.surge, noise.speed),
-        sway=disturbed(manoeuvre.sway, noise.speed),
-        yaw_rate=disturbed(manoeuvre.yaw_rate, noise.yaw_rate),
-        heading=disturbed(manoeuvre.heading, noise.heading),
-        x=disturbed(manoeuvre.x, noise.position),
-        y=disturbed(manoeuvre.y, noise.position),
-    )
+    stds = noise.speed, noise.speed, noise.yaw_rate, noise.heading, noise.position, noise.position
+    changed: dict = {n: disturbed(getattr(manoeuvre, n), std) for n, std in zip(MEASURED, stds, strict=True)}
+    return replace(manoeuvre, **changed)
 
 
-def _turns(base: float, differences: Sequence[float], duration: float):
-    return [(base + d, base - d, duration) for d in differences]
-
-
-def _steps(
-    model: ManoeuvringModel, step: float, stages: Sequence[tuple[float, float, float]], full: float
-) -> Manoeuvre:
-    craft = SteeredCraft(model, step, 0.0, at_rest=True)
+def _steps(model: ManoeuvringModel, stages: Sequence[tuple[float, float, float]]) -> Manoeuvre:
+    """From rest, shares of the full input to port and to starboard, each held for a duration, s."""
+    full, craft = model.largest_input, SteeredCraft(model, STEP, at_rest=True)
     for port, starboard, duration in stages:
         craft.hold(port * full, starboard * full, duration)
     return craft.manoeuvre()
 
 
-def _zigzag(model: ManoeuvringModel, step: float, base: float, difference: float, angle: float, duration: float):
+def _zigzag(model: ManoeuvringModel, base: float, difference: float, angle: float) -> Manoeuvre:
     full = model.largest_input
-    craft = SteeredCraft(model, step, base * full)
+    craft = SteeredCraft(model, STEP, base * full)
     turn = 1.0
-    while craft.time < duration:
+    while craft.time < 90.0:
         craft.advance((base + turn * difference) * full, (base - turn * difference) * full)
         if -turn * craft.heading >= angle:
             turn = -turn

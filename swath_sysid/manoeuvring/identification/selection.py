@@ -111,14 +111,13 @@ def identified(
     return problem, replace(with_refused(problem, found), evaluations=evaluations)
 
 
-def model_of(problem: Problem, names: Sequence[str], values: np.ndarray, name: str = '') -> ManoeuvringModel:
+def model_of(problem: Problem, names: Sequence[str], values: np.ndarray) -> ManoeuvringModel:
     """The model for some values of the unknowns."""
     found = dict(zip(names, values, strict=True))
     east, north = (float(found.get(c, 0.0)) for c in CURRENT)
     return ManoeuvringModel(
         problem.unknowns(names).placed_in(problem.base, values),
         thrust_input=problem.thrust_input,
-        name=name,
         length=problem.length,
         largest_input=float(problem.region.most_input),
         current=(east, north),

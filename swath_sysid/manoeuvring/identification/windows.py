@@ -44,14 +44,14 @@ class Windows:
         return found
 
 
-def cut(runs: Sequence[Run], length: float = LENGTH, shortest: float = SETTLING) -> Windows:
-    """Cut runs of equal step into windows of at most ``length`` and at least ``shortest`` s, none across a gap in the
+def cut(runs: Sequence[Run], length: float = LENGTH) -> Windows:
+    """Cut runs of equal step into windows of at most ``length`` and at least `SETTLING` s, none across a gap in the
     thrust or within `SETTLED` s after one.
     """
     step = runs[0].step
     if any(abs(run.step - step) > 1e-9 for run in runs):
         raise InputError('the runs differ in sample interval: prepare them with one step')
-    long, short, settled = (round(duration / step) for duration in (length, shortest, SETTLED))
+    long, short, settled = (round(duration / step) for duration in (length, SETTLING, SETTLED))
     places = []
     for index, run in enumerate(runs):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], run.driven.astype(int), [0]])))
@@ -61,7 +61,7 @@ def cut(runs: Sequence[Run], length: float = LENGTH, shortest: float = SETTLING)
                 places.append((index, begin, steps))
                 begin += steps
     if not places:
-        raise InputError(f'no run holds {shortest:.0f} s of motion with known thrust: record longer runs')
+        raise InputError(f'no run holds {SETTLING:.0f} s of motion with known thrust: record longer runs')
     run_index, start, steps = np.array(places).T
     longest = int(steps.max())
     measured = np.full((3, longest + 1, len(places)), np.nan)
