@@ -37,8 +37,8 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import as_plain
 from swath_sysid.common.rounding import percent
-from swath_sysid.pipeline.scoring import CONFIDENCE
 
+CONFIDENCE = 0.95
 TIE = 1e-7  #: Relative difference of objective values below which they are equal.
 
 

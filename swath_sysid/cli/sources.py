@@ -3,7 +3,7 @@
 import os
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +18,7 @@ from swath_sysid.formats.input_files import existing
 from swath_sysid.formats.model_file import write_model
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_trial, source_hash
-from swath_sysid.report.figures import FORMATS, save_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from swath_sysid.report.figures import FORMATS, Figure, save_figure
 
 RECORD_FILES = (
     'CSV, .mat, .tdms, .lvm, .xlsx, .parquet or .h5 file, rosbag2 bag (folder, .mcap or .db3) or MTi text export'

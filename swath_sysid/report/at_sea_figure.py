@@ -1,19 +1,12 @@
 """The picture of an identification at sea: spectra, and the hull's response."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, new_figure, quiet
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
+from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
+from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, Axes, Figure, new_figure, quiet
 
 _SHOWN = 1e-5
 _TICKS = np.array([1.0, 2.0, 5.0])

@@ -1,13 +1,11 @@
 """A tank's standard output of a campaign: conditions, peaks, extinction curves, damping in dimensions, uncertainty."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import cycle
-from typing import TYPE_CHECKING
+from typing import Self
 
 import numpy as np
 
@@ -20,6 +18,10 @@ from swath_sysid.attitude.identification.extinction import (
     measured_peaks,
     tank_quantities,
 )
+from swath_sysid.attitude.identification.identify import Identification
+from swath_sysid.campaign.evaluation import Condition
+from swath_sysid.campaign.manifest import PredictedDamping
+from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.rounding import digits
 from swath_sysid.report.campaign_figures import legend_below, panel
@@ -37,12 +39,6 @@ from swath_sysid.report.extinction_tables import (
 from swath_sysid.report.figures import CROSS, MEASURED, SERIES, two_std_band
 from swath_sysid.report.html_page import Drawing
 from swath_sysid.report.tables import Column, Table, columns_of
-
-if TYPE_CHECKING:
-    from swath_sysid.attitude.identification.identify import Identification
-    from swath_sysid.campaign.evaluation import Condition
-    from swath_sysid.campaign.manifest import PredictedDamping
-    from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 
 PARTICULARS = {
     'length_m': 'length [m]',
@@ -107,7 +103,7 @@ class _Decays:
     particulars: Particulars
 
     @classmethod
-    def all_of(cls, outcome: CampaignOutcome, axis: AxisOutcome) -> list[_Decays]:
+    def all_of(cls, outcome: CampaignOutcome, axis: AxisOutcome) -> list[Self]:
         """Of every condition of an axis."""
         found = []
         for condition, fits in sorted(axis.together.items()):

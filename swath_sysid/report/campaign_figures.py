@@ -1,16 +1,16 @@
 """The figures of a campaign; each small, so that a page can lay them out for its width."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.campaign.evaluation import Condition
+from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.common.covariance import correlation
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.figures import (
@@ -18,6 +18,8 @@ from swath_sysid.report.figures import (
     MEASURED,
     SERIES,
     TWO_STD,
+    Axes,
+    Figure,
     curves_of,
     draw_fit,
     new_figure,
@@ -26,13 +28,6 @@ from swath_sysid.report.figures import (
     two_std_band,
 )
 from swath_sysid.report.html_page import Drawing
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from swath_sysid.campaign.evaluation import Condition
-    from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 
 WIDTH, HEIGHT = 4.6, 3.1
 LINE_STYLES = ('-', '--', ':', '-.')

@@ -1,11 +1,8 @@
 """The report of a campaign: a page, the same tables as CSV, the figures as SVG, and the model file."""
 
-from __future__ import annotations
-
 import html
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy
@@ -13,6 +10,7 @@ import scipy
 
 from swath_sysid import __version__
 from swath_sysid.campaign.evaluation import out_of_order
+from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.model_file import write_scheduled
@@ -33,13 +31,8 @@ from swath_sysid.report.campaign_tables import (
     trials_table,
     verdict_table,
 )
-from swath_sysid.report.html_page import bullets, figures, page, page_style, paragraph, table_as_html
-from swath_sysid.report.tables import table_as_csv
-
-if TYPE_CHECKING:
-    from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
-    from swath_sysid.report.html_page import Drawing
-    from swath_sysid.report.tables import Table
+from swath_sysid.report.html_page import Drawing, bullets, figures, page, page_style, paragraph, table_as_html
+from swath_sysid.report.tables import Table, table_as_csv
 
 PAGE, MODEL = 'report.html', 'model.yaml'
 TABLES, FIGURES = 'tables', 'figures'

@@ -1,23 +1,18 @@
 """The tables of a campaign."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
-from swath_sysid.campaign.evaluation import beyond_noise, noise_statement, tied_best
+from swath_sysid.campaign.evaluation import Condition, Record, beyond_noise, noise_statement, tied_best
+from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome, TrialOutcome
 from swath_sysid.common.rounding import digits, percent
 from swath_sysid.report.tables import Column, Table
-
-if TYPE_CHECKING:
-    from swath_sysid.campaign.evaluation import Condition, Record
-    from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome, TrialOutcome
 
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
 LEAD_NAMES = {0.25: 'a quarter period', 0.5: 'half a period', 1.0: 'one period'}

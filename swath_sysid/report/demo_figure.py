@@ -1,19 +1,11 @@
 """The picture of the demonstration: forecasts against the motion of its simulated craft, before and after."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE
-from swath_sysid.report.figures import MEASURED, band, new_figure, quiet
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from swath_sysid.pipeline.demonstration import Demonstration, LeadForecasts, Verdict
+from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE, Demonstration, LeadForecasts, Verdict
+from swath_sysid.report.figures import MEASURED, Axes, Figure, band, new_figure, quiet
 
 BEFORE, AFTER, BAND = '#e08e2b', '#0b8a83', '#9fd8d2'
 NORMAL_90 = 1.6449

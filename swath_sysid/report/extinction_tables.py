@@ -1,24 +1,27 @@
 """A tank's standard output as tables: peaks, extinction curve, damping in dimensions, uncertainty."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swath_sysid.attitude.identification.extinction import extinction_of, measured_peaks, tank_quantities
+from swath_sysid.attitude.identification.extinction import (
+    Extinction,
+    Particulars,
+    Peaks,
+    TankQuantity,
+    TypeB,
+    extinction_of,
+    measured_peaks,
+    tank_quantities,
+)
+from swath_sysid.attitude.identification.identify import Identification
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.rounding import digits
 from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.fit_summary import short_name
 from swath_sysid.report.tables import Table, columns_of
-
-if TYPE_CHECKING:
-    from swath_sysid.attitude.identification.extinction import Extinction, Particulars, Peaks, TankQuantity, TypeB
-    from swath_sysid.attitude.identification.identify import Identification
 
 DEGREE = math.pi / 180.0
 CURVE_TERMS = (('p1', '-', 1.0), ('p2', '1/deg', DEGREE), ('p3', '1/deg^2', DEGREE**2), ("Bertin's N", '1/deg', DEGREE))

@@ -5,15 +5,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
-    from swath_sysid.attitude.motion.trial import AxisMotion
+else:
+    # matplotlib is loaded where something is drawn
+    Axes = Figure = Any
 
 MEASURED, MODEL, RESIDUAL, BAND = '#1f2933', '#d1495b', '#2e86ab', '#9ecae1'
 TWO_STD = 2.0
@@ -22,7 +24,7 @@ SERIES = ('#2e86ab', '#d1495b', '#edae49', '#3b8b5a', '#7b4fa3', '#8c6d46')
 FORMATS = ('png', 'svg', 'pdf')
 
 
-def new_figure(width: float, height: float) -> 'Figure':
+def new_figure(width: float, height: float) -> Figure:
     """An empty figure of a width and height in inches, drawn without a display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -32,14 +34,14 @@ def new_figure(width: float, height: float) -> 'Figure':
     return figure
 
 
-def quiet(axes: 'Axes') -> 'Axes':
+def quiet(axes: Axes) -> Axes:
     """Take away what does not inform: two spines; add a faint grid."""
     axes.spines[['top', 'right']].set_visible(False)
     axes.grid(alpha=0.25, linewidth=0.6)
     return axes
 
 
-def new_panel(width: float, height: float, **labels: str) -> tuple['Figure', 'Axes']:
+def new_panel(width: float, height: float, **labels: str) -> tuple[Figure, Axes]:
     """A figure with a single panel, with labels as `Axes.set` takes them."""
     figure = new_figure(width, height)
     axes = quiet(figure.subplots())
@@ -47,7 +49,7 @@ def new_panel(width: float, height: float, **labels: str) -> tuple['Figure', 'Ax
     return figure, axes
 
 
-def draw_fit(above: 'Axes', below: 'Axes', motion: 'AxisMotion', angle: Any, rate: Any, thinned: slice) -> None:
+def draw_fit(above: Axes, below: Axes, motion: AxisMotion, angle: Any, rate: Any, thinned: slice) -> None:
     """A record and the simulated motion, with the residual below; of the samples in a slice."""
     measured, label = measured_channel(motion)
     simulated = rate if motion.angle is None else angle
@@ -61,17 +63,17 @@ def draw_fit(above: 'Axes', below: 'Axes', motion: 'AxisMotion', angle: Any, rat
     below.set(xlabel='time [s]', ylabel=f'residual {label[label.index("[") :]}')
 
 
-def band(axes: 'Axes', x: np.ndarray, middle: np.ndarray, half_width: np.ndarray, **style: Any) -> None:
+def band(axes: Axes, x: np.ndarray, middle: np.ndarray, half_width: np.ndarray, **style: Any) -> None:
     """Shade to both sides of a curve."""
     axes.fill_between(x, middle - half_width, middle + half_width, linewidth=0, **style)
 
 
-def two_std_band(axes: 'Axes', x: np.ndarray, value: np.ndarray, std: np.ndarray, **style: Any) -> None:
+def two_std_band(axes: Axes, x: np.ndarray, value: np.ndarray, std: np.ndarray, **style: Any) -> None:
     """Shade two standard deviations about a curve."""
     band(axes, x, value, TWO_STD * std, **style)
 
 
-def curves_of(bands: 'AmplitudeBands') -> dict[str, tuple[Any, Any]]:
+def curves_of(bands: AmplitudeBands) -> dict[str, tuple[Any, Any]]:
     """Label to natural period and equivalent damping ratio over amplitude, each with its standard deviation."""
     period = 2.0 * np.pi / bands.curves.frequency
     return {
@@ -80,14 +82,14 @@ def curves_of(bands: 'AmplitudeBands') -> dict[str, tuple[Any, Any]]:
     }
 
 
-def measured_channel(motion: 'AxisMotion') -> tuple[Any, str]:
+def measured_channel(motion: AxisMotion) -> tuple[Any, str]:
     """The angle and its label, or the rate where no angle was measured."""
     if motion.angle is None:
         return motion.rate, f'{motion.axis} rate [deg/s]'
     return motion.angle, f'{motion.axis} [deg]'
 
 
-def save_figure(figure: 'Figure', path: str | Path) -> None:
+def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure in the format of the name's ending."""
     ending = Path(path).suffix.lower().lstrip('.')
     if ending not in FORMATS:

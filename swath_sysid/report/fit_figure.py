@@ -1,21 +1,14 @@
 """The picture of a fit: motion, residual, frequency and damping against amplitude."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.report.figures import BAND, MODEL, curves_of, draw_fit, new_figure, quiet, two_std_band
+from swath_sysid.attitude.identification.identify import Identification
+from swath_sysid.report.figures import BAND, MODEL, Axes, Figure, curves_of, draw_fit, new_figure, quiet, two_std_band
 from swath_sysid.report.fit_summary import short_name, spread_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from swath_sysid.attitude.identification.identify import Identification
 
 MAX_PANELS = 12
 TERMS_A_LINE = 3  #: Of the title, as wide as the figure.

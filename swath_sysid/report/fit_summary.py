@@ -1,26 +1,21 @@
 """Identifications in words and in plain data, for the terminal and for other programs."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import Any
 
 from swath_sysid.attitude.hull.catalogue import published_alike, title_of
 from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RATIO_UNITS
+from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
+from swath_sysid.attitude.identification.identify import Identification
+from swath_sysid.attitude.identification.selection import Comparison
 from swath_sysid.attitude.identification.uncertainty import known_together
+from swath_sysid.common.advice import Advice
 from swath_sysid.common.covariance import correlation
 from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.model_file import ratios_as_data
 from swath_sysid.formats.plain_data import finite_or_none
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
-    from swath_sysid.attitude.identification.identify import Identification
-    from swath_sysid.attitude.identification.selection import Comparison
-    from swath_sysid.common.advice import Advice
 
 SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a JONSWAP sea with a free tail'}
 

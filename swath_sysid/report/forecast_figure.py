@@ -1,22 +1,15 @@
 """The picture of a forecast's skill: error against lead, a stretch with its fans, reliability."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecast import LEVELS
-from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, band, new_figure, quiet
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from swath_sysid.attitude.motion.trial import Trial
-    from swath_sysid.pipeline.record_run import Run
-    from swath_sysid.pipeline.scoring import Skill
+from swath_sysid.pipeline.record_run import Run
+from swath_sysid.pipeline.scoring import Skill
+from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, band, new_figure, quiet
 
 LABELS = {
     'forecast': 'forecast',

@@ -1,20 +1,14 @@
 """The skill of forecasts as plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.formats.plain_data import finite_or_none
-from swath_sysid.pipeline.scoring import AFTER_GAP, CONFIDENCE
+from swath_sysid.pipeline.scoring import AFTER_GAP, CONFIDENCE, Skill
 from swath_sysid.report.fit_summary import warnings_as_data
-
-if TYPE_CHECKING:
-    from swath_sysid.pipeline.scoring import Skill
-
 
 POINT_UNITS = {'heave': 'm', 'vertical_velocity': 'm_s', 'vertical_acceleration': 'm_s2'}
 

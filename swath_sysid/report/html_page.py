@@ -1,7 +1,5 @@
 """The template of all pages: one HTML file that needs nothing else, dark and light, narrow, wide and printed."""
 
-from __future__ import annotations
-
 import html
 import io
 import re
@@ -9,16 +7,14 @@ from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib
 from matplotlib import rcsetup
 from matplotlib.figure import Figure
 
 from swath_sysid.report.figures import MEASURED, SERIES
-
-if TYPE_CHECKING:
-    from swath_sysid.report.tables import Table
+from swath_sysid.report.tables import Table
 
 STYLE_SHEET = """
 :root{color-scheme:light dark;--paper:#ffffff;--ink:#1f2933;--faint:#5c6b7a;--line:#d8dee4;--panel:#f6f8fa;

@@ -1,28 +1,20 @@
 """Figures of manoeuvring: trajectories, time histories, derivatives, residuals, standard tests."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
+from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
 from swath_sysid.manoeuvring.identification.validation import score, simulate_windows
 from swath_sysid.manoeuvring.motion.resampling import smoothed
-from swath_sysid.manoeuvring.motion.trial import CHANNELS
-from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
+from swath_sysid.manoeuvring.prediction.skill import ForecastScores
+from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, Axes, Figure, new_figure, new_panel, quiet
 from swath_sysid.report.fit_summary import short_name
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
-    from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
-    from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
-    from swath_sysid.manoeuvring.motion.trial import Run
-    from swath_sysid.manoeuvring.prediction.skill import ForecastScores
 
 LABELS = ('surge (m/s)', 'sway (m/s)', 'yaw rate (deg/s)')
 SIZES = np.array([1.0, 1.0, np.degrees(1.0)])

@@ -1,24 +1,18 @@
 """Manoeuvring results in words and in plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.plain import as_plain
 from swath_sysid.formats.plain_data import finite_or_none
-from swath_sysid.manoeuvring.hull.terms import PARAMETERS
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
+from swath_sysid.manoeuvring.hull.terms import PARAMETERS, Parameter
+from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
+from swath_sysid.manoeuvring.identification.validation import Scores
+from swath_sysid.manoeuvring.prediction.skill import ForecastScores
 from swath_sysid.report.fit_summary import warnings_as_data
-
-if TYPE_CHECKING:
-    from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
-    from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
-    from swath_sysid.manoeuvring.hull.terms import Parameter
-    from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
-    from swath_sysid.manoeuvring.identification.validation import Scores
-    from swath_sysid.manoeuvring.prediction.skill import ForecastScores
 
 MAX_ALIKE = 2  #: Number of warnings of one kind shown in full.
 

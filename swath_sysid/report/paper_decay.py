@@ -1,15 +1,12 @@
 """The page of a study of free decays: its tables and figures in its order, printed and obtained side by side."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.catalogue import equation_named
-from swath_sysid.campaign.papers.decay_study import COEFFICIENTS
+from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DecayStudy
 from swath_sysid.campaign.papers.publication import citation
 from swath_sysid.common.rounding import percent
 from swath_sysid.report.figures import TWO_STD
@@ -24,9 +21,6 @@ from swath_sysid.report.paper_decay_tables import (
     particulars,
     search_settings,
 )
-
-if TYPE_CHECKING:
-    from swath_sysid.campaign.papers.decay_study import DecayStudy
 
 
 def decay_page(study: DecayStudy, wall_s: float) -> str:

@@ -1,26 +1,20 @@
 """What is compared in a study of free decays: coefficients, rates one step ahead, and its conclusions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification.forecast_check import next_step
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.evaluation import TIE
-from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS
+from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS, DecayStudy, StudiedRecord
 from swath_sysid.common.rounding import digits, percent
 from swath_sysid.report.tables import Column, Table
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from swath_sysid.campaign.papers.decay_study import DecayStudy, StudiedRecord
 
 STEADY = 0.2  #: A curve that changes by less than this share of its largest value hardly changes.
 ZERO_SHARE = 0.01  #: Of the range of a coefficient; what is less is near zero.

@@ -1,26 +1,19 @@
 """The figures of a study of free decays, as the study orders them; all that they show is simulated."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.simulation import simulate
-from swath_sysid.campaign.papers.decay_study import DRAFT_FACTORS
+from swath_sysid.campaign.papers.decay_study import DRAFT_FACTORS, DecayStudy
 from swath_sysid.report.campaign_figures import LINE_STYLES, legend_below, panel
-from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, TWO_STD
+from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, TWO_STD, Axes
 from swath_sysid.report.html_page import Drawing, figures
 from swath_sysid.report.paper_decay_claims import BY, GENETIC, HULL, OURS, coefficient, coefficient_names
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from swath_sysid.campaign.papers.decay_study import DecayStudy
 
 
 def drawn(study: DecayStudy, kind: str) -> str:

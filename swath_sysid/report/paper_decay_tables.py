@@ -1,21 +1,16 @@
 """The tables of a study of free decays, printed and obtained side by side."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.evaluation import TIE
-from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS, SWARM
+from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS, SWARM, DecayStudy
 from swath_sysid.common.rounding import digits
 from swath_sysid.report.campaign_extinction import PARTICULARS
 from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.paper_decay_claims import GENETIC, OURS, ROUNDING, UNCHANGED, steps_ahead
 from swath_sysid.report.tables import Column, Table, columns_of
-
-if TYPE_CHECKING:
-    from swath_sysid.campaign.papers.decay_study import DecayStudy
 
 NAMES = PARTICULARS | {
     'speed_kn': 'speed [kn]',

@@ -1,13 +1,10 @@
 """The page of the study of a catamaran's manoeuvring: printed and obtained values side by side, in its order."""
 
-from __future__ import annotations
-
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swath_sysid.campaign.papers.manoeuvring_study import track_error
+from swath_sysid.campaign.papers.manoeuvring_study import ManoeuvringStudy, track_error
 from swath_sysid.campaign.papers.publication import citation
 from swath_sysid.common.rounding import digits
 from swath_sysid.report.campaign_extinction import PARTICULARS
@@ -16,9 +13,6 @@ from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_fi
 from swath_sysid.report.html_page import Drawing, bullets, figures, page, page_style, paragraph, table_as_html
 from swath_sysid.report.paper_decay_claims import BY_CONSTRUCTION, verdict_mark
 from swath_sysid.report.tables import Column, Table, columns_of
-
-if TYPE_CHECKING:
-    from swath_sysid.campaign.papers.manoeuvring_study import ManoeuvringStudy
 
 LIMITS = [
     'A turn under constant thrusts is soon steady. Its three velocities give three equations, whatever the number '

@@ -1,24 +1,14 @@
 """The picture of a record: the motion with its decays and gaps, and its spectrum."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
-from swath_sysid.attitude.motion.segmentation import find_decays
+from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, find_turning_points, mean_period
-from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, measured_channel, new_figure, quiet
+from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, measured_channel, new_figure, quiet
 from swath_sysid.report.fit_summary import short_name
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from swath_sysid.attitude.motion.segmentation import DecaySegment
-    from swath_sysid.attitude.motion.trial import AxisMotion
 
 MAX_POINTS = 20000  #: A longer record is drawn as minimum and maximum of each interval.
 SPECTRUM_PERIODS = 16.0  #: Length of the averaged windows, in mean periods.

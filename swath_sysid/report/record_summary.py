@@ -1,23 +1,16 @@
 """What is in a record, in words and in plain data."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
 from swath_sysid.attitude.motion.quality import check_decay, check_motion
 from swath_sysid.attitude.motion.segmentation import find_decays
+from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.figures import measured_channel
 from swath_sysid.report.fit_summary import warnings_as_data
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from swath_sysid.attitude.motion.trial import AxisMotion, Trial
-
 
 DECAY_FIELDS = 'cycles', 'initial_amplitude', 'final_amplitude', 'beginning', 'ending'
 

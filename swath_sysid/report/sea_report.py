@@ -1,17 +1,10 @@
 """A sea state in words, and the picture of its spectrum."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
+from swath_sysid.attitude.prediction.sea_state import SeaState
 from swath_sysid.formats.sea_state import REMARKS
-from swath_sysid.report.figures import BAND, MODEL, RESIDUAL, new_panel
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from swath_sysid.attitude.prediction.sea_state import SeaState
+from swath_sysid.report.figures import BAND, MODEL, RESIDUAL, Figure, new_panel
 
 
 def sea_in_words(found: SeaState, name: str) -> list[str]:
