@@ -28,6 +28,4 @@ def share_folder(module_file: str | Path = __file__) -> Path:
     for folder in (checkout, *(parent / 'share' / PACKAGE for parent in package_folder.parents)):
         if (folder / 'package.xml').is_file():
             return folder
-    raise InputError(
-        f'{package_folder} was installed without its configuration files: install {PACKAGE} with pip or colcon'
-    )
+    raise InputError(f'{package_folder} lacks its configuration files: install {PACKAGE} with pip or colcon')

@@ -83,7 +83,7 @@ def test_a_bad_entry_is_named_and_the_rest_is_kept(folder, entry, words):
 @pytest.mark.parametrize(
     'text, words',
     [
-        ('axis: [pitch', 'line 1: this is not YAML'),
+        ('axis: [pitch', 'line 1 is not YAML'),
         ('- a\n- b\n', "must hold 'trials:'"),
         ('', "must hold 'trials:'"),
         ('axis: pitch\n', "'trials:' must list"),

@@ -262,8 +262,7 @@ def _trial(path: Path, given: dict, matched: dict, where: str) -> TrialEntry:
         raise InputError(f'{where}: give one of {", ".join(QUANTITIES)} for {path.name}, not {len(loadings)}')
     if 'axis' not in values:
         raise InputError(
-            f"{where}: no axis is given for {path.name}: write 'axis: pitch' or 'axis: roll' here or for the whole "
-            'campaign'
+            f"{where}: no axis is given for {path.name}: write 'axis: pitch' or 'axis: roll' here or for all"
         )
     names = {'start_s': 'start', 'end_s': 'end'}
     return TrialEntry(

@@ -250,9 +250,7 @@ def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
             what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic, t.entry.columns
             original = first.setdefault(what, t)
             if original is not t:
-                t = t.left_out(
-                    f'it has the same content as {original.name}, and would count twice as a repeat that it is not'
-                )
+                t = t.left_out(f'it has the same content as {original.name}: a copy is not a repeat')
         found.append(t)
     return found
 
@@ -267,9 +265,7 @@ def _numbered(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
             numbers = [number] if number else [k for k in range(1, len(trials) + 2) if (condition, k) not in stated]
             free = next((k for k in numbers if (condition, k) not in used), None)
             if free is None:
-                t = t.left_out(
-                    f'its condition and repeat ({record}) are those of another trial: give it another repeat'
-                )
+                t = t.left_out(f'its condition and repeat ({record}) are those of another trial: give another repeat')
             else:
                 used.add((condition, free))
                 t = replace(t, record=replace(record, repeat=free))

@@ -22,12 +22,8 @@ EXIT_LEFT_OUT = 1
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The manifest, or the folder to make one for; output and workers."""
-    parser.add_argument(
-        'manifest', nargs='?', metavar='MANIFEST.yaml', help='manifest: a list of the trials, and what to fit'
-    )
-    parser.add_argument(
-        '--new', metavar='DIR', help=f'write a commented manifest for the trials in a folder (DIR/{MANIFEST})'
-    )
+    parser.add_argument('manifest', nargs='?', metavar='MANIFEST.yaml', help='the trials, and what to fit')
+    parser.add_argument('--new', metavar='DIR', help=f'write a commented DIR/{MANIFEST} for the trials in this folder')
     parser.add_argument('--output', metavar='DIR', help='folder of the report; with --new, the file of the manifest')
     add_jobs_argument(parser)
     add_json_argument(parser)

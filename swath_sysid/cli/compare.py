@@ -26,9 +26,7 @@ from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
 def add_arguments(parser: ArgumentParser) -> None:
     """Records, equations, search, output."""
     add_source_arguments(parser)
-    parser.add_argument(
-        '--equations', metavar='NAME,NAME', help='equations to compare (default: all of the catalogue for the axis)'
-    )
+    parser.add_argument('--equations', metavar='NAME,NAME', help='equations to compare (default: all for the axis)')
     add_search_arguments(parser)
     add_jobs_argument(parser)
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file of the chosen equation')

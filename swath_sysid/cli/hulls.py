@@ -25,9 +25,7 @@ def add_hull_arguments(parser: ArgumentParser) -> None:
         metavar='NAME=VALUE',
         help='ratio to inertia, with --equation, for example r1=10.1; may be repeated (default: a published hull)',
     )
-    parser.add_argument(
-        '--axis', choices=('roll', 'pitch'), help='axis of an equation, or of a model file with both axes'
-    )
+    parser.add_argument('--axis', choices=('roll', 'pitch'), help='axis of an equation or of a model file with both')
 
 
 def hull_of(arguments: Namespace) -> DecayModel:
@@ -45,9 +43,7 @@ def hull_of(arguments: Namespace) -> DecayModel:
     axis = arguments.axis or ('roll' if 'roll' in equation.name else 'pitch')
     missing = [t for t in equation.terms if t not in values]
     if missing:
-        raise InputError(
-            f'{equation.name} has the terms {", ".join(equation.terms)}: give --ratio {missing[0]}=VALUE too'
-        )
+        raise InputError(f'{equation.name} has terms {", ".join(equation.terms)}: give --ratio {missing[0]}=VALUE too')
     model = DecayModel.from_terms(equation, values, axis=axis)
     check_physical(model)
     return model

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.cli.progress import add_json_argument, print_result, progress_of, show_advice
-from swath_sysid.cli.settings_flags import add_setting, finite
+from swath_sysid.cli.settings_flags import add_number, add_setting, finite
 from swath_sysid.cli.sources import (
     add_column_argument,
     assignment,
@@ -115,9 +115,7 @@ def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
         action='store_true',
         help='treat gaps in the commands as zero thrust, if commands are published only while driving',
     )
-    parser.add_argument(
-        '--thrust-input', choices=INPUTS, help='thrust in a bag: forces in N, or commands (default: detected)'
-    )
+    parser.add_argument('--thrust-input', choices=INPUTS, help='thrust in a bag: N or commands (default: detected)')
     for name in ('odometry', 'imu', 'port', 'starboard'):
         of = f'topic of the {name} thruster' if name in ('port', 'starboard') else None
         parser.add_argument(f'--{name}-topic', metavar='TOPIC', help=of)
@@ -128,8 +126,7 @@ def _add_fields(parser: ArgumentParser, fields: Sequence[tuple[str, str, str]], 
     for name, unit, meaning in fields:
         default = getattr(settings, name)
         kind = int if isinstance(default, int) else finite
-        text = meaning if default is None else f'{meaning} (default: {default})'
-        parser.add_argument('--' + name.replace('_', '-'), type=kind, default=default, metavar=unit, help=text)
+        add_number(parser, '--' + name.replace('_', '-'), unit, meaning, default, kind)
 
 
 def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
@@ -165,12 +162,8 @@ def _add_identify(parser: ArgumentParser) -> None:
     add_setting(parser, '--mass', 'manoeuvring_identifier', 'mass_kg')
     add_setting(parser, '--lever', 'manoeuvring_identifier', 'lever_m')
     _add_fields(parser, _SETTINGS, ManoeuvringSettings)
-    parser.add_argument(
-        '--terms', metavar='A,B,..', help='fit exactly these parameters (default: the simplest adequate set)'
-    )
-    parser.add_argument(
-        '--fix', action='append', default=[], metavar='NAME=VALUE', help='fix a known parameter, listed below'
-    )
+    parser.add_argument('--terms', metavar='A,B,..', help='fit exactly these (default: the simplest adequate set)')
+    parser.add_argument('--fix', action='append', default=[], metavar='NAME=VALUE', help='fix a parameter listed below')
     parser.add_argument(
         '--towards',
         action='append',
@@ -350,9 +343,7 @@ def _add_simulate(parser: ArgumentParser) -> None:
         help='a standard test, or a whole programme of trials for identification',
     )
     _add_fields(parser, _DRIVE, DriveSettings)
-    parser.add_argument(
-        '--angle-deg', type=finite, default=20.0, metavar='DEG', help='angle of the zig-zag (default: %(default)s)'
-    )
+    add_number(parser, '--angle-deg', 'DEG', 'angle of the zig-zag', 20.0)
     parser.add_argument(
         '--current', type=finite, nargs=2, metavar=('EAST', 'NORTH'), help='current, m/s; programme only'
     )
@@ -394,9 +385,7 @@ def _simulate(arguments: Namespace):
         return _programme(model, arguments)
     for option in ('current', 'command'):
         if getattr(arguments, option) is not None:
-            raise InputError(
-                f'--{option} is for the programme: standard tests are in still water, with the model as it is'
-            )
+            raise InputError(f'--{option} is for the programme: standard tests take still water and the model as it is')
     settings = DriveSettings(arguments.base, arguments.difference, float(np.radians(arguments.angle_deg)))
     report = run_test(arguments.test, model, settings)
     if arguments.output:

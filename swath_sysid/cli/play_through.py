@@ -37,9 +37,7 @@ PROGRESS_STEP = 2000
 def add_arguments(parser: ArgumentParser) -> None:
     """The record, the output, and what the nodes would be started with."""
     parser.add_argument('record', metavar='RECORD', help=RECORD_FILES)
-    parser.add_argument(
-        '--output', required=True, metavar='OUT.mcap', help='bag of the messages that the nodes would publish'
-    )
+    parser.add_argument('--output', required=True, metavar='OUT.mcap', help='bag of what the nodes would publish')
     parser.add_argument('--params', metavar='FILE', help='ROS parameter file of the nodes (default: their defaults)')
     parser.add_argument('--model', metavar='FILE', help='model file at the start (default: that of model_path)')
     parser.add_argument('--topic', help='IMU topic, for bags with several')

@@ -10,9 +10,7 @@ from swath_sysid.formats.outputs import Output, check_outputs
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The file."""
-    parser.add_argument(
-        '--output', metavar='OUT.mcap', help='bag (default: swath_sysid_DATE_TIME.mcap in the current folder)'
-    )
+    parser.add_argument('--output', metavar='OUT.mcap', help='bag (default: swath_sysid_DATE_TIME.mcap, here)')
     parser.add_argument(
         '--topic',
         action='append',

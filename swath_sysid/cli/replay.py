@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.cli.ros_needed import ros_needed
-from swath_sysid.cli.settings_flags import finite
+from swath_sysid.cli.settings_flags import add_number
 
 if TYPE_CHECKING:
     from swath_sysid.nodes.replay import Replay
@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: ArgumentParser) -> None:
     """The bag, and how fast it is replayed."""
     parser.add_argument('bag', metavar='BAG', help='rosbag2 bag: folder, .mcap or .db3')
-    parser.add_argument(
-        '--rate', type=finite, default=1.0, metavar='R', help='speed, as a multiple of real time (default: %(default)s)'
-    )
+    add_number(parser, '--rate', 'R', 'speed, as a multiple of real time', 1.0)
     parser.add_argument('--loop', action='store_true', help='start again at the end, until Ctrl-C')
     parser.add_argument('--clock', action='store_true', help='publish /clock, for nodes with use_sim_time')
     parser.add_argument(
@@ -29,9 +27,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         help='start when the IMU has this many subscribers, 2 for imu_buffer and predictor (default: when '
         'all known subscribers are connected and none has appeared for 3.5 s)',
     )
-    parser.add_argument(
-        '--wait', type=finite, default=15.0, metavar='S', help='longest wait for subscribers (default: %(default)s)'
-    )
+    add_number(parser, '--wait', 'S', 'longest wait for subscribers', 15.0)
     parser.add_argument(
         '--in-step',
         action='store_true',

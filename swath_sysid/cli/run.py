@@ -53,9 +53,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--namespace', metavar='NAME', help='namespace of nodes and topics')
     parser.add_argument('--imu-topic', metavar='TOPIC', help='topic of the sensor (default imu/data)')
     parser.add_argument('--use-sim-time', action='store_true', help='time from /clock')
-    parser.add_argument(
-        '--page', action='store_true', help='also show the nodes in a browser, as `swath-sysid page` does'
-    )
+    parser.add_argument('--page', action='store_true', help='also show the nodes in a browser, like `swath-sysid page`')
     parser.add_argument(
         '--simulate',
         metavar='HULL',

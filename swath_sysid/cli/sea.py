@@ -5,7 +5,7 @@ from argparse import ArgumentParser, Namespace
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.prediction.sea_state import sea_state
 from swath_sysid.cli.progress import add_json_argument, print_result, show_advice
-from swath_sysid.cli.settings_flags import finite
+from swath_sysid.cli.settings_flags import add_number
 from swath_sysid.cli.sources import RECORD_FILES, add_reading_arguments, check_model_and_plot, read_record
 from swath_sysid.formats.sea_state import REMARKS, sea_as_data
 from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
@@ -19,10 +19,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.epilog = ' '.join(f'{remark[0].upper()}{remark[1:]}.' for remark in REMARKS)
     parser.add_argument('record', metavar='RECORD', help=RECORD_FILES)
     add_reading_arguments(parser)
-    parser.add_argument(
-        '--start', type=finite, metavar='S', help="start, in the record's time (default: start of the record)"
-    )
-    parser.add_argument('--end', type=finite, metavar='S', help='end (default: end of the record)')
+    add_number(parser, '--start', 'S', "start, in the record's time (default: start of the record)")
+    add_number(parser, '--end', 'S', 'end (default: end of the record)')
     add_json_argument(parser)
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the spectrum')
 

@@ -3,7 +3,7 @@
 import math
 import os
 from argparse import ArgumentParser, ArgumentTypeError
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from swath_sysid.nodes.parameters.table import NodeParameter, table_of
@@ -21,7 +21,8 @@ def add_setting(
     words = meaning or f'{parameter.meaning[0].lower()}{parameter.meaning[1:]}'
     bounds = f'{parameter.allowed} {parameter.unit}'.rstrip() if parameter.range else ''
     if default is not None:
-        shown = ','.join(each if isinstance(each, str) else f'{each:g}' for each in _each_of(default))
+        each_of = default if isinstance(default, list | tuple) else (default,)
+        shown = ','.join(each if isinstance(each, str) else f'{each:g}' for each in each_of)
         bounds = f'{bounds}; default: {shown}' if bounds else f'default: {shown}'
     words = f'{words} ({bounds})' if bounds else words
     if parameter.choices:
@@ -37,10 +38,6 @@ def add_jobs_argument(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one per core)'
     )
-
-
-def _each_of(value: Any) -> Sequence[Any]:
-    return value if isinstance(value, list | tuple) else (value,)
 
 
 def _converter(parameter: NodeParameter) -> Callable[[str], Any]:
@@ -66,6 +63,14 @@ def finite(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f'{text} is not finite')
     return value
+
+
+def add_number(
+    parser: Any, flag: str, unit: str, meaning: str, default: float | None = None, kind: Callable = finite
+) -> None:
+    """Add a flag that takes a number, with its default in its help; the parser may be a group of one."""
+    words = meaning if default is None else f'{meaning} (default: {default})'
+    parser.add_argument(flag, type=kind, default=default, metavar=unit, help=words)
 
 
 def not_negative(text: str) -> float:

@@ -7,7 +7,7 @@ from swath_sysid.attitude.hull.catalogue import hull_named, hull_of_family
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.cli.hulls import add_hull_arguments, hull_of
 from swath_sysid.cli.progress import add_json_argument, print_result
-from swath_sysid.cli.settings_flags import add_setting, finite
+from swath_sysid.cli.settings_flags import add_number, add_setting, finite
 from swath_sysid.formats.outputs import Output, check_outputs
 
 NO_NOISE = SensorNoise(0.0, 0.0, 0.0)
@@ -20,42 +20,14 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--initial-angle-deg', type=finite, required=True, metavar='A', help='angle of the release, from rest'
     )
-    parser.add_argument(
-        '--duration', type=finite, default=15.0, metavar='S', help='time after the release (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--rate', type=finite, default=100.0, metavar='HZ', help='samples per second (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--hold',
-        type=finite,
-        default=0.0,
-        metavar='S',
-        help='time held at the angle before the release (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--trim-deg', type=finite, default=0.0, metavar='A', help='angle at rest (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--angle-noise',
-        type=finite,
-        default=usual.angle,
-        metavar='RAD',
-        help='standard deviation of the angles (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--rate-noise',
-        type=finite,
-        metavar='RAD_S',
-        help=f'standard deviation of the rates (default: as in the study of the hull or equation, else {usual.rate})',
-    )
-    parser.add_argument(
-        '--accel-noise',
-        type=finite,
-        default=usual.acceleration,
-        metavar='M_S2',
-        help='standard deviation of the accelerations (default: %(default)s)',
-    )
+    add_number(parser, '--duration', 'S', 'time after the release', 15.0)
+    add_number(parser, '--rate', 'HZ', 'samples per second', 100.0)
+    add_number(parser, '--hold', 'S', 'time held at the angle before the release', 0.0)
+    add_number(parser, '--trim-deg', 'A', 'angle at rest', 0.0)
+    add_number(parser, '--angle-noise', 'RAD', 'standard deviation of the angles', usual.angle)
+    study = f'(default: as in the study of the hull or equation, else {usual.rate})'
+    add_number(parser, '--rate-noise', 'RAD_S', f'standard deviation of the rates {study}')
+    add_number(parser, '--accel-noise', 'M_S2', 'standard deviation of the accelerations', usual.acceleration)
     parser.add_argument(
         '--noise',
         choices=('published', 'none'),

@@ -11,7 +11,7 @@ from swath_sysid import __version__
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.settings_flags import add_setting, finite
+from swath_sysid.cli.settings_flags import add_number, add_setting, finite
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import existing
@@ -38,10 +38,8 @@ def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
     )
     parser.add_argument('--axis', help='roll or pitch (default: the axis that moves more)')
     add_reading_arguments(parser)
-    parser.add_argument(
-        '--start', type=finite, metavar='S', help="start of the decay, in the record's time (default: detected)"
-    )
-    parser.add_argument('--end', type=finite, metavar='S', help='end of the decay (default: detected)')
+    add_number(parser, '--start', 'S', "start of the decay, in the record's time (default: detected)")
+    add_number(parser, '--end', 'S', 'end of the decay (default: detected)')
 
 
 def add_reading_arguments(parser: ArgumentParser) -> None:

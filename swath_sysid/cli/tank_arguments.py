@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 from dataclasses import fields
 
 from swath_sysid.attitude.identification.extinction import Particulars, TypeB
-from swath_sysid.cli.settings_flags import finite
+from swath_sysid.cli.settings_flags import add_number
 from swath_sysid.common.errors import InputError, check_choice
 
 SOURCES = tuple(f.name for f in fields(TypeB))
@@ -18,13 +18,11 @@ def add_tank_arguments(parser: ArgumentParser) -> None:
         action='store_true',
         help='print peaks, logarithmic decrements, the extinction curve, and the damping with its expanded uncertainty',
     )
-    group.add_argument('--inertia', type=finite, metavar='I', help="inertia I', to print the published form as well")
-    group.add_argument('--mass', type=finite, metavar='KG', help='mass; with --metacentric-height it gives the inertia')
-    group.add_argument(
-        '--metacentric-height', type=finite, metavar='M', help='GM, transverse for roll, longitudinal for pitch'
-    )
-    group.add_argument('--length', type=finite, metavar='M', help='length, for dimensionless pitch damping')
-    group.add_argument('--breadth', type=finite, metavar='M', help='breadth, for dimensionless roll damping')
+    add_number(group, '--inertia', 'I', "inertia I', to print the published form as well")
+    add_number(group, '--mass', 'KG', 'mass; with --metacentric-height it gives the inertia')
+    add_number(group, '--metacentric-height', 'M', 'GM, transverse for roll, longitudinal for pitch')
+    add_number(group, '--length', 'M', 'length, for dimensionless pitch damping')
+    add_number(group, '--breadth', 'M', 'breadth, for dimensionless roll damping')
     group.add_argument(
         '--uncertainty',
         action='append',

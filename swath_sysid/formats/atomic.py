@@ -25,9 +25,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     try:
         workshop = Path(tempfile.mkdtemp(prefix='.writing-', dir=path.parent))
     except OSError as error:
-        raise InputError(
-            f'cannot write {path}: {error.strerror} ({path.parent}); choose a folder that exists and may be written to'
-        ) from error
+        raise InputError(f'cannot write {path}: {error.strerror} ({path.parent}); choose a writable folder') from error
     try:
         temporary = workshop / path.name
         yield temporary

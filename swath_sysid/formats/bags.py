@@ -240,9 +240,7 @@ def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]
         readers += opened
         advice += more
     if len(advice) == 1 and not readers:
-        raise InputError(
-            f'{path} is not a readable rosbag2 bag ({problem}): give a bag folder, or a .mcap or .db3 file'
-        )
+        raise InputError(f'{path} is no readable rosbag2 bag ({problem}): give a bag folder, or a .mcap or .db3 file')
     if not readers:
         raise InputError(advice[-1].message)
     return readers, advice

@@ -100,9 +100,7 @@ class Table:
         try:
             return float(said.replace(',', '.')) if said else None
         except ValueError as error:
-            raise InputError(
-                f"{self.path} says '{key}: {shown(str(said))}', which is not a number: correct that line"
-            ) from error
+            raise InputError(f"{self.path} says '{key}: {shown(str(said))}' instead of a number: correct it") from error
 
     @property
     def start(self) -> float:
@@ -145,7 +143,7 @@ class Table:
             elif column.reading not in ('time', 'yaw', 'heading') and not agree(found[column.reading], row):
                 raise InputError(
                     f"{self.path}: its columns '{shown(first[column.reading])}' and '{shown(column.name)}' "
-                    'contradict each other: leave out the one that is wrong'
+                    'contradict each other: leave out the wrong one'
                 )
         del found['time']
         return found

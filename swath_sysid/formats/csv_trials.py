@@ -106,9 +106,7 @@ def _refuse_contradicting_orientation(path: str | Path, readings: dict[str, np.n
     roll, pitch, _ = euler_angles(*(readings[part] for part in QUATERNION))
     for name, angle in (('roll', roll), ('pitch', pitch)):
         if name in readings and np.isfinite(angle).any() and not agree(readings[name], angle):
-            raise InputError(
-                f'{path}: its {name} and its quaternion contradict each other: leave out the one that is wrong'
-            )
+            raise InputError(f'{path}: its {name} and its quaternion contradict each other: leave out the wrong one')
 
 
 def _angles(table: Table, unit: str) -> dict[str, tuple[str, np.ndarray]]:

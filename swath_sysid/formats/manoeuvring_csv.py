@@ -110,8 +110,7 @@ def _thrusters(table: Table, found: dict[str, np.ndarray]) -> tuple[str, np.ndar
         )
         if full == neutral:
             raise InputError(
-                f'{table.path}: pwm_neutral_us and pwm_full_us are the same: state the pulses of no thrust '
-                f'and of full thrust ahead'
+                f'{table.path}: pwm_neutral_us is pwm_full_us: state the pulses of no and of full thrust ahead'
             )
         port, starboard = ((found[f'{side}_pwm'] - neutral) / (full - neutral) for side in ('port', 'starboard'))
     else:

@@ -244,9 +244,7 @@ def window_table(message: Any) -> MotionTable:
         if fields[name].offset + FLOAT64_BYTES > message.point_step:
             raise InputError(f'the column {name} of the window reaches beyond its rows: check point_step and offsets')
     if len(message.data) < count * message.point_step:
-        raise InputError(
-            f'the window ends after {len(message.data)} bytes of {count * message.point_step}: send it again'
-        )
+        raise InputError(f'the window has {len(message.data)} of {count * message.point_step} bytes: send it again')
     layout = np.dtype(
         {
             'names': WINDOW_COLUMNS,

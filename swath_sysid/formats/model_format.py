@@ -36,10 +36,7 @@ class ModelFormat:
         version = content.pop('version', None)
         # to Python True is 1
         if version != VERSION or type(version) is not int:
-            raise InputError(
-                f'{source} is a {self.kind} of version {shown(version)}; this software reads version {VERSION}: '
-                f'{self.remedy}'
-            )
+            raise InputError(f'{source} is a {self.kind} of version {shown(version)}, not {VERSION}: {self.remedy}')
         frame = content.pop('frame', None)
         if frame != self.frame:
             raise InputError(f"{source}, frame: '{shown(frame)}' must be '{self.frame}'")
@@ -100,9 +97,7 @@ def covariance(rows: Any, names: Sequence[str], stated: Mapping[str, Stated], wh
     for name, variance in zip(names, np.diag(found).tolist(), strict=True):
         # the current has no std of its own in the file
         if name in stated and not np.isclose(stated[name].std, math.sqrt(variance), ROUNDING, 0.0, equal_nan=True):
-            raise InputError(
-                f'{where}, {name}: its std {stated[name].std:g} is not that of the covariance, {math.sqrt(variance):g}'
-            )
+            raise InputError(f'{where}, {name}: std {stated[name].std:g} is not that of the covariance')
     return found
 
 

@@ -43,9 +43,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None]
                 raise InputError(f'{named} lies in the bag {path}, which is read: choose a place outside of it')
         for other in outputs[:place]:
             if _are_same(output.path, other.path):
-                raise InputError(
-                    f'{output.option} and {other.option} both name {output.path}: give each a name of its own'
-                )
+                raise InputError(f'{output.option} and {other.option} both name {output.path}: give each its own name')
         _check_folder(output)
         if not (output.is_folder or output.is_recording) and _is_recording(output.path):
             raise InputError(f'{named} is a recording, which it would replace: choose another name, or remove it first')
@@ -57,7 +55,7 @@ def refuse_inputs_among(paths: Iterable[Path], inputs: Iterable[str | Path]) -> 
         for read in inputs:
             if _are_same(path, read) or _lies_in(read, path):
                 raise InputError(
-                    f'{read} is read and lies where {path} is to be written: choose another folder', 'output-over-input'
+                    f'{read} is read where {path} is to be written: choose another folder', 'output-over-input'
                 )
 
 
@@ -72,9 +70,7 @@ def _check_name(output: Output) -> None:
         shown = str(output.path)[:80]
         raise InputError(f'cannot write {shown}: {getattr(error, "strerror", error)}; choose another name') from error
     if output.endings and Path(output.path).suffix.lower().lstrip('.') not in output.endings:
-        raise InputError(
-            f"{output.option} cannot be written as '{output.path}': end the name in .{', '.join(output.endings)}"
-        )
+        raise InputError(f"{output.option} cannot be '{output.path}': end the name in .{', '.join(output.endings)}")
 
 
 def _check_folder(output: Output) -> None:

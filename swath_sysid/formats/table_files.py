@@ -108,9 +108,7 @@ def _guarded(path: str | Path, kind: Kind) -> Iterator[None]:
             f'{path} is {kind.what}, and {kind.library}, which reads it, is not installed: pip install {kind.library}'
         ) from error
     except Exception as error:  # libraries raise anything over a damaged file
-        raise InputError(
-            f'{path} is {kind.what} that is damaged or cut off ({shown(error)}): copy or export it again'
-        ) from error
+        raise InputError(f'{path} is {kind.what} that is damaged ({shown(error)}): copy or export it again') from error
 
 
 def _is_spreadsheet(path: str | Path) -> bool:

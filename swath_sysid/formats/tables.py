@@ -50,15 +50,11 @@ def read_head(path: str | Path) -> TableHead:
     if not head.strip():
         raise InputError(f'{path} is empty: record or export it again')
     if head.translate(None, TEXT_BYTES):
-        raise InputError(
-            f'{path} is not a text file in UTF-8 or UTF-16: give a CSV, an MTi text export, or a rosbag2 bag'
-        )
+        raise InputError(f'{path} is not a text file in UTF-8 or UTF-16: give a CSV, an MTi text export or a bag')
     lines = head.splitlines(keepends=True)
     first = next((at for at, line in enumerate(lines) if line.strip() and not _is_comment(line)), None)
     if first is None:
-        raise InputError(
-            f'{path} holds only comments and no table: give a file with a line of column names and lines of numbers'
-        )
+        raise InputError(f'{path} holds only comments: give a file with a line of column names and lines of numbers')
     comments = [_text(line).strip() for line in lines[:first] if line.strip()]
     line, names_line = _text(lines[first]).strip(), ''
     if not _is_numbers(line):
@@ -68,7 +64,7 @@ def read_head(path: str | Path) -> TableHead:
         names_line = _without_mark(comments.pop())
     offset = sum(map(len, lines[:first]))
     if offset == HEAD_BYTES:
-        raise InputError(f'{path} has a first line longer than {HEAD_BYTES} bytes: give a table with a line a sample')
+        raise InputError(f'{path} has a first line longer than {HEAD_BYTES} bytes: write one row per sample')
     names = tuple(name.strip().strip('"\'').strip() for name in names_line.split(_delimiter(names_line)))
     if not any(re.search('[A-Za-z]', name) for name in names):
         raise InputError(f"{path} has no line of column names: put one above the numbers, such as 'time_s,roll_deg'")
@@ -100,9 +96,7 @@ def read_columns(
         while block := file.read(BLOCK_BYTES):
             rest = file.readline(BLOCK_BYTES)
             if len(rest) == BLOCK_BYTES:
-                raise InputError(
-                    f'{path} has a line longer than {BLOCK_BYTES} bytes: give a table with a line a sample'
-                )
+                raise InputError(f'{path} has a line longer than {BLOCK_BYTES} bytes: write one row per sample')
             parser.parse(block + rest)
             if progress is not None:
                 progress(file.tell() / size)
@@ -231,9 +225,7 @@ def _opened(path: str | Path) -> BinaryIO:
     try:
         return io.BytesIO(raw.decode(encoding).removeprefix('\ufeff').encode('utf-8'))
     except (UnicodeDecodeError, UnicodeEncodeError) as error:
-        raise InputError(
-            f'{path} looks like a text in UTF-16 and is damaged ({error.reason}): save it again, in UTF-8'
-        ) from error
+        raise InputError(f'{path} is damaged UTF-16 ({error.reason}): save it again, in UTF-8') from error
 
 
 def _encoding_without_mark(start: bytes) -> str | None:

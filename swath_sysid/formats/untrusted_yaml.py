@@ -74,9 +74,7 @@ def plain_content(text: str, source: str) -> Any:
         last = max(1, len(text.splitlines()))
         line = min(getattr(getattr(error, 'problem_mark', None), 'line', 0) + 1, last)
         what = getattr(error, 'problem', None) or 'it holds characters that no text has'
-        raise InputError(
-            f'{source}, line {line}: this is not YAML ({what}): check indentation, colons and quotes'
-        ) from error
+        raise InputError(f'{source}, line {line} is not YAML ({what}): check indentation, colons and quotes') from error
 
 
 def _value(event: yaml.Event, events: Iterator[yaml.Event], path: tuple[str, ...]) -> Any:
@@ -116,9 +114,7 @@ def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...]) -> str | int |
         return text in _TRUE
     if len(text) > LONGEST_NUMBER:
         if _LIKE_A_NUMBER.fullmatch(text):
-            raise InputError(
-                f'{_place(path)}: {shown(text)} is a number of {len(text)} characters: {LONGEST_NUMBER} are enough'
-            )
+            raise InputError(f'{_place(path)}: {shown(text)} has {len(text)} characters: {LONGEST_NUMBER} are enough')
         return text
     if _INTEGER.fullmatch(text):
         return int(text)
@@ -182,7 +178,5 @@ def _checked(events: Iterable[yaml.Event], source: str) -> Iterator[yaml.Event]:
             if values > MAX_VALUES:
                 raise InputError(f'{source}: more than {MAX_VALUES} values: this is not a file of this software')
             if depth > DEEPEST:
-                raise InputError(
-                    f'{source}: lists and mappings lie more than {DEEPEST} deep: this is not a file of this software'
-                )
+                raise InputError(f'{source}: nested more than {DEEPEST} deep: this is not a file of this software')
             yield event

@@ -35,9 +35,8 @@ def described(model: IdentifiedModel) -> str:
     amplitude, bands = reference(model)
     period = 2.0 * np.pi / float(bands.curves.frequency[0])
     damping, std = float(bands.curves.damping_ratio[0]), float(bands.damping_ratio_std[0])
-    return f'{period:.2f} s at {np.degrees(amplitude):.2g} deg, damping ratio {damping:.3f} ± {2.0 * std:.2g}'.replace(
-        ' ± ', '\u00a0±\u00a0'
-    )
+    damped = f'damping ratio {damping:.3f}\u00a0±\u00a0{2.0 * std:.2g}'
+    return f'{period:.2f} s at {np.degrees(amplitude):.2g} deg, {damped}'
 
 
 def verdict_of(model: IdentifiedModel) -> tuple[str, str]:

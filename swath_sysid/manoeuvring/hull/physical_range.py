@@ -45,6 +45,4 @@ def check_physical(model: ManoeuvringModel) -> None:
     # symmetric part: what the kinetic energy has
     couplings = p[M] * p[X_G] - p[[YR_DOT, NV_DOT]]
     if not (p[M] - p[YV_DOT]) * (p[IZ] - p[NR_DOT]) > max(couplings.mean() ** 2, couplings.prod()):
-        raise InputError(
-            'the masses of sway and yaw, with Yr_dot, Nv_dot and x_G between them, are not positive: reduce these'
-        )
+        raise InputError('the masses of sway and yaw with Yr_dot, Nv_dot and x_G are not positive: reduce these')

@@ -82,8 +82,7 @@ def pieces(run: Run) -> list[Run]:
     """One run of at least `PIECE` as several, cut at gaps in the odometry and about every `PIECE` seconds."""
     if run.duration < PIECE:
         raise InputError(
-            f'{run.duration:.0f} s of motion are too short: drive for {PIECE:.0f} s or more, '
-            f'straight, in turns and zig-zags'
+            f'{run.duration:.0f} s are too short: drive {PIECE:.0f} s or more, straight, in turns and zig-zags'
         )
     known = np.isfinite(run.channels).any(axis=0)
     places = np.flatnonzero(known)
