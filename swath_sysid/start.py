@@ -9,9 +9,9 @@ import signal
 import sys
 from importlib import import_module
 
-SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is the regular end of.
+from swath_sysid.common.errors import EXIT_INTERRUPTED
 
-EXIT_INTERRUPTED = 130
+SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is the regular end of.
 
 #: Also where a shell without job control has started the process with SIGINT ignored.
 ENDING = (signal.SIGINT, signal.SIGTERM)

@@ -43,7 +43,7 @@ from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts
 from swath_sysid.report.figures import FORMATS, save_figure
 from swath_sysid.report.fit_summary import warnings_as_data
-from swath_sysid.report.manoeuvring_figures import forecast_figure, run_figures, summary_figures, test_figure
+from swath_sysid.report.manoeuvring_figures import forecast_figure, identification_figures, test_figure
 from swath_sysid.report.manoeuvring_summary import (
     condensed,
     forecast_as_data,
@@ -51,7 +51,6 @@ from swath_sysid.report.manoeuvring_summary import (
     identification_as_data,
     identification_in_words,
     terms_in_words,
-    test_as_data,
     test_in_words,
 )
 
@@ -215,8 +214,7 @@ def _identify(arguments: Namespace):
     if arguments.plot:
         folder = Path(arguments.plot)
         folder.mkdir(parents=True, exist_ok=True)
-        figures = {**run_figures(found, arguments.window), **summary_figures(found, arguments.window)}
-        for name, figure in figures.items():
+        for name, figure in identification_figures(found, arguments.window).items():
             save_figure(figure, folder / f'{name}.png')
     show_advice(condensed(found.advice))
     print_result(arguments.json, data, identification_in_words(found))
@@ -393,7 +391,8 @@ def _simulate(arguments: Namespace):
         _write(arguments.output, with_noise(report.manoeuvre, noise, arguments.seed), model)
     if arguments.plot:
         save_figure(test_figure(report, model), arguments.plot)
-    print_result(arguments.json, test_as_data(report, model), test_in_words(report))
+    data = {'test': report.name, 'model': model.name, 'numbers': report.numbers, 'curve': report.curve}
+    print_result(arguments.json, finite_or_none(data), test_in_words(report))
     return 0
 
 

@@ -11,11 +11,10 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.cli.run import remappings
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.worker_process import NICENESS
 from swath_sysid.page.server import LOCAL_NAMES, check_installed, served
 
 PORT = 8484
-
-NICENESS = 10  #: Where the processor is short the nodes come first.
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -51,6 +50,7 @@ def run(arguments: Namespace) -> int:
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         raise InputError(f'nothing can be saved in --output {folder}: choose a folder that exists and is writable')
     token = token_for(arguments.host, arguments.token or os.environ.get('SWATH_SYSID_TOKEN', ''))
+    # where the processor is short the nodes come first
     os.nice(NICENESS)
     address = '127.0.0.1' if arguments.host == 'localhost' else arguments.host
     with ExitStack() as serving:

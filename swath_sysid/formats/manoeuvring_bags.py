@@ -13,7 +13,7 @@ from swath_sysid.attitude.motion.intake import NOT_MEASURED
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import chosen_topic, intact_messages, opened_bag
-from swath_sysid.formats.manoeuvring_messages import odometry_message, odometry_reading
+from swath_sysid.formats.manoeuvring_messages import CLOCKS_APART, odometry_message, odometry_reading
 from swath_sysid.formats.messages import (
     FORCE_COVARIANCE,
     IMU_VALUES,
@@ -28,6 +28,7 @@ from swath_sysid.formats.messages import (
 from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.topics import IMU, ODOMETRY
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
+from swath_sysid.manoeuvring.motion.resampling import LONGEST_GAP
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, MEASURED, ManoeuvringTrial
 from swath_sysid.manoeuvring.motion.window import LARGEST_COMMAND
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState
@@ -41,10 +42,8 @@ THRUSTER = re.compile('thrust|thruster|motor|cmd|command|prop|drive', re.I)
 
 SEVERAL = 'several-topics'  #: The code of what is asked for by naming topics.
 
-CLOCKS_APART = 1.0  #: s by which header stamps may drift against times of arrival.
 SAME_TIME = 3  #: Decimals, s, within which two messages are simultaneous.
 TWIST_SPAN = 3.0  #: s over which velocity and change of position are compared.
-LONGEST_HOLD = 1.0  #: s for which one thruster's last message holds beside the other's.
 
 
 def read_manoeuvring_bag(
@@ -250,7 +249,7 @@ def _together(port: Series, starboard: Series) -> tuple[np.ndarray, np.ndarray, 
         clock, values = clock[order], values[order]
         last = np.searchsorted(clock, time, side='right') - 1
         age = time - clock[np.maximum(last, 0)]
-        held.append(np.where((last >= 0) & (age <= LONGEST_HOLD), values[np.maximum(last, 0)], np.nan))
+        held.append(np.where((last >= 0) & (age <= LONGEST_GAP), values[np.maximum(last, 0)], np.nan))
     known = np.isfinite(held[0]) & np.isfinite(held[1])
     return time[known], held[0][known], held[1][known]
 

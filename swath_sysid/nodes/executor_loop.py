@@ -20,7 +20,7 @@ Plan = Sequence[tuple[Callable[[], Executor], Sequence[Callable[[], Node]]]]
 
 OF_ROS = {'/clock', '/parameter_events', '/rosout'}  #: Topics of every node.
 
-WAKE_PERIOD = 0.1  #: s; between checks of the main thread whether a signal has come.
+LOOK_PERIOD = 0.1  #: s between looks for what calls nobody: signals, new topics, requests of the page.
 WOKEN_PERIOD = 5.0  #: s; for the other threads, which are woken to stop: waking costs 0.06 % of a core per Hz.
 
 
@@ -119,7 +119,7 @@ def _spin_all(executors: list[Executor], stop: threading.Event) -> None:
     for thread in threads:
         thread.start()
     try:
-        _spin(executors[0], stop, WAKE_PERIOD)
+        _spin(executors[0], stop, LOOK_PERIOD)
     finally:
         stop.set()
         for executor in executors[1:]:

@@ -11,7 +11,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64, Float64MultiArray, String
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.manoeuvring_messages import odometry_message, odometry_reading, path_message
+from swath_sysid.formats.manoeuvring_messages import CLOCKS_APART, odometry_message, odometry_reading, path_message
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model
 from swath_sysid.formats.messages import SECOND_NS, stamp_ns
 from swath_sysid.formats.topics import PATH_TOPIC, manoeuvring_lead_topic
@@ -25,8 +25,6 @@ from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_pipeline_settin
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, SENSOR, THRUSTERS
 from swath_sysid.pipeline.health import Report
 from swath_sysid.pipeline.manoeuvring_health import ManoeuvringHealth
-
-CLOCKS_APART = 1.0  #: s between node clock and odometry stamps beyond which thrust is stamped like the odometry.
 
 
 class ManoeuvringPredictor(Node):

@@ -29,6 +29,7 @@ from swath_sysid.formats.topics import (
     SEA_TOPIC,
     point_horizon_topic,
 )
+from swath_sysid.nodes.executor_loop import LOOK_PERIOD
 from swath_sysid.nodes.page_requests import PageRequests
 from swath_sysid.nodes.parameters.predictor import quiescence_limits
 from swath_sysid.nodes.parameters.sensor import installation
@@ -39,7 +40,6 @@ from swath_sysid.pipeline.health import Report
 SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Lossy: it slows nobody else.
 NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  #: No publisher waits for a page.
 
-ASK_PERIOD = 0.1
 INSTALLATION_PERIOD = 3.0  #: s between requests for the predictor's parameters: it may have been restarted.
 #: The predictor's parameters that the page shows.
 ASKED = (
@@ -70,7 +70,7 @@ class PageNode(Node):
         self.create_subscription(Float32, QUIESCENCE_TOPIC, self._on_quiescence, NEWEST)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(ASK_PERIOD, self._requests.carry_out, clock=steady)
+        self.create_timer(LOOK_PERIOD, self._requests.carry_out, clock=steady)
         self.create_timer(INSTALLATION_PERIOD, self._ask_predictor, clock=steady)
 
     def _note_kept(self, is_kept: bool) -> None:

@@ -10,11 +10,10 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from swath_sysid.formats.recording import Recording, is_ours
-from swath_sysid.nodes.executor_loop import events_executor, run
+from swath_sysid.nodes.executor_loop import LOOK_PERIOD, events_executor, run
 from swath_sysid.nodes.message_types import message_class
 from swath_sysid.nodes.qos import bag_qos
 
-LOOK_PERIOD = 0.1  #: s between searches for new topics.
 SAVE_PERIOD = 1.0  #: s of messages that a loss of power costs at most.
 
 

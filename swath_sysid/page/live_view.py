@@ -25,7 +25,6 @@ SHOWN_POINTS = 300
 #: Half widths in standard deviations.
 INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NORMAL_QUANTILES, strict=True)}
 
-AMPLITUDES = 25
 
 VALID_LEAD = 'valid_lead_'  #: How the values of a status begin that are valid leads; they end with the unit, ``_s``.
 
@@ -113,7 +112,7 @@ def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[
     """
     chart: dict[str, list] = {name: [] for name in ('period', 'damping', 'measured_period', 'measured_damping')}
     if model is not None:
-        amplitude = np.linspace(*amplitudes(model), AMPLITUDES)
+        amplitude = np.linspace(*amplitudes(model), 25)
         bands = amplitude_bands(model.model, model.covariance, amplitude, model.posterior)
         period = 2.0 * np.pi / bands.curves.frequency
         spread = 2.0 * period * bands.frequency_std / bands.curves.frequency

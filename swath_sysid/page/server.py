@@ -11,7 +11,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.page.layout import SCREEN_PERIOD, build
-from swath_sysid.page.state import PageState
+from swath_sysid.page.state import END_S, PageState
 
 try:
     import fastapi
@@ -27,8 +27,6 @@ LOCAL_NAMES = ('localhost', '127.0.0.1', '::1')
 FEW_MESSAGES = 10
 
 REFUSAL = b'Open the address that swath-sysid page printed, with its token.'
-
-END_S = 10.0
 
 
 def check_installed() -> None:

@@ -37,7 +37,7 @@ from swath_sysid.page.release import Release
 
 CAMPAIGN_PERIOD = 5.0  #: s between scans of the trials' folder.
 
-RECORD_END_S = 10.0
+END_S = 10.0  #: Within which what is asked to end has to.
 SHOWN_ANSWERS = 2
 NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
 
@@ -210,7 +210,7 @@ class PageState:
         if self._recorder is not None:
             self._recorder.send_signal(signal.SIGINT)
             try:
-                self._recorder.wait(RECORD_END_S)
+                self._recorder.wait(END_S)
             except subprocess.TimeoutExpired:
                 # what is on the disk is readable
                 self._recorder.kill()

@@ -21,10 +21,6 @@ CHECKED_SAMPLES = 10
 SCHEDULE_POINTS = 9
 
 
-def _or_dash(value: Any):
-    return '-' if value in (None, '') else str(value)
-
-
 def trials_table(outcome: CampaignOutcome) -> Table:
     """Every trial of the manifest, used or not, with the reason."""
     best = {str(axis.records[index]) for axis in outcome.axes for index in axis.best.values()}
@@ -51,13 +47,13 @@ def trials_table(outcome: CampaignOutcome) -> Table:
         (LOADING_NAMES[outcome.quantity], of_record(lambda r: r.condition.loading), digits(4)),
         ('initial angle [deg]', of_record(lambda r: r.condition.initial_angle_deg), digits(4)),
         *speed,
-        ('repeat', of_record(lambda r: r.repeat), _or_dash),
+        ('repeat', of_record(lambda r: r.repeat)),
         ('decay from [s]', segment('start'), digits(5)),
         ('to [s]', segment('end'), digits(5)),
         ('cycles', segment('cycles'), digits(3)),
         ('used', used),
-        ('remarks', lambda t: t.reason if t.record is None else ', '.join(a.code for a in t.advice), _or_dash),
-        ('SHA-256', lambda t: t.sha256, lambda value: value[:12] or '-'),
+        ('remarks', lambda t: t.reason if t.record is None else ', '.join(a.code for a in t.advice)),
+        ('SHA-256', lambda t: t.sha256, lambda value: value[:12]),
     )
     place = [column.name for column in table.columns].index('used')
     marks = {'best': 'best', 'no': 'beyond'}

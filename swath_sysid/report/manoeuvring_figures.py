@@ -18,14 +18,13 @@ from swath_sysid.report.fit_summary import short_name
 
 LABELS = ('surge (m/s)', 'sway (m/s)', 'yaw rate (deg/s)')
 SIZES = np.array([1.0, 1.0, np.degrees(1.0)])
-MAX_PARAMETERS = 30
 
 
-def run_figures(found: ManoeuvringIdentification, window: float = 20.0) -> dict[str, Figure]:
-    """Trajectory and time histories of every run, measured and simulated in windows of some s; by file name without
-    ending.
+def identification_figures(found: ManoeuvringIdentification, window: float) -> dict[str, Figure]:
+    """Derivatives, residuals, and of every run trajectory and time histories, measured and simulated in windows of some
+    s; by file name without ending.
     """
-    figures = {}
+    figures = {'derivatives': _derivatives_figure(found), 'residuals': _residuals_figure(found, window)}
     for label, runs, currents in (
         ('identification', found.identified_on, found.currents),
         ('validation', found.validated_on, None),
@@ -37,11 +36,6 @@ def run_figures(found: ManoeuvringIdentification, window: float = 20.0) -> dict[
             r2 = score(found.model, [run], window, currents=its_own).r2
             figures[f'{label}_{number:02d}_{name}'] = _run_figure(run, simulated, label, r2)
     return figures
-
-
-def summary_figures(found: ManoeuvringIdentification, window: float = 20.0) -> dict[str, Figure]:
-    """Derivatives with error bars, and residuals; by file name without ending."""
-    return {'derivatives': _derivatives_figure(found), 'residuals': _residuals_figure(found, window)}
 
 
 def test_figure(report: ManoeuvringTest, model: ManoeuvringModel) -> Figure:
@@ -168,7 +162,7 @@ def _draw_track(axes: Axes, run: Run):
 
 
 def _derivatives_figure(found: ManoeuvringIdentification):
-    items = [(n, d) for n, d in found.derivatives.items()][:MAX_PARAMETERS]
+    items = list(found.derivatives.items())
     figure, axes = new_panel(8, 1.6 + 0.32 * len(items), title='identified parameters')
     for row, (_, derivative) in enumerate(items):
         spread = 3.0 * derivative.std / max(abs(derivative.value), 1e-12)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.plain import as_plain
 from swath_sysid.formats.plain_data import finite_or_none
-from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
 from swath_sysid.manoeuvring.hull.terms import PARAMETERS, Parameter
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
@@ -175,12 +174,6 @@ def _scores_in_words(label: str, scores: Scores) -> list[str]:
         *([f'    {scores.diverged} windows DIVERGED'] if scores.diverged else []),
         f'    error after {errors}',
     ]
-
-
-def test_as_data(report: ManoeuvringTest, model: ManoeuvringModel) -> dict:
-    """Output of ``manoeuvre simulate --json``."""
-    curve = {name: values.tolist() for name, values in report.curve.items()}
-    return finite_or_none({'test': report.name, 'model': model.name, 'numbers': report.numbers, 'curve': curve})
 
 
 def test_in_words(report: ManoeuvringTest) -> list[str]:
