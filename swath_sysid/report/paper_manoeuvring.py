@@ -14,15 +14,6 @@ from swath_sysid.report.html_page import Drawing, bullets, figures, page, page_s
 from swath_sysid.report.paper_decay_claims import BY_CONSTRUCTION, verdict_mark
 from swath_sysid.report.tables import Column, Table, columns_of
 
-LIMITS = [
-    'A turn under constant thrusts is soon steady. Its three velocities give three equations, whatever the number '
-    'of derivatives; only the first seconds separate inertia from damping. Many sets of derivatives make the same '
-    'track: a good fit of the track is not evidence for them.',
-    'From GPS position and speed alone drift angle and heading follow only from the model itself. A compass and '
-    'a gyro separate sway from yaw.',
-    'What would determine them: straight runs with thrust steps, turns to both sides at several speeds, and '
-    'zig-zags, fitted together (swath-sysid manoeuvre identify).',
-]
 TALL = 1.2 * HEIGHT
 FIGURE_OF_RUN = {'identification': '4', 'validation': '5'}
 
@@ -41,7 +32,7 @@ def manoeuvring_page(study: ManoeuvringStudy, wall_s: float) -> str:
         ('motion', 'Trajectories and turns', [tracks]),
         ('iterations', 'Parameters against iteration', [iterations]),
         ('conclusions', 'Conclusions', [table_as_html(_claims(study))]),
-        ('limits', 'What cannot come out, and why', [bullets(LIMITS)]),
+        ('limits', 'What cannot come out, and why', [bullets(known['limits'])]),
     ]
     return page(f'{known["title"]}: the study and its repetition', sections)
 

@@ -148,9 +148,8 @@ class DecayStudy:
 
     publication: DecayPublication
     records: tuple[StudiedRecord, ...]  #: In the order of the printed objective values.
-    inertias: tuple[
-        float, ...
-    ]  #: I' at which searches with other seeds stop, on the record of the printed coefficients.
+    #: I' at which searches with other seeds stop, on the record of the printed coefficients.
+    inertias: tuple[float, ...]
 
     def at(self, draft_factor: float | None, angle_deg: float | None) -> StudiedRecord:
         """The record of one condition."""
