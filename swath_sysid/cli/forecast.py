@@ -19,9 +19,17 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.valid_lead import ErrorLimit
 from swath_sysid.cli.progress import add_json_argument, progress_of, show_advice
 from swath_sysid.cli.settings_flags import add_setting, finite, not_negative, numbers
-from swath_sysid.cli.sources import RECORD_FILES, add_reading_arguments, check_model_and_plot, read_record
+from swath_sysid.cli.sources import (
+    RECORD_FILES,
+    add_reading_arguments,
+    add_upstream_argument,
+    check_model_and_plot,
+    columns_of,
+    read_record,
+)
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
+from swath_sysid.formats.upstream import read_upstream
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, score, usual_limits, usual_warmup
 from swath_sysid.pipeline.vertical_record import even_stretches
@@ -57,6 +65,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         meaning='length of the past motion that wave models and baselines are fitted to',
     )
     add_reading_arguments(parser)
+    add_upstream_argument(parser)
     add_setting(
         parser,
         '--valid-error',
@@ -112,6 +121,7 @@ def run(arguments: Namespace) -> int:
     refuse_contradictions(trial, arguments.axis)
     if trial.time.size < 3:
         raise InputError(f'{arguments.record} holds too few samples to forecast: give a longer record')
+    upstream = read_upstream(arguments.record, arguments.upstream, topic=arguments.topic, columns=columns_of(arguments))
     models = {}
     if arguments.model:
         models = read_model(arguments.model)
@@ -146,6 +156,7 @@ def run(arguments: Namespace) -> int:
             progress=progress,
             limits_from=None if limits is None else (float(trial.time[0]) + warmup, limits),
             points_ahead=False,
+            upstream=upstream,
         )
     skill = score(trial, run_made, arguments.leads, warmup, arguments.window, arguments.until, points=points)
     if arguments.axis is not None:

@@ -10,7 +10,7 @@ from typing import Any
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.cli.progress import add_json_argument, print_result, progress_of, show_advice
 from swath_sysid.cli.settings_flags import not_negative
-from swath_sysid.cli.sources import RECORD_FILES, add_column_argument, columns_of
+from swath_sysid.cli.sources import RECORD_FILES, add_column_argument, add_upstream_argument, columns_of
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.sentences import REASONS
 from swath_sysid.formats.bags import is_bag
@@ -22,6 +22,7 @@ from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_readings
 from swath_sysid.formats.topics import IMU_TOPIC, WINDOW_TOPIC
+from swath_sysid.formats.upstream import read_upstream
 from swath_sysid.nodes.parameters.files import values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
@@ -30,6 +31,7 @@ from swath_sysid.nodes.parameters.sensor import installation
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, Values
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 from swath_sysid.pipeline.played_health import PlayedHealth
+from swath_sysid.pipeline.record_run import ArrivingSamples
 
 PROGRESS_STEP = 2000
 
@@ -42,6 +44,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--model', metavar='FILE', help='model file at the start (default: that of model_path)')
     parser.add_argument('--topic', help='IMU topic, for bags with several')
     add_column_argument(parser)
+    add_upstream_argument(parser)
     parser.add_argument(
         '--refit-delay',
         type=not_negative,
@@ -67,7 +70,9 @@ def run(arguments: Namespace) -> int:
     mount = installation(predictor)
     how: dict[str, Any] = {'frame': mount.frame, 'mounting': mount.mounting, 'columns': columns_of(arguments)}
     readings = read_readings(arguments.record, arguments.topic, **how)
-    pipeline = _pipeline_of(nodes, arguments, readings.in_craft_axes)
+    upstream = read_upstream(arguments.record, arguments.upstream, topic=arguments.topic, columns=columns_of(arguments))
+    pipeline = _pipeline_of(nodes, arguments, readings.in_craft_axes, tuple(upstream))
+    beside = ArrivingSamples(upstream, pipeline.add_upstream, int(readings.stamps[0]) - round(1e9 * readings.start))
     health = PlayedHealth(pipeline, IMU_TOPIC, [values['diagnostics_period_s'] for values in nodes.values()])
     verdicts = []
     frames = frames_at(predictor['frames_at_s'])
@@ -80,6 +85,7 @@ def run(arguments: Namespace) -> int:
         for index, reading in enumerate(readings):
             if arguments.with_imu:
                 bag.add_imu(reading.stamp_ns, readings.values[index])
+            beside.until(reading.stamp_ns)
             played = pipeline.add(reading)
             bag.add_played(played)
             for statuses in health.follow(played):
@@ -109,14 +115,17 @@ def run(arguments: Namespace) -> int:
     return 0
 
 
-def _pipeline_of(nodes: dict[str, Values], arguments: Namespace, is_in_craft_axes: bool) -> PlayThrough:
+def _pipeline_of(
+    nodes: dict[str, Values], arguments: Namespace, is_in_craft_axes: bool, upstream: tuple[str, ...]
+) -> PlayThrough:
     """The nodes as their parameters set them; readings in the axes of the craft need no mounting."""
     buffer, identifier, predictor = (nodes[name] for name in ATTITUDE_NODES)
     mount = Installation() if is_in_craft_axes else installation(predictor)
+    forecasts = pipeline_settings(predictor)
     settings = PlayThroughSettings(
         replace(window_settings(buffer), installation=mount),
         refit_settings(identifier),
-        replace(pipeline_settings(predictor), installation=mount),
+        replace(forecasts, installation=mount, forecaster=replace(forecasts.forecaster, upstream=upstream)),
         identifier['auto_identify'],
         arguments.refit_delay,
         {'topic': WINDOW_TOPIC},

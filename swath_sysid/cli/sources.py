@@ -61,6 +61,18 @@ def add_column_argument(parser: ArgumentParser) -> None:
     )
 
 
+def add_upstream_argument(parser: ArgumentParser) -> None:
+    """``--upstream``: what shows waves on their way to the craft."""
+    parser.add_argument(
+        '--upstream',
+        action='append',
+        default=[],
+        metavar='COLUMN',
+        help='column of a table, in any unit, or TOPIC[:FIELD] of a bag, that shows waves on their way to the craft: '
+        'a wave probe or the motion of a craft ahead (repeat for more)',
+    )
+
+
 def columns_of(arguments: Namespace) -> dict[str, str]:
     """The assigned columns by quantity."""
     for text in arguments.columns:

@@ -43,6 +43,7 @@ class ImuRecord:
     frame_id: str = ''
     in_craft_axes: bool = False  #: Whether frame and mounting are applied already.
     advice: tuple[Advice, ...] = ()
+    start: float = 0.0  #: s; the first stamp in the time of the trial.
 
     def __len__(self) -> int:
         return len(self.stamps)

@@ -101,7 +101,8 @@ def read_readings(
         return read_imu(path, topic)
     trial = read_trial(path, topic=topic, frame=None if frame == 'flu' else frame, mounting=mounting, columns=columns)
     stamps = np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
-    return ImuRecord(stamps, imu_values(replace(trial, yaw_rate=None)), in_craft_axes=True, advice=trial.advice)
+    values = imu_values(replace(trial, yaw_rate=None))
+    return ImuRecord(stamps, values, in_craft_axes=True, advice=trial.advice, start=float(trial.time[0]))
 
 
 def source_hash(path: str | Path) -> str:

@@ -4,7 +4,6 @@ from math import isnan
 
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.bank import CANDIDATES
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 from swath_sysid.pipeline.health import (
     BAD_LOADING,
@@ -62,12 +61,14 @@ class PredictorHealth(StreamHealth):
             'uncompiled_because': self.uncompiled_because,
             **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
         }
-        names = tuple(CANDIDATES)
+        names = state.candidates
         for a, axis in enumerate(AXES):
             for number, lead in enumerate(self._pipeline.settings.forecaster.leads):
                 values[f'nrmse_{axis}_{lead}s'] = float(state.nrmse[a, number])
                 values[f'coverage90_{axis}_{lead}s'] = float(state.coverage[a, number])
                 values[f'leading_{axis}_{lead}s'] = names[int(state.weights[:, a, number].argmax())]
+                for channel, gain in state.upstream_gain.items():
+                    values[f'upstream_gain_{axis}_{lead}s_{channel}'] = float(gain[a, number])
                 for k, candidate in enumerate(names):
                     values[f'nrmse_{axis}_{lead}s_{candidate}'] = float(state.candidate_nrmse[k, a, number])
         return [

@@ -154,6 +154,20 @@ class ForecastPipeline:
         """Take one sample of the craft's motion, as a record holds it; see `add`."""
         return self.add_converted(self._intake.place(sample), on_next)
 
+    def add_upstream(self, name: str, stamp_ns: int | None, value: float) -> None:
+        """Take one sample of an upstream channel; those before the first IMU message are left out.
+
+        Args:
+            name: One of the settings' ``forecaster.upstream``.
+            stamp_ns: On the clock of the IMU's stamps, and the sample may come late; None: that of the newest message.
+            value: In any unit; NaN counts as lost.
+
+        Raises:
+            InputError: The settings have no channel of this name.
+        """
+        stamp_ns = self._last_ns if stamp_ns is None else stamp_ns
+        self.forecaster.observe_upstream(name, (stamp_ns - (self._first_ns or stamp_ns)) * NANOSECOND, value)
+
     def add_converted(self, converted: ConvertedReading, on_next: OnNext | None = None) -> PipelineStep:
         """Add one converted message or sample; see `add`."""
         sample, reasons = converted

@@ -93,6 +93,10 @@ class PlayThrough:
             self._start_refit(stamp_ns)
         return Played(stamp_ns, models, finished.table, step, verdict)
 
+    def add_upstream(self, name: str, stamp_ns: int | None, value: float) -> None:
+        """Process one sample of an upstream channel; see `ForecastPipeline.add_upstream`."""
+        self.forecasts.add_upstream(name, stamp_ns, value)
+
     def _is_due(self, stamp_ns: int):
         """Whether the window is to be identified unasked now."""
         interval_ns = round(self.settings.identify_interval / NANOSECOND)

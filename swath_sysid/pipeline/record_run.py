@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from heapq import merge
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +61,38 @@ def samples_of(trial: Trial) -> Iterator[CraftSample]:
         yield CraftSample._make((stamp_ns, *motion, *unknown, math.nan, *further))
 
 
+class UpstreamSeries(NamedTuple):
+    """One upstream channel beside a record."""
+
+    stamps: np.ndarray  #: (N,); s, in the record's time.
+    values: np.ndarray  #: (N,); in any unit.
+    arrivals: np.ndarray | None = None  #: (N,); s, increasing; by default the stamps.
+
+
+class ArrivingSamples:
+    """Hands the samples of upstream channels, by name, to a pipeline's ``add_upstream`` as they arrive."""
+
+    def __init__(
+        self, series: Mapping[str, UpstreamSeries], add: Callable[[str, int, float], None], start_ns: int = 0
+    ) -> None:
+        self._add = add
+        self._samples = merge(*(self._of(name, each, start_ns) for name, each in series.items()))
+        self._next = next(self._samples, None)
+
+    @staticmethod
+    def _of(name: str, series: UpstreamSeries, start_ns: int) -> Iterator[tuple[int, str, int, float]]:
+        arrivals = series.stamps if series.arrivals is None else series.arrivals
+        times = (start_ns + np.round(t * 1e9).astype(np.int64) for t in (arrivals, series.stamps))
+        for arrival, stamp, value in zip(*(t.tolist() for t in times), series.values.tolist(), strict=True):
+            yield arrival, name, stamp, value
+
+    def until(self, stamp_ns: int) -> None:
+        """Hand over what has arrived up to a stamp."""
+        while self._next is not None and self._next[0] <= stamp_ns:
+            self._add(*self._next[1:])
+            self._next = next(self._samples, None)
+
+
 def run_through(
     trial: Trial,
     settings: ForecasterSettings | None = None,
@@ -69,6 +102,7 @@ def run_through(
     progress: Callable[[float], None] | None = None,
     limits_from: tuple[float, QuiescenceLimits] | None = None,
     points_ahead: bool = True,
+    upstream: Mapping[str, UpstreamSeries] | None = None,
 ) -> Run:
     """Run the forecast pipeline through a record, causally.
 
@@ -82,6 +116,7 @@ def run_through(
         progress: Called with 0 to 1.
         limits_from: Limits of quiescence from a stamp on; their reliability is recorded from there.
         points_ahead: Keep vertical motion over the horizon, which takes 20 kB a point and forecast.
+        upstream: Channels beside the trial that show waves on their way to the craft, by name.
 
     Returns:
         Every forecast that was issued, for `score`.
@@ -93,7 +128,10 @@ def run_through(
         (6,)
     """
     now = clock or (lambda: math.nan)
-    pipeline = ForecastPipeline(PipelineSettings() if settings is None else PipelineSettings(forecaster=settings))
+    upstream = upstream or {}
+    settings = replace(settings or ForecasterSettings(), upstream=tuple(upstream))
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=settings))
+    beside = ArrivingSamples(upstream, pipeline.add_upstream)
     pipeline.set_models(models or {})
     pending, limits = limits_from, pipeline.settings.forecaster.quiescence if limits_from is None else limits_from[1]
     steps, step_times, refit_times = [], [], []
@@ -103,6 +141,7 @@ def run_through(
             pipeline.forecaster.set_quiescence(pending[1])
             pending = None
         begun = now()
+        beside.until(sample.stamp_ns)
         step = pipeline.add_sample(sample)
         step_times.append(now() - begun)
         if step.forecast is not None and step.horizon is not None:

@@ -13,6 +13,13 @@ from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel
+from swath_sysid.attitude.prediction.upstream import (
+    UpstreamCandidate,
+    UpstreamFit,
+    UpstreamRows,
+    candidates_of,
+    without,
+)
 
 HULL, OSCILLATOR = 'hull-filter', 'oscillator'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
@@ -66,10 +73,21 @@ class HullCandidate:
 class Bank:
     """Candidates and their average at increasing leads (L,), s, on rows ``step`` s apart."""
 
-    def __init__(self, axes: Sequence[AxisFilter], leads: np.ndarray, step: float) -> None:
-        self.blend = Blend(leads, step, len(axes), tuple(CANDIDATES.values()))
+    def __init__(
+        self, axes: Sequence[AxisFilter], leads: np.ndarray, step: float, upstream: UpstreamRows | None = None
+    ) -> None:
+        self.channels = () if upstream is None else upstream.names  #: Upstream.
+        self.names = (
+            *CANDIDATES,
+            *candidates_of(self.channels),
+        )  #: Of the candidates; the upstream channels' are the last.
+        self._place = {name: place for place, name in enumerate(self.names)}
+        priors = [CANDIDATES.get(name, 1.0) for name in self.names]
+        self.blend = Blend(leads, step, len(axes), priors)
         self.spaces: dict[str, InnovationsFilter] = {}  #: Those on rows.
-        self._axes, self._leads, self._steps = axes, leads, self.blend.steps
+        self._upstream: dict[str, UpstreamCandidate] = {}
+        self._upstream_rows = upstream
+        self._axes, self._leads, self._steps, self._step = axes, leads, self.blend.steps, step
         self._horizon = leads[-1] + 2.0 * step
         self._hulls = HullCandidate(axes, step * self._steps)
         whole = leads / step
@@ -79,7 +97,7 @@ class Bank:
     @property
     def candidates(self) -> dict[str, Candidate]:
         """Those that there are at present."""
-        return {HULL: self._hulls, **self.spaces}
+        return {HULL: self._hulls, **self.spaces, **self._upstream}
 
     @property
     def _noise(self):
@@ -94,9 +112,17 @@ class Bank:
         self.spaces[name] = space = InnovationsFilter(model, ATTITUDE, self._horizon, self._steps)
         space.seed(past)
 
+    def use_upstream(self, name: str, fit: UpstreamFit, past: np.ndarray) -> None:
+        """Put a fit of the upstream channels to use, after the newest rows (N, width)."""
+        assert self._upstream_rows is not None, 'the fit was asked for'
+        candidate = UpstreamCandidate(fit, self._upstream_rows, self._steps * self._step, self._step)
+        for row in past[len(past) - (self._upstream_rows.newest - fit.newest) :]:
+            candidate.step(row)
+        self._upstream[name] = candidate
+
     def renew(self, name: str, axis: int | slice = slice(None)) -> None:
         """Judge a candidate with a new model, for an axis or all, as an untried one."""
-        self.blend.renew(PLACE[name], axis)
+        self.blend.renew(self._place[name], axis)
 
     def step(self, row: np.ndarray) -> None:
         """Take the next row in every candidate."""
@@ -130,14 +156,20 @@ class Bank:
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
         return self.blend.combine(mean, covariance, _AXIS_OF_TARGET, self._noise)
 
+    def square_without(self, channel: str) -> np.ndarray:
+        """Least running square error (S, A) of the candidates that do not use an upstream channel."""
+        others = [k for k, name in enumerate(self.names) if name in (*CANDIDATES, without(channel))]
+        return self.blend.mean_square[others].min(axis=0)
+
     def _forecasts(self, leads: np.ndarray | None, age: float):
-        """Readings (K, L, 4) and covariances (K, L, 4, 4) by `CANDIDATES`; NaN where new samples contradict one."""
+        """Readings (K, L, 4) and covariances (K, L, 4, 4) by candidate; NaN where new samples contradict one."""
         count = self._steps.size if leads is None else leads.size
-        mean = np.full((len(CANDIDATES), count, len(ATTITUDE)), math.nan)
+        mean = np.full((len(self.names), count, len(ATTITUDE)), math.nan)
         covariance = np.zeros((*mean.shape, len(ATTITUDE)))
         for name, candidate in self.candidates.items():
-            mean[PLACE[name]], covariance[PLACE[name]] = candidate.forecast(leads, age)
-        strained = [PLACE[name] for name, space in self.spaces.items() if space.strain > HEALTHY_STRAIN]
+            mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
+        filters = {**self.spaces, **self._upstream}
+        strained = [self._place[name] for name, each in filters.items() if each.strain > HEALTHY_STRAIN]
         if strained:
             trusted = self._hull_is_trusted()
             for place in strained:

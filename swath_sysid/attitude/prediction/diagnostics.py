@@ -22,8 +22,10 @@ class ForecasterDiagnostics:
     nis_ratio: dict[str, float]  #: Innovations squared over their expectation, by axis; one is healthy.
     nrmse: np.ndarray  #: (A, L); running error over the size of the motion.
     coverage: np.ndarray  #: (A, L); coverage of the 90 % intervals.
-    candidate_nrmse: np.ndarray  #: (K, A, L); running error of each of `CANDIDATES`.
+    candidates: tuple[str, ...]  #: (K,); their names.
+    candidate_nrmse: np.ndarray  #: (K, A, L); running error of each.
     weights: np.ndarray  #: (K, A, L); their weights.
+    upstream_gain: dict[str, np.ndarray]  #: (A, L); share of the running error that each upstream channel saves.
     advice: tuple[Advice, ...]
     valid_leads: dict[str, float] = field(default_factory=dict)  #: As in `Forecast`.
 
@@ -37,8 +39,10 @@ def diagnose(
     if not has_waves:
         advice += (Advice.of('no-waves'),)
     advice += tuple(note for axis in started.values() for note in axis.hull.advice())
+    gain: dict[str, np.ndarray] = {}
     nrmse = coverage = np.full((len(axes), count), np.nan)
-    candidate = weights = np.full((len(CANDIDATES), len(axes), count), np.nan)
+    names = tuple(CANDIDATES) if bank is None else bank.names
+    candidate = weights = np.full((len(names), len(axes), count), np.nan)
     if bank is not None:
         # a still craft moves less than its sensor's noise, which no forecast of readings can miss by less
         size = np.array([max(axis.size.deviation, math.sqrt(axis.noise[0])) for axis in axes.values()])[:, None]
@@ -47,6 +51,9 @@ def diagnose(
         nrmse, coverage = np.sqrt(blend.blended_square[places]).T / size, blend.coverage[places].T
         candidate = np.sqrt(blend.mean_square[:, places]).transpose(0, 2, 1) / size
         weights = blend.weights[:, places].transpose(0, 2, 1)
+        for channel in bank.channels:
+            ratio = blend.blended_square / np.maximum(bank.square_without(channel), 1e-300)
+            gain[channel] = 1.0 - np.sqrt(ratio[places]).T
     return ForecasterDiagnostics(
         interval,
         {name: axis.identified is not None for name, axis in axes.items()},
@@ -54,7 +61,9 @@ def diagnose(
         {name: axis.hull.strain for name, axis in started.items()},
         nrmse,
         coverage,
+        names,
         candidate,
         weights,
+        gain,
         advice,
     )

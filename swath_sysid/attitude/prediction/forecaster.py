@@ -25,8 +25,9 @@ from swath_sysid.attitude.prediction.outlook import CalmForecaster, PointForecas
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, ROW_RATE, History, RowClock
-from swath_sysid.attitude.prediction.sea_fit import WAVES, SeaFit, SeaRequest, newest_stretch
+from swath_sysid.attitude.prediction.sea_fit import SHORT, WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
+from swath_sysid.attitude.prediction.upstream import UpstreamRows
 from swath_sysid.attitude.prediction.valid_lead import ErrorLimit, ValidLeads
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.errors import InputError
@@ -74,6 +75,7 @@ class ForecasterSettings:
     quiescence: QuiescenceLimits | None = None  #: Limits whose probability of being kept is forecast; None: it is not.
     points: tuple[Point, ...] = ()  #: Where vertical motion is forecast, too.
     valid_error: ErrorLimit = ErrorLimit()  #: Of the expected error, up to which a forecast is trusted.
+    upstream: tuple[str, ...] = ()  #: Names of scalar series that show waves on their way to the craft.
 
     def __post_init__(self):
         if not self.leads or any(not b > a for a, b in zip((0.0, *self.leads), self.leads, strict=False)):
@@ -119,6 +121,7 @@ class Forecaster:
         self._clock = RowClock()
         # the oldest forecast that is scored lies one longest lead behind the window
         self._history = History(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1)
+        self._upstream = UpstreamRows(s.upstream, self._history.channels.capacity)
         axes = tuple(self._axes.values())
         self._points = PointForecaster(s.points, axes, 2 * round(s.horizon * ROW_RATE) + 1)
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
@@ -154,6 +157,16 @@ class Forecaster:
 
     # -- samples
 
+    def observe_upstream(self, name: str, stamp: float, value: float) -> None:
+        """Take one sample of an upstream channel, stamped in s on the clock of `observe`'s stamps; NaN counts as lost.
+
+        It may come late, and as often or seldom as it likes; what has come before a row is used from that row on.
+
+        Raises:
+            InputError: The settings have no channel of this name.
+        """
+        self._upstream.take(name, stamp, value)
+
     def observe(
         self,
         sample: CraftSample,
@@ -186,7 +199,7 @@ class Forecaster:
         sea = self._take_over(self._bank)
         steps = self._clock.take(sample, elapsed)
         if steps:
-            self._take_row(self._bank, steps)
+            self._take_row(self._bank, steps, stamp)
         if self._time < self._due:
             return Observed(reasons, sea=sea)
         self._schedule()
@@ -199,6 +212,8 @@ class Forecaster:
         self._due = -math.inf
         for axis in self._axes.values():
             axis.size.restart()
+        if self._bank is not None:
+            self._upstream.skip(2 * MAX_LAGS)
         self._skip_rows(2 * MAX_LAGS)
         self._clock.restart()
         if self._calm is not None:
@@ -224,13 +239,15 @@ class Forecaster:
             self._history.clear()
             self._rows_begun, self._sea_state_due = self._time, self._time + LONGEST_BRIDGE
         step = self._clock.step
-        self._bank = Bank(tuple(self._axes.values()), self._leads, step)
+        self._upstream.begin(step, is_new)
+        self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._upstream)
         self._points.begin(step, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting = False, None
         self._oscillator_due = self._refit_due = -math.inf
 
-    def _take_row(self, bank: Bank, steps: int):
+    def _take_row(self, bank: Bank, steps: int, stamp: float):
         """Take the newest sample as a row, the given number of steps after the one before."""
+        self._upstream.append(stamp, steps)
         self._skip_rows(steps - 1)
         row = self._clock.row([axis.motion if axis.hull.is_started else None for axis in self._axes.values()])
         self._history.append(row)
@@ -270,14 +287,16 @@ class Forecaster:
         if self._time < self._refit_due or self._time - self._rows_begun < s.first_refit:
             return None
         self._refit_due = self._time + self._interval_of_refits(s.refit_interval)
+        past = self._past(s.window).copy()
         return SeaRequest(
             self._time,
             self._clock.step,
             CHANNELS,
-            self._past(s.window).copy(),
+            past,
             dict(self._excitation_requests()),
             self._points.request(self._clock, self._history.newest),
             self._time >= self._sea_state_due,
+            self._upstream.request(len(past), int(SHORT / self._clock.step), self._leads[-1] + self._clock.step),
         )
 
     def _excitation_requests(self):
@@ -300,6 +319,8 @@ class Forecaster:
             bank.use(name, model, self._history.channels.last(2 * MAX_LAGS))
             bank.renew(name)
             self._has_waves = True
+        for name, upstream in fit.upstream.items():
+            bank.use_upstream(name, upstream, self._history.channels.last())
         if WAVES in fit.waves:
             self._points.install(fit.vertical, self._history.newest, bank.spaces[WAVES])
         for name, excitation in fit.excitations.items():

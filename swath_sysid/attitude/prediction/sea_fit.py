@@ -12,6 +12,7 @@ from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
 from swath_sysid.attitude.prediction.state_space import InnovationsModel
+from swath_sysid.attitude.prediction.upstream import UpstreamFit, UpstreamRequest, fit_upstream
 from swath_sysid.attitude.prediction.variate_analysis import identify, identify_alone
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalRequest, fit_vertical
 
@@ -33,6 +34,7 @@ class SeaRequest:
     excitations: dict[str, ExcitationRequest] = field(default_factory=dict)  #: By axis with an identified hull.
     vertical: VerticalRequest | None = None  #: None: vertical motion is not asked for.
     wants_sea_state: bool = False
+    upstream: UpstreamRequest | None = None  #: None: there are no upstream channels.
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,7 @@ class SeaFit:
     excitations: dict[str, ExcitationFit]  #: By axis; likewise.
     vertical: VerticalFit | None = None  #: With the waves of all channels.
     sea: SeaReport | None = None  #: Where it was asked for.
+    upstream: dict[str, UpstreamFit] = field(default_factory=dict)  #: By candidate, if the past is long enough.
 
 
 def fit_sea(request: SeaRequest) -> SeaFit:
@@ -86,6 +89,7 @@ def fit_sea(request: SeaRequest) -> SeaFit:
         {axis: fit for axis, fit in excitations.items() if fit is not None},
         vertical,
         sea_of(request) if request.wants_sea_state else None,
+        {} if request.upstream is None else fit_upstream(past[:, : len(ATTITUDE)], step, request.upstream),
     )
 
 

@@ -20,8 +20,8 @@ _DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 _KNOWN = 1e-4
 # s over which the innovations of the targets are averaged
 _STRAIN_TIME = 1.0
-# an error this many times (in variance) what was expected is not an innovation: the motion was broken off
-_BREAK = 400.0
+#: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.
+BREAK = 400.0
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class InnovationsFilter:
         self._watched = np.flatnonzero(watched if any(watched) else np.ones(len(watched), dtype=bool))
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
         self._strain_gain = min(1.0, model.step / _STRAIN_TIME)
-        self._largest = _BREAK * np.diag(model.s)
+        self._largest = BREAK * np.diag(model.s)
         self._prepare(np.array(steps, dtype=int))
         self.restart()
 
@@ -140,7 +140,7 @@ class InnovationsFilter:
         error = z[seen] - c @ self._x
         pc = self._p @ c.T
         v = c @ pc + m.s[np.ix_(seen, seen)]
-        if (error * error > _BREAK * np.diag(v)).any() and self._p is not m.prior:
+        if (error * error > BREAK * np.diag(v)).any() and self._p is not m.prior:
             self._x, self._p = np.zeros_like(self._x), m.prior
             self._update(z, seen)
             return

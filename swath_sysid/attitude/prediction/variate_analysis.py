@@ -31,9 +31,12 @@ LARGEST_RADIUS = 0.9999
 _MAX_GROWTH = 1.01
 
 
-def identify(values: np.ndarray, names: Sequence[str], step: float) -> InnovationsModel | None:
+def identify(
+    values: np.ndarray, names: Sequence[str], step: float, lags: int | None = None, states: int | None = None
+) -> InnovationsModel | None:
     """The innovations model of a window (N, width), oldest first, one row per step, s, NaN where missing.
 
+    With at most so many ``lags`` on either side and ``states``; by default as many as a craft's own motion needs.
     None where the window is too short or the model would not be stable.
     """
     places = useful_channels(values)
@@ -42,14 +45,15 @@ def identify(values: np.ndarray, names: Sequence[str], step: float) -> Innovatio
     rows = values[:, places]
     mean, scale = np.nanmean(rows, axis=0), np.nanstd(rows, axis=0)
     rows = without_breaks((rows - mean) / scale)
-    if broken(rows, step):
+    most = max_lags(step) if lags is None else lags
+    if broken(rows, most):
         rows = fill_short_gaps(rows)
-    half = lags_for(rows, step)
+    half = lags_for(rows, most)
     if half is None:
         return None
     gram, count = lag_gram(rows, 2 * half)
     width = len(places)
-    states = min(_STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
+    states = min(states or _STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
     space = canonical_state_space(gram / count, width, states)
     if space is None:
         return None
@@ -97,10 +101,10 @@ def without_breaks(rows: np.ndarray) -> np.ndarray:
     return result
 
 
-def lags_for(rows: np.ndarray, step: float) -> int | None:
-    """Lags on either side that rows (N, C), NaN where missing, support; None where none."""
+def lags_for(rows: np.ndarray, most: int) -> int | None:
+    """Lags on either side, at most so many, that rows (N, C), NaN where missing, support; None where none."""
     complete = np.isfinite(rows).all(axis=1)
-    for half in range(max_lags(step), _MIN_LAGS - 1, -1):
+    for half in range(most, _MIN_LAGS - 1, -1):
         if whole_lags(complete, 2 * half).sum() >= ROWS_A_COEFFICIENT * half * rows.shape[1]:
             return half
     return None
@@ -111,10 +115,10 @@ def max_lags(step: float) -> int:
     return min(MAX_LAGS, round(_LONGEST_REACH / step))
 
 
-def broken(rows: np.ndarray, step: float) -> bool:
-    """Whether losses in rows (N, C) have left few of the lags complete that the window would have otherwise."""
+def broken(rows: np.ndarray, lags: int) -> bool:
+    """Whether losses in rows (N, C) have left few of the lags on either side complete that there would be otherwise."""
     complete = np.isfinite(rows).all(axis=1)
-    count = 2 * max_lags(step)
+    count = 2 * lags
     return not complete.all() and whole_lags(complete, count).sum() < _MIN_SHARE * (complete.size - count + 1)
 
 

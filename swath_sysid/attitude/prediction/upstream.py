@@ -1,0 +1,296 @@
+"""Waves that are measured upstream: scalar series beside the IMU, and a state space of them and the craft's motion.
+
+The past that the water needs is longer than that of the craft's own motion, so this state space has coarser rows.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.attitude.prediction.state_space import BREAK, InnovationsFilter
+from swath_sysid.attitude.prediction.variate_analysis import (
+    RIDGE,
+    ROWS_A_COEFFICIENT,
+    identify,
+    lag_gram,
+    useful_channels,
+)
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.row_buffer import RowBuffer
+
+UPSTREAM, NEW_UPSTREAM = 'upstream', 'upstream-new'  #: State spaces of the whole past, and of its end.
+
+LONGEST_PAST = 30.0  #: s; waves of 10 s take as long over two wavelengths.
+_MOST_LAGGED = 300  #: Lags times channels: the time of a fit goes with its cube.
+_PAST_STEP = 0.5  #: s between the lags among which the needed past is sought.
+_STATES = 60  #: Of one model: waves on their way take more than a craft's motion does.
+_LONGEST_BRIDGED = 3.0  #: Usual intervals of a series across which it is interpolated.
+_LONGEST_HELD = 2.0  #: s; a series that repeats one value for longer is stuck.
+_IN_TIME = 0.98  #: Share of the values that a model waits for.
+
+
+def without(channel: str) -> str:
+    """The candidate that all upstream channels but one are a part of."""
+    return f'without-{channel}'
+
+
+def candidates_of(channels: Sequence[str]) -> tuple[str, ...]:
+    """The candidates of upstream channels; with several, each is left out once, which shows what it is worth."""
+    return (*((NEW_UPSTREAM, UPSTREAM) if channels else ()), *map(without, channels if len(channels) > 1 else ()))
+
+
+class _Series:
+    """The samples of one series, no more than one for each row: a quicker sensor's are averaged."""
+
+    def __init__(self) -> None:
+        self.points: deque[tuple[float, float]] = deque(maxlen=round(10 * LONGEST_PAST))  #: Stamp, s, and value.
+        self.interval = math.nan  #: s between points.
+        self.next = 0  #: Number of the first row without its value.
+        self._last = self._changed = -math.inf
+        self._value = math.nan
+        self._block: list[tuple[float, float]] = []
+
+    def take(self, stamp: float, value: float, step: float) -> None:
+        """Take a sample; one that is missing, late or repeated for too long counts as lost."""
+        if not (stamp > self._last and math.isfinite(value)):
+            return
+        elapsed, self._last = stamp - self._last, stamp
+        if value != self._value:
+            self._value, self._changed = value, stamp
+        if stamp - self._changed > _LONGEST_HELD:
+            self._block.clear()
+            return
+        self._block.append((stamp, value))
+        begin = self.points[-1][0] if self.points else -math.inf
+        if stamp + 0.5 * elapsed >= begin + step:
+            count = len(self._block)
+            self._add(sum(s for s, _ in self._block) / count, sum(v for _, v in self._block) / count)
+
+    def _add(self, stamp: float, value: float):
+        self._block.clear()
+        if self.points:
+            elapsed = stamp - self.points[-1][0]
+            usual = self.interval if self.interval == self.interval else elapsed
+            self.interval = usual + 0.1 * (min(elapsed, _LONGEST_BRIDGED * usual) - usual)
+        self.points.append((stamp, value))
+
+    def at(self, stamp: float) -> float | None:
+        """The value at a stamp, s, no earlier than that asked for before; NaN where lost, None where not known yet."""
+        points = self.points
+        while len(points) > 1 and points[1][0] < stamp:
+            points.popleft()
+        if not points or stamp < points[0][0]:
+            return math.nan if points else None
+        if len(points) < 2:
+            return points[0][1] if stamp == points[0][0] else None
+        (before, first), (after, second) = points[0], points[1]
+        if after - before > _LONGEST_BRIDGED * self.interval:
+            return math.nan
+        return first + (stamp - before) / (after - before) * (second - first)
+
+
+class UpstreamRows:
+    """Named series at the craft's rows, by their stamps; a row's values may come after the row."""
+
+    def __init__(self, names: Sequence[str], capacity: int) -> None:
+        if len(set(names)) < len(names):
+            raise InputError(f'an upstream channel is given twice ({", ".join(names)}): name each once')
+        self.names = tuple(names)
+        self.delays = [0] * len(names)  #: Rows that a model waits for each series.
+        # stamp, values, and rows that the values came late
+        self._rows = RowBuffer(capacity if names else 1, 1 + 2 * len(names))
+        self._step = math.nan
+        self._series = {name: _Series() for name in names}
+
+    @property
+    def newest(self) -> int:
+        """Number of the newest row."""
+        return self._rows.newest
+
+    def begin(self, step: float, is_new: bool) -> None:
+        """Start with rows of another step, s; without the old ones if it ``is_new``."""
+        self._step = step
+        if is_new:
+            self._rows.clear()
+            self._series = {name: _Series() for name in self.names}
+
+    def take(self, name: str, stamp: float, value: float) -> None:
+        """Take a sample of a series, stamped in s on the clock of the rows."""
+        if name not in self._series:
+            raise InputError(
+                f"'{name}' is not an upstream channel: the settings have {', '.join(self.names) or 'none'}"
+            )
+        if self._step == self._step:
+            self._series[name].take(stamp, value, self._step)
+
+    def append(self, stamp: float, steps: int) -> None:
+        """Add the row of a stamp, s, which is so many steps after the one before, and those between."""
+        count = len(self.names)
+        unknown = [math.nan] * (2 * count)
+        self._rows.skip(max(0, steps - self._rows.capacity))
+        for behind in range(min(steps, self._rows.capacity) - 1, -1, -1):
+            self._rows.append((stamp - behind * self._step, *unknown))
+        rows = self._rows.last()
+        first = self.newest + 1 - len(rows)
+        for place, series in enumerate(self._series.values(), 1):
+            for number in range(max(series.next, first), self.newest + 1):
+                value = series.at(rows.item(number - first, 0))
+                if value is None:
+                    break
+                rows[number - first, place], rows[number - first, place + count] = value, self.newest - number
+                series.next = number + 1
+
+    def skip(self, count: int) -> None:
+        """Add rows of which nothing is known, and forget the samples before them."""
+        self._rows.skip(count)
+        self._series = {name: _Series() for name in self.names}
+        for series in self._series.values():
+            series.next = self.newest + 1
+
+    def at(self, number: int, delays: Sequence[int]) -> list[float]:
+        """Values of a row, each of as many rows before."""
+        rows = self._rows.last()
+        places = [number - self.newest - 1 - delay for delay in delays]
+        return [rows.item(p, k) if -len(rows) <= p < 0 else math.nan for k, p in enumerate(places, 1)]
+
+    def request(self, count: int, shown: int, horizon: float) -> 'UpstreamRequest | None':
+        """What a fit of the newest ``count`` rows needs to know; the delays are those of the newest ``shown``."""
+        if not self.names:
+            return None
+        rows, width = self._rows.last(count), len(self.names)
+        for place, late in enumerate(self._rows.last(shown)[:, 1 + width :].T):
+            if np.isfinite(late).any():
+                self.delays[place] = math.ceil(np.nanquantile(late, _IN_TIME))
+        return UpstreamRequest(self.names, rows[:, 1 : 1 + width].copy(), tuple(self.delays), self.newest, horizon)
+
+
+@dataclass(frozen=True)
+class UpstreamRequest:
+    """The past of the upstream channels, beside that of the craft's."""
+
+    names: tuple[str, ...]
+    values: np.ndarray  #: (N, U); oldest first; NaN where missing.
+    delays: tuple[int, ...]  #: Rows, of each channel.
+    newest: int  #: Number of the newest row.
+    horizon: float  #: s; the longest lead and age.
+
+
+@dataclass(frozen=True)
+class UpstreamFit:
+    """A filter that has followed the rows up to one, and which rows it reads."""
+
+    space: InnovationsFilter
+    every: int  #: Of the craft's rows, by number.
+    delays: tuple[int, ...]  #: Rows, of each upstream channel.
+    newest: int  #: Number of the row up to which it has stepped.
+
+
+def fit_upstream(own: np.ndarray, step: float, asked: UpstreamRequest) -> dict[str, UpstreamFit]:
+    """State spaces of the whole past and of its end, from rows of `ATTITUDE` (N, 4), ``step`` s apart.
+
+    None where the upstream channels are missing for the most part, or the past is too short.
+    """
+    names = (*ATTITUDE, *asked.names)
+    rows = np.column_stack([own, *map(_delayed, asked.values.T, asked.delays)])
+    seen = np.flatnonzero(np.isfinite(rows[:, len(ATTITUDE) :]).any(axis=1))
+    rows = rows[seen[0] :] if seen.size else rows[:0]
+    width = len(useful_channels(rows))
+    # the state holds all that is on its way, so the past reaches back to where the longest lead's wave comes from
+    past = min(needed_past(rows, step, 0.5 * asked.horizon) + 0.5 * asked.horizon, LONGEST_PAST)
+    every = max(1, math.ceil(past * width / (_MOST_LAGGED * step)))
+    lags, newest = round(past / (every * step)), asked.newest % every
+    coarse = rows[::-1][newest::every][::-1]
+    shortest = round((ROWS_A_COEFFICIENT * width + 2.0) * lags)
+    fits = {}
+    for name in candidates_of(asked.names):
+        part = coarse[-shortest:].copy() if name == NEW_UPSTREAM else coarse.copy()
+        part[:, [without(each) == name for each in names]] = math.nan
+        model = identify(part, names, every * step, lags, _STATES) if lags else None
+        if model is not None and set(model.channels) & set(asked.names):
+            space = InnovationsFilter(model, ATTITUDE, asked.horizon + every * step)
+            space.seed(coarse[-2 * lags :])
+            fits[name] = UpstreamFit(space, every, asked.delays, asked.newest - newest)
+    return fits
+
+
+def _delayed(values: np.ndarray, rows: int) -> np.ndarray:
+    return np.concatenate([np.full(rows, math.nan), values])[: values.size]
+
+
+def needed_past(rows: np.ndarray, step: float, lead: float) -> float:
+    """The past, s, from which the first two channels of rows (N, C) are best forecast so many s ahead.
+
+    By nested regressions, all of which one Cholesky factor of the lags' Gram matrix holds; each lag must lower the
+    error by more than its coefficients cost (Akaike 1969), where forecasts less than a lead apart count as one. Zero
+    where the rows do not suffice.
+    """
+    every = max(1, round(_PAST_STEP / step))
+    ahead = max(1, round(lead / (every * step)))
+    places = useful_channels(rows)
+    coarse = rows[::every, places]
+    coarse = (coarse - np.nanmean(coarse, axis=0)) / np.nanstd(coarse, axis=0) if places else coarse
+    width, lags = max(len(places), 1), round(LONGEST_PAST / (every * step))
+    lags = min(lags, len(coarse) // (3 * width) - ahead)
+    targets = [k for k, place in enumerate(places) if place < len(AXES)]
+    if lags < 1 or not targets:
+        return 0.0
+    gram, count = lag_gram(coarse, ahead + lags)
+    if count < 2 * lags * width:
+        return 0.0
+    gram = gram / count + RIDGE * np.eye(len(gram))
+    past = slice(ahead * width, None)
+    explained = solve_triangular(cholesky(gram[past, past], lower=True), gram[past, targets], lower=True) ** 2
+    left = gram[targets, targets] - np.cumsum(explained.reshape(lags, width, -1).sum(axis=1), axis=0)
+    price = 2.0 * width * ahead / count * np.arange(1, lags + 1)
+    return (1 + int(np.argmin(np.log(left).sum(axis=1) + len(targets) * price))) * every * step
+
+
+class UpstreamCandidate:
+    """A fit as a candidate of the bank: it reads every so many rows, and forecasts from each."""
+
+    def __init__(self, fit: UpstreamFit, rows: UpstreamRows, leads: np.ndarray, step: float) -> None:
+        self._space, self._every, self._delays, self._number = fit.space, fit.every, fit.delays, fit.newest
+        self._rows, self._leads, self._step = rows, leads, step
+        model = fit.space.model
+        self._channels = [k for k, name in enumerate(model.channels) if name in rows.names]
+        self._places = np.array(model.places)[self._channels]
+
+    @property
+    def strain(self) -> float:
+        """See `InnovationsFilter`."""
+        return self._space.strain
+
+    def step(self, row: np.ndarray) -> None:
+        """Take the next row of `CHANNELS`."""
+        self._number += 1
+        if self._number % self._every == 0:
+            whole = np.concatenate([row[: len(ATTITUDE)], self._rows.at(self._number, self._delays)])
+            self._space.step(self._without_outliers(whole))
+
+    def _without_outliers(self, whole: np.ndarray) -> np.ndarray:
+        """The row without upstream values that the model takes for impossible: they are lost, and nothing else is."""
+        m, p = self._space.model, self._space.state_covariance
+        c, k = m.c[self._channels], self._channels
+        error = (whole[self._places] - m.mean[k]) / m.scale[k] - c @ self._space.state
+        variance = np.diag(m.s)[k] + (0.0 if p is None else ((c @ p) * c).sum(axis=1))
+        whole[self._places[error * error > BREAK * variance]] = math.nan
+        return whole
+
+    def skip(self, count: int) -> None:
+        """Step over missing rows of the craft; the upstream channels may have theirs."""
+        for _ in range(count):
+            self.step(_NOTHING)
+
+    def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """See `Candidate`."""
+        age += self._number % self._every * self._step
+        return self._space.forecast(self._leads if leads is None else leads, age)
+
+
+_NOTHING = np.full(len(ATTITUDE), math.nan)

@@ -1,0 +1,116 @@
+"""Upstream channels of tables and bags, and on the command line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from swath_sysid.attitude.motion.attitude import quaternion
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.cli.main import main
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import imu_values
+from swath_sysid.formats.messages import ImuMessage, header, make, serialised
+from swath_sysid.formats.output_bag import writing_bag
+from swath_sysid.formats.tables import write_table
+from swath_sysid.formats.topics import IMU
+from swath_sysid.formats.upstream import channels_of, field_value, read_upstream, stamp_of
+
+FLOAT, RANGE, POINT = 'std_msgs/msg/Float64', 'sensor_msgs/msg/Range', 'geometry_msgs/msg/PointStamped'
+TIME = 100.0 + 0.1 * np.arange(1200)
+ROLL = 0.1 * np.sin(1.3 * TIME) + 0.04 * np.sin(1.9 * TIME)
+PROBE = np.where(np.arange(TIME.size) % 2, np.nan, 2.0 * np.sin(1.3 * TIME + 5.0))
+
+
+@pytest.fixture
+def table(tmp_path):
+    path = tmp_path / 'trial.csv'
+    write_table(
+        path, {}, {'time_s': TIME, 'roll_rad': ROLL, 'Bow sonar [m]': PROBE, 'empty': np.full(TIME.size, np.nan)}
+    )
+    return path
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """An IMU, and half a second late a wave probe without stamps and another craft's IMU with stamps."""
+    path, sender = tmp_path / 'trial.mcap', ImuMessage('imu_link')
+    trial = Trial(
+        TIME - TIME[0], roll=ROLL, pitch=0.5 * ROLL, accel_x=0 * ROLL, accel_y=0 * ROLL, accel_z=9.0 + 0 * ROLL
+    )
+    start = 1_700_000_000_000_000_000
+    with writing_bag(path) as add:
+        for time, values in zip(trial.time.tolist(), imu_values(trial), strict=True):
+            stamp = start + round(1e9 * time)
+            # the recorder's clock is an hour ahead
+            received = stamp + 3_600_000_000_000
+            add('/imu/data', IMU, received, sender.of_values(stamp, values))
+            add('/leader/imu', IMU, received, sender.of_values(stamp - 500_000_000, values))
+            add('/wave', FLOAT, received, serialised(make(FLOAT, time)))
+    return path
+
+
+def test_any_column_is_read_at_its_own_times(table):
+    series = read_upstream(table, ['Bow sonar [m]'])['Bow sonar [m]']
+    np.testing.assert_allclose(series.stamps, TIME[::2])
+    np.testing.assert_array_equal(series.values, PROBE[::2])
+    assert read_upstream(table, ['bow_sonar_m'])['bow_sonar_m'].values.size == 600
+    assert read_upstream(table, []) == {}
+
+
+@pytest.mark.parametrize(
+    ('names', 'said'),
+    [
+        (['sonar'], "no column 'sonar' for an upstream channel; found time_s, roll_rad, Bow sonar"),
+        (['roll_rad', 'roll_rad'], "'roll_rad' is given twice"),
+        (['empty'], "holds no number in its column 'empty'"),
+    ],
+)
+def test_a_column_that_is_not_there_is_one_sentence_and_exit_code_2(table, capsys, names, said):
+    with pytest.raises(InputError, match=said):
+        read_upstream(table, names)
+    for verb, further in (('forecast', []), ('play-through', ['--output', str(table.with_suffix('.mcap'))])):
+        flags = [word for name in names for word in ('--upstream', name)]
+        assert main([verb, str(table), *flags, *further]) == 2
+        assert said.partition(';')[0].replace('\\', '') in ' '.join(capsys.readouterr().err.split())
+
+
+def test_the_forecast_of_a_record_uses_the_column(table, capsys):
+    found = []
+    for flags in ([], ['--upstream', 'Bow sonar [m]']):
+        assert main(['forecast', str(table), '--leads', '1', '--warmup', '90', '--json', *flags]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    assert found[0] != found[1]
+
+
+def test_topics_are_read_by_header_stamps_or_by_arrival(bag, tmp_path, capsys):
+    found = read_upstream(bag, ['/wave', 'leader/imu'], topic='/imu/data')
+    assert list(found) == ['/wave', *(f'leader/imu:{each}' for each in ('roll', 'pitch', 'vertical_acceleration'))]
+    wave, roll = found['/wave'], found['leader/imu:roll']
+    np.testing.assert_allclose(wave.stamps, wave.values, atol=1e-6)
+    np.testing.assert_allclose(roll.stamps, TIME - TIME[0] - 0.5, atol=1e-6)
+    np.testing.assert_allclose(roll.arrivals, TIME - TIME[0], atol=1e-6)
+    np.testing.assert_allclose(roll.values, ROLL, atol=1e-9)
+    assert (found['leader/imu:vertical_acceleration'].values < -0.7).all()
+    with pytest.raises(InputError, match='holds no topic /waves .did you mean /wave'):
+        read_upstream(bag, ['/waves'], topic='/imu/data')
+    output = tmp_path / 'out.mcap'
+    words = ['play-through', str(bag), '--topic', '/imu/data', '--upstream', '/wave', '--output', str(output)]
+    assert main(words) == 0 and output.exists()
+
+
+def test_fields_of_messages():
+    assert channels_of('a', FLOAT) == {'a': 'data'} and channels_of('a', POINT) == {'a': 'z'}
+    assert channels_of('a:x', POINT) == {'a:x': 'x'}
+    for entry, kind in (('a:y', FLOAT), ('a', 'std_msgs/msg/String')):
+        with pytest.raises(InputError, match=f"'{entry}' is no upstream channel"):
+            channels_of(entry, kind)
+    point = make(POINT, header(5_000_000_001, 'buoy'), (1.0, 2.0, 3.0))
+    assert [field_value(point, POINT, each) for each in 'xyz'] == [1.0, 2.0, 3.0] and stamp_of(point) == 5_000_000_001
+    assert stamp_of(make(FLOAT, 1.0)) is None and field_value(make(FLOAT, 1.5), FLOAT, 'data') == 1.5
+    assert field_value(make(RANGE, header(0, ''), 0, 0.1, 0.2, 9.0, 4.5, 0.0), RANGE, 'range') == 4.5
+    turned = [float(part) for part in quaternion(0.2, -0.1, 1.0)]
+    vector, nine = (0.0, 0.0, 9.0), np.zeros(9)
+    imu = make(IMU, header(1, ''), tuple(turned), nine, vector, nine, vector, nine)
+    assert field_value(imu, IMU, 'roll') == pytest.approx(0.2) and field_value(imu, IMU, 'pitch') == pytest.approx(-0.1)
+    assert field_value(imu, IMU, 'vertical_acceleration') == pytest.approx(9.0 * np.cos(0.2) * np.cos(0.1) - 9.80665)

@@ -1,0 +1,172 @@
+"""Upstream channels: alignment by stamps, a wave that is seen before it comes, and channels that fail or lie."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.bank import CANDIDATES
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UPSTREAM, UpstreamRows, needed_past
+from swath_sysid.common.errors import InputError
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.record_run import ArrivingSamples, UpstreamSeries, run_through
+from swath_sysid.pipeline.scoring import score
+
+STEP, TRAVEL, NOISE = 0.2, 4.0, 0.02
+LEADS = (1.0, 3.0, 6.0)
+SETTINGS = ForecasterSettings(leads=LEADS, horizon=6.0, horizon_step=1.0, forecast_rate=1.0)
+
+
+def wave(seed, duration):
+    """White noise through a resonance of 4 s, of unit size, and the resonance's coefficients."""
+    a = [1.0, -2.0 * 0.97 * math.cos(2.0 * math.pi * STEP / 4.0), 0.97**2]
+    values = lfilter([1.0], a, np.random.default_rng(seed).standard_normal(round(duration / STEP) + 2000))[1000:]
+    return values / values.std(), a
+
+
+def craft_and_probe(seed=1, duration=600.0, travel=TRAVEL):
+    """A craft that rolls as the wave is, so many s after it has passed the probe."""
+    values, a = wave(seed, duration)
+    count, late = round(duration / STEP), round(travel / STEP)
+    noise = NOISE * np.random.default_rng(seed + 100).standard_normal((2, count))
+    time = np.arange(count) * STEP
+    trial = Trial(time, roll=0.1 * (values[200 : 200 + count] + noise[0]))
+    return trial, values[200 + late : 200 + late + count] + noise[1], a
+
+
+def error(trial, upstream=None, begin=300.0, until=None):
+    """NRMSE of roll at the leads, and coverage of the 90 % intervals."""
+    roll = score(trial, run_through(trial, SETTINGS, upstream=upstream), warmup=begin, until=until).axes['roll']
+    return roll.nrmse['forecast'], roll.coverage[:, 1]
+
+
+@pytest.fixture(scope='module')
+def without():
+    return error(craft_and_probe()[0])[0]
+
+
+def optimum(a, lead):
+    """Error over the size of what an autoregression without noise cannot know so many s ahead."""
+    response = lfilter([1.0], a, np.eye(1, 1000)[0]) ** 2
+    return math.sqrt(response[: round(lead / STEP)].sum() / response.sum())
+
+
+def test_a_wave_is_forecast_until_it_has_passed_the_probe_and_then_as_well_as_can_be(without):
+    trial, probe, a = craft_and_probe()
+    found, coverage = error(trial, {'probe': UpstreamSeries(trial.time, probe)})
+    # at leads below the travel only noise is unknown; beyond, what the wave does after it passed the probe
+    best = [math.hypot(NOISE, optimum(a, max(0.0, lead - TRAVEL))) for lead in LEADS]
+    assert found[0] < 2.5 * best[0] and found[1] < 2.5 * best[1] and found[2] < 1.15 * best[2]
+    assert (found[:2] < 0.3 * without[:2]).all() and found[2] < 0.85 * without[2]
+    assert (np.abs(coverage - 0.9) < 0.06).all()
+
+
+def test_a_channel_of_noise_costs_nothing(without):
+    trial, probe, _ = craft_and_probe()
+    noise = np.random.default_rng(5).standard_normal(probe.size)
+    found, _ = error(trial, {'noise': UpstreamSeries(trial.time, noise)})
+    assert (found < 1.03 * without).all()
+
+
+@pytest.mark.parametrize('kind', ['lost', 'quick', 'late'])
+def test_samples_may_be_lost_quicker_than_the_imus_or_late(without, kind):
+    trial, probe, _ = craft_and_probe()
+    rng = np.random.default_rng(3)
+    series = UpstreamSeries(trial.time, probe)
+    if kind == 'lost':
+        kept = rng.uniform(size=probe.size) > 0.05
+        series = UpstreamSeries(trial.time[kept], probe[kept])
+    if kind == 'quick':
+        stamps = np.sort(rng.uniform(0.0, trial.time[-1], 5 * probe.size))
+        series = UpstreamSeries(stamps, np.interp(stamps, trial.time, probe))
+    if kind == 'late':
+        series = UpstreamSeries(trial.time, probe, trial.time + 1.0)
+    found, _ = error(trial, {'probe': series})
+    assert (found[:2] < [0.2, 0.2]).all() and (found[:2] < 0.35 * without[:2]).all()
+
+
+def test_a_probe_that_is_stuck_costs_little_and_serves_again(without):
+    trial, probe, _ = craft_and_probe()
+    stuck = np.where((trial.time > 380.0) & (trial.time < 460.0), probe[1900], probe)
+    series = {'probe': UpstreamSeries(trial.time, stuck)}
+    meanwhile, after = (error(trial, series, *span)[0] for span in ((400.0, 455.0), (520.0, 590.0)))
+    usual = error(trial, None, 400.0, 455.0)[0]
+    assert (meanwhile < 1.1 * usual).all() and (after[:2] < 0.35 * without[:2]).all()
+
+
+def test_values_are_those_at_the_rows_stamps_however_the_samples_come():
+    def f(t):
+        return math.sin(0.7 * t)
+
+    rows = UpstreamRows(('quick', 'slow', 'late'), 400)
+    rows.begin(0.1, True)
+    slow = np.cumsum(np.random.default_rng(0).uniform(0.15, 0.35, 200))
+    arriving = [(t, 'quick', t) for t in np.arange(0.0, 20.0, 0.01)]
+    arriving += [(t, 'slow', t) for t in slow[slow < 20.0]] + [(t + 0.5, 'late', t) for t in np.arange(0.0, 19.5, 0.1)]
+    arriving += [(0.1 * number + 1e-6, '', 0.1 * number) for number in range(200)]
+    for _, name, stamp in sorted(arriving):
+        if name:
+            rows.take(name, stamp, f(stamp))
+        else:
+            rows.append(stamp, 1)
+    asked = rows.request(200, 100, 1.0)
+    assert asked.newest == 199 and asked.values.shape == (200, 3)
+    time = 0.1 * np.arange(200)
+    for place, tolerance in enumerate((2e-3, 1e-2, 1e-2)):
+        known = np.isfinite(asked.values[:, place])
+        assert known[10:190].all()
+        np.testing.assert_allclose(asked.values[known, place], np.sin(0.7 * time[known]), atol=tolerance)
+    assert asked.delays[0] <= 1 and asked.delays[1] <= 4 and 5 <= asked.delays[2] <= 6
+    assert rows.at(150, asked.delays) == [asked.values[150 - d, k] for k, d in enumerate(asked.delays)]
+
+
+def test_gaps_repetitions_and_samples_out_of_order_are_lost():
+    rows = UpstreamRows(('probe',), 400)
+    rows.begin(0.1, True)
+    for number in range(300):
+        t = 0.1 * number
+        rows.append(t, 1)
+        if not 5.0 < t < 10.0:
+            rows.take('probe', t, math.nan if number % 10 == 3 else 1.0 if 15.0 < t < 20.0 else math.sin(t))
+            rows.take('probe', t - 0.35, 7.0)
+    values = rows.request(300, 100, 1.0).values[:, 0]
+    time = 0.1 * np.arange(300)
+    assert np.isnan(values[(time > 5.2) & (time < 9.9)]).all() and np.isnan(values[(time > 17.2) & (time < 20.0)]).all()
+    seen = (time < 4.9) | (time > 20.5) & (time < 29.5)
+    np.testing.assert_allclose(values[seen], np.sin(time[seen]), atol=0.02)
+
+
+@pytest.mark.parametrize('travel', [4.0, 14.0, 24.0])
+def test_the_past_is_as_long_as_the_wave_travels(travel):
+    trial, probe, _ = craft_and_probe(travel=travel)
+    rows = np.column_stack([trial.roll, np.full((probe.size, 3), math.nan), probe])
+    assert travel - 3.0 <= needed_past(rows, STEP, 3.0) <= travel + 3.0
+
+
+def test_channels_are_known_and_their_gain_is_told():
+    trial, probe, _ = craft_and_probe(duration=300.0)
+    names = ('probe', 'noise')
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=ForecasterSettings(leads=LEADS, upstream=names)))
+    with pytest.raises(InputError, match="'prob' is not an upstream channel: the settings have probe, noise"):
+        pipeline.add_upstream('prob', 0, 1.0)
+    with pytest.raises(InputError, match='given twice'):
+        ForecastPipeline(PipelineSettings(forecaster=ForecasterSettings(upstream=('probe', 'probe'))))
+    noise = np.random.default_rng(2).standard_normal(probe.size)
+    series = {'probe': UpstreamSeries(trial.time, probe), 'noise': UpstreamSeries(trial.time, noise)}
+    from swath_sysid.attitude.prediction.sea_fit import fit_sea
+    from swath_sysid.pipeline.record_run import samples_of
+
+    beside = ArrivingSamples(series, pipeline.add_upstream)
+    for sample in samples_of(trial):
+        beside.until(sample.stamp_ns)
+        step = pipeline.add_sample(sample)
+        if step.sea_request is not None:
+            pipeline.install(fit_sea(step.sea_request))
+    found = pipeline.diagnostics()
+    assert found.candidates == (*CANDIDATES, NEW_UPSTREAM, UPSTREAM, 'without-probe', 'without-noise')
+    assert found.weights.shape == (8, 2, len(LEADS))
+    roll = {name: gain[0] for name, gain in found.upstream_gain.items()}
+    assert (roll['probe'][:2] > 0.4).all() and (np.abs(roll['noise']) < 0.15).all()
