@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from swath_sysid.formats.model_file import read_model as read_model
     from swath_sysid.formats.model_file import write_model as write_model
     from swath_sysid.formats.reading import read_trial as read_trial
+    from swath_sysid.formats.upstream import read_upstream as read_upstream
     from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring as identify_manoeuvring
     from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings as ManoeuvringSettings
     from swath_sysid.manoeuvring.motion.intake import prepare_runs as prepare_runs
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     'formats.reading': ('read_trial',),
+    'formats.upstream': ('read_upstream',),
     'attitude.motion.trial': ('Trial',),
     'attitude.hull.catalogue': ('hull_named',),
     'attitude.hull.simulation': ('simulate',),

@@ -9,10 +9,11 @@ from scipy.signal import lfilter
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.bank import CANDIDATES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UPSTREAM, UpstreamRows, needed_past
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.pipeline.record_run import ArrivingSamples, UpstreamSeries, run_through
+from swath_sysid.pipeline.record_run import ArrivingSamples, UpstreamSeries, run_through, samples_of
 from swath_sysid.pipeline.scoring import score
 
 STEP, TRAVEL, NOISE = 0.2, 4.0, 0.02
@@ -156,9 +157,6 @@ def test_channels_are_known_and_their_gain_is_told():
         ForecastPipeline(PipelineSettings(forecaster=ForecasterSettings(upstream=('probe', 'probe'))))
     noise = np.random.default_rng(2).standard_normal(probe.size)
     series = {'probe': UpstreamSeries(trial.time, probe), 'noise': UpstreamSeries(trial.time, noise)}
-    from swath_sysid.attitude.prediction.sea_fit import fit_sea
-    from swath_sysid.pipeline.record_run import samples_of
-
     beside = ArrivingSamples(series, pipeline.add_upstream)
     for sample in samples_of(trial):
         beside.until(sample.stamp_ns)
@@ -169,4 +167,5 @@ def test_channels_are_known_and_their_gain_is_told():
     assert found.candidates == (*CANDIDATES, NEW_UPSTREAM, UPSTREAM, 'without-probe', 'without-noise')
     assert found.weights.shape == (8, 2, len(LEADS))
     roll = {name: gain[0] for name, gain in found.upstream_gain.items()}
-    assert (roll['probe'][:2] > 0.4).all() and (np.abs(roll['noise']) < 0.15).all()
+    assert (roll['probe'][:2] > 0.8).all() and (np.abs(roll['noise']) < 0.3).all()
+    assert all(np.isnan(gain[1]).all() for gain in found.upstream_gain.values()), 'pitch is not measured'

@@ -14,6 +14,7 @@ from swath_sysid.attitude.prediction.variate_analysis import (
     identify,
     identify_alone,
     lag_gram,
+    max_lags,
     useful_channels,
     without_breaks,
 )
@@ -190,7 +191,7 @@ def test_where_every_tenth_row_is_lost_there_is_still_a_model():
     lost = y.copy()
     lost[::10] = np.nan
     assert not whole_lags(np.isfinite(lost).all(axis=1), 20).any()
-    assert broken(lost, STEP) and not broken(y, STEP)
+    assert broken(lost, max_lags(STEP)) and not broken(y, max_lags(STEP))
     filled = fill_short_gaps(lost - y.mean(axis=0))
     inner = slice(10, -10, 10)
     # the best two-sided interpolation of this system leaves less than the innovations

@@ -72,7 +72,7 @@ def run(arguments: Namespace) -> int:
     readings = read_readings(arguments.record, arguments.topic, **how)
     upstream = read_upstream(arguments.record, arguments.upstream, topic=arguments.topic, columns=columns_of(arguments))
     pipeline = _pipeline_of(nodes, arguments, readings.in_craft_axes, tuple(upstream))
-    beside = ArrivingSamples(upstream, pipeline.add_upstream, int(readings.stamps[0]) - round(1e9 * readings.start))
+    arriving = ArrivingSamples(upstream, pipeline.add_upstream, int(readings.stamps[0]) - round(1e9 * readings.start))
     health = PlayedHealth(pipeline, IMU_TOPIC, [values['diagnostics_period_s'] for values in nodes.values()])
     verdicts = []
     frames = frames_at(predictor['frames_at_s'])
@@ -85,7 +85,7 @@ def run(arguments: Namespace) -> int:
         for index, reading in enumerate(readings):
             if arguments.with_imu:
                 bag.add_imu(reading.stamp_ns, readings.values[index])
-            beside.until(reading.stamp_ns)
+            arriving.until(reading.stamp_ns)
             played = pipeline.add(reading)
             bag.add_played(played)
             for statuses in health.follow(played):

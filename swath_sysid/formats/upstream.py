@@ -81,6 +81,13 @@ def read_upstream(
 
     Raises:
         InputError: A channel is not in the record, or is given twice.
+
+    Example:
+        >>> path = records / 'morro_buoy.csv'
+        >>> upstream = read_upstream(path, ['accel_z_m_s2'])
+        >>> run = run_through(read_trial(path).between(0.0, 20.0), upstream=upstream)
+        >>> len(run.steps) > 100
+        True
     """
     from swath_sysid.formats.bags import is_bag, read_imu
 

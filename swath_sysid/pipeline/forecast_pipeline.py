@@ -166,7 +166,8 @@ class ForecastPipeline:
             InputError: The settings have no channel of this name.
         """
         stamp_ns = self._last_ns if stamp_ns is None else stamp_ns
-        self.forecaster.observe_upstream(name, (stamp_ns - (self._first_ns or stamp_ns)) * NANOSECOND, value)
+        first_ns = stamp_ns if self._first_ns is None else self._first_ns
+        self.forecaster.observe_upstream(name, (stamp_ns - first_ns) * NANOSECOND, value)
 
     def add_converted(self, converted: ConvertedReading, on_next: OnNext | None = None) -> PipelineStep:
         """Add one converted message or sample; see `add`."""

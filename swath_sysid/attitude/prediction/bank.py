@@ -87,6 +87,7 @@ class Bank:
         self.spaces: dict[str, InnovationsFilter] = {}  #: Those on rows.
         self._upstream: dict[str, UpstreamCandidate] = {}
         self._upstream_rows = upstream
+        self._at_row = np.full((len(self.names), 1, len(ATTITUDE)), math.nan), np.empty(0)
         self._axes, self._leads, self._steps, self._step = axes, leads, self.blend.steps, step
         self._horizon = leads[-1] + 2.0 * step
         self._hulls = HullCandidate(axes, step * self._steps)
@@ -156,10 +157,16 @@ class Bank:
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
         return self.blend.combine(mean, covariance, _AXIS_OF_TARGET, self._noise)
 
-    def square_without(self, channel: str) -> np.ndarray:
-        """Least running square error (S, A) of the candidates that do not use an upstream channel."""
-        others = [k for k, name in enumerate(self.names) if name in (*CANDIDATES, without(channel))]
-        return self.blend.mean_square[others].min(axis=0)
+    def gain_of(self, channel: str) -> np.ndarray:
+        """Share of the least running error (S, A) of the others that candidates with an upstream channel save.
+
+        NaN where there are none of the one or the other at present.
+        """
+        present = np.isfinite(self._at_row[0][..., : len(AXES)])
+        squares = np.where(present, self.blend.mean_square, math.nan)
+        is_other = np.array([name in (*CANDIDATES, without(channel)) for name in self.names])
+        ratio = np.fmin.reduce(squares[~is_other]) / np.maximum(np.fmin.reduce(squares[is_other]), 1e-300)
+        return 1.0 - np.sqrt(ratio)
 
     def _forecasts(self, leads: np.ndarray | None, age: float):
         """Readings (K, L, 4) and covariances (K, L, 4, 4) by candidate; NaN where new samples contradict one."""
@@ -168,8 +175,8 @@ class Bank:
         covariance = np.zeros((*mean.shape, len(ATTITUDE)))
         for name, candidate in self.candidates.items():
             mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
-        filters = {**self.spaces, **self._upstream}
-        strained = [self._place[name] for name, each in filters.items() if each.strain > HEALTHY_STRAIN]
+        strains = [(name, space.strain) for name, space in (*self.spaces.items(), *self._upstream.items())]
+        strained = [self._place[name] for name, strain in strains if strain > HEALTHY_STRAIN]
         if strained:
             trusted = self._hull_is_trusted()
             for place in strained:

@@ -51,9 +51,7 @@ def diagnose(
         nrmse, coverage = np.sqrt(blend.blended_square[places]).T / size, blend.coverage[places].T
         candidate = np.sqrt(blend.mean_square[:, places]).transpose(0, 2, 1) / size
         weights = blend.weights[:, places].transpose(0, 2, 1)
-        for channel in bank.channels:
-            ratio = blend.blended_square / np.maximum(bank.square_without(channel), 1e-300)
-            gain[channel] = 1.0 - np.sqrt(ratio[places]).T
+        gain = {channel: bank.gain_of(channel)[places].T for channel in bank.channels}
     return ForecasterDiagnostics(
         interval,
         {name: axis.identified is not None for name, axis in axes.items()},
