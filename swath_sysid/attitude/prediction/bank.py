@@ -175,8 +175,8 @@ class Bank:
         covariance = np.zeros((*mean.shape, len(ATTITUDE)))
         for name, candidate in self.candidates.items():
             mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
-        strains = [(name, space.strain) for name, space in (*self.spaces.items(), *self._upstream.items())]
-        strained = [self._place[name] for name, strain in strains if strain > HEALTHY_STRAIN]
+        filters: dict[str, InnovationsFilter | UpstreamCandidate] = {**self.spaces, **self._upstream}
+        strained = [self._place[name] for name, each in filters.items() if each.strain > HEALTHY_STRAIN]
         if strained:
             trusted = self._hull_is_trusted()
             for place in strained:
