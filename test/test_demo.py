@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from math import radians
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -200,12 +201,21 @@ def test_mistakes_are_told_before_anything_starts(words, sentence, tmp_path, mon
 def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, 'rclpy', None)
     words = []
-    monkeypatch.setattr('swath_sysid.cli.demo.forecast.run', lambda arguments: words.append(vars(arguments)))
+    row = [0.25, 0.5, 0.75, 1.0]
+    scores = SimpleNamespace(
+        nrmse={'forecast': row, 'mean': row[::-1]}, best=('mean',) * 4, coverage=np.full((4, 3), 0.9)
+    )
+    monkeypatch.setattr(
+        'swath_sysid.cli.demo.forecast.scored',
+        lambda arguments: words.append(vars(arguments)) or SimpleNamespace(leads=row, axes={'roll': scores}),
+    )
     assert main(['demo', '--only', 'sea', '--output', str(tmp_path / 'out')]) == 0
     (given,) = words
     assert Path(given['record']) == share_folder() / 'records' / 'morro_buoy.csv'
     assert given['plot'] == str(tmp_path / 'out' / 'sea.png')
-    assert f'swath-sysid forecast {given["record"]} --leads 0.5,1,2,3 --warmup 180' in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f'swath-sysid forecast {given["record"]} --leads 0.5,1,2,3 --warmup 180' in said
+    assert len(said.splitlines()) < 18 and '1.000 │ 0.750' in said
     assert main(['demo', '--output', str(tmp_path)]) == 2
     assert 'needs none: --only sea' in capsys.readouterr().err
 
@@ -245,18 +255,23 @@ def test_a_craft_to_try_is_identified_in_waves_and_its_bag_replays(tmp_path):
 
 
 @pytest.mark.dds
-def test_ctrl_c_ends_the_demonstration_and_its_processes(tmp_path):
+@pytest.mark.parametrize(
+    ('words', 'number', 'awaited'),
+    [(['--only', 'release'], signal.SIGINT, 'ready:'), ([], signal.SIGTERM, 'loading the filters')],
+)
+def test_a_signal_ends_the_demonstration_and_its_processes(tmp_path, words, number, awaited):
+    """While the nodes run, and while the sea is forecast beside them."""
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
-    demo = command_line('demo', '--only', 'release', '--output', tmp_path)
+    demo = command_line('demo', *words, '--output', tmp_path)
     deadline = time.monotonic() + PATIENCE
-    while 'no message' not in (log := _read(tmp_path / 'demo.log')) and 'model' not in log:
+    while awaited not in (log := _read(tmp_path / 'demo.log')) and 'model' not in log:
         assert time.monotonic() < deadline and demo.poll() is None
         time.sleep(0.1)
     from live_bench import children
 
     started = children(demo.pid)
     assert len(started) >= 2
-    demo.send_signal(signal.SIGINT)
+    demo.send_signal(number)
     told, _ = demo.communicate(timeout=PATIENCE)
     assert demo.returncode == 130, told
     assert [pid for pid in started if Path(f'/proc/{pid}').exists()] == []

@@ -6,6 +6,7 @@ import math
 import os
 import random
 import shlex
+import signal
 import subprocess
 import threading
 import time
@@ -16,6 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich.console import Console
+from rich.table import Column, Table
 
 import swath_sysid
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
@@ -33,8 +36,10 @@ from swath_sysid.common.processes import verb_command
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
+from swath_sysid.pipeline.scoring import FORECAST, Skill
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
+from swath_sysid.report.forecast_figure import cell
 from swath_sysid.share import share_folder
 
 if TYPE_CHECKING:
@@ -83,11 +88,18 @@ def run(arguments: Namespace) -> int:
     domain = arguments.domain or random.SystemRandom().randint(1, 100)
     if not 0 <= domain <= 101:
         raise InputError(f'the ROS domain must lie between 0 and 101, not {domain}')
-    if arguments.only != RELEASE:
-        _forecast_sea(output)
     output.mkdir(parents=True, exist_ok=True)
     check_outputs([Output('the log', output / 'demo.log'), Output('the picture', output / 'demo.png')])
-    return _release(craft, arguments, domain, output)
+    os.environ.update(_environment(domain))
+    # while the sea is forecast the nodes start; SIGTERM must end them too
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with _processes(craft, arguments.seed, output / 'demo.log') as processes:
+        if arguments.only != RELEASE:
+            _forecast_sea(output)
+        print(f'A simulated craft, {craft.hull}, released twice from {craft.angle_deg:g} deg, with these nodes:')
+        print(f'\n    {shlex.join(["swath-sysid", *craft.run_words])}\n')
+        print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
+        return _release(craft, processes, output, arguments.keep_running)
 
 
 def _forecast_sea(output: Path) -> None:
@@ -100,25 +112,37 @@ def _forecast_sea(output: Path) -> None:
     )
     parser = ArgumentParser()
     forecast.add_arguments(parser)
-    forecast.run(parser.parse_args(words[1:]))
-    print(f'{output / "sea.png"}: these forecasts beside the measured motion\n', flush=True)
+    skill = forecast.scored(parser.parse_args(words[1:]))
+    Console().print(_table_of_sea(skill))
+    print(f'{output / "sea.png"}: these forecasts beside the measured motion; the command prints every method\n')
 
 
-def _release(craft: _Craft, arguments: Namespace, domain: int, output: Path) -> int:
+def _table_of_sea(skill: Skill) -> Table:
+    """The forecast beside the best of the usual ones."""
+    table = Table(
+        'error / motion (1: as bad as the mean)', *(Column(f'{lead:g} s', justify='right') for lead in skill.leads)
+    )
+    for axis, scores in skill.axes.items():
+        best = [scores.nrmse[name][k] for k, name in enumerate(scores.best)]
+        table.add_row(f'{axis}: forecast', *map(cell, scores.nrmse[FORECAST]), style='bold')
+        table.add_row(f'{axis}: best of {len(scores.nrmse) - 1} usual methods', *map(cell, best))
+        inside = (cell(100.0 * share, 0) for share in scores.coverage[:, 1])
+        table.add_row(f'{axis}: inside the 90 % interval, %', *inside, style='dim', end_section=True)
+    return table
+
+
+def _release(craft: _Craft, processes: Any, output: Path, keeps_running: bool) -> int:
     from swath_sysid.nodes.demo_monitor import Listener
     from swath_sysid.nodes.executor_loop import ros_session
 
-    os.environ.update(_environment(domain))
     began = time.monotonic()
-    with ros_session() as stop, _processes(craft, arguments.seed, output / 'demo.log') as processes:
+    with ros_session() as stop:
         listener = Listener(craft.axis, craft.leads)
         try:
             stage = _Stage(listener, processes, stop)
-            print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
-            print(f'\n    {shlex.join(["swath-sysid", *craft.run_words])}\n', flush=True)
             demonstration = _demonstrate(craft, stage)
             passed = _print_verdict(demonstration, output, began)
-            if arguments.keep_running:
+            if keeps_running:
                 # Ctrl-C is the way to end it, not a failure
                 with suppress(KeyboardInterrupt):
                     _keep_running(stage)
@@ -210,7 +234,8 @@ class _Stage:
         self._versions = received.versions
         for axis, held in received.models.items():
             terms = ', '.join(f'{name} {value:.3g} ± {held.std[name]:.2g}' for name, value in held.model.terms.items())
-            print(f'    {axis}: period {held.model.natural_period:.2f} s, {terms}', flush=True)
+            print(f'    {axis}: natural period {held.model.natural_period:.2f} s; over the inertia, damping b and')
+            print(f'    restoring r: {terms}')
             print(f'    {verdict_text(held)}', flush=True)
 
     def pause(self, stage: str, duration: float) -> None:
@@ -229,13 +254,13 @@ class _Stage:
 def _demonstrate(craft: _Craft, stage: _Stage):
     """Release the craft, wait for its model, release it again."""
     received = stage.listener.received
-    starting = f'starting (the first start takes a minute): {craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
+    starting = 'waiting until the nodes are ready, after an installation for up to a minute'
     if not stage.wait(starting, stage.listener.is_ready, START_TIMEOUT_S):
         raise InputError(f'the nodes sent nothing within {START_TIMEOUT_S:g} s: see demo.log')
     stage.pause('still water, no model', PAUSE_S)
     for attempt in range(ATTEMPTS):
         first = stage.release('lifting the craft')
-        waiting = 'released; waiting until the decay is detected and identified'
+        waiting = 'released; waiting until the decay is detected and the model identified'
         if stage.wait(waiting, lambda: received.model_ns is not None, TIMEOUT_S):
             break
         if attempt == ATTEMPTS - 1:

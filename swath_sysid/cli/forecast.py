@@ -31,7 +31,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.upstream import read_upstream
 from swath_sysid.pipeline.record_run import run_through
-from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, score, usual_limits, usual_warmup
+from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, Skill, score, usual_limits, usual_warmup
 from swath_sysid.pipeline.vertical_record import even_stretches
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.forecast_figure import LABELS, cell, forecast_figure, methods_of
@@ -116,6 +116,16 @@ def _add_quiescence(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the predictor through the record and print its skill."""
+    skill = scored(arguments)
+    if arguments.json:
+        print(json.dumps(skill_as_data(skill), indent=2))
+    else:
+        _print_skill(skill, arguments.record)
+    return 0
+
+
+def scored(arguments: Namespace) -> Skill:
+    """The skill of the predictor on the record, with its warnings shown and its picture written."""
     check_model_and_plot(arguments, [arguments.record, arguments.model])
     trial = read_record(arguments.record, arguments)
     refuse_contradictions(trial, arguments.axis)
@@ -165,11 +175,7 @@ def run(arguments: Namespace) -> int:
     show_advice(skill.advice)
     if arguments.plot:
         save_figure(forecast_figure(trial, run_made, skill), arguments.plot)
-    if arguments.json:
-        print(json.dumps(skill_as_data(skill), indent=2))
-    else:
-        _print_skill(skill, arguments.record)
-    return 0
+    return skill
 
 
 def _print_skill(skill: Any, name: str) -> None:

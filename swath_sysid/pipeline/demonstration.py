@@ -92,10 +92,10 @@ class Verdict:
         if not isfinite(self.after):
             return 'NOT PASSED: no forecast came due after the second release; the machine may be too busy, see the log'
         comparison = (
-            f'forecast {self.lead:g} s (one natural period) ahead: NRMSE {self.after:.3f} with the identified model, '
-            f'{self.unaided:.3f} without it, {self.before:.3f} in the previous release'
+            f'{self.lead:g} s (one natural period) ahead, the forecast errs by {self.after:.1%} of the motion with the '
+            f'identified model, by {self.unaided:.0%} without it, and by {self.before:.0%} in the first release'
         )
-        limits = f'NOT PASSED (at most {LARGEST_ERROR}, and a quarter of that without a model)'
+        limits = f'NOT PASSED (at most {LARGEST_ERROR:.0%}, and a quarter of that without a model)'
         return f'{"passed" if self.is_good else limits}: {comparison}'
 
 

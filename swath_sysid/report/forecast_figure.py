@@ -127,7 +127,9 @@ def _reliability(axes: Axes, skill: Skill, scores: Any, with_quiescence: bool):
         found, enough = skill.quiescence, skill.quiescence.count >= _MIN_COUNT
         style: dict = {'color': MEASURED, 'markersize': 4, 'linewidth': 1.0, 'label': 'quiescence'}
         axes.plot(found.forecast[enough], found.observed[enough], 's--', **style)
-        words: dict = {'fontsize': 7, 'ha': 'center', 'xytext': (0, 6), 'textcoords': 'offset points'}
+        # on white, because lines cross there
+        paper = {'boxstyle': 'square,pad=0.1', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8}
+        words: dict = {'fontsize': 7, 'va': 'center', 'xytext': (7, 1), 'textcoords': 'offset points', 'bbox': paper}
         for forecast, observed, count in zip(found.forecast, found.observed, found.count, strict=True):
             if count >= _MIN_COUNT:
                 axes.annotate(f'{count:d}', (forecast, observed), **words)
