@@ -135,14 +135,14 @@ SENTENCES = {
     'no-friction': 'dry friction is not needed: it worsens the criterion of {equation} by {gain:.0f}',
     'no-header-stamps': '{topic} has no header stamps, so times of arrival are used: have the driver stamp its '
     'messages',
-    'no-model': 'no {axis} model has arrived, so the forecast does without one: identify the hull',
+    'no-model': '{axis} is forecast without a hull model, until one is identified',
     'no-speed': 'no run contains a speed, so surge is assumed, not identified: add surge_m_s, or position and heading',
     'no-sway': 'no run contains a sway velocity, so sway is assumed, not identified: add sway_m_s, or position and '
     'heading',
     'no-thrust': '{source} was left out, because its thrust is always zero: give runs under way',
     'no-turn': 'no run turns (yaw rate within {rate:.1f} deg/s) under a difference of the thrusts, so yaw and sway are '
     'assumed, not identified: add turns and zig-zags',
-    'no-waves': 'no waves have been fitted yet: forecasts improve within a minute or two',
+    'no-waves': 'no waves have been learnt yet: forecasts improve within a minute or two',
     'not-separable: derivatives': '{other} and {name} cannot be told apart on these runs (correlation '
     '{correlation:+.3f}): use them together only, or add {runs}',
     'numba-disabled': 'NUMBA_DISABLE_JIT is set, so fits take longer than they could; unset it',
@@ -274,7 +274,7 @@ SENTENCES = {
 #: What does it on the command line, by the code of an `Advice` or an `InputError`.
 FLAGS = {
     'added-mass-diverges': '--fix m=KG',
-    'columns-unknown': '--column roll=Phi:deg; in a manifest, columns:',
+    'columns-unknown': '--column time=t:s --column roll=Phi:deg; in a manifest, columns:',
     'current-by-run': '--current shared',
     'disturbed-tail': '--end',
     'forced-motion': '--at-sea, or --start and --end',

@@ -1,5 +1,6 @@
 """The columns of tables, for both wings: names with units to readings in SI units."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -11,7 +12,7 @@ from swath_sysid.common.advice import Advice, did_you_mean
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import reading, shown
 from swath_sysid.formats.named_columns import NamedColumns, Progress, listed_names, plain_name
-from swath_sysid.formats.table_files import tables_in
+from swath_sysid.formats.table_files import known_by_name, tables_in
 
 #: Units as the names of columns end in them, with their size in SI.
 UNITS = {
@@ -168,7 +169,7 @@ def read_table(
     Raises:
         InputError: No table or several have what is needed, or the columns of one cannot be read.
     """
-    with reading(path):
+    with reading(path), known_by_name(path):
         matches, problems = [], []
         tables = sorted(tables_in(path), key=lambda table: -len(table.names))  # for the sentence: the widest first
         for table in tables:
@@ -255,27 +256,37 @@ def _with_assigned(
     plain = [plain_name(name) for name in table.names]
     known = _names(quantities)
     known |= {name: ('time', '') for name in (*DATE_NAMES, *(_with_unit(n, u) for n in TIME_NAMES for u in TIME))}
+    units = {name: allowed for _, names, allowed in quantities for name in names} | dict.fromkeys(TIME_NAMES, TIME)
     for quantity, source in assigned.items():
-        name, _, unit = source.rpartition(':')
-        if plain_name(unit) not in UNITS or not name:
-            name, unit = source, ''
+        place, unit = _assigned_place(path, table, source)
         wanted = _with_unit(plain_name(quantity), plain_name(unit))
+        if wanted not in known and plain_name(quantity) in units:
+            ends = ' or '.join(f':{each}' for each in units[plain_name(quantity)])
+            raise InputError(f"'{shown(quantity)}={shown(source)}' states no unit of {quantity}: end it with {ends}")
         if wanted not in known:
-            examples = [each for each in known if each.startswith(plain_name(quantity))] or list(known)
-            raise InputError(
-                f"'{quantity}={source}' is not a quantity, its column and its unit, as in roll=Phi:deg: quantities "
-                f'with their units are {listed_names(examples)}'
-            )
-        whole = [(each, f'{table.name}/{each}', f'{table.name}.{each}') for each in table.names]
-        place = next((k for k, names in enumerate(whole) if name in names), None)
-        if place is None:
-            meant = did_you_mean(name, map(shown, table.names))
-            raise InputError(
-                f"{path} has no column '{shown(name)}'{meant}: assign one of {listed_names(table.names)}", UNKNOWN
-            )
+            listed = ', '.join(('time', *(reading for reading, _, _ in quantities)))
+            meant = did_you_mean(quantity, units)
+            raise InputError(f"there is no quantity '{shown(quantity)}'{meant}: choose from {listed}")
         plain = ['' if known.get(each, ('',))[0] == known[wanted][0] else each for each in plain]
         plain[place] = wanted
     return plain
+
+
+def _assigned_place(path: str | Path, table: NamedColumns, source: str) -> tuple[int, str]:
+    """Place of the column ``name:unit``, and its unit; one that the column's own name states may be left out."""
+    name, colon, unit = source.rpartition(':')
+    bare = [
+        re.sub(r'\s*[\[(](.*)[\])]$', lambda stated: stated[0] * (plain_name(stated[1]) not in UNITS), each)
+        for each in table.names
+    ]
+    for wanted, given in ((source, ''), (name, unit))[: 1 + len(colon)]:
+        for names in (table.names, bare):
+            for place, each in enumerate(names):
+                if wanted in (each, f'{table.name}/{each}', f'{table.name}.{each}'):
+                    return place, given or table.names[place].removeprefix(bare[place])
+    name = name or source
+    meant, listed = did_you_mean(name, map(shown, table.names)), listed_names(table.names)
+    raise InputError(f"{path} has no column '{shown(name)}'{meant}: assign one of {listed}", UNKNOWN)
 
 
 def _find_columns(

@@ -13,7 +13,7 @@ from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.columns import MOTION_QUANTITIES, Table, agree, read_table
+from swath_sysid.formats.columns import MOTION_QUANTITIES, UNKNOWN, Table, agree, read_table
 from swath_sysid.formats.input_files import shown
 from swath_sysid.formats.named_columns import Progress
 from swath_sysid.formats.tables import write_table
@@ -123,10 +123,11 @@ def _check_units(table: Table) -> None:
     for name, (angle, known) in _angles(table, 'rad').items():
         if np.quantile(np.abs(known), 1.0 - BROKEN_SHARE, method='lower') > LARGEST_ANGLES[angle]:
             other = re.sub('rad', 'deg', name, flags=re.IGNORECASE)
-            cure = f"call it '{shown(other)}'" if other != name else 'say so where the column is assigned'
+            cure = f"call it '{shown(other)}'" if other != name else 'assign it with that unit'
             raise InputError(
                 f"{table.path}: '{shown(name)}' goes to {np.abs(known).max():.4g}, more than an angle in rad can be: "
-                f'if it is in degrees, {cure}'
+                f'if it is in degrees, {cure}',
+                UNKNOWN,
             )
 
 

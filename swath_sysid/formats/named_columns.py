@@ -75,7 +75,7 @@ def is_date(cell: Any) -> bool:
 
 
 def numbers_of(values: Any) -> np.ndarray:
-    """Values of any kind as float64, dates as seconds since 1970; NaN for what is no number."""
+    """Values of any kind as float64, dates as seconds since 1970; NaN for anything else."""
     array = np.asarray(values)
     if array.dtype.kind in 'Mm':
         whole = array.astype(f'{array.dtype.kind}8[ns]').astype(np.int64) / 1e9

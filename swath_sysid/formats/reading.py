@@ -16,7 +16,8 @@ from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.input_files import existing, reading
 from swath_sysid.formats.mti import is_mti, read_mti
 from swath_sysid.formats.named_columns import Progress
-from swath_sysid.formats.table_files import head_of_text, kind_of
+from swath_sysid.formats.table_files import kind_of, known_by_name
+from swath_sysid.formats.tables import read_head
 
 if TYPE_CHECKING:
     from swath_sysid.formats.bags import ImuRecord
@@ -70,8 +71,9 @@ def read_trial(
         if topic:
             raise InputError(f'{path} is not a bag, so it has no topic {topic}: leave the topic out, or give a bag')
         try:
-            if not columns and kind_of(path) is None and is_mti(head_of_text(path).names):
-                return read_mti(path, frame, mounting, progress)
+            with known_by_name(path):
+                if not columns and kind_of(path) is None and is_mti(read_head(path).names):
+                    return read_mti(path, frame, mounting, progress)
             return read_csv(path, frame, mounting, progress, columns)
         except InputError as error:
             if path.suffix in MAGIC.values():

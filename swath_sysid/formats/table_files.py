@@ -14,7 +14,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import shown
 from swath_sysid.formats.named_columns import NamedColumns, Progress, Read
-from swath_sysid.formats.tables import TableHead, read_columns, read_head
+from swath_sysid.formats.tables import read_columns, read_head
 
 #: First bytes of files that are none of ours, and what to do with them.
 FOREIGN = {
@@ -67,7 +67,7 @@ def tables_in(path: str | Path) -> list[NamedColumns]:
     """Every table of a file, whose numbers are read when they are asked for."""
     kind = kind_of(path)
     if kind is None:
-        head = head_of_text(path)
+        head = read_head(path)
         return [NamedColumns(head.names, partial(read_columns, path, head), head.remarks, head.dates)]
     with _guarded(path, kind):
         tables = import_module(f'swath_sysid.formats.tank.{kind.module}').tables(path)
@@ -76,15 +76,16 @@ def tables_in(path: str | Path) -> list[NamedColumns]:
     return [replace(table, read=partial(_read, path, kind, table.read)) for table in tables]
 
 
-def head_of_text(path: str | Path) -> TableHead:
-    """What precedes the numbers of a text; the name of another format beside no text is reported."""
+@contextmanager
+def known_by_name(path: str | Path) -> Iterator[None]:
+    """Around the reading of a file: that a text has the name of another format explains why it is no table."""
     try:
-        return read_head(path)
+        yield
     except InputError as error:
-        if Path(path).suffix.lower() in ENDINGS:
+        if Path(path).suffix.lower() in ENDINGS and kind_of(path) is None:
             raise InputError(
-                f'{path} is named {Path(path).suffix} but is no such file, and no table as text either: copy or export '
-                'it again'
+                f'{path} is named {Path(path).suffix} but is no such file, and no record as text either: copy or '
+                'export it again'
             ) from error
         raise
 

@@ -109,7 +109,7 @@ class SearchSettings:
 
     def __post_init__(self):
         if self.algorithm not in ALGORITHMS:
-            raise InputError(f"there is no search '{self.algorithm}': choose from {', '.join(ALGORITHMS)}")
+            raise InputError(f"there is no search algorithm '{self.algorithm}': choose from {', '.join(ALGORITHMS)}")
         if self.preset is not None and self.preset not in PRESETS:
             raise InputError(f"there is no preset '{self.preset}': choose from {', '.join(PRESETS)}")
         if self.preset is not None and self.algorithm != 'ga':

@@ -14,18 +14,23 @@ def tables(path: str | Path) -> list[NamedColumns]:
     import h5py
 
     with h5py.File(path, 'r') as file:
-        return nested_tables(_content(path, file))
+        check_size(path, _size(file))
+        return nested_tables(_content(file))
 
 
-def _content(path: str | Path, group: Any) -> dict[str, Any]:
+def _size(item: Any) -> int:
+    """Numbers in a dataset, or below a group by each of its links."""
+    return sum(map(_size, item.values())) if hasattr(item, 'items') else item.size or 0
+
+
+def _content(group: Any) -> dict[str, Any]:
     content: dict[str, Any] = {}
     for name, item in group.items():
         if name.startswith('#'):
             continue  # MATLAB's own
         if hasattr(item, 'items'):
-            content[name] = _content(path, item)
+            content[name] = _content(item)
         elif item.dtype.kind in 'biuf' and 'MATLAB_empty' not in item.attrs:
-            check_size(path, item.size)
             values = np.squeeze(item[()]).T
             if item.attrs.get('MATLAB_class') == b'char':
                 content[name] = ''.join(map(chr, values.ravel()))

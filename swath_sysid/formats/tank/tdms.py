@@ -1,5 +1,6 @@
 """LabVIEW TDMS files: a table for each group of channels."""
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,10 @@ from swath_sysid.formats.named_columns import NamedColumns, Progress, Read, by_l
 def tables(path: str | Path) -> list[NamedColumns]:
     """The channels of each group, with their units; those of a waveform state its interval."""
     from nptdms import TdmsFile
+    from nptdms.log import log_manager
 
+    # what it warns of is refused below, or raised when the channel is read
+    log_manager.set_level(logging.ERROR)
     with TdmsFile.open(path) as file:
         if file.file_status.incomplete_final_segment:
             raise InputError(f'{path} was cut off while it was written or copied: copy it again, or export its rest')

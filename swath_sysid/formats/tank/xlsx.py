@@ -45,7 +45,9 @@ def _table(path: str | Path, sheet: Any) -> NamedColumns | None:
     if at is None:
         return None
     names = [str(cell or '') for cell in above[at]]
-    if at and _texts(above[at - 1]) and all(plain_name(unit) in UNITS for unit in names):
+    # a unit that is not known may belong to a column that is not read; a title has fewer cells
+    filled = [sum(bool(cell) for cell in line) for line in (above[at - 1], names)]
+    if at and filled[0] >= filled[1] and any(unit and plain_name(unit) in UNITS for unit in names):
         names = [with_unit(str(name or ''), unit) for name, unit in zip(above[at - 1], names, strict=False)]
     remarks = {}
     for cells in ([cell for cell in line if cell is not None] for line in above[:at]):
