@@ -114,12 +114,14 @@ def test_the_simulation_objective_is_never_left_out(folder):
 
 
 def test_a_new_manifest_reads_back(folder):
-    (folder / 'odd one.csv').write_text('')
+    for name in ('odd one.csv', 'single 8deg 0.25m.csv'):
+        (folder / name).write_text('')
     write_new_manifest(folder, folder / 'new.yaml')
     found = read_manifest(folder / 'new.yaml')
     assert found.faults == ()
-    assert {t.path.name for t in found.trials} == {*NAMES, 'odd one.csv'}
-    assert {(t.initial_angle_deg, t.repeat) for t in found.trials} >= {(3.0, 1), (8.4, 2)}
+    assert {t.path.name for t in found.trials} == {*NAMES, 'odd one.csv', 'single 8deg 0.25m.csv'}
+    assert {(t.initial_angle_deg, t.repeat) for t in found.trials} >= {(3.0, 1), (8.4, 2), (8.0, None)}
+    assert ('draft_m', 0.25) in {t.loading for t in found.trials}
     with pytest.raises(InputError, match='exists already'):
         write_new_manifest(folder, folder / 'new.yaml')
     (folder / 'empty').mkdir()
@@ -133,6 +135,8 @@ def test_a_new_manifest_reads_back(folder):
     [
         ('pitch_8.4deg_repeat1.csv', '{axis}_{angle}deg_repeat{repeat}.csv'),
         ('roll_5deg_0.9T_run12.mcap', '{axis}_{angle}deg_{draft_factor}T_run{repeat}.mcap'),
+        ('decay_8deg_0.25m.csv', 'decay_{angle}deg_{draft}m.csv'),
+        ('1.5m_s_5deg_300mm.csv', '1.5m_s_{angle}deg_300mm.csv'),
         ('30kg-trial3.csv', '{displacement}kg-trial{repeat}.csv'),
         ('notes.csv', 'notes.csv'),
     ],

@@ -237,9 +237,12 @@ def test_an_equation_that_suits_no_record_is_left_out(trials, tmp_path):
     assert all(t.record is not None for t in outcome.trials)
 
 
-def test_nothing_usable_is_an_error(tmp_path):
-    (tmp_path / 'bad.csv').write_text('not a trial\n')
-    with pytest.raises(InputError, match='no trial of the campaign can be used: bad.csv: trials, 1'):
+@pytest.mark.parametrize(
+    'content, cure', [('not a trial\n', ''), ('t,Phi\n0,1\n1,2\n', '.*columns: {time: .t:s., roll: .Phi:deg.}')]
+)
+def test_nothing_usable_is_an_error(tmp_path, content, cure):
+    (tmp_path / 'bad.csv').write_text(content)
+    with pytest.raises(InputError, match=f'no trial of the campaign can be used: bad.csv: trials, 1{cure}'):
         work_off(tmp_path, tmp_path / 'out', text='axis: pitch\ntrials: [{file: bad.csv}]\n')
 
 

@@ -19,6 +19,7 @@ from swath_sysid.attitude.identification.extinction import TypeB
 from swath_sysid.attitude.identification.identify import OBJECTIVES
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.common.advice import counted
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.input_files import existing, shown
@@ -371,8 +372,8 @@ def new_manifest(folder: str | Path, name: str = 'campaign.yaml', at: str | Path
     way = '' if way == './' else way
     lines = []
     for pattern, names in by_pattern.items():
-        if '{' in pattern and len(names) > 1:
-            lines.append(f'  - pattern: {_quoted(way + pattern)}   # {len(names)} files')
+        if '{' in pattern:
+            lines.append(f'  - pattern: {_quoted(way + pattern)}   # {counted(len(names), "file")}')
         else:
             hints = '    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
             lines += [f'  - file: {_quoted(way + name)}\n{hints}' for name in names]
@@ -398,6 +399,7 @@ def pattern_of_name(name: str) -> str:
     number = r'\d+(?:[.,]\d+)?'
     stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?(?:deg|°))', '{angle}', stem, count=1)
     stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?T(?![a-z]))', '{draft_factor}', stem, count=1)
+    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?m(?![a-z0-9/]|[_-]s))', '{draft}', stem, count=1)
     stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?kg)', '{displacement}', stem, count=1)
     stem = re.sub(r'((?:repeat|rep|run|trial)[ _-]?)\d+', r'\1{repeat}', stem, count=1, flags=re.IGNORECASE)
     stem = re.sub(r'(?<![a-z])(roll|pitch)(?![a-z])', '{axis}', stem, count=1)

@@ -41,6 +41,7 @@ from swath_sysid.campaign.result_store import ResultStore, key_of
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
+from swath_sysid.formats.columns import UNKNOWN
 from swath_sysid.formats.reading import read_trial, source_hash
 
 RESULT_FORMAT = 3  #: Raised when earlier results can no longer be used.
@@ -62,6 +63,8 @@ class TrialOutcome:
 
     def left_out(self, reason: object) -> 'TrialOutcome':
         """The same, not used."""
+        if getattr(reason, 'code', '') == UNKNOWN:
+            reason = f"{reason} (columns: {{time: 't:s', roll: 'Phi:deg'}} in the manifest)"
         return replace(self, record=None, reason=f'{self.entry.where}: {reason}', advice=())
 
 
