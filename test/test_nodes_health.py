@@ -44,7 +44,7 @@ def test_every_reason_has_an_advice():
 def test_a_sensor_never_heard_is_waited_for_and_then_an_error():
     health = StreamHealth('imu/data')
     levels = [report(health, now).level for now in (0.0, 1.0, 4.0, 6.0)]
-    assert levels == [WARN, WARN, WARN, ERROR]
+    assert levels == [OK, OK, OK, ERROR]
     assert 'remap' in report(health, 7.0).message
 
 
@@ -146,6 +146,11 @@ def test_what_holds_warns_until_it_is_settled():
     assert levels == [WARN] * 3 and told.level == WARN and 'model-not-saved: b.yaml is a folder' in told.message
     health.settle('manoeuvre_model_path')
     assert health.report('pitch odd-cubic', 1, False).level == OK and health.counts[NOT_SAVED] == 2
+
+
+def test_a_start_without_model_and_waves_is_no_fault():
+    _, forecast, _ = PredictorHealth('/imu/data', ForecastPipeline()).reports(0.0, EPOCH_NS)
+    assert forecast.level == OK and 'no waves have been learnt yet' in forecast.message
 
 
 def test_a_sensor_warns_too_while_something_holds():

@@ -40,7 +40,7 @@ MODEL_PARAMETERS = {
 END_S = 15.0  #: Within which a process has to end before it is killed.
 
 OPEN_TO_THE_SUBNET = (
-    'the whole subnet can use these nodes: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST restricts them to this machine'
+    'note: other machines of this subnet can use these nodes; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them here'
 )
 
 

@@ -19,6 +19,8 @@ from swath_sysid.pipeline.health import (
     StreamHealth,
 )
 
+EXPECTED = {'no-model', 'no-waves'}  #: Codes of advice about what a start lacks, or a craft that never was released.
+
 
 class PredictorHealth(StreamHealth):
     """How samples become forecasts; see `StreamHealth`."""
@@ -46,10 +48,10 @@ class PredictorHealth(StreamHealth):
         """The statuses of now; see `StreamHealth.report`."""
         state = self._pipeline.diagnostics()
         interval = None if isnan(state.sample_interval) else state.sample_interval
-        level, message = OK, 'forecasting with the identified model'
         refused = [f'{self._refusal}; the previous model stays'] if self._refusal else []
-        if refused or state.advice:
-            level, message = WARN, '; '.join([*refused, *(advice.message for advice in state.advice)])
+        message = '; '.join([*refused, *(advice.message for advice in state.advice)])
+        is_wrong = refused or not {advice.code for advice in state.advice} <= EXPECTED
+        level, message = WARN if is_wrong else OK, message or 'forecasting with the identified model'
         values: dict[str, object] = {
             **{f'has_model_{axis}': state.has_model[axis] for axis in AXES},
             'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,

@@ -223,8 +223,9 @@ class StreamHealth(Reasons):
 
     def _verdict(self, age: float | None, fresh: Mapping[str, int], clock_is_stopped: bool) -> tuple[int, str]:
         if age is None:
-            level = ERROR if self._silence > STARTING_TIME else WARN
-            return level, f'no message on {self.topic} yet: {CURES[NO_MESSAGE_YET]}'
+            if self._silence <= STARTING_TIME:
+                return OK, f'waiting for the first message on {self.topic}'
+            return ERROR, f'no message on {self.topic} yet: {CURES[NO_MESSAGE_YET]}'
         if self._silent:
             return ERROR, f'no message on {self.topic} for {self._silence:.1f} s: {CURES[SILENT]}'
         if self._several:
