@@ -44,9 +44,22 @@ def test_period_is_that_of_the_swing():
     assert motion_period(np.arange(50.0), np.full(50, 2.0)) is None
 
 
+@pytest.mark.parametrize(
+    ('name', 'amplitude', 'is_doubted'),
+    [('roll_deg', 0.1, True), ('roll_deg', 3.0, False), ('roll_rad', 2.5, True), ('roll_rad', 0.5, False)],
+)
+def test_angles_of_an_unlikely_size_may_have_the_other_unit(tmp_path, name, amplitude, is_doubted):
+    path = tmp_path / 'a.csv'
+    rows = '\n'.join(
+        f'{0.01 * k},{v}' for k, v in enumerate(amplitude / np.ptp(swing(900, 200.0)) * 2 * swing(900, 200.0))
+    )
+    path.write_text(f'time_s,{name}\n{rows}\n')
+    assert ('other-unit-likely' in {a.code for a in read_csv(path).advice}) == is_doubted
+
+
 def test_nbp1406_at_one_hertz_is_read(data_folder):
     trial = read_csv(data_folder / 'waves' / 'nbp1406_ship.csv')
-    assert 'hardly-moves' not in {a.code for a in trial.advice}
+    assert 'other-unit-likely' not in {a.code for a in trial.advice}
 
 
 def test_sample_numbers_are_read_where_their_rate_is_given(tmp_path):

@@ -22,6 +22,11 @@ from swath_sysid.cli.sources import add_source_arguments, motions_of, trials_of,
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
 
+OF_IDENTIFY = (
+    'These are the equations of the catalogue. Without --equation, identify fits one general hull and keeps the terms '
+    'that the records show, so its model may have other terms.'
+)
+
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Records, equations, search, output."""
@@ -68,6 +73,8 @@ def run(arguments: Namespace) -> int:
     else:
         _print_ranking(found)
         print(f'Choice: {found.reason}', f'The fit is {choice.verdict}', *written, sep='\n')
+        if arguments.equations is None:
+            print(OF_IDENTIFY)
     return exit_code_of(arguments, choice.verdict)
 
 

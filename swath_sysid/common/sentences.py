@@ -89,7 +89,6 @@ SENTENCES = {
     '{time:.1f} s: the fit bridges this, but record again if the first cycles are missing',
     'gravity-missing': 'the accelerations average {force:.2f} m/s^2, without gravity: have the driver give the '
     'specific force, which reads {gravity:.2f} upward at rest, or none',
-    'hardly-moves': "'{name}' moves by only {amplitude:.2g} deg: if it is in rad, name it '{other}'",
     'held-samples': '{source}: {name} changes only every {usual:.0f}th sample, so repeated values are treated as '
     'missing',
     'holds-decay': 'this record contains a free decay, which shows more about the hull: identify it as a decay',
@@ -152,6 +151,7 @@ SENTENCES = {
     'the simulation objective for a model that forecasts',
     'out-of-order-stamps': '{rows} out of order were left out: split the file if it holds two recordings, or a replay '
     'that looped',
+    'other-unit-likely': "'{name}' moves by {amplitude:.2g} {unit}: if it is in {other}, let its name say so",
     'outlier': '{name} {value:.3g} was rejected: expected {expected:.3g}',
     'outside-valid-amplitude': '{axis} reaches {reached:.1f} deg, but its model was identified at {largest:.1f} deg '
     'and less, so forecast errors may exceed their intervals; identify again after a release from a larger angle',

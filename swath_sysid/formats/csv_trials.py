@@ -74,7 +74,7 @@ def read_csv(
         source=str(path),
         draft=table.remark('draft_m'),
         initial_angle=table.remark('initial_angle_rad') if degrees is None else float(np.radians(degrees)),
-        advice=(*table.advice, *_small_angle_advice(table)),
+        advice=(*table.advice, *_unit_advice(table)),
     )
     motions = [values for name, values in trial.channels.items() if name not in ACCEL]
     stamps, first = trial.time + (table.start - trial.time[0]), table.columns[0]
@@ -131,18 +131,20 @@ def _check_units(table: Table) -> None:
             )
 
 
-def _small_angle_advice(table: Table) -> tuple[Advice, ...]:
-    """Advice (``hardly-moves``) where all angles are declared in degrees but move as little as angles in rad do."""
-    angles = {name: known for name, (_, known) in _angles(table, 'deg').items()}
-    amplitudes = {name: float(np.subtract(*np.percentile(known, [99, 1]))) / 2 for name, known in angles.items()}
-    if not amplitudes or not AMPLITUDES_RAD[0] < max(amplitudes.values()) < AMPLITUDES_RAD[1]:
-        return ()
-    name = max(amplitudes, key=lambda angle: amplitudes[angle])
-    samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name])
-    if samples_a_cycle is None or samples_a_cycle < MIN_SAMPLES_A_CYCLE:
-        return ()
-    other = re.sub('deg', 'rad', name, flags=re.IGNORECASE)
-    return (Advice.of('hardly-moves', name=shown(name), amplitude=amplitudes[name], other=shown(other)),)
+def _unit_advice(table: Table) -> tuple[Advice, ...]:
+    """Advice where all angles move as little as those in rad, or more than any: one of ``other-unit-likely``."""
+    for unit, other, low, high in (('deg', 'rad', *AMPLITUDES_RAD), ('rad', 'deg', AMPLITUDES_RAD[1], np.inf)):
+        angles = {name: known for name, (_, known) in _angles(table, unit).items()}
+        amplitudes = {name: float(np.subtract(*np.percentile(known, [99, 1]))) / 2 for name, known in angles.items()}
+        if not amplitudes or not low < max(amplitudes.values()) < high:
+            continue
+        name = max(amplitudes, key=lambda angle: amplitudes[angle])
+        samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name])
+        if samples_a_cycle is not None and samples_a_cycle >= MIN_SAMPLES_A_CYCLE:
+            return (
+                Advice.of('other-unit-likely', name=shown(name), amplitude=amplitudes[name], unit=unit, other=other),
+            )
+    return ()
 
 
 def _installation(table: Table, frame: str | None, mounting: tuple[float, float, float]) -> Installation:

@@ -88,15 +88,15 @@ def _guide(state: PageState) -> Update:
 
     def update(view: View) -> None:
         guidance = view.guidance
+        action = '' if guidance.action in view.refusals else guidance.action
         progress.value = (STEPS.index(guidance.step) + 1) / len(STEPS)
         sentence.text = guidance.sentence
         cure.text = f'{guidance.fault}: {guidance.cure}' if guidance.fault else guidance.cure
         cure.classes(add='fault') if guidance.fault else cure.classes(remove='fault')
         for name, button in buttons.items():
-            button.show(view.refusals.get(name, ''))
+            button.show(view.refusals.get(name, ''), name == action)
         buttons['push'].button.visible = view.can_push
         buttons['record'].button.text = 'Stop recording' if view.is_recording else BUTTONS['record'][0]
-        action = '' if guidance.action in view.refusals else guidance.action
         if action != primary.props.get('data-action'):
             primary.props(f'data-action="{action}"')
             primary.text = BUTTONS[action][0] if action else ''
@@ -123,9 +123,13 @@ class _Button:
         with ui.element('span'):
             self.button = ui.button(label, on_click=press).props(f'no-caps flat dense data-name="{name}"')
             self._tooltip = ui.tooltip(meaning)
+        self._is_primary = False
 
-    def show(self, refusal: str) -> None:
-        """Update it; nothing is sent where it has not changed."""
+    def show(self, refusal: str, is_primary: bool) -> None:
+        """Update it; nothing is sent where it has not changed. Its place stays while it is the primary one."""
+        if is_primary != self._is_primary:
+            self._is_primary = is_primary
+            self.button.style(f'visibility: {"hidden" if is_primary else "visible"}')
         if self._tooltip.text != (text := refusal or self._meaning):
             self.button.enabled, self._tooltip.text = not refusal, text
 

@@ -176,7 +176,7 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
             'absent-term',
             f'{found.model.equation.name} lacks a term that the motion shows ({absent.name}, '
             f'{absent.significance:.0f} standard deviations from zero), which biases its other '
-            f'coefficients: add {absent.name}, or name no equation',
+            f'coefficients: fit an equation that has {absent.name}',
         )
 
 
