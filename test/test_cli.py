@@ -12,6 +12,7 @@ from swath_sysid.cli.main import VERBS, main, module_of
 from swath_sysid.common.sentences import FLAGS, with_flags
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.reading import read_trial
+from swath_sysid.share import share_folder
 
 
 def released(folder, *options):
@@ -282,6 +283,17 @@ def test_a_forecast_of_slow_samples_says_which_leads_were_not_measured(tmp_path,
     assert 'pitch' not in out and ' = VAR(60)' in out
     assert main(['forecast', str(path), '--leads', '-1,2']) == 2
     assert 'cannot be -1: give 0.01 to 120 s' in last_line(capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(('options', 'code'), [((), 'forced-motion'), (('--end', '120'), 'too-few-waves')])
+def test_inspect_promises_of_waves_what_identify_keeps(options, code, capsys):
+    words = [str(share_folder() / 'records' / 'morro_buoy.csv'), '--axis', 'roll', *options]
+    assert main(['inspect', *words]) == 0
+    told = capsys.readouterr().out
+    assert f'[{code}]' in told
+    if options:
+        assert main(['identify', *words, '--at-sea']) == 2
+        assert capsys.readouterr().err.partition(': ')[2].strip() in told
 
 
 def test_inspect_tells_what_contradicts_itself(trial_file, tmp_path, capsys):

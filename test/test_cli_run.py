@@ -45,6 +45,7 @@ def test_a_model_for_a_node_that_reads_none_is_refused():
         ('--simulate swath-roll --sea -1', 'cannot be -1'),
         ('--simulate swath-roll --use-sim-time', 'leave out --use-sim-time'),
         ('--sea 0.3', 'add --simulate'),
+        ('--simulate hydrofoil', "no hull 'hydrofoil': choose from swath-pitch"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused_before_anything_starts(words, sentence, capsys):

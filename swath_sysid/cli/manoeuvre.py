@@ -116,8 +116,8 @@ def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
     )
     parser.add_argument('--thrust-input', choices=INPUTS, help='thrust in a bag: N or commands (default: detected)')
     for name in ('odometry', 'imu', 'port', 'starboard'):
-        of = f'topic of the {name} thruster' if name in ('port', 'starboard') else None
-        parser.add_argument(f'--{name}-topic', metavar='TOPIC', help=of)
+        of = {'odometry': 'odometry', 'imu': 'IMU'}.get(name, f'{name} thruster')
+        parser.add_argument(f'--{name}-topic', metavar='TOPIC', help=f'topic of the {of}, for bags with several')
 
 
 def _add_fields(parser: ArgumentParser, fields: Sequence[tuple[str, str, str]], settings: Any) -> None:

@@ -50,7 +50,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=not_negative,
         default=0.0,
         metavar='S',
-        help='delay from a window to its model; 0.1 to 3 s on board (default: until the next sample)',
+        help='seconds from the end of a decay to its model, 0.1 to 3 on board (default: the next sample)',
     )
     parser.add_argument('--with-imu', action='store_true', help='copy the IMU messages to the output as well')
     add_json_argument(parser)

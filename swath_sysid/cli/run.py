@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.cli.interfaces import interface_lines
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
@@ -96,6 +96,7 @@ def processes_beside(arguments: Namespace) -> list[list[str]]:
     if arguments.simulate:
         if arguments.use_sim_time:
             raise InputError('the simulated craft keeps the time of this machine: leave out --use-sim-time')
+        hull_named(arguments.simulate)
         values = {'hull': arguments.simulate, 'sea_deg': arguments.sea}
         craft_settings(defaults('simulated_craft') | values)
         commands.append([*craft_command(**values), *remappings(arguments)])

@@ -87,8 +87,8 @@ SENTENCES = {
     '{median:.4g} s): nothing is filled in; choose a part without gaps if the fit is poor',
     'gaps: decay': 'the decay has {gaps} longer than a quarter of its period, the longest of {longest:.2g} s at '
     '{time:.1f} s: the fit bridges this, but record again if the first cycles are missing',
-    'gravity-missing': 'the accelerations average {force:.2f} m/s^2, without gravity: have the driver give the '
-    'specific force, which reads {gravity:.2f} upward at rest, or none',
+    'gravity-missing': 'the accelerations average {force:.2f} m/s^2, without gravity: have the driver publish the '
+    'specific force, which is {gravity:.2f} m/s^2 upward at rest, or no accelerations',
     'held-samples': '{source}: {name} changes only every {usual:.0f}th sample, so repeated values are treated as '
     'missing',
     'holds-decay': 'this record contains a free decay, which shows more about the hull: identify it as a decay',
@@ -159,8 +159,8 @@ SENTENCES = {
     'wind, waves, a wrong thrust or a reversed channel',
     'rate-late': 'the {axis} rate comes {lag:.2f} s after the {axis} angle: have the driver stamp both when they are '
     'measured and look for a slow filter on the rate, or move its column by as much',
-    'rate-offset': 'the {axis} rate is {offset:+.1f} deg/s off the change of the angle: calibrate the gyroscope at '
-    'rest, or take the offset away',
+    'rate-offset': 'the {axis} rate differs by {offset:+.1f} deg/s from the derivative of the {axis} angle: calibrate '
+    'the gyroscope at rest, or subtract this offset',
     'rate-scale': 'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: check the units of angle, '
     'rate and time, and the scale of the gyroscope',
     'rate-sign': 'roll and pitch rate are the derivatives of their angles with the opposite sign, while the '
@@ -251,7 +251,12 @@ SENTENCES = {
     'time-unit': '{name} counts 0, 1, 2, ..., which means {period:.3g} s per cycle: if it numbers the samples, name it '
     'time_samples and put a line "# sample_rate_hz: 100" above; if it counts milliseconds, name it time_ms',
     'too-few-cycles': 'the decay shows only {cycles:.1f} cycles, and two are needed to show how the damping depends on '
-    'the amplitude: release from a larger angle, fit several trials jointly, or choose an equation with linear damping',
+    'the amplitude: release from a larger angle, fit several trials jointly, or, if the craft is damped '
+    'too strongly for more, choose an equation with linear damping',
+    'too-few-waves': 'the {axis} holds {duration:.0f} s of motion in waves, whose spectrum peaks at {period:.3g} s: '
+    'too few waves to separate hull and sea: record at least {needed:.0f} s, better three times as long',
+    'too-few-waves: samples': 'the {axis} has only {samples} samples there: give at least 10 minutes of motion in '
+    'waves',
     'too-small': 'the decay starts with an amplitude of only {size:.2g} {unit}, where friction and the basin dominate '
     'the damping: release from 3 deg or more',
     'too-small: noise': 'the decay starts with an amplitude of {size:.2g} {unit}, only {ratio:.1f} times the noise of '

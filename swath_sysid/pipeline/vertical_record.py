@@ -43,9 +43,10 @@ def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretc
     name = trial.source or 'the record'
     absent = [channel for channel in names if channel not in trial.channels]
     if absent:
+        unused = ' (a measured heave is not used)' if 'heave' in trial.channels else ''
         raise InputError(
-            f'{name} holds no {absent[0]}: vertical motion needs {", ".join(names)}, so record the accelerations and '
-            'the attitude of the same IMU'
+            f'{name} holds no {absent[0]}: vertical motion needs {", ".join(names)}{unused}, so record the '
+            'accelerations and the attitude of the same IMU'
         )
     complete = np.isfinite([trial.channels[channel] for channel in names]).all(axis=0)
     time = trial.time[complete]

@@ -4,9 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from swath_sysid.attitude.identification.at_sea import sea_of
 from swath_sysid.attitude.motion.quality import check_decay, check_motion
-from swath_sysid.attitude.motion.segmentation import find_decays
+from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.figures import measured_channel
@@ -36,7 +39,7 @@ def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
 def _axis_as_data(motion: AxisMotion):
     decays = find_decays(motion)
     values, _ = measured_channel(motion)
-    advice = [*check_motion(motion, decays)]
+    advice = [_of_waves(motion, each) for each in check_motion(motion, decays)]
     advice += [a for decay in decays for a in (*decay.advice, *check_decay(motion, decay))]
     return {
         'samples': motion.size,
@@ -51,6 +54,16 @@ def _axis_as_data(motion: AxisMotion):
         ],
         **warnings_as_data(advice),
     }
+
+
+def _of_waves(motion: AxisMotion, advice: Advice) -> Advice:
+    """Where motion in waves is too short to be identified, advice that says so."""
+    if advice.code == FORCED_MOTION:
+        try:
+            sea_of(motion)
+        except InputError as error:
+            return Advice(error.code, str(error))
+    return advice
 
 
 def record_in_words(data: dict) -> list[str]:

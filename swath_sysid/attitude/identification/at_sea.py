@@ -215,7 +215,7 @@ def excitation_spectrum(frequency: np.ndarray, peak: Any, peakedness: Any, tail:
 def _best_fit(motion: AxisMotion, heave: Heave | None, progress: Progress | None, should_cancel: ShouldCancel | None):
     """The likelihood with the sea that is to be used, and its optima, the best first."""
     report = progress or (lambda share: None)
-    sea = _prepared(motion)
+    sea = sea_of(motion)
     fit = SeaPosterior(sea, None, should_cancel)
     optima = fit.minimise(fit.starts())
     report(0.5)
@@ -229,20 +229,19 @@ def _best_fit(motion: AxisMotion, heave: Heave | None, progress: Progress | None
     return fit, optima
 
 
-def _prepared(motion: AxisMotion) -> SeaMotion:
+def sea_of(motion: AxisMotion) -> SeaMotion:
+    """The motion in waves, with enough of them to separate hull and sea."""
     if motion.size < 64:
-        raise InputError(
-            f'the {motion.axis} has only {motion.size} samples there: give at least 10 minutes of motion in waves'
-        )
+        short = Advice.of('too-few-waves: samples', axis=motion.axis, samples=motion.size)
+        raise InputError(short.message, short.code)
     sea = sea_motion(motion)
     period = 2.0 * np.pi / sea.peak
     needed = (MIN_WAVES + 2.0 * EDGE_PERIODS) * period
     if sea.duration < MIN_WAVES * period:
-        raise InputError(
-            f'the {motion.axis} holds {sea.duration:.0f} s of motion in waves, whose spectrum peaks at {period:.3g} s: '
-            f'too few waves to separate hull and sea: record at least {np.ceil(needed):.0f} s, better three times as '
-            'long'
+        short = Advice.of(
+            'too-few-waves', axis=motion.axis, duration=sea.duration, period=period, needed=np.ceil(needed)
         )
+        raise InputError(short.message, short.code)
     return sea
 
 
