@@ -79,7 +79,7 @@ def test_it_says_where_nobody_has_decided_how_far_the_nodes_are_heard(monkeypatc
         if decided:
             monkeypatch.setenv(decided, '1')
         assert run.run(parsed('--only', 'predictor')) == 0
-        assert ('whole subnet' in capsys.readouterr().err) is not bool(decided)
+        assert ('of this subnet' in capsys.readouterr().err) is not bool(decided)
 
 
 @pytest.mark.dds
