@@ -95,8 +95,7 @@ def settle(problem: Problem, fits: Sequence[Identification]) -> list[dict]:
 
     def refit(fit: Identification, better: Identification) -> Identification:
         tried = replace(fit.search, best=np.empty(0), value=float('nan'), stop='refined')
-        equation = fit.settings.chosen_equation
-        return refit_from(problem, fit.settings, equation, better.model.ratios, better.states, tried)
+        return refit_from(problem, fit.settings, better.model.ratios, better.states, tried)
 
     return [fit.plain() for fit in enforce_nesting(fits, refit)]
 
@@ -118,8 +117,7 @@ def fit_together(problem: Problem, starts: Sequence[Identification]) -> dict:
     largest = max(starts, key=lambda start: start.amplitude_range[1])
     states = [state for start in starts for state in start.states]
     search = SearchResult(np.empty(0), float('nan'), 0, 0, 'refined')
-    equation = largest.settings.chosen_equation
-    return refit_from(problem, largest.settings, equation, largest.model.ratios, states, search).plain()
+    return refit_from(problem, largest.settings, largest.model.ratios, states, search).plain()
 
 
 @dataclass(frozen=True)

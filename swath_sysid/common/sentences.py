@@ -37,8 +37,6 @@ SENTENCES = {
     'angles only: record roll, pitch and all three gyro axes',
     'clocks-apart': '{path}: header stamps and times of arrival drift apart, so times of arrival are used for all '
     'topics: record with one clock',
-    'coarse-quantisation': 'the {quantity} is rounded to {step:.2g} {unit}, so the first amplitude has only '
-    '{steps:.0f} steps: write more digits, or use a finer sensor',
     'columns-misspelt': 'columns that are not read: {pairs}',
     'compass-misaligned': '{source}: the craft moves {offset:.1f} deg to {side} of its heading on straight courses, '
     'and heading and speeds were turned by that much; calibrate the compass',
@@ -259,8 +257,6 @@ SENTENCES = {
     'waves',
     'too-small': 'the decay starts with an amplitude of only {size:.2g} {unit}, where friction and the basin dominate '
     'the damping: release from 3 deg or more',
-    'too-small: noise': 'the decay starts with an amplitude of {size:.2g} {unit}, only {ratio:.1f} times the noise of '
-    '{noise:.2g} {unit}: release from a larger angle, or use a quieter sensor',
     'too-small: record': '{name} hardly moves ({reach} peak to peak): release the craft from 3 deg or more, and check '
     'that this is the axis that moved',
     'twist-in-world-axes': '{path}: the twist of the odometry is in world axes and was turned into body axes: publish '

@@ -17,9 +17,9 @@ from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import TERM_INDEX, TERM_NAMES
+from swath_sysid.attitude.identification.motion_fit import PERTURBATION
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.identification.sea_motion import (
-    EDGE_PERIODS,
     GAUSSIAN_RATE,
     Heave,
     SeaMotion,
@@ -64,7 +64,6 @@ MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; ot
 EDGE_SOFTNESS = 0.1
 
 MISSING_TOGETHER = 12  #: Neighbouring bands whose misfits may be correlated.
-PERTURBATION = 1e-6
 
 #: Relative standard deviations above which the result is unusable; from half of them the sea is reported to hide the
 #: hull.
@@ -236,7 +235,8 @@ def sea_of(motion: AxisMotion) -> SeaMotion:
         raise InputError(short.message, short.code)
     sea = sea_motion(motion)
     period = 2.0 * np.pi / sea.peak
-    needed = (MIN_WAVES + 2.0 * EDGE_PERIODS) * period
+    # one at each end is left out
+    needed = (MIN_WAVES + 2) * period
     if sea.duration < MIN_WAVES * period:
         short = Advice.of(
             'too-few-waves', axis=motion.axis, duration=sea.duration, period=period, needed=np.ceil(needed)

@@ -15,17 +15,13 @@ from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring_slope
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, innovations
-from swath_sysid.attitude.identification.motion_fit import InitialState
+from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState
 from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
-STEPS_PER_PERIOD = 24
 BIAS_PRIOR = float(np.radians(2.0))  #: rad/s: an uncalibrated gyro's.
-#: Initial state and trim, as parts of the first amplitude, about the first estimates: these are the same for every
-#: equation, so that likelihoods can be compared.
-STATE_PRIOR = 1.0
 #: Name, mean and standard deviation of the logarithm of each of the basin's and the sensors' parameters.
 BASIN_PRIORS = (
     ('level', np.log(3e-4), 3.0),  # of the restoring moment at the first amplitude: most basins are quiet
@@ -56,7 +52,7 @@ NORMAL = float(ndtri(0.5 * (1.0 + INTERVAL)))
 def blocked(motion: AxisMotion, frequency: float) -> BlockedRecord:
     """Means of a motion over even blocks, a part of the period of ``frequency``, rad/s, long."""
     interval = motion.sample_interval
-    samples = max(1, round(2.0 * np.pi / frequency / STEPS_PER_PERIOD / interval))
+    samples = max(1, round(2.0 * np.pi / frequency / SEARCH_STEPS_PER_PERIOD / interval))
     step = samples * interval
     block = np.floor((motion.time - motion.time[0]) / step + 0.5 / samples).astype(int)
     count = np.bincount(block).astype(float)
@@ -141,9 +137,8 @@ class BasinLikelihood(LogPosterior):
         n, m = self._terms.size, len(self._records)
         expected = np.array([1.0 if name in ('r1', 's1') else 0.0 for name in equation.terms])
         self._prior_mean = np.concatenate([expected, [m for _, m, _ in BASIN_PRIORS], self._first_states(states)])
-        self._prior_std = np.concatenate(
-            [self.ratio_prior, [s for _, _, s in BASIN_PRIORS], np.full(3 * m, STATE_PRIOR)]
-        )
+        # states about the first estimates by the first amplitude: the same for every equation that is compared
+        self._prior_std = np.concatenate([self.ratio_prior, [s for _, _, s in BASIN_PRIORS], np.ones(3 * m)])
         self._shared = n + len(BASIN_PRIORS)
         self._disturbance = np.array([n, n + 1])  # level and frequency
         self.lowest = np.full(self._prior_mean.size, -np.inf)

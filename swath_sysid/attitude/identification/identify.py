@@ -58,7 +58,6 @@ HORIZON_GROWTH = 2.5
 CURVE_POINTS = 40
 #: Relative; basin motion does not change the natural period by more, but a missing term does.
 MAX_PERIOD_CHANGE = 0.25
-SEARCH_SHARE = 0.7
 ONE_STEP_BIASED = Advice.of('one-step-biased')
 
 
@@ -324,7 +323,7 @@ def identify_problem(
         space,
         settings.search,
         first=[space.from_ratios(_linear_guess(problem, equation))],
-        progress=lambda share: report(SEARCH_SHARE * share),
+        progress=lambda share: report(0.5 * share),
         should_cancel=should_cancel,
     )
     best = space.to_ratios(found.best[None])[0]
@@ -333,7 +332,7 @@ def identify_problem(
     else:
         tolerance = STARTING_TOLERANCE if settings.equation == AUTO else TOLERANCE
         fit, parameters = _refine_outwards(problem, equation, space, best, tolerance, should_cancel)
-    report(0.5 * (1.0 + SEARCH_SHARE))
+    report(0.75)
     if settings.equation == AUTO and settings.objective == 'simulation':
         identified = identification_of(problem, settings, found, pruned_hull(problem, *fit.unpack(parameters)))
     else:
@@ -345,12 +344,12 @@ def identify_problem(
 def refit_from(
     problem: Problem,
     settings: IdentificationSettings,
-    equation: Equation,
     ratios: np.ndarray,
     states: Sequence[InitialState],
     search: SearchResult,
 ) -> Identification:
-    """Refine an equation on whole records from given ratios (9,) and states."""
+    """Refine the chosen equation on whole records from given ratios (9,) and states."""
+    equation = settings.chosen_equation
     fit = motion_fit(problem, equation)
     space = _space(problem, equation, settings)
     parameters, _, _ = fit.refine(fit.pack(ratios, states), space.ratio_lower, space.ratio_upper)

@@ -12,11 +12,12 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES
+from swath_sysid.attitude.hull.scaling import UPPER
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 
 #: Standard deviation, dimensionless, of a linear term before the record is seen: beyond any craft's.
-LINEAR_PRIOR = 4.0
+LINEAR_PRIOR = float(UPPER[TERM_INDEX['b1']])
 #: Of a nonlinear one, in parts of the linear restoring moment at the largest amplitude: critical damping makes twice
 #: that moment.
 RESTORING_PRIOR, DAMPING_PRIOR = 1.0, 2.0

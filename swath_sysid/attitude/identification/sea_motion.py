@@ -23,11 +23,6 @@ MIN_REACH = 1.3  #: Multiple of the peak frequency up to which the motion must b
 FASTEST = 0.8  #: ... and below this part of the Nyquist frequency.
 LOW_PASS = 2.0  #: Corner over the highest band: there the motion passes whole.
 
-#: Nyquist frequency over the highest band: products of three factors alias only above the bands.
-OVERSAMPLING = 4.0
-
-EDGE_PERIODS = 1.0  #: Left out at both ends, where the derivatives are one-sided.
-
 #: Heave must exceed its noise by `ABOVE_NOISE` wherever the angle's spectrum is above this part of its peak,
 HEAVE_WANTED = 0.01
 
@@ -135,17 +130,17 @@ def sea_motion(motion: AxisMotion) -> SeaMotion:
         noise = 1.0 / (1.0 / angle_noise + frequency**2 / rate_noise)
     peak, highest = _reach(even, angle, rate, noise, frequency)
     spectrum = angles / (1.0 + (frequency / (LOW_PASS * highest)) ** 12)
-    size = min(piece.size, int(np.ceil(OVERSAMPLING * highest / np.pi * piece.duration)))
+    # Nyquist's frequency is twice that corner: products of three factors alias only above the bands
+    size = min(piece.size, int(np.ceil(2.0 * LOW_PASS * highest / np.pi * piece.duration)))
     ramp_rate = 0.0 if angle is None else (angle[-1] - angle[0]) / (even[-1] - even[0])
     step = interval * piece.size / size
     line = 0.0 if angle is None else angle[0] + ramp_rate * step * np.arange(size)
     x, w, a = (
-        np.fft.irfft((1j * frequency) ** order * spectrum, piece.size)
-        if size == piece.size
-        else np.fft.irfft(((1j * frequency) ** order * spectrum)[: size // 2 + 1], size) * size / piece.size
+        np.fft.irfft(((1j * frequency) ** order * spectrum)[: size // 2 + 1], size) * size / piece.size
         for order in range(3)
     )
-    edge = int(np.ceil(EDGE_PERIODS * 2.0 * np.pi / peak / step))
+    # at both ends the derivatives are one-sided
+    edge = int(np.ceil(2.0 * np.pi / peak / step))
     inside = slice(edge, -edge)
     x = (x + line)[inside]
     if x.size < 32:

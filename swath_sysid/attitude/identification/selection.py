@@ -17,7 +17,6 @@ from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import results_in_order
 
-FIRST_PART = 0.5  #: Share of each record, in time, that a model is identified on; the rest scores it.
 CRITERION_MARGIN = 10.0  #: A difference of the information criterion that Kass and Raftery (1995) call very strong.
 HELD_OUT_MARGIN = 1.1
 Fit = TypeVar('Fit', bound=Any)
@@ -80,7 +79,7 @@ def compare(
             progress(len(fits), name)
 
     def refit(fit: Identification, better: Identification):
-        return refit_from(problem, fit.settings, fit.model.equation, better.model.ratios, better.states, fit.search)
+        return refit_from(problem, fit.settings, better.model.ratios, better.states, fit.search)
 
     return rank(enforce_nesting(fits, refit), held_out)
 
@@ -149,7 +148,7 @@ def held_out_error(problem: Problem, settings: IdentificationSettings) -> float:
 
 def first_part(problem: Problem) -> Problem:
     """The same problem on the first half of each record."""
-    cut = tuple(m.between(None, m.time[0] + FIRST_PART * m.duration) for m in problem.motions)
+    cut = tuple(m.between(None, m.time[0] + 0.5 * m.duration) for m in problem.motions)
     return replace(problem, motions=cut, observed=cut)
 
 

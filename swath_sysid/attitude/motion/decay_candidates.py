@@ -15,7 +15,6 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import (
-    SMOOTHING,
     EvenSignal,
     centre_of_decay,
     even_signal,
@@ -281,8 +280,8 @@ def split_into_candidates(
 def bridged_half_cycles(time: np.ndarray, signal: EvenSignal) -> np.ndarray:
     """Mask (M - 1,) of the half-cycles that touch a gap long enough to hide a turning point, at times (M,), s."""
     bridged = np.zeros(time.size - 1, dtype=bool)
-    # three standard deviations
-    reach = 3.0 * SMOOTHING * signal.interval
+    # three standard deviations of the smoothing
+    reach = 3.0 * signal.interval
     for begin, end in signal.gaps:
         touched = (time[:-1] <= end + reach) & (time[1:] >= begin - reach)
         bridged |= touched & (end - begin > BRIDGED_GAP * np.diff(time))

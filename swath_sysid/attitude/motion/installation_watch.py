@@ -21,10 +21,8 @@ from swath_sysid.attitude.motion.sensor_checks import (
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.common.row_buffer import RowBuffer
 
-MIN_DURATION = 9.0  #: s below which a running sensor's mean acceleration is not accepted as gravity.
 CONFIRMATIONS = 2  #: Successive judgements that must agree on a contradiction, or on its end.
 MAX_SAMPLES = 30_000  #: Of a window: half a minute at 1 kHz.
-GAP_NS = 3_000_000_000  #: ns; a longer silence restarts the window.
 
 _values_of = itemgetter(*[CraftSample._fields.index(name) for names in PARTS for name in names])
 
@@ -44,8 +42,8 @@ class InstallationCheck:
     def add(self, sample: CraftSample) -> None:
         """Add one sample."""
         stamp_ns = sample[0]
-        if not len(self._rows) or not 0 <= stamp_ns - self._newest_ns <= GAP_NS:
-            # also after a clock that was set back
+        if not len(self._rows) or not 0 <= stamp_ns - self._newest_ns <= FROZEN * 1e9:
+            # after a silence, and after a clock that was set back
             self._rows.clear()
             self._origin_ns = self._judged_ns = stamp_ns
         self._newest_ns = stamp_ns
@@ -77,7 +75,8 @@ class InstallationCheck:
         interval = float(np.median(np.diff(rows[:, 0])))
         in_time = int(np.count_nonzero(rows[:, 0] > rows[-1, 0] - WINDOW))
         rows = rows[-max(in_time, WINDOW_BINS * samples_a_bin(interval)) :]
-        if rows[-1, 0] - rows[0, 0] < MIN_DURATION:
+        # the mean of less is not accepted as gravity
+        if rows[-1, 0] - rows[0, 0] < 2.0 * FROZEN:
             return Judgement()
         parts = binned(rows[:, 0], np.split(rows[:, 1:], 3, axis=1), interval)
         return judge(*parts, installation=self._installation, interval=interval)

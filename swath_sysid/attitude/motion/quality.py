@@ -13,18 +13,14 @@ from swath_sysid.attitude.motion.segmentation import (
     find_decays,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, find_turning_points, mean_period
+from swath_sysid.attitude.motion.turning_points import find_gaps, find_turning_points, mean_period
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.signals import SPIKE_NEIGHBOURS, quantum, spikes
 
 MIN_CYCLES = 1.5  #: One loss each for linear, quadratic and cubic damping, less the part left out at the release.
 
-#: First amplitude over noise; at 5 it hides the fourth half-cycle of a hull with a tenth of critical damping.
-MIN_OVER_NOISE = 5.0
-
 MIN_SAMPLES = 20.0  #: Per period: the straight line between two of 20 errs by 1 % of the amplitude.
 MAX_GAP = 0.25  #: Periods; a longer gap hides a turning point.
-MIN_STEPS = 50.0  #: Resolution steps in the first amplitude. At 50 rounding alone is noise of 0.6 %.
 SHORTEST_CLIP = 4  #: Equal samples at an extreme; noise and rounding make two, rarely three.
 MIN_SPIKE = 0.05  #: Part of the largest amplitude that a spike must reach to bend a fit.
 BOUNDS_TOLERANCE = 1.6  #: Periods by which given bounds may reach beyond the decay found in them.
@@ -50,10 +46,9 @@ def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]
     saturation = tuple(_saturation(inside, segment.period))
     advice = (
         *([Advice.of('too-few-cycles', cycles=segment.cycles)] if segment.cycles < MIN_CYCLES else []),
-        *_size(inside, segment),
+        *_size(segment),
         *_sampling(inside, segment),
         *saturation,
-        *_resolution(inside, segment),
         *_spikes(inside),
     )
     # clipped half-cycles do not shrink, so nothing would be found between the bounds
@@ -62,15 +57,10 @@ def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]
     return advice
 
 
-def _size(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
-    noise, unit, size = even_signal(inside).noise, UNITS[segment.quantity], segment.initial_amplitude
+def _size(segment: DecaySegment) -> Iterator[Advice]:
     # published tests start at 1 deg; below half of that friction and basin motion dominate the damping
-    if size < 0.5 * SMALLEST_REACH * SMALLEST_DOUBLE_AMPLITUDE[segment.quantity]:
-        yield Advice.of('too-small', size=np.degrees(size), unit=unit)
-    elif size < MIN_OVER_NOISE * noise:
-        yield Advice.of(
-            'too-small: noise', size=np.degrees(size), unit=unit, ratio=size / noise, noise=np.degrees(noise)
-        )
+    if segment.initial_amplitude < 0.5 * SMALLEST_REACH * SMALLEST_DOUBLE_AMPLITUDE[segment.quantity]:
+        yield Advice.of('too-small', size=np.degrees(segment.initial_amplitude), unit=UNITS[segment.quantity])
 
 
 def _sampling(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
@@ -119,18 +109,6 @@ def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
             if SHORTEST_CLIP <= end - begin <= longest and entered_fast:
                 count, level = count + 1, max(level, abs(float(extreme)))
     return count, level
-
-
-def _resolution(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
-    step = quantum(_measured(inside)[segment.quantity])
-    if segment.initial_amplitude < MIN_STEPS * step:
-        yield Advice.of(
-            'coarse-quantisation',
-            quantity=segment.quantity,
-            step=np.degrees(step),
-            unit=UNITS[segment.quantity],
-            steps=segment.initial_amplitude / step,
-        )
 
 
 def _spikes(inside: AxisMotion) -> Iterator[Advice]:

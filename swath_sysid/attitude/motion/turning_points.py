@@ -19,9 +19,6 @@ MIN_PER_PERIOD_UNSMOOTHED = 5  #: On the finest grid nothing is smoothed, and sl
 PROMINENCE = 5.0  #: A turning point stands out by this many standard deviations of the noise left on its grid.
 RESOLVED_STEPS = 1.5  #: ... by this many steps of rounded values: where the motion is slow, averaging does not help,
 SMALLEST_PROMINENCE = 0.002  #: ... and by this part of the record's range, to ignore trifles.
-SMOOTHING = 1.0  #: Width (standard deviation, samples) of the Gaussian that smooths all but the finest grid.
-
-SMOOTHED_NOISE = 1.0 / np.sqrt(2.0 * np.sqrt(np.pi) * SMOOTHING)  #: Part of white noise that it leaves.
 LONGEST_BRIDGED_GAP = 0.2  #: A pause longer than this part of the record splits it in two.
 
 
@@ -172,8 +169,9 @@ def pyramid(signal: EvenSignal) -> Iterator[EvenSignal]:
     yield signal
     level = signal
     while level.value.size >= MIN_PER_PERIOD // 2:
-        smooth = gaussian_filter1d(level.value, SMOOTHING, mode='nearest')
-        yield replace(level, value=smooth, noise=level.noise * SMOOTHED_NOISE, smoothed=True)
+        # a standard deviation of one sample leaves 1 / sqrt(2 sqrt(pi)) of white noise
+        smooth = gaussian_filter1d(level.value, 1.0, mode='nearest')
+        yield replace(level, value=smooth, noise=level.noise / (4.0 * np.pi) ** 0.25, smoothed=True)
         even = level.value.size // 2 * 2
         level = replace(
             level,
