@@ -60,9 +60,6 @@ HEAVE_PREFERRED = 1.5
 
 MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; otherwise it is a tone.
 
-#: Std of the log natural frequency above the highest band, where nothing can be seen.
-EDGE_SOFTNESS = 0.1
-
 MISSING_TOGETHER = 12  #: Neighbouring bands whose misfits may be correlated.
 
 #: Relative standard deviations above which the result is unusable; from half of them the sea is reported to hide the
@@ -80,7 +77,6 @@ class FittedSpectra:
     fitted: np.ndarray  #: (B,); of the angle, rad^2 s; its nonlinear part is the measured one.
     excitation: np.ndarray  #: (B,); of the exciting moment over inertia that the hull needs, (rad/s^2)^2 s.
     fitted_excitation: np.ndarray  #: (B,); of the fitted sea, (rad/s^2)^2 s.
-    response: np.ndarray  #: (B,); angle over the static angle of the same moment.
 
 
 @dataclass(frozen=True)
@@ -322,10 +318,6 @@ class SeaPosterior(LogPosterior):
         units = self._weights(z[None])[0, [1, 2, 2]]
         added = np.tensordot(2.0 * counts / given[0], self.spectra.matrices[:, 3:, 3:], 1)
         information[_NONLINEAR, _NONLINEAR] += added * np.outer(units, units)
-        beyond = max(z[_FREQUENCY] - np.log(self.spectra.frequency[-1]), 0.0) / EDGE_SOFTNESS**2
-        gradient[_FREQUENCY] += beyond
-        information[_FREQUENCY, _FREQUENCY] += (beyond > 0.0) / EDGE_SOFTNESS**2
-        cost += 0.5 * (beyond * EDGE_SOFTNESS) ** 2
         return Evaluation(z, cost if np.isfinite(cost) else np.inf, gradient, information)
 
     def starts(self) -> list[np.ndarray]:
@@ -469,5 +461,4 @@ def _fitted_spectra(fit: SeaPosterior, point: Evaluation):
         fitted=fit.spectra.angle * given / needed,
         excitation=needed,
         fitted_excitation=given - stiffness * fit.noise,
-        response=np.exp(2.0 * point.z[_FREQUENCY]) / np.sqrt(stiffness),
     )
