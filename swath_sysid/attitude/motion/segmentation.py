@@ -37,18 +37,17 @@ MIN_DECREMENT = 0.004
 
 HELD = 0.75  #: Part of the held angle from which the angle drops to `HOLD_BAND` after a release.
 LONGEST_FALL = 3.0  #: A release is at most this many times the duration of that drop before it.
-#: Half-cycles left out after a push, as long as they cost no more than this part of the first double amplitude.
-PUSH_MEMORY_HALF_CYCLES, PUSH_MEMORY_COST = 2, 0.25
+PUSH_MEMORY_HALF_CYCLES = 2  #: Left out after a push, while the double amplitude stays above `HELD` of the first.
 
 #: With this many half-cycles the tail below this part of the first is left out, as it is as much the basin's motion.
 PLENTY_OF_HALF_CYCLES, PLENTIFUL_TAIL = 20, 0.125
 
 BREAKING_PERIODS = 4.0  #: What breaks a decay grows and decays within this time.
-SMALLEST_OF_SEVERAL = 0.3  #: Part of the largest first double amplitude below which a candidate is no decay of its own.
 FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched counts as over.
 
-#: Forced motion: this many double amplitudes reach this part of the largest, no longer part of the record has none.
-OSCILLATING_PART, MIN_OSCILLATING, LONGEST_LULL = 0.2, 10, 0.25
+#: Part of the largest double amplitude from which motion is a decay of its own, or, within every such part of the
+#: record, forced.
+SIZABLE = 0.25
 
 FORCED_MOTION = 'forced-motion'
 
@@ -138,12 +137,12 @@ def explain_absence(motion: AxisMotion) -> Advice:
 def keeps_oscillating(motion: AxisMotion) -> bool:
     """Whether a motion oscillates from start to end, as it does in waves."""
     points = find_turning_points(motion)
-    if points.time.size <= MIN_OSCILLATING:
+    if points.time.size < 2:
         return False
     double_amplitudes = points.double_amplitudes
-    at = points.time[1:][double_amplitudes >= OSCILLATING_PART * double_amplitudes.max()]
+    at = points.time[1:][double_amplitudes >= SIZABLE * double_amplitudes.max()]
     lulls = np.diff(np.concatenate([motion.time[:1], at, motion.time[-1:]]))
-    return bool(at.size >= MIN_OSCILLATING and lulls.max() <= LONGEST_LULL * motion.duration)
+    return bool(lulls.max() <= SIZABLE * motion.duration)
 
 
 def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
@@ -178,7 +177,7 @@ def _apart(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
         apart = all(
             candidate.end <= other.arrival or candidate.release >= _end_of_motion(other, candidate) for other in kept
         )
-        if apart and candidate.double_amplitudes[0] >= SMALLEST_OF_SEVERAL * largest:
+        if apart and candidate.double_amplitudes[0] >= SIZABLE * largest:
             kept.append(candidate)
     return kept
 
@@ -222,7 +221,7 @@ def _free_start(candidate: DecayCandidate) -> tuple[int, str]:
         return candidate.first, 'record-start'
     skipped = 0
     for count in range(1, min(PUSH_MEMORY_HALF_CYCLES, candidate.double_amplitudes.size - 1) + 1):
-        if candidate.double_amplitudes[count] >= (1.0 - PUSH_MEMORY_COST) * candidate.double_amplitudes[0]:
+        if candidate.double_amplitudes[count] >= HELD * candidate.double_amplitudes[0]:
             skipped = count
     return candidate.first + skipped, 'pushed'
 
@@ -244,7 +243,7 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     )
     fall = later - at
     period = 2.0 * np.pi * fall / (np.arccos(HOLD_BAND) - np.arccos(HELD))
-    earliest = max(at - LONGEST_FALL * fall, candidate.arrival)
+    earliest = max(at - LONGEST_FALL * fall, candidate.arrival, signal.start)
     found = kink_time(motion, earliest, at - fall, period, -towards * level)
     return candidate.release if found is None else found
 
