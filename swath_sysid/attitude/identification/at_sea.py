@@ -120,10 +120,11 @@ class AtSeaIdentification:
     def advice(self) -> tuple[Advice, ...]:
         """What must be known to use it."""
         found = [Advice.of('equivalent-linear', amplitude=np.degrees(self.amplitude))]
-        period, damping = self.natural_period_std / self.natural_period, self.damping_ratio_std / self.damping_ratio
-        if period > 0.5 * PERIOD_USABLE or damping > 0.5 * DAMPING_USABLE:
-            spread = {'period': 100 * period, 'damping': 100 * damping}
-            found.append(Advice.of('sea-hides-hull', peak=self.peak_period, minutes=self.duration / 60, **spread))
+        period = 100.0 * self.natural_period_std / self.natural_period
+        damping = 100.0 * self.damping_ratio_std / self.damping_ratio
+        if period > 50.0 * PERIOD_USABLE or damping > 50.0 * DAMPING_USABLE:
+            peak, minutes = self.peak_period, self.duration / 60
+            found.append(Advice.of('sea-hides-hull', peak=peak, period=period, damping=damping, minutes=minutes))
         if self.holds_decay:
             found.append(Advice.of('holds-decay'))
         if self.misfit > POOR_FIT:
