@@ -9,9 +9,9 @@ import signal
 import sys
 from importlib import import_module
 
-from swath_sysid.common.errors import EXIT_INTERRUPTED
-
 SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is the regular end of.
+
+EXIT_INTERRUPTED = 130
 
 #: Also where a shell without job control has started the process with SIGINT ignored.
 ENDING = (signal.SIGINT, signal.SIGTERM)

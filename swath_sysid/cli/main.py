@@ -17,7 +17,7 @@ from swath_sysid import __version__
 from swath_sysid.cli.completion import actions_of, completion_script
 from swath_sysid.cli.examples import examples_of
 from swath_sysid.common.advice import did_you_mean
-from swath_sysid.common.errors import EXIT_INTERRUPTED, InputError
+from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import with_flags
 
 VERBS = {
@@ -40,6 +40,7 @@ VERBS = {
     'demo': 'forecast measured waves, then identify and forecast a simulated craft with the nodes',
 }
 EXIT_INPUT = 2
+EXIT_INTERRUPTED = 130
 
 
 class OneSentenceParser(ArgumentParser):

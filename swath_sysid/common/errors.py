@@ -2,8 +2,6 @@
 
 from collections.abc import Collection
 
-EXIT_INTERRUPTED = 130  #: Exit code of a command that a signal ended.
-
 
 class InputError(ValueError):
     """What was given cannot be used.
