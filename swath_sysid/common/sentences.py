@@ -275,7 +275,7 @@ SENTENCES = {
 #: What does it on the command line, by the code of an `Advice` or an `InputError`.
 FLAGS = {
     'added-mass-diverges': '--fix m=KG',
-    'columns-unknown': '--column time=t:s --column roll=Phi:deg; in a manifest, columns:',
+    'columns-unknown': '--column QUANTITY=NAME:UNIT; in a manifest, columns:',
     'current-by-run': '--current shared',
     'disturbed-tail': '--end',
     'forced-motion': '--at-sea, or --start and --end',

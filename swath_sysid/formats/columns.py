@@ -223,11 +223,22 @@ def _matched(
     columns, unitless = _find_columns(path, table, plain, quantities)
     missing = lacking({column.reading for column in columns})
     if missing and unitless:
-        raise InputError(f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}", UNKNOWN)
+        quantity = plain_name(unitless[0])
+        unit = next(units[-1] for _, names, units in quantities if quantity in names)
+        example = f"'{quantity}={shown(unitless[0])}:{unit}'"
+        raise InputError(
+            f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}, or assign it, as in {example}",
+            UNKNOWN,
+        )
     if missing:
         meant = _likely_meant(table, plain, columns, quantities)
         listed = listed_names(table.names) + (f' ({meant})' if meant else '')
-        raise InputError(f'{path} has no {missing}; found {listed}: name the columns so, or assign them', UNKNOWN)
+        (quantity, _, units), *_ = quantities
+        name = next((each for k, each in enumerate(table.names) if k not in {c.index for c in columns}), 'NAME')
+        example = f"'{quantity}={shown(name)}:{units[-1]}'"
+        raise InputError(
+            f'{path} has no {missing}; found {listed}: name the columns so, or assign them, as in {example}', UNKNOWN
+        )
     return table, plain, columns, unitless
 
 
@@ -300,7 +311,8 @@ def _find_columns(
         unitless = next((head.names[k] for k, name in enumerate(plain) if name in TIME_NAMES), None)
         if unitless is not None:
             raise InputError(
-                f"{path} has a column '{shown(unitless)}' without a unit: call it time_s, time_ms, time_us or time_ns",
+                f"{path} has a column '{shown(unitless)}' without a unit: call it time_s, time_ms, time_us or time_ns, "
+                f"or assign it, as in 'time={shown(unitless)}:s'",
                 UNKNOWN,
             )
         key = _rate_key(head.remarks)
@@ -308,7 +320,8 @@ def _find_columns(
             raise InputError(
                 f'{path} has no time column: looked for time_s, time_ms, time_us, time_ns (or t_, stamp_, timestamp_), '
                 f'time with dates such as 2026-05-01T12:00:00.25Z, or a number {RATES[0]} or fs; found '
-                f'{listed_names(head.names)}: name the columns so, or assign them',
+                f'{listed_names(head.names)}: name the columns so, or assign them, as in '
+                f"'time={shown(head.names[0])}:s'",
                 UNKNOWN,
             )
         columns = [Column('time', key, NO_COLUMN, SAMPLES)]

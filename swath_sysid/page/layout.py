@@ -18,7 +18,7 @@ except ImportError:  # `server` says what to install
 SCREEN_PERIOD = 0.4  #: s between pictures.
 
 COLOURS = {OK: 'positive', WARN: 'warning'}
-CURVES = {'period': 'natural period [s]', 'damping': 'equivalent damping ratio'}
+CURVES = {'period': 'natural period [s]', 'damping': 'equivalent damping ratio [-]'}
 CARD = 'w-full min-w-0'
 #: Texts have a fixed height, so that nothing below them jumps; a press shows all of a longer one.
 STYLE = """

@@ -18,9 +18,9 @@ def at_sea_figure(found: AtSeaIdentification) -> Figure:
     spectrum, excitation, response = (quiet(axes) for axes in figure.subplots(1, 3))
     s, unit = found.spectra, np.degrees(1.0) ** 2 * 2.0 * np.pi
     _spectra(spectrum, found, (unit * s.measured, 'measured'), (unit * s.fitted, 'fitted', MODEL))
-    spectrum.set(xlabel='frequency, Hz', ylabel=f'{found.model.axis}, deg²/Hz', ylim=_limits(unit * s.measured))
+    spectrum.set(xlabel='frequency [Hz]', ylabel=f'{found.model.axis} [deg²/Hz]', ylim=_limits(unit * s.measured))
     _spectra(excitation, found, (s.excitation, 'needed by the hull'), (s.fitted_excitation, 'fitted waves', RESIDUAL))
-    excitation.set(xlabel='frequency, Hz', ylabel='exciting moment / inertia, (rad/s²)² s')
+    excitation.set(xlabel='frequency [Hz]', ylabel='exciting moment / inertia [(rad/s²)² s]')
     excitation.set(ylim=_limits(s.fitted_excitation))
     _response(response, found)
     figure.suptitle(
@@ -76,7 +76,7 @@ def _response(axes: Axes, found: AtSeaIdentification):
     style: dict[str, Any] = {'color': BAND, 'alpha': 0.6, 'linewidth': 0, 'label': 'two standard deviations'}
     axes.fill_between(hertz, own / factor, own * factor, **style)
     axes.loglog(hertz, own, color=MODEL, label='equivalent linear hull')
-    axes.set(xlabel='frequency, Hz', ylabel='response, angle / static angle', ylim=(1e-2, 3.0 * own.max()))
+    axes.set(xlabel='frequency [Hz]', ylabel='response: angle / static angle [-]', ylim=(1e-2, 3.0 * own.max()))
     _in_hertz(axes, hertz)
     axes.axvline(1.0 / found.peak_period, color=RESIDUAL, linewidth=0.8, linestyle=':', label='peak of the excitation')
     axes.legend(frameon=False, fontsize='small', loc='lower left')

@@ -198,7 +198,7 @@ def _damping_figure(outcome: CampaignOutcome, items: Sequence[_Decays], title: s
     """In N m s where the inertia is known in every condition of the loading, else as a ratio."""
     dimensional = all(each.inertia is not None for each in items)
     symbol = {'roll': 'B44', 'pitch': 'B55'}[axis.motion]
-    ylabel = f'{symbol} [N m s]' if dimensional else 'equivalent damping ratio'
+    ylabel = f'{symbol} [N m s]' if dimensional else 'equivalent damping ratio [-]'
     figure, axes = panel(title=title, xlabel=f'{axis.motion} mean amplitude [deg]', ylabel=ylabel)
     highest = 0.0
     for colour, decays in zip(cycle(SERIES), items):

@@ -155,7 +155,7 @@ def amplitude_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
     angles = sorted({c.initial_angle_deg for c in axis.together})
     several = len(loadings) > 1
     height = HEIGHT + 0.22 * math.ceil(len(axis.together) / 2)
-    for quantity, label in (('period', 'natural period [s]'), ('damping', 'equivalent damping ratio')):
+    for quantity, label in (('period', 'natural period [s]'), ('damping', 'equivalent damping ratio [-]')):
         figure, axes = new_panel(WIDTH, height, xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
         for condition, fits in sorted(axis.together.items()):
             bands, place = fits[axis.choice].bands, angles.index(condition.initial_angle_deg)

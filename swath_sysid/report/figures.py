@@ -78,7 +78,7 @@ def curves_of(bands: AmplitudeBands) -> dict[str, tuple[Any, Any]]:
     period = 2.0 * np.pi / bands.curves.frequency
     return {
         'natural period [s]': (period, period * bands.frequency_std / bands.curves.frequency),
-        'equivalent damping ratio': (bands.curves.damping_ratio, bands.damping_ratio_std),
+        'equivalent damping ratio [-]': (bands.curves.damping_ratio, bands.damping_ratio_std),
     }
 
 
