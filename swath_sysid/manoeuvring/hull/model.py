@@ -1,7 +1,7 @@
 """A manoeuvring model: the values of its parameters, how its thrusters are driven, and the current."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,6 @@ class ManoeuvringModel:
     length: float = 4.88  #: Of the hulls, m, for the prime system and the standard tests.
     largest_input: float = 1.0  #: Largest thrust (N) or command ahead.
     current: tuple[float, float] = (0.0, 0.0)  #: East and north, m/s.
-    active: tuple[bool, ...] = field(init=False)
 
     def __post_init__(self):
         check_choice(self.thrust_input, INPUTS, 'thrust input')
@@ -37,7 +36,6 @@ class ManoeuvringModel:
             raise InputError(f'a manoeuvring model needs {len(NAMES)} finite values: give each parameter a number')
         if self['m'] - self['Xu_dot'] <= 0 or self['m'] - self['Yv_dot'] <= 0 or self['Iz'] - self['Nr_dot'] <= 0:
             raise InputError('mass and inertia, added mass included, must be positive: added mass is negative or zero')
-        object.__setattr__(self, 'active', active_terms(values))
 
     def __getitem__(self, name: str):
         return float(self.values[INDEX[name]])
@@ -45,7 +43,7 @@ class ManoeuvringModel:
     @property
     def terms(self) -> tuple[str, ...]:
         """Names of the parameters that differ from neutral, in catalogue order."""
-        return tuple(n for n, used in zip(NAMES, self.active, strict=True) if used)
+        return tuple(n for n, used in zip(NAMES, self.values != NEUTRAL, strict=True) if used)
 
     def with_values(self, **values: float) -> 'ManoeuvringModel':
         """The model with some parameters changed."""
@@ -55,11 +53,11 @@ class ManoeuvringModel:
         self, u: Numbers, v: Numbers, r: Numbers, port: Numbers, starboard: Numbers
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """du/dt, dv/dt, dr/dt under acting thrusts in N; scalars or arrays of shape (P,)."""
-        return accelerations(u, v, r, port, starboard, self.values, self.active)
+        return accelerations(u, v, r, port, starboard, self.values)
 
     def jacobian(self, u: float, v: float, r: float, port: Numbers = 0.0, starboard: Numbers = 0.0) -> np.ndarray:
         """Derivatives of the accelerations by u, v and r, shape (3, 3), by central differences."""
-        return jacobians(self.values[:, None], self.active, np.array([[u], [v], [r]]), port, starboard)[0]
+        return jacobians(self.values[:, None], np.array([[u], [v], [r]]), port, starboard)[0]
 
 
 def parameter_values(values: Mapping[str, float], base: np.ndarray = NEUTRAL) -> np.ndarray:
@@ -72,19 +70,12 @@ def parameter_values(values: Mapping[str, float], base: np.ndarray = NEUTRAL) ->
     return full
 
 
-def jacobians(
-    p: np.ndarray, active: tuple[bool, ...], states: np.ndarray, port: Numbers = 0.0, starboard: Numbers = 0.0
-) -> np.ndarray:
+def jacobians(p: np.ndarray, states: np.ndarray, port: Numbers = 0.0, starboard: Numbers = 0.0) -> np.ndarray:
     """Derivatives of the accelerations by u, v and r, shape (C, 3, 3), by central differences, of C craft with
     parameters (n, C) in states (3, C) under acting thrusts, N.
     """
     sides = []
     for step in (DIFFERENCE, -DIFFERENCE):
         moved = (states + step * move[:, None] for move in np.eye(3))
-        sides.append(np.array([accelerations(u, v, r, port, starboard, p, active) for u, v, r in moved]))
+        sides.append(np.array([accelerations(u, v, r, port, starboard, p) for u, v, r in moved]))
     return (sides[0] - sides[1]).transpose(2, 1, 0) / (2.0 * DIFFERENCE)
-
-
-def active_terms(values: np.ndarray) -> tuple[bool, ...]:
-    """Which parameters differ from their neutral value, as a tuple of bools."""
-    return tuple((np.asarray(values) != NEUTRAL).tolist())

@@ -27,9 +27,8 @@ def _slopes(
     right: np.ndarray,
     push: np.ndarray,
     p: np.ndarray,
-    active: tuple[bool, ...],
 ):
-    du, dv, dr = _accelerations(u, v, r, left, right, p, active)
+    du, dv, dr = _accelerations(u, v, r, left, right, p)
     return du + push[0], dv + push[1], dr + push[2]
 
 
@@ -40,7 +39,6 @@ def runge_kutta_columns(
     starboard: np.ndarray,
     push: np.ndarray,
     p: np.ndarray,
-    active: tuple[bool, ...],
     step: float,
     substeps: int,
 ) -> np.ndarray:
@@ -57,10 +55,10 @@ def runge_kutta_columns(
     for k in range(steps):
         left, right = port[k], starboard[k]
         for _ in range(substeps):
-            u1, v1, r1 = _slopes(u, v, r, left, right, push, p, active)
-            u2, v2, r2 = _slopes(u + half * u1, v + half * v1, r + half * r1, left, right, push, p, active)
-            u3, v3, r3 = _slopes(u + half * u2, v + half * v2, r + half * r2, left, right, push, p, active)
-            u4, v4, r4 = _slopes(u + h * u3, v + h * v3, r + h * r3, left, right, push, p, active)
+            u1, v1, r1 = _slopes(u, v, r, left, right, push, p)
+            u2, v2, r2 = _slopes(u + half * u1, v + half * v1, r + half * r1, left, right, push, p)
+            u3, v3, r3 = _slopes(u + half * u2, v + half * v2, r + half * r2, left, right, push, p)
+            u4, v4, r4 = _slopes(u + h * u3, v + h * v3, r + h * r3, left, right, push, p)
             u = u + sixth * (u1 + 2.0 * (u2 + u3) + u4)
             v = v + sixth * (v1 + 2.0 * (v2 + v3) + v4)
             r = r + sixth * (r1 + 2.0 * (r2 + r3) + r4)
@@ -108,7 +106,6 @@ def simulate(
             np.ascontiguousarray(thrust[1][:, None]),
             UNDISTURBED,
             model.values[:, None],
-            model.active,
             step,
             substeps,
         )[:, :, 0]

@@ -41,7 +41,7 @@ class StabilityCheck:
 def check_stability(model: ManoeuvringModel, region: Region) -> StabilityCheck:
     """Check small motions about every straight course, and free motion under every held input, within a region."""
     speeds = straight_speeds(region)
-    growth = growth_rates(model.values[:, None], model.active, speeds)[:, 0]
+    growth = growth_rates(model.values[:, None], speeds)[:, 0]
     worst = int(np.argmax(growth))
     bounded = _largest_excess(model, region) < EXCESS
     decays = growth[worst] < 0.0
@@ -58,18 +58,18 @@ def straight_speeds(region: Region) -> np.ndarray:
     return np.linspace(max(0.0, region.slowest), max(region.fastest, 1e-3), LEVELS)
 
 
-def growth_rates(p: np.ndarray, active: tuple[bool, ...], speeds: np.ndarray) -> np.ndarray:
+def growth_rates(p: np.ndarray, speeds: np.ndarray) -> np.ndarray:
     """Largest real part of the eigenvalues of small motions about steady straight courses, 1/s, shape (S, K); negative
-    decays. For K candidates with parameters (n, K), of which ``active`` terms differ from neutral, at speeds (S,), m/s.
+    decays. For K candidates with parameters (n, K), at speeds (S,), m/s.
     """
     count, candidates = speeds.size, p.shape[1]
     columns = np.tile(p, count)
     u = np.repeat(speeds, candidates)
     nothing = np.zeros_like(u)
-    resistance = -accelerations(u, nothing, nothing, nothing, nothing, columns, active)[0]
+    resistance = -accelerations(u, nothing, nothing, nothing, nothing, columns)[0]
     slip = (1.0 - columns[DEDUCTION]) * np.maximum(1.0 - columns[ADVANCE] * u, 0.1)
     thrust = 0.5 * resistance * (columns[M] - columns[XU_DOT]) / slip
-    jacobian = jacobians(columns, active, np.stack([u, nothing, nothing]), thrust, thrust)
+    jacobian = jacobians(columns, np.stack([u, nothing, nothing]), thrust, thrust)
     usable = np.all(np.isfinite(jacobian), axis=(1, 2))
     jacobian[~usable] = np.eye(3)
     return np.linalg.eigvals(jacobian).real.max(axis=1).reshape(count, candidates)
@@ -105,7 +105,6 @@ def _largest_excess(model: ManoeuvringModel, region: Region):
             starboard,
             UNDISTURBED,
             np.repeat(model.values[:, None], columns.shape[1], axis=1),
-            model.active,
             STEP,
             substeps,
         )

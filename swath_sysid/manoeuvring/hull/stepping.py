@@ -57,7 +57,7 @@ class SteeredCraft:
         left, right = self._thrust.advance(self.time, self.step)[:, None, None]
         before = self._state
         self._state = runge_kutta_columns(
-            before[:, None], left, right, UNDISTURBED, self._p, self.model.active, self.step, self._substeps
+            before[:, None], left, right, UNDISTURBED, self._p, self.step, self._substeps
         )[-1, :, 0]
         self._pose = self._pose + moved(before, self._state, self._pose[0], self.step, self.model.current)
         self._rows.append((*self._state, *self._pose))

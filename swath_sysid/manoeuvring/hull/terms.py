@@ -116,83 +116,62 @@ DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y = range(45, len(NAMES))
 
 
 @accelerated
-def surge_force(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray, active: tuple[bool, ...]) -> Numbers:
-    """X of the hull, N; Xuu multiplies abs(u) u. Parameters ``p`` are (n, P) or (n,), ``active`` a tuple of n bools; u,
-    v and r broadcast with a row of p.
-    """
-    force = p[XU] * u + p[XUU] * np.abs(u) * u
-    if active[XUUU]:
-        force = force + p[XUUU] * u * u * u
-    if active[XVR]:
-        force = force + p[XVR] * v * r
-    if active[XVV]:
-        force = force + p[XVV] * v * v
-    if active[XRR]:
-        force = force + p[XRR] * r * r
-    if active[X0]:
-        force = force + p[X0]
-    return force
+def surge_force(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray) -> Numbers:
+    """X of the hull, N, with parameters (n, P) or (n,), with a row of which u, v and r broadcast."""
+    return (
+        p[XU] * u
+        + p[XUU] * np.abs(u) * u
+        + p[XUUU] * u * u * u
+        + p[XVR] * v * r
+        + p[XVV] * v * v
+        + p[XRR] * r * r
+        + p[X0]
+    )
 
 
 @accelerated
-def sway_force(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray, active: tuple[bool, ...]) -> Numbers:
-    """Y of the hull, N; see `surge_force`. Yuv multiplies abs(u) v, so that it damps ahead and astern, Yvr abs(r) v."""
-    force = p[YV] * v
-    if active[YVV]:
-        force = force + p[YVV] * np.abs(v) * v
-    if active[YVVV]:
-        force = force + p[YVVV] * v * v * v
-    if active[YVR]:
-        force = force + p[YVR] * np.abs(r) * v
-    if active[YR]:
-        force = force + p[YR] * r
-    if active[YUR]:
-        force = force + p[YUR] * u * r
-    if active[YUV]:
-        force = force + p[YUV] * np.abs(u) * v
-    return force
+def sway_force(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray) -> Numbers:
+    """Y of the hull, N; see `surge_force`. Yuv multiplies abs(u) v, so that it damps ahead and astern."""
+    return (
+        p[YV] * v
+        + p[YVV] * np.abs(v) * v
+        + p[YVVV] * v * v * v
+        + p[YVR] * np.abs(r) * v
+        + p[YR] * r
+        + p[YUR] * u * r
+        + p[YUV] * np.abs(u) * v
+    )
 
 
 @accelerated
-def yaw_moment(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray, active: tuple[bool, ...]) -> Numbers:
+def yaw_moment(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray) -> Numbers:
     """N of the hull, N m; see `surge_force`. Nur multiplies abs(u) r and Nvr abs(v) r, so that they always damp."""
-    moment = p[NR] * r
-    if active[NRR]:
-        moment = moment + p[NRR] * np.abs(r) * r
-    if active[NRRR]:
-        moment = moment + p[NRRR] * r * r * r
-    if active[NVR]:
-        moment = moment + p[NVR] * np.abs(v) * r
-    if active[NUR]:
-        moment = moment + p[NUR] * np.abs(u) * r
-    if active[NUUR]:
-        moment = moment + p[NUUR] * u * u * r
-    if active[NV]:
-        moment = moment + p[NV] * v
-    if active[NVVV]:
-        moment = moment + p[NVVV] * v * v * v
-    if active[NUV]:
-        moment = moment + p[NUV] * u * v
-    if active[N0]:
-        moment = moment + p[N0]
-    return moment
+    return (
+        p[NR] * r
+        + p[NRR] * np.abs(r) * r
+        + p[NRRR] * r * r * r
+        + p[NVR] * np.abs(v) * r
+        + p[NUR] * np.abs(u) * r
+        + p[NUUR] * u * u * r
+        + p[NV] * v
+        + p[NVVV] * v * v * v
+        + p[NUV] * u * v
+        + p[N0]
+    )
 
 
 @accelerated
 def accelerations(
-    u: Numbers, v: Numbers, r: Numbers, port: Numbers, starboard: Numbers, p: np.ndarray, active: tuple[bool, ...]
+    u: Numbers, v: Numbers, r: Numbers, port: Numbers, starboard: Numbers, p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """du/dt, dv/dt, dr/dt, m/s^2 and rad/s^2, shape (P,), of P craft with parameters (n, P) under acting thrusts, N."""
-    left = 1.0 - p[ADVANCE] * u
-    x = surge_force(u, v, r, p, active) + p[M] * v * r + (1.0 - p[DEDUCTION]) * left * (starboard + port)
-    y = sway_force(u, v, r, p, active) - p[M] * u * r
+    left, moment = 1.0 - p[ADVANCE] * u, p[M] * p[X_G]
+    x = surge_force(u, v, r, p) + p[M] * v * r + (1.0 - p[DEDUCTION]) * left * (starboard + port) + moment * r * r
+    y = sway_force(u, v, r, p) - p[M] * u * r
     lever = (1.0 + p[MOMENT_FACTOR]) * p[LEVER]
-    n = yaw_moment(u, v, r, p, active) + lever * left * (starboard - port)
-    sway_mass, yaw_inertia, sway_by_yaw, yaw_by_sway = p[M] - p[YV_DOT], p[IZ] - p[NR_DOT], -p[YR_DOT], -p[NV_DOT]
-    if active[X_G]:
-        moment = p[M] * p[X_G]
-        x, n = x + moment * r * r, n - moment * u * r
-        sway_by_yaw, yaw_by_sway = sway_by_yaw + moment, yaw_by_sway + moment
+    n = yaw_moment(u, v, r, p) + lever * left * (starboard - port) - moment * u * r
+    sway_mass, yaw_inertia = p[M] - p[YV_DOT], p[IZ] - p[NR_DOT]
+    sway_by_yaw, yaw_by_sway = moment - p[YR_DOT], moment - p[NV_DOT]
     determinant = sway_mass * yaw_inertia - sway_by_yaw * yaw_by_sway
     return (
         x / (p[M] - p[XU_DOT]),

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.measurement import recorded_speeds, through_water
-from swath_sysid.manoeuvring.hull.model import active_terms, jacobians
+from swath_sysid.manoeuvring.hull.model import jacobians
 from swath_sysid.manoeuvring.hull.simulation import STABLE_STEP, UNDISTURBED, runge_kutta_columns
 from swath_sysid.manoeuvring.hull.stability import growth_rates
 from swath_sysid.manoeuvring.hull.terms import BALANCE, DELAY, LAG, NAMES
@@ -136,7 +136,6 @@ class Shooting:
 def simulate(shooting: Shooting, columns: np.ndarray, states: np.ndarray) -> np.ndarray:
     """States (S + 1, 3, K, W) of K copies of all windows with parameters (n, K), from (3, K, W)."""
     copies, count, parts = columns.shape[1], shooting.windows.count, shooting.parts
-    active = active_terms(_union(columns))
     thrust = np.stack([_thrust(shooting, column) for column in columns.T], axis=2)
     with np.errstate(over='ignore', invalid='ignore'):
         found = runge_kutta_columns(
@@ -145,9 +144,8 @@ def simulate(shooting: Shooting, columns: np.ndarray, states: np.ndarray) -> np.
             thrust[1].reshape(-1, copies * count),
             UNDISTURBED,
             np.repeat(columns, count, axis=1),
-            active,
             shooting.windows.step / parts,
-            _substeps(shooting, columns[:, :1], active),
+            _substeps(shooting, columns[:, :1]),
         )
     return found[::parts].reshape(-1, 3, copies, count)
 
@@ -167,17 +165,11 @@ def _thrust(shooting: Shooting, p: np.ndarray):
     return shooting.thrusts[key]
 
 
-def _substeps(shooting: Shooting, p: np.ndarray, active: tuple[bool, ...]):
+def _substeps(shooting: Shooting, p: np.ndarray):
     """Runge-Kutta steps within a part of a step that the fastest damping of parameters (n, 1) needs."""
     state = np.max(np.abs(shooting.measured), axis=(1, 2))[:, None]
-    fastest = np.max(np.abs(np.linalg.eigvals(np.nan_to_num(jacobians(p, active, state)))))
+    fastest = np.max(np.abs(np.linalg.eigvals(np.nan_to_num(jacobians(p, state)))))
     return int(np.clip(np.ceil(shooting.windows.step / shooting.parts * fastest / STABLE_STEP), 1, 10))
-
-
-def _union(columns: np.ndarray):
-    """A column in which every parameter that any column uses differs from neutral."""
-    spread = np.ptp(columns, axis=1)
-    return columns[:, 0] + np.where(spread > 0.0, spread * 1.2345 + 1e-9, 0.0)
 
 
 def misses(
@@ -336,7 +328,7 @@ def jacobian(shooting: Shooting, values: np.ndarray, hidden: Hidden) -> np.ndarr
 
 def _instability(shooting: Shooting, columns: np.ndarray):
     """Weighted excess of growth of candidates (n, K), shape (speeds, K)."""
-    growth = growth_rates(columns, active_terms(_union(columns)), shooting.speeds)
+    growth = growth_rates(columns, shooting.speeds)
     return STABILITY_WEIGHT * np.sqrt(shooting.known.sum()) * np.maximum(growth - shooting.largest_growth, 0.0)
 
 

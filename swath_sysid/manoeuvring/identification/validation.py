@@ -68,7 +68,7 @@ def simulate_windows(
     substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), (port, starboard))
     with np.errstate(over='ignore', invalid='ignore'):
         columns = np.repeat(model.values[:, None], windows.count, axis=1)
-        states = runge_kutta_columns(state, port, starboard, UNDISTURBED, columns, model.active, windows.step, substeps)
+        states = runge_kutta_columns(state, port, starboard, UNDISTURBED, columns, windows.step, substeps)
         u, v, r = np.moveaxis(states, 1, 0)
         psi, x, y = track(
             u, v, r, windows.step, heading[0] - deviation(heading[0], p), np.zeros((2, windows.count)), current

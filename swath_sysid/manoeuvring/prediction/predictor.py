@@ -168,7 +168,6 @@ class ManoeuvreFilter:
             starboard,
             push,
             self._columns,
-            self.model.active,
             step,
             self._substeps,
         )
