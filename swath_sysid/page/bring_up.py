@@ -85,70 +85,60 @@ class Guidance:
     action: str = ''  #: The button to press now; empty: none.
 
 
-@dataclass(frozen=True)
-class State:
-    """A row of the table, whose texts are formats; see `Guidance`."""
-
-    step: str
-    sentence: str
-    fault: str = ''
-    cure: str = ''
-    action: str = ''
-
-
 AGAIN = 'push'  #: The action after which the craft is released, by the page or by hand.
 
+#: The guidance of each state, whose texts but the action are formats.
 STATES = {
-    'missing': State(
+    'missing': Guidance(
         CONNECT,
         'Waiting for {nodes}.',
         'nodes-missing',
         'start the nodes with swath-sysid run on this network and in the same ROS_DOMAIN_ID and namespace',
     ),
-    'silent': State(SENSOR, 'No samples arrive from the sensor.', '{code}', '{message}'),
-    'no sample': State(SENSOR, 'Waiting for the first sample of the sensor.'),
-    'slow': State(
+    'silent': Guidance(SENSOR, 'No samples arrive from the sensor.', '{code}', '{message}'),
+    'no sample': Guidance(SENSOR, 'Waiting for the first sample of the sensor.'),
+    'slow': Guidance(
         SENSOR,
         'The sensor gives {rate:.1f} samples per second, too few to see a craft roll.',
         'low-rate',
         'have its driver publish at 20 Hz or more',
     ),
-    'contradiction': State(SENSOR, 'The readings of the sensor contradict each other.', '{code}', '{message}'),
-    'no angles': State(SENSOR, 'Waiting for samples that can be used.'),
-    'no orientation': State(
+    'contradiction': Guidance(SENSOR, 'The readings of the sensor contradict each other.', '{code}', '{message}'),
+    'no angles': Guidance(SENSOR, 'Waiting for samples that can be used.'),
+    'no orientation': Guidance(
         SENSOR,
         'The sensor gives rates without orientation.',
         'no-orientation',
         'release the craft, let it roll out and press Identify, which needs no angles as the guide does',
         'identify',
     ),
-    'kept': State(
+    'kept': Guidance(
         KEPT,
         'Accepted: {model}.',
         cure='Watch the forecasts, Save or download the model, or export it with swath-sysid export.',
         action='save',
     ),
-    'identifying': State(IDENTIFY, 'Identifying: {share:.0f} %.'),
-    'not identified': State(
+    'identifying': Guidance(IDENTIFY, 'Identifying: {share:.0f} %.'),
+    'not identified': Guidance(
         PUSH,
         'Nothing was identified.',
         'not-identified',
         '{message}; release again in still water, from a larger angle',
         AGAIN,
     ),
-    'other axis': State(
+    'other axis': Guidance(
         PUSH, 'That was {other}, {moved:.1f} deg.', 'other-axis', '{ask}, or choose {other} above', AGAIN
     ),
-    'found': State(IDENTIFY, 'Found {cycles:.1f} cycles. Waiting for the identification.'),
-    'not noticed': State(
+    'found': Guidance(IDENTIFY, 'Found {cycles:.1f} cycles. Waiting for the identification.'),
+    'not noticed': Guidance(
         IDENTIFY,
         'Found {cycles:.1f} cycles. No identification started.',
         'not-noticed',
         'press Identify (auto_identify or auto_detect_decay of the nodes may be off)',
         'identify',
     ),
-    'unrest': State(REST, 'Keep your hands off until the craft is at rest.'),
-    'waves': State(
+    'unrest': Guidance(REST, 'Keep your hands off until the craft is at rest.'),
+    'waves': Guidance(
         '{step}',
         '{sentence}',
         'waves',
@@ -156,21 +146,21 @@ STATES = {
         'the period, and the damping at its amplitude',
         'identify',
     ),
-    'held': State(
+    'held': Guidance(
         PUSH,
         'The hull is held {offset:.1f} deg from its rest position.',
         'held',
         'let go at once, hands and lines off. If nobody holds it, its trim has changed: press Release again',
         'restart',
     ),
-    'samples lost': State(
+    'samples lost': Guidance(
         PUSH,
         'Samples were lost on the way to the page.',
         'samples-lost',
         'stop other programs on the machine, or press Identify: the buffer may have every sample',
         'identify',
     ),
-    'no decay': State(
+    'no decay': Guidance(
         PUSH,
         'That was no free decay.',
         'no-decay',
@@ -178,22 +168,18 @@ STATES = {
         'has no period to identify',
         AGAIN,
     ),
-    'gravity': State(REST, 'Keep the craft still: gravity is compared with the attitude.'),
-    'ready': State(PUSH, 'At rest. Now {ask}.', cure='{known}', action=AGAIN),
-    'rolling out': State(DECAY, 'Hands off, and let it roll out.'),
-    'pushing': State(PUSH, '{moved:.1f} of {push}: {way}'),
-    'adequate': State(JUDGE, '{model}.', cure='{remark}Accept it.', action='accept'),
-    'not adequate': State(JUDGE, '{model}.', '{level}', '{cure}.{remark}', AGAIN),
+    'gravity': Guidance(REST, 'Keep the craft still: gravity is compared with the attitude.'),
+    'ready': Guidance(PUSH, 'At rest. Now {ask}.', cure='{known}', action=AGAIN),
+    'rolling out': Guidance(DECAY, 'Hands off, and let it roll out.'),
+    'pushing': Guidance(PUSH, '{moved:.1f} of {push}: {way}'),
+    'adequate': Guidance(JUDGE, '{model}.', cure='{remark}Accept it.', action='accept'),
+    'not adequate': Guidance(JUDGE, '{model}.', '{level}', '{cure}.{remark}', AGAIN),
 }
 
 
 def say(name: str, **values: Any) -> Guidance:
     """The guidance of a state of the table with these values in its texts."""
-    state = STATES[name]
-    step, sentence, fault, cure = (
-        text.format(**values) for text in (state.step, state.sentence, state.fault, state.cure)
-    )
-    return Guidance(step, sentence, fault, cure, state.action)
+    return Guidance(**{part: text.format(**values) for part, text in vars(STATES[name]).items()})
 
 
 def of_sensor(facts: Facts) -> Guidance | None:
@@ -218,13 +204,13 @@ def of_sensor(facts: Facts) -> Guidance | None:
 
 
 class BringUp:
-    """Guides from the start of the nodes to an accepted model of an axis; asks for a push, rad."""
+    """Guides from the start of the nodes to an accepted model of an axis; asks for a push."""
 
-    def __init__(self, axis: str, push: float = float(np.radians(5.0))) -> None:
+    def __init__(self, axis: str) -> None:
         self.axis = axis
         self._other = next(each for each in AXES if each != axis)
         side = 'down on one side' if axis == 'roll' else 'down at the bow'
-        self._push, self._degrees = push, f'{np.degrees(push):.0f} degrees'
+        self._push, self._degrees = float(np.radians(5.0)), '5 degrees'
         self._ask = f'push the hull {side} by {self._degrees} and let go'
         # the first that gives guidance is the present step
         self._questions = (

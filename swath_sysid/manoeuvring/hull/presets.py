@@ -1,6 +1,6 @@
 """Ready-made craft: the simulated WAM-V 16 of the public VRX simulator (PAPERS E)."""
 
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import check_choice
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 
 WAMV_LENGTH = 4.88  #: m (16 feet).
@@ -24,6 +24,5 @@ PRESETS = {
 
 def preset(name: str) -> ManoeuvringModel:
     """The ready-made craft of that name."""
-    if name not in PRESETS:
-        raise InputError(f"there is no craft '{name}': choose from {', '.join(PRESETS)}, or give a model file")
+    check_choice(name, PRESETS, 'craft')
     return PRESETS[name]
