@@ -8,20 +8,9 @@ PACKAGE = 'swath_sysid'
 
 
 def share_folder(module_file: str | Path = __file__) -> Path:
-    """The folder that holds package.xml, config/ and launch/ of this very installation.
-
-    Found from the module's own path rather than through ament's index: the index needs a sourced environment,
-    ignores ``pip install -e``, and may name another version's folder.
-
-    Args:
-        module_file: A module directly inside the package.
-
-    Returns:
-        The checkout itself where the package is run from one (``pip install -e``, ``colcon build --symlink-install``),
-        otherwise ``share/swath_sysid`` below the prefix that holds the package (pip, colcon, a distribution's package).
-
-    Raises:
-        InputError: The package was copied without its share folder.
+    """The folder that holds package.xml, config/ and launch/ of this very installation: the checkout where it runs from
+    one, else ``share/swath_sysid`` below its prefix. ament's index would need a sourced environment, ignores
+    ``pip install -e``, and may name another version's folder.
     """
     package_folder = Path(module_file).resolve().parent
     checkout = package_folder.parent

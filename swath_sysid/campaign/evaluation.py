@@ -88,10 +88,7 @@ def fit_one(problem: Problem, settings: IdentificationSettings) -> dict:
 
 
 def settle(problem: Problem, fits: Sequence[Identification]) -> list[dict]:
-    """Fits of one problem with every equation, none worse than a fit whose equation it contains, as plain data.
-
-    A search that ended worse is refined again from the smaller equation's optimum.
-    """
+    """Fits of one problem with every equation, each refined from that of a contained equation where it is worse."""
 
     def refit(fit: Identification, better: Identification) -> Identification:
         tried = replace(fit.search, best=np.empty(0), value=float('nan'), stop='refined')

@@ -452,11 +452,7 @@ class _AxisPlan:
         return key_of('fit', self._ids[str(record)], name, terms, objective, asdict(self._manifest.search))
 
     def _prune(self) -> None:
-        """Choose the terms: those of the general hull that the records of a draft show jointly.
-
-        Not of one draft with another: the ratios follow the draft, and one set for all would need terms that no hull
-        has.
-        """
+        """Choose the terms that the records of a draft show jointly; not of all drafts, whose ratios differ."""
         settings, tasks = self._settings('simulation'), {}
         for loading, group in self._drafts().items():
             ids = [self._ids[str(r)] for r in group]

@@ -27,14 +27,7 @@ class GeneticSettings(SearchBudget):
 
 
 class GeneticSearch(AskAndTell):
-    """Minimise by genetic algorithm within bounds; see `AskAndTell`.
-
-    Examples:
-        >>> search = GeneticSearch([-1, -1], [1, 1], GeneticSettings(), seed=1)
-        >>> while not search.should_stop():
-        ...     candidates = search.ask()
-        ...     search.tell((candidates**2).sum(axis=1))
-    """
+    """Minimise by genetic algorithm within bounds; see `AskAndTell`."""
 
     def __init__(
         self, lower: ArrayLike, upper: ArrayLike, settings: GeneticSettings, seed: int, first: ArrayLike = ()

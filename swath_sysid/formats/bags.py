@@ -69,10 +69,7 @@ def read_bag(
     frame: str | None = None,
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Trial:
-    """Read a trial from an IMU topic of a rosbag2 bag; parameters and errors are those of `read_trial`.
-
-    Time is that of the header stamps, from the first message.
-    """
+    """Read a trial from an IMU topic of a rosbag2 bag, with time from its first stamp; see `read_trial`."""
     installation = Installation(frame or 'flu', mounting)
     record = read_imu(path, topic)
     stamps, advice = record.stamps, list(record.advice)

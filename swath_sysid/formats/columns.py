@@ -157,17 +157,8 @@ def read_table(
     progress: Progress | None = None,
     assigned: Mapping[str, str] | None = None,
 ) -> Table:
-    """Read the known columns of a file, from its one table that has them.
-
-    Args:
-        path: Of the file.
-        quantities: What is known.
-        lacking: From the readings found, what is missing, if anything.
-        progress: Called with 0 to 1 while a long file is read.
-        assigned: Columns by the quantity that they hold, as in ``{'roll': 'Phi:deg'}``.
-
-    Raises:
-        InputError: No table or several have what is needed, or the columns of one cannot be read.
+    """Read the known columns of a file from its one table that has them. ``lacking`` says what is missing beside the
+    readings found, ``assigned`` gives columns by the quantity that they hold, as in ``{'roll': 'Phi:deg'}``.
     """
     with reading(path), known_by_name(path):
         matches, problems = [], []

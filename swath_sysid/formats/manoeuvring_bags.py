@@ -102,11 +102,7 @@ def holds_manoeuvres(path: str | Path) -> tuple[bool, bool]:
 
 
 def write_manoeuvring_bag(path: str | Path, manoeuvre: Manoeuvre, *, start_stamp_ns: int = 0) -> None:
-    """Write a simulated manoeuvre with the topics of VRX; path and stamp as for
-    `swath_sysid.formats.bags.write_imu_bag`. Topics are ``/wamv/thrusters/left/thrust`` and ``right/thrust``
-    (std_msgs/Float64, the inputs), ``/wamv/odometry`` (nav_msgs/Odometry) and ``/wamv/sensors/imu/imu/data``
-    (sensor_msgs/Imu).
-    """
+    """Write a simulated manoeuvre with the topics of VRX; path and stamp are those of `write_imu_bag`."""
     m = manoeuvre
     imu = ImuMessage('wamv/imu_link')
     unknown = np.zeros((3, 3))

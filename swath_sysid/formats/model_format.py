@@ -82,10 +82,7 @@ def metrics(value: Any, where: str) -> dict:
 
 
 def covariance(rows: Any, names: Sequence[str], stated: Mapping[str, Stated], where: str) -> np.ndarray:
-    """The covariance of named quantities, (n, n): symmetric, positive semidefinite, and with the deviations stated.
-
-    Null fills the row and column of a quantity that is not known; it becomes NaN.
-    """
+    """The covariance (n, n) of named quantities, with the deviations stated; null, not known, becomes NaN."""
     size, place = len(names), f'{where}, covariance'
     if not isinstance(rows, list) or [len(row) if isinstance(row, list) else -1 for row in rows] != [size] * size:
         raise InputError(f'{place}: {size} quantities need {size} rows of {size} numbers')

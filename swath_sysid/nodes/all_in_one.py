@@ -9,9 +9,6 @@ from swath_sysid.nodes.predictor import Predictor
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run imu_buffer, predictor and identifier until a signal comes: the exit code.
-
-    The identifier's services wait for its worker, so it has an executor of its own in a second thread.
-    """
+    """Run the three nodes until a signal comes; the identifier, whose services wait, has a thread of its own."""
     # the predictor first: it gets each sample before the buffer does
     return run([(events_executor, [Predictor, ImuBuffer]), (SingleThreadedExecutor, [Identifier])], args)

@@ -32,10 +32,7 @@ class WindowClient:
         watched_subscription(node, PointCloud2, 'motion/window', self._receive, LATCHED, health)
 
     async def fetch(self, timeout: float) -> str:
-        """Have the buffer publish its window and wait for it, s.
-
-        The problem, empty if `newest` is the best there is.
-        """
+        """Have the buffer publish its window and wait for it, s; the problem, if `newest` is not the best there is."""
         if not self._client.service_is_ready():
             if self.newest is not None:
                 return ''

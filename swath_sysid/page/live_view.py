@@ -106,9 +106,8 @@ def releases_in_words(tried: Iterable[tuple[Release, Sequence[IdentifiedModel]]]
 
 
 def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[str, list]:
-    """Natural period, s, and equivalent damping as lists of (deg, value, lower, upper) with two standard deviations.
-
-    The same from each cycle of the last release as lists of (deg, value).
+    """Natural period, s, and equivalent damping as lists of (deg, value, lower, upper), two standard deviations wide;
+    the same from each cycle of the last release as lists of (deg, value).
     """
     chart: dict[str, list] = {name: [] for name in ('period', 'damping', 'measured_period', 'measured_damping')}
     if model is not None:

@@ -90,10 +90,7 @@ async def _refuse(scope: dict[str, Any], send: Any) -> None:
 
 @contextmanager
 def served(state: PageState, host: str, port: int, token: str) -> Iterator[str]:
-    """Serve the page while the block runs, on a free port for 0; yields its address.
-
-    Raises `InputError` where nicegui is not installed, or the port is taken.
-    """
+    """Serve the page while the block runs, on a free port for 0; yields its address."""
     check_installed()
     try:
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ':' in host else socket.AF_INET)

@@ -178,10 +178,8 @@ class StreamHealth(Reasons):
     def report(
         self, now: float, now_ns: int, core_counts: Mapping[str, int], used: int, interval: float | None = None
     ) -> Report:
-        """The report now, and start a new period.
-
-        ``now`` is of the clock of `note_message`, s, ``now_ns`` of that of the stamps; ``core_counts`` count since the
-        start, ``used`` messages the core used; ``interval``, s, is the usual one.
+        """The report now, s of the clock of `note_message` and ns of that of the stamps, and start a new period;
+        ``core_counts`` count since the start, ``used`` messages the core used, ``interval``, s, is the usual one.
         """
         if self._begun is None:
             self._begun, self._reported_ns = now, now_ns

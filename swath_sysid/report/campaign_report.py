@@ -40,10 +40,7 @@ REPORTED = (PAGE, MODEL, TABLES, FIGURES)  #: What a report writes into its fold
 
 
 def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) -> Path:
-    """Write page, tables, figures and models of a campaign into a folder, each whole or not at all; returns the page.
-
-    The tables depend on trials and settings alone; ``wall_s`` is how long this run took.
-    """
+    """Write page, tables, figures and models of a campaign, which took ``wall_s``, into a folder; returns the page."""
     folder = Path(folder)
     try:
         for name in (TABLES, FIGURES):

@@ -172,11 +172,7 @@ def _sdf(
 
 
 def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str, float]) -> Export:
-    """SDF of the roll and pitch damping of decay models by axis, with the inertia of each, kg m^2, with added inertia.
-
-    Raises:
-        InputError: An axis has no inertia.
-    """
+    """SDF of roll and pitch damping of decay models by axis, with their inertias, added inertia included, kg m^2."""
     derivatives: dict[str, float] = {}
     moments, notes, advice = {}, [], []
     for axis, identified in models.items():

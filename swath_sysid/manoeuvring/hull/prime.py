@@ -24,9 +24,7 @@ class PrimeUnits:
             raise InputError('length, speed and density of the prime system must be positive: give positive numbers')
 
     def unit(self, name: str) -> float:
-        """Dimensional size of a derivative whose prime value is one: force or moment over its velocities, or an
-        inertia.
-        """
+        """Dimensional size of a derivative whose prime value is one."""
         parameter = PARAMETERS[INDEX[name]] if name in INDEX else None
         if parameter is None or parameter.kind not in HULL:
             raise InputError(f"'{name}' is not a derivative of the prime system: give one such as Xuu or Nr")

@@ -62,9 +62,7 @@ def lagged(values: np.ndarray, lag: float, step: float) -> np.ndarray:
 
 
 def acting_thrust(port: np.ndarray, starboard: np.ndarray, p: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Thrust of both thrusters, N, (N,), mean over each step, s, of commands, or forces in N, (N,), held over each
-    step.
-    """
+    """Thrust of both thrusters, N, (N,), mean over each step, s, of inputs (N,) that are held over each step."""
     left, right = (
         lagged(delayed(side * thrust_curve(inputs, p), p[DELAY], step), p[LAG], step)
         for inputs, side in ((port, 1.0 - p[BALANCE]), (starboard, 1.0 + p[BALANCE]))

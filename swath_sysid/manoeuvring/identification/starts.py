@@ -40,9 +40,7 @@ def _regressed(runs: Sequence[Run], thrusts: Thrusts, series: Callable, signs: S
 
 
 def surge_ratios(runs: Sequence[Run], thrusts: Thrusts) -> np.ndarray:
-    """Thrust gain over inertia (at least 0), linear and quadratic damping over inertia (at most 0); zeros where not
-    determined.
-    """
+    """Thrust gain (at least 0), linear and quadratic damping (at most 0) over inertia; zeros where not determined."""
     return _regressed(
         runs, thrusts, lambda u, v, r, port, starboard: (u, port + starboard, u, np.abs(u) * u), (1, -1, -1)
     )
