@@ -34,7 +34,9 @@ setup(
     project_urls={url.get('type'): url.text for url in MANIFEST.findall('url')},
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'campaign/*.yaml', 'campaign/papers/*.yaml', 'nodes/parameters/*.yaml']},
+    package_data={
+        NAME: ['py.typed', 'campaign/*.yaml', 'campaign/papers/*.yaml', 'nodes/parameters/*.yaml', 'report/*.css'],
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (SHARE.as_posix(), ['package.xml']),

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import resources
 from typing import Any
 
 import matplotlib
@@ -16,51 +17,6 @@ from matplotlib.figure import Figure
 from swath_sysid.report.figures import MEASURED, SERIES
 from swath_sysid.report.tables import Table
 
-STYLE_SHEET = """
-:root{color-scheme:light dark;--paper:#ffffff;--ink:#1f2933;--faint:#5c6b7a;--line:#d8dee4;--panel:#f6f8fa;
---good:#1c7c3c;--good-back:#e2f4e6;--bad:#a3362a;--link:#1f6f92}
-@media (prefers-color-scheme:dark){:root{--paper:#14181d;--ink:#e4e9ee;--faint:#9aa7b4;--line:#333c46;--panel:#1c2229;
---good:#7bd694;--good-back:#1d3a27;--bad:#f0948a;--link:#6db9dc}}
-*{box-sizing:border-box}
-body{margin:0;background:var(--paper);color:var(--ink);font:16px/1.5 system-ui,sans-serif}
-main{max-width:1560px;margin:0 auto;padding:1rem clamp(.75rem,3vw,2.5rem) 4rem}
-h1{font-size:1.7rem;line-height:1.2;margin:.6rem 0}
-h2{font-size:1.3rem;margin:2.4rem 0 .4rem;padding-top:.5rem;border-top:1px solid var(--line)}
-h3{font-size:1.05rem;margin:1.6rem 0 .3rem}
-p,li{max-width:75ch;overflow-wrap:anywhere}
-a{color:var(--link)}
-nav ul{display:flex;flex-wrap:wrap;gap:.2rem 1.1rem;padding:0;list-style:none}
-.note{color:var(--faint);font-size:.92rem;margin:.2rem 0 .6rem}
-.choice{background:var(--panel);border-left:4px solid var(--good);padding:.6rem 1rem;max-width:90ch}
-.figures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,350px),1fr));gap:1rem}
-figure{margin:0;background:var(--panel);border-radius:6px;padding:.5rem;break-inside:avoid;min-width:0}
-figure svg{display:block;width:100%;height:auto;max-height:26rem}
-figcaption{font-size:.85rem;color:var(--faint);overflow-wrap:anywhere}
-table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums;margin:.3rem 0 1rem}
-th,td{padding:.22rem .55rem;text-align:right;border-bottom:1px solid var(--line);overflow-wrap:break-word}
-td:not(.long){white-space:nowrap}
-td.long{min-width:16rem}
-th{font-weight:600;vertical-align:bottom}
-th:first-child,td:first-child,.words{text-align:left}
-thead th{border-bottom:2px solid var(--line)}
-td.best{background:var(--good-back);color:var(--good);font-weight:650}
-td.beyond{color:var(--bad)}
-.scroll{overflow:auto;max-height:44rem}
-.scroll thead th{position:sticky;top:0;background:var(--paper)}
-.finding{border-left:4px solid var(--line);padding-left:.8rem}
-@media print{
-:root{--paper:#fff;--ink:#111;--faint:#444;--line:#bbb;--panel:#fff;--good:#0b5d25;--good-back:#e6f3e8;--bad:#8c1c10;--link:#111}
-body{font-size:10pt}
-nav{display:none}
-main{max-width:none;padding:0}
-.figures{grid-template-columns:repeat(3,1fr);gap:.5rem}
-table{font-size:7.5pt}
-tr{break-inside:avoid}
-.scroll{max-height:none;overflow:visible}
-h2,h3{break-after:avoid}
-@page{size:A4 landscape;margin:12mm}
-}
-"""
 LONG_WORDS = 28  #: Characters from which a cell is broken into lines.
 #: Of every figure of a page, where it is 350 to 500 px wide, so that a point is about a pixel.
 FIGURE_STYLE: Any = {
@@ -105,6 +61,7 @@ def page_style() -> AbstractContextManager:
 def page(title: str, sections: Iterable[tuple[str, str, Sequence[str]]]) -> str:
     """A whole page of sections (anchor, plain name, HTML parts); a section whose parts are all empty is left out."""
     kept = [(anchor, escaped(name), parts) for anchor, name, parts in sections if any(parts)]
+    style = resources.files(__package__).joinpath('page.css').read_text(encoding='utf-8')
     contents = ''.join(f'<li><a href="#{anchor}">{name}</a></li>' for anchor, name, _ in kept)
     body = [
         f'<section id="{anchor}"><h2>{name}</h2>\n' + '\n'.join(filter(None, parts)) + '</section>'
@@ -114,7 +71,7 @@ def page(title: str, sections: Iterable[tuple[str, str, Sequence[str]]]) -> str:
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         '<link rel="icon" href="data:,">'
-        f'<title>{escaped(title)}</title><style>{STYLE_SHEET}</style></head>\n<body><main>\n<h1>{escaped(title)}</h1>\n'
+        f'<title>{escaped(title)}</title><style>\n{style}</style></head>\n<body><main>\n<h1>{escaped(title)}</h1>\n'
         f'<nav aria-label="Sections"><ul>{contents}</ul></nav>\n' + '\n'.join(body) + '\n</main></body></html>\n'
     )
 
