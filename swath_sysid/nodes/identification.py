@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger
 from swath_sysid.common.accelerator import why_uncompiled
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompiled
+from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.table import Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
@@ -26,12 +27,10 @@ Answer = tuple[bool, str]  #: Whether a model was published, and one line about 
 
 
 class IdentificationNode(Node):
-    """Services ~/identify, ~/cancel and ~/rollback, ~/progress and diagnostics.
-
-    A derived node makes what its overrides need, and then calls `serve`.
-    """
+    """Services ~/identify, ~/cancel and ~/rollback, ~/progress and diagnostics; a derived node calls `serve`."""
 
     refitter: Any  #: A `Refitter` or `ManoeuvreRefitter`.
+    file: ModelFile
 
     def __init__(self, name: str, settings_of: Callable[[Values], Any]):
         super().__init__(name)
@@ -42,51 +41,43 @@ class IdentificationNode(Node):
         self._answers = AnswerQueue(self)
         self._progress = watched_publisher(self, Float32, '~/progress', 10, self.health)
 
-    def serve(self, warm_up: Callable[[], None]) -> None:
-        """Make the worker, which first runs ``warm_up()``, and offer the services."""
+    def serve(
+        self,
+        warm_up: Callable[[], None],
+        identify: Callable[[], Awaitable[Answer]],
+        publish: Callable[[], Any],
+        status: Callable[[], tuple[dict, Report]],
+        when_free: Callable[[], None] = lambda: None,
+        stop_waiting: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Offer the services, with a worker that first runs ``warm_up``. ``publish`` returns the model that it
+        published; ``status`` gives further values of the status of identifications, and a status of its own.
+        """
+        self._identify, self._publish, self._status = identify, publish, status
+        self._when_free, self._stop_waiting = when_free, stop_waiting
         # an async service holds its group while it waits: in the node's own it would lock out all else
         waiting: dict[str, Any] = {'callback_group': ReentrantCallbackGroup(), 'qos_profile': SERVICES}
         self.create_service(Trigger, '~/identify', self._on_identify, **waiting)
         self.create_service(Trigger, '~/rollback', self._on_rollback, qos_profile=SERVICES)
         self.create_service(Trigger, '~/cancel', self._on_cancel, **waiting)
-        self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self.reports)
-        self.worker = Worker(
-            warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), self.parameters['worker_idle_s']
-        )
-        if not self.parameters['worker_idle_s']:
+        self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
+        idle_s = self.parameters['worker_idle_s']
+        self.worker = Worker(warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), idle_s)
+        if not idle_s:
             self._check_compilation()
 
-    async def identify(self) -> Answer:
-        """Identify on the newest motion; to be overridden."""
-        raise NotImplementedError
-
-    def replace_model(self) -> str:
-        """Publish the model of the refitter and save it, and remark where the previous one is; to be overridden."""
-        raise NotImplementedError
-
-    def reports(self) -> list[Report]:
-        """The statuses of now; to be overridden."""
-        raise NotImplementedError
-
-    def when_free(self) -> None:
-        """An identification or its cancelling has ended; may be overridden."""
-
-    def stop_waiting(self) -> None:
-        """What is waited for before the worker begins is given up; may be overridden."""
+    def _reports(self) -> list[Report]:
+        (values, report), busy = self._status(), self._ended is not None
+        return [self.health.report(self.refitter.described, self.refitter.steps_back, busy, values), report]
 
     def destroy_node(self) -> None:
         """Also end the worker."""
         self.worker.close()
         super().destroy_node()
 
-    @property
-    def busy(self) -> bool:
-        """Whether an identification is under way."""
-        return self._ended is not None
-
     def begin(self, work: Callable[[], Awaitable[Answer]]) -> None:
-        """Start work that no caller waits for; not while other work runs."""
-        if self.executor is not None:
+        """Start work that no caller waits for, unless other work runs."""
+        if self.executor is not None and self._ended is None:
             self.executor.create_task(self._begun(work))
 
     def _begun(self, work: Callable[[], Awaitable[Answer]]) -> Coroutine[Any, Any, Answer]:
@@ -101,19 +92,21 @@ class IdentificationNode(Node):
         self._diagnostics.publish()
         self.get_logger().info(answer[1])
         ended.set_result(answer)
-        self.when_free()
+        self._when_free()
         return answer
 
-    async def run_in_worker(self, function: Callable, request: Any) -> tuple[Any, str]:
-        """Have the worker do something: its result and an empty sentence, or None and what went wrong."""
+    async def refit(self, function: Callable, request: Any) -> Answer:
+        """Have the worker refit, and publish and save a better model."""
         self._check_compilation()
         self.health.begin()
         outcome, error = await outcome_of(self.worker, self.executor, function, request, self._on_progress)
-        if error is None:
-            return outcome, ''
         if isinstance(error, WorkerError):
             self.get_logger().warning(f'{error}; if this repeats, look for a lack of memory with `dmesg`')
-        return None, CANCELLED if isinstance(error, Cancelled) else str(error)
+        if error is not None:
+            return False, CANCELLED if isinstance(error, Cancelled) else str(error)
+        if not self.refitter.take(outcome):
+            return False, outcome.message
+        return True, f'{outcome.message}{self.file.keep(self._publish())}'
 
     def _check_compilation(self) -> None:
         """Have the worker report, once, why its work takes longer than it could: numba is loaded there, not here."""
@@ -127,15 +120,15 @@ class IdentificationNode(Node):
 
     async def _on_identify(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         # one identification answers all callers that come meanwhile
-        answer = await (self._begun(self.identify) if self._ended is None else self._ended)
+        answer = await (self._begun(self._identify) if self._ended is None else self._ended)
         await self._answers.wait()
         response.success, response.message = answer
         return response
 
     async def _on_cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = self.busy, 'nothing is running'
+        response.success, response.message = self._ended is not None, 'nothing is running'
         if (ended := self._ended) is not None:
-            self.stop_waiting()
+            self._stop_waiting()
             self.worker.cancel()
             await ended
             response.message = 'the identification has ended'
@@ -146,8 +139,8 @@ class IdentificationNode(Node):
 
     def replaced(self, change: Callable[[], bool], refusal: str, response: Trigger.Response) -> Trigger.Response:
         """Publish the models after a change of the refitter, or answer why there was none."""
-        response.success, response.message = False, BUSY if self.busy else refusal
-        if not self.busy and change():
-            remark = f'{self.refitter.steps_back} more are kept{self.replace_model()}'
+        response.success, response.message = False, refusal if self._ended is None else BUSY
+        if self._ended is None and change():
+            remark = f'{self.refitter.steps_back} more are kept{self.file.keep(self._publish())}'
             response.success, response.message = True, f'back to {self.refitter.described}; {remark}'
         return response

@@ -32,47 +32,36 @@ class Identifier(IdentificationNode):
 
     def __init__(self) -> None:
         super().__init__('identifier', refit_settings)
-        self._file = ModelFile(self.parameters['model_path'], read_model, model_to_yaml, write_model, self.health)
+        self.file = ModelFile(self.parameters['model_path'], read_model, model_to_yaml, write_model, self.health)
         self._description = watched_publisher(self, String, DESCRIPTION_TOPIC, LATCHED, self.health)
         self._coefficients = watched_publisher(self, Float64MultiArray, COEFFICIENTS_TOPIC, LATCHED, self.health)
-        self.refitter = Refitter(self.parameters.settings, self._file.read() or {}, self._file.history())
+        self.refitter = Refitter(self.parameters.settings, self.file.read() or {}, self.file.history())
         #: Windows with a decay that has not been fitted yet.
         self._noticed: deque[MotionTable] = deque(maxlen=MOST_DECAYS)
         self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window)
-        self.serve(warm_up)
+        self.serve(warm_up, self._refit_fresh, self._publish_models, self._further, self._refit_noticed, self._give_up)
         self.create_service(Trigger, '~/undo_rollback', self._on_undo_rollback, qos_profile=SERVICES)
         if self.refitter.models:
-            self._publish()
+            self._publish_models()
         if self.parameters['identify_interval_s']:
             # of ROS time, which is the bag's under replay: as often in it as on board, however fast it is replayed
             self.create_timer(self.parameters['identify_interval_s'], self._identify_unasked)
 
     def _identify_unasked(self) -> None:
-        if not self.busy:
-            self.begin(lambda: self._refit_fresh(is_asked=False))
+        self.begin(lambda: self._refit_fresh(is_asked=False))
 
-    async def identify(self) -> Answer:
-        """Refit all axes on a fresh window."""
-        return await self._refit_fresh(is_asked=True)
-
-    def reports(self) -> list[Report]:
-        """The status of now."""
+    def _further(self) -> tuple[dict, Report]:
         values = {'rollbacks_undone': self.refitter.steps_forward, **verdict_values(self.refitter.models)}
-        return [
-            self.health.report(self.refitter.described, self.refitter.steps_back, self.busy, values),
-            stability_report(self.refitter.stability),
-        ]
+        return values, stability_report(self.refitter.stability)
 
-    def when_free(self) -> None:
-        """Refit on the decays that were noticed meanwhile."""
-        if self._noticed and self.parameters['auto_identify'] and not self.busy:
+    def _refit_noticed(self) -> None:
+        if self._noticed and self.parameters['auto_identify']:
             self.begin(lambda: self._refit(is_asked=False))
 
     def _on_undo_rollback(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self.replaced(self.refitter.undo_rollback, 'there is no rollback to undo', response)
 
-    def stop_waiting(self) -> None:
-        """Give up windows that wait or are waited for."""
+    def _give_up(self) -> None:
         self._noticed.clear()
         self._windows.stop_waiting(CANCELLED)
 
@@ -83,9 +72,9 @@ class Identifier(IdentificationNode):
             self.refitter.forget_decays()
         elif table.noticed is not None:
             self._noticed.append(table)
-            self.when_free()
+            self._refit_noticed()
 
-    async def _refit_fresh(self, is_asked: bool) -> Answer:
+    async def _refit_fresh(self, is_asked: bool = True) -> Answer:
         problem = await self._windows.fetch(self.parameters['window_timeout_s'])
         if problem or self._windows.newest is None:
             return False, problem
@@ -96,20 +85,13 @@ class Identifier(IdentificationNode):
         self.refitter.settings = self.parameters.settings
         request = self.refitter.request(*self._noticed, *fresh, is_asked=is_asked, **origin)
         self._noticed.clear()
-        outcome, problem = await self.run_in_worker(refit, request)
-        if problem or not self.refitter.take(outcome):
-            return False, problem or outcome.message
-        return True, outcome.message + self.replace_model()
+        return await self.refit(refit, request)
 
-    def replace_model(self) -> str:
-        """Publish the models and save them; the remark of `ModelFile.keep`."""
-        self._publish()
-        return self._file.keep(self.refitter.models)
-
-    def _publish(self) -> None:
+    def _publish_models(self) -> dict:
         models = self.refitter.models
         self._description.publish(String(data=model_to_yaml(models) if models else ''))
         self._coefficients.publish(coefficients_message(models))
+        return models
 
 
 def main(args: list[str] | None = None) -> int:

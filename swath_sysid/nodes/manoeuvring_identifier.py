@@ -15,6 +15,7 @@ from swath_sysid.formats.manoeuvring_model_file import (
     read_manoeuvring_model,
     write_manoeuvring_model,
 )
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.identification.refit import (
     ManoeuvreRefitRequest,
     ManoeuvreRefitter,
@@ -38,37 +39,27 @@ class ManoeuvringIdentifier(IdentificationNode):
     def __init__(self) -> None:
         super().__init__('manoeuvring_identifier', manoeuvring_settings)
         path = self.parameters['model_path']
-        self._file = ModelFile(path, read_manoeuvring_model, manoeuvring_to_yaml, write_manoeuvring_model, self.health)
-        self.refitter = ManoeuvreRefitter(self._file.read(), self._file.history())
+        self.file = ModelFile(path, read_manoeuvring_model, manoeuvring_to_yaml, write_manoeuvring_model, self.health)
+        self.refitter = ManoeuvreRefitter(self.file.read(), self.file.history())
         self.window = ManoeuvringWindow(self.parameters['window_s'], self.parameters['stop_after_s'])
         self._publisher = watched_publisher(self, String, 'manoeuvring/model', LATCHED, self.health)
         watched_subscription(self, Odometry, 'odometry', self._on_odometry, SENSOR, self.health)
         for side, topic in THRUSTERS.items():
             watched_subscription(self, Float64, topic, self._thrust_callback(side), SENSOR, self.health)
-        self.serve(warm_up)
-        self._publish()
+        self.serve(warm_up, self._refit_window, self._publish_model, self._further)
+        self._publish_model()
 
-    async def identify(self) -> Answer:
-        """Refit on the window."""
+    async def _refit_window(self) -> Answer:
         try:
             request = self._request()
         except InputError as error:
             return False, str(error)
-        outcome, problem = await self.run_in_worker(refit_manoeuvring, request)
-        if problem or not self.refitter.take(outcome):
-            return False, problem or outcome.message
-        return True, outcome.message + self.replace_model()
+        return await self.refit(refit_manoeuvring, request)
 
-    def reports(self) -> list[Report]:
-        """The statuses of now."""
-        described = self.refitter.described
-        rows = Report(
-            'manoeuvres',
-            OK,
-            f'{self.window.size} rows of odometry and thrust kept',
-            {'rows': self.window.size, 'model': described, **self.window.counts},
-        )
-        return [self.health.report(described, self.refitter.steps_back, self.busy), rows]
+    def _further(self) -> tuple[dict, Report]:
+        size = self.window.size
+        values = {'rows': size, 'model': self.refitter.described, **self.window.counts}
+        return {}, Report('manoeuvres', OK, f'{size} rows of odometry and thrust kept', values)
 
     def _request(self) -> ManoeuvreRefitRequest:
         trial = self.window.trial(self.parameters['thrust_input'], 'odometry')
@@ -80,14 +71,10 @@ class ManoeuvringIdentifier(IdentificationNode):
             trial, self.refitter.model, self.parameters.settings, self.parameters['least_improvement'], provenance
         )
 
-    def replace_model(self) -> str:
-        """Publish the model and save it; the remark of `ModelFile.keep`."""
-        self._publish()
-        return self._file.keep(self.refitter.model)
-
-    def _publish(self) -> None:
-        if self.refitter.model is not None:
-            self._publisher.publish(String(data=manoeuvring_to_yaml(self.refitter.model)))
+    def _publish_model(self) -> IdentifiedManoeuvringModel | None:
+        if (model := self.refitter.model) is not None:
+            self._publisher.publish(String(data=manoeuvring_to_yaml(model)))
+        return model
 
     def _on_odometry(self, message: Odometry) -> None:
         reading = odometry_reading(message)
