@@ -53,10 +53,10 @@ def hull_at(factor):
 
 @pytest.fixture(scope='module')
 def trials(tmp_path_factory):
-    """A folder with two drafts, one angle, two repeats, and the manifest."""
+    """A folder with two drafts, one angle, two repeats at the lighter draft, and the manifest."""
     folder = tmp_path_factory.mktemp('trials')
-    for k, (factor, repeat) in enumerate((f, r) for f in DRAFTS for r in (1, 2)):
-        made = simulated_trial(hull_at(factor), math.radians(6), 8.0, 20.0, SensorNoise(), k + 1)
+    for k, (factor, repeat) in enumerate(((0.9, 1), (0.9, 2), (1.1, 1))):
+        made = simulated_trial(hull_at(factor), math.radians(6), 6.0, 20.0, SensorNoise(), k + 1)
         write_csv(folder / f'pitch_6deg_{factor}T_repeat{repeat}.csv', made)
     (folder / 'campaign.yaml').write_text(MANIFEST)
     return folder
@@ -104,11 +104,11 @@ def done(trials, tmp_path_factory):
 def test_every_record_with_every_equation(done):
     outcome, _ = done
     (axis,) = outcome.axes
-    assert len(axis.records) == 4 and axis.names == ('linear', 'swath-pitch-6')
+    assert len(axis.records) == 3 and axis.names == ('linear', 'swath-pitch-6')
     assert outcome.failures == () and outcome.kept == 0
     for objective in ('simulation', 'one-step'):
-        assert [[f.model.equation.name for f in fits] for fits in axis.fits[objective]] == [list(axis.names)] * 4
-        assert [out_of_order(fits) for fits in axis.fits[objective]] == [()] * 4
+        assert [[f.model.equation.name for f in fits] for fits in axis.fits[objective]] == [list(axis.names)] * 3
+        assert [out_of_order(fits) for fits in axis.fits[objective]] == [()] * 3
     assert list(axis.by_draft) == [0.9, 1.1] and len(axis.best) == 2
     np.testing.assert_allclose(axis.schedule.ratio('r1'), [hull_at(f).terms['r1'] for f in DRAFTS], rtol=0.02)
 
@@ -179,7 +179,7 @@ def test_what_differs_is_computed_again(trials, done, tmp_path):
     _, output = done
     other = MANIFEST.replace('title: A', 'title: B').replace('[linear, swath-pitch-6]', '[linear]')
     same = work_off(trials, output, text=other)
-    assert same.kept >= 8 and same.failures == ()
+    assert same.kept >= 6 and same.failures == ()
     seeded = other.replace('{draft_factor}T_repeat{repeat}', '0.9T_repeat1') + 'search: {seed: 2}\n'
     assert work_off(trials, output, text=seeded).kept == 0
 
@@ -194,7 +194,7 @@ def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys, mon
     (tmp_path / 'roll_only.csv').write_text('time_s,roll_deg\n' + ''.join(f'{k / 50},{k % 7}\n' for k in range(400)))
     contradictory = next(trials.glob('*0.9T*')).read_text().replace('pitch_rate_rad_s', 'pitch_rate_deg_s')
     (tmp_path / 'contradictory.csv').write_text(contradictory)
-    text = (trials / 'campaign.yaml').read_text() + (
+    text = MANIFEST.replace('[linear, swath-pitch-6]', '[linear]').replace('[one-step]', '[simulation]') + (
         '  - {file: torn.mcap, initial_angle_deg: 6}\n'
         '  - {file: noise.csv, initial_angle_deg: 6}\n'
         '  - {file: roll_only.csv, initial_angle_deg: 6}\n'
@@ -248,7 +248,7 @@ def test_nothing_usable_is_an_error(tmp_path, content, cure):
 
 def test_files_of_several_drafts_need_the_design_draft(tmp_path):
     for repeat, factor in enumerate(DRAFTS, 1):
-        made = simulated_trial(hull_at(factor), math.radians(6), 8.0, 20.0, SensorNoise(), repeat)
+        made = simulated_trial(hull_at(factor), math.radians(6), 5.0, 20.0, SensorNoise(), repeat)
         write_csv(tmp_path / f'pitch_6deg_repeat{repeat}.csv', replace(made, draft=0.154 * factor))
     text = "axis: pitch\nequations: [linear]\ntrials: [{pattern: 'pitch_{angle}deg_repeat{repeat}.csv'}]\n"
     with pytest.raises(InputError, match=r'0.1386, 0.1694 m.*draft_m under craft'):
@@ -378,6 +378,7 @@ def test_on_a_dask_cluster_a_worker_that_dies_costs_nothing(trials, done, tmp_pa
     assert tables_of(outcome) == tables_of(done[0])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_measured_trials(data_folder, tmp_path):
     """The smallest and the largest angle of the measured platform: friction is found."""
@@ -416,7 +417,7 @@ def at_two_speeds(tmp_path_factory):
     folder = tmp_path_factory.mktemp('tank')
     for seed, (factor, speed, repeat) in enumerate([(1.0, 0, 1), (1.0, 0, 2), (1.0, 2, 1), (1.1, 0, 1)]):
         hull = DecayModel.from_terms(HULL.equation, HULL.terms | {'b1': 0.5 + 0.3 * speed}, axis='pitch')
-        made = simulated_trial(hull, math.radians(6), 12.0, 20.0, SensorNoise(rate=0.002), seed)
+        made = simulated_trial(hull, math.radians(6), 9.0, 20.0, SensorNoise(rate=0.002), seed)
         if repeat == 2:
             angle, rate = 0.008 * np.sin(3.3 * made.time), 0.0264 * np.cos(3.3 * made.time)
             made = replace(made, pitch=made.pitch + angle, pitch_rate=made.pitch_rate + rate)

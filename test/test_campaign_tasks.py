@@ -50,8 +50,8 @@ SIMULATION = IdentificationSettings(search=SearchSettings())
 QUIET = SensorNoise(0.0, 0.0, 0.0)
 
 
-def trial(angle_deg, seed, noise=SensorNoise(), hull=HULL):  # noqa: B008 - frozen
-    return simulated_trial(hull, math.radians(angle_deg), 10.0, 25.0, noise, seed)
+def trial(angle_deg, seed, noise=SensorNoise(), duration=10.0):  # noqa: B008 - frozen
+    return simulated_trial(HULL, math.radians(angle_deg), duration, 25.0, noise, seed)
 
 
 def kept(plain, problem, settings):
@@ -76,7 +76,7 @@ def judged(fits, other):
 @pytest.fixture(scope='module')
 def records():
     """Two repeats from 6 deg and one from 9 deg."""
-    motions = [(angle, trial(angle, seed).axis('pitch')) for angle, seed in ((6, 1), (6, 2), (9, 3))]
+    motions = [(angle, trial(angle, seed, duration=6.0).axis('pitch')) for angle, seed in ((6, 1), (6, 2), (9, 3))]
     return [
         Record(f'{k}', Condition('pitch', 1.0, angle), k % 2 + 1, motion, prepare([motion]))
         for k, (angle, motion) in enumerate(motions)

@@ -5,8 +5,6 @@ import concurrent.futures
 from contextlib import nullcontext
 from types import SimpleNamespace
 
-import pytest
-
 from swath_sysid.campaign import executors
 from swath_sysid.cli import campaign
 from swath_sysid.cli.main import main
@@ -42,17 +40,7 @@ class LosingExecutor(SerialExecutor):
         return future
 
 
-@pytest.mark.parametrize(
-    'loss',
-    [
-        ClosedClientError('closed'),
-        *(
-            pytest.param(e, marks=pytest.mark.long)
-            for e in (None, CommClosedError('in <TCP>'), asyncio.CancelledError())
-        ),
-    ],
-)
-def test_lost_scheduler(loss, tmp_path, monkeypatch, capsys):
+def test_lost_scheduler(tmp_path, monkeypatch, capsys):
     trial = tmp_path / 'pitch.csv'
     release = ['--hull', 'swath-pitch', '--initial-angle-deg', '6', '--duration', '8', '--rate', '25']
     assert main(['simulate', *release, '--output', str(trial)]) == 0
@@ -61,11 +49,18 @@ def test_lost_scheduler(loss, tmp_path, monkeypatch, capsys):
     stub = SimpleNamespace(comm=comm, client=SimpleNamespace(ClosedClientError=ClosedClientError))
     monkeypatch.setattr(executors, 'distributed', stub)
     command = ['campaign', str(tmp_path / 'c.yaml'), '--output', str(tmp_path / 'report')]
-    monkeypatch.setattr(campaign, 'executor_of', lambda *_: nullcontext(LosingExecutor(1, loss)))
-    assert main(command) == 2
-    error = capsys.readouterr().err
-    assert 'the connection to the Dask scheduler was lost' in error and 'Traceback' not in error
-    assert not (tmp_path / 'report' / 'report.html').exists()
+    for tasks, loss in (
+        (1, ClosedClientError('closed')),
+        (0, None),
+        (0, CommClosedError('in <TCP>')),
+        (0, asyncio.CancelledError()),
+    ):
+        lost = nullcontext(LosingExecutor(tasks, loss))
+        monkeypatch.setattr(campaign, 'executor_of', lambda *_, lost=lost: lost)
+        assert main(command) == 2
+        error = capsys.readouterr().err
+        assert 'the connection to the Dask scheduler was lost' in error and 'Traceback' not in error
+        assert not (tmp_path / 'report' / 'report.html').exists()
     monkeypatch.setattr(campaign, 'executor_of', lambda *_: nullcontext(SerialExecutor()))
     monkeypatch.setattr(campaign, 'write_report', lambda *_: None)
     assert main(command) == 0

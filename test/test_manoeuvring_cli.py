@@ -28,7 +28,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def model(folder):
-    runs = [folder / 'runs' / f'{n}.csv' for n in ('speed_up', 'zigzag_20', 'mixed')]
+    runs = [folder / 'runs' / f'{n}.csv' for n in ('zigzag_20', 'mixed')]
     given = ('--validate', folder / 'runs/turns_fast.csv', *'--mass 180 --generations 3 --population 10'.split())
     outputs = ('--output', folder / 'model.yaml', '--plot', folder / 'plots')
     assert swath('identify', *runs, *given, *outputs) == 0
@@ -40,7 +40,7 @@ def test_identify_writes_model_and_pictures(folder, model):
     assert model.is_file()
     names = {path.name for path in (folder / 'plots').iterdir()}
     assert {'derivatives.png', 'residuals.png', 'validation_01_turns_fast.png'} <= names
-    assert sum(name.startswith('identification') for name in names) == 3
+    assert sum(name.startswith('identification') for name in names) == 2
 
 
 def test_identify_json(folder, capsys):

@@ -85,7 +85,7 @@ def test_where_vertical_motion_is_not_known_nothing_is_scored():
 @pytest.fixture(scope='module')
 def record(tmp_path_factory):
     path = tmp_path_factory.mktemp('point') / 'swell.csv'
-    write_csv(path, swell(280.0)[0])
+    write_csv(path, swell(250.0)[0])
     return str(path)
 
 
@@ -99,7 +99,9 @@ def test_the_verb_scores_points_and_the_sensor(record, tmp_path, capsys):
         velocity = kinds['vertical_velocity']
         assert velocity['nrmse']['forecast'][0] < velocity['nrmse']['mean'][0]
         assert len(velocity['coverage']['90']) == 2 and velocity['deviation_m_s'] > 0.0
-    assert main(['forecast', record, '--point', 'bow:2.5,0,0', *options[:4]]) == 0
+    short = str(tmp_path / 'short.csv')
+    write_csv(short, swell(80.0)[0])
+    assert main(['forecast', short, '--point', 'bow:2.5,0,0', '--leads', '0.5,1', '--warmup', '40']) == 0
     told = capsys.readouterr().out
     for words in ('bow: RMSE', 'vertical velocity', 'm/s', 'persistence', '90 % coverage'):
         assert words in told
