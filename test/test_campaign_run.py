@@ -417,7 +417,7 @@ def at_two_speeds(tmp_path_factory):
     folder = tmp_path_factory.mktemp('tank')
     for seed, (factor, speed, repeat) in enumerate([(1.0, 0, 1), (1.0, 0, 2), (1.0, 2, 1), (1.1, 0, 1)]):
         hull = DecayModel.from_terms(HULL.equation, HULL.terms | {'b1': 0.5 + 0.3 * speed}, axis='pitch')
-        made = simulated_trial(hull, math.radians(6), 9.0, 20.0, SensorNoise(rate=0.002), seed)
+        made = simulated_trial(hull, math.radians(6), 12.0, 20.0, SensorNoise(rate=0.002), seed)
         if repeat == 2:
             angle, rate = 0.008 * np.sin(3.3 * made.time), 0.0264 * np.cos(3.3 * made.time)
             made = replace(made, pitch=made.pitch + angle, pitch_rate=made.pitch_rate + rate)

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 
 from swath_sysid.cli.examples import EXAMPLES
-from swath_sysid.cli.main import VERBS, build_parser, main
+from swath_sysid.cli.main import VERBS, build_parser, main, module_of
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.share import share_folder
 
@@ -18,9 +18,10 @@ def test_the_examples_of_a_verb_are_in_its_help_and_are_accepted(verb, capsys):
     parser = build_parser(verb)
     for line in EXAMPLES[verb]:
         assert parser.parse_args(shlex.split(line)).verb == verb
-    with pytest.raises(SystemExit):
+    with pytest.raises(SystemExit) as end:
         main([verb, '--help'])
     shown = capsys.readouterr().out
+    assert end.value.code == 0 and 'usage: swath-sysid' in shown and callable(module_of(verb).run)
     assert all(f'  swath-sysid {line}\n' in shown for line in EXAMPLES[verb])
 
 

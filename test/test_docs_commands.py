@@ -79,7 +79,7 @@ def blocks_run(page):
 
 
 PAGES_RUN = [page for page in PAGES if blocks_run(page) and page != 'README.md']
-QUICK = ('docs/howto/identify.md', 'docs/howto/on_board.md', 'docs/howto/waves.md')
+QUICK = ('docs/howto/identify.md', 'docs/howto/waves.md')
 
 
 @functools.cache

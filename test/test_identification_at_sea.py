@@ -102,8 +102,7 @@ def test_derivatives_of_a_motion_are_exact(channels):
     'peak_ratio, by_slope, seed',
     [
         (0.7, False, 1),
-        (1.5, True, 2),
-        *(pytest.param(*case, marks=pytest.mark.long) for case in ((1.0, False, 4), (2.0, True, 3))),
+        *(pytest.param(*case, marks=pytest.mark.long) for case in ((1.5, True, 2), (1.0, False, 4), (2.0, True, 3))),
     ],
 )
 def test_the_published_roll_hull_is_found_in_a_sea(peak_ratio, by_slope, seed):
@@ -183,7 +182,7 @@ def test_heave_tells_two_seas_apart():
     assert found.natural_period == pytest.approx(LINEAR.natural_period, rel=0.03)
     assert found.damping_ratio == pytest.approx(0.1, rel=0.25)
     # an accelerometer that only gravity acts on tells nothing of the sea
-    still = identify_at_sea(motion, Heave(time, 9.81 + noise[2]))
+    still = identify_at_sea(motion.between(None, 300.0), Heave(time, 9.81 + noise[2]))
     assert still.sea == 'jonswap'
 
 

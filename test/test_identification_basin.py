@@ -309,8 +309,10 @@ def test_interval_away_from_a_bound_is_the_usual_one():
     'hull',
     [
         'swath-roll 15',
-        'swath-usv-pitch 9',
-        *(pytest.param(hull, marks=pytest.mark.long) for hull in ('swath-pitch 9', 'hydrofoil-pitch 5')),
+        *(
+            pytest.param(hull, marks=pytest.mark.long)
+            for hull in ('swath-usv-pitch 9', 'swath-pitch 9', 'hydrofoil-pitch 5')
+        ),
     ],
 )
 def test_intervals_hold_in_waves_at_resonance(bench, hull):
@@ -340,7 +342,9 @@ def fit(made, equation):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('hull', 'names'), [('swath-pitch 6', ('r2',)), ('swath-roll 15', ('b3', 'r2'))])
+@pytest.mark.parametrize(
+    ('hull', 'names'), [('swath-pitch 6', ('r2',)), pytest.param('swath-roll 15', ('b3', 'r2'), marks=pytest.mark.long)]
+)
 def test_a_term_that_the_equation_lacks_is_named_and_least_squares_stays(bench, hull, names):
     """The likelihood's optimum simulates far worse: it takes for the basin's motion what the equation cannot make."""
     found = fit(bench.made_trial(hull, bench.SCENES['white'], 1), 'odd-cubic')

@@ -110,7 +110,7 @@ def test_a_ship_without_rates_is_accepted_with_any_of_its_channels(data_folder, 
     assert not any(isinstance(each, Contradiction) for each in trial.advice)
 
 
-@pytest.mark.parametrize('first', range(0, 60, 20))
+@pytest.mark.parametrize('first', [0, *(pytest.param(k, marks=pytest.mark.long) for k in (20, 40))])
 def test_nothing_is_named_of_sound_sensors_whatever_they_leave_out(first, monkeypatch):
     monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
     sensor_records = importlib.import_module('sensor_checks')

@@ -145,7 +145,7 @@ def test_two_publishers(craft):
         lambda: craft.counts()['imu_buffer']['several-publishers'] > before['imu_buffer']['several-publishers'],
         'count of several publishers',
     )
-    for _ in range(100):
+    for _ in range(50):
         craft.good(1)
         craft.send([reading(craft.stamp - 7 * SECOND, 0.3, 0.3)], second)
     wait_for(lambda: 'more than one node publishes' in craft.bench.statuses['predictor: imu'][1], 'warning')
@@ -154,8 +154,8 @@ def test_two_publishers(craft):
     craft.good()
     craft.bench.wait_for_forecast_after(craft.stamp)
     after = craft.counts()
-    assert after['imu_buffer']['out-of-order'] - before['imu_buffer']['out-of-order'] >= 98
-    assert after['imu_buffer']['used'] - before['imu_buffer']['used'] >= 200
+    assert after['imu_buffer']['out-of-order'] - before['imu_buffer']['out-of-order'] >= 48
+    assert after['imu_buffer']['used'] - before['imu_buffer']['used'] >= 100
 
 
 def test_a_qos_mismatch_is_counted(craft):

@@ -135,6 +135,7 @@ def manoeuvring():
     return run_manoeuvring_study()
 
 
+@pytest.mark.long
 def test_the_catamarans_own_method_fits_its_track_and_tells_none_of_its_derivatives(manoeuvring):
     exact, measured = manoeuvring.runs['identification']
     assert track_error(measured, exact) == pytest.approx(0.3 * np.sqrt(2.0), rel=0.1)
@@ -145,12 +146,14 @@ def test_the_catamarans_own_method_fits_its_track_and_tells_none_of_its_derivati
     assert all(d.lower <= d.estimate <= d.upper for d in free)
 
 
+@pytest.mark.long
 def test_the_drift_of_the_catamarans_turn_is_not_taken_for_a_compass_askew(manoeuvring):
     assert 'compass-misaligned' not in {a.code for a in manoeuvring.ours.advice}
     exact, _ = manoeuvring.runs['identification']
     assert track_error(manoeuvring.simulated(manoeuvring.ours.model, 'identification'), exact) < 2.0
 
 
+@pytest.mark.long
 def test_the_catamarans_derivatives_are_read_in_the_prime_system(manoeuvring):
     # Y of dv/dt: rho L^3 / 2
     assert manoeuvring.truth['Yv_dot'] == pytest.approx(-1120e-5 * 0.5 * 1025.0 * 3.91**3)
@@ -158,6 +161,7 @@ def test_the_catamarans_derivatives_are_read_in_the_prime_system(manoeuvring):
     assert manoeuvring.truth['Nr'] == pytest.approx(-177e-5 * 0.5 * 1025.0 * 3.91**4 * 0.5)
 
 
+@pytest.mark.long
 def test_the_page_of_the_catamaran(manoeuvring):
     text = manoeuvring_page(manoeuvring, wall_s=1.0)
     assert all(f'As figure {n}:' in text for n in (4, 5, 6))

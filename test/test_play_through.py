@@ -49,10 +49,17 @@ def bag(trial, tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def played(bag, tmp_path_factory):
-    """What the command line makes of it."""
+    """What the command line makes of it, with a path for models that has none yet."""
     path = tmp_path_factory.mktemp('played') / 'out.mcap'
-    assert main(['play-through', str(bag), '--output', str(path), '--refit-delay', '0.5']) == 0
+    params = with_model_path(path.parent, 'hull.yaml')
+    assert main(['play-through', str(bag), '--output', str(path), '--refit-delay', '0.5', *params]) == 0
     return path
+
+
+def with_model_path(folder, name):
+    """The options for a file of parameters that names a model of the folder."""
+    (folder / 'params.yaml').write_text(f'identifier:\n  ros__parameters: {{model_path: {folder / name}}}\n')
+    return '--params', str(folder / 'params.yaml')
 
 
 def messages_of(path):
@@ -255,14 +262,12 @@ def test_a_known_model_is_published_first_and_used(bag, tmp_path):
     np.testing.assert_array_equal(read_imu(out, '/imu/data').values, read_imu(bag).values)
 
 
-def test_the_model_path_of_the_nodes_is_read_but_never_written(bag, tmp_path):
-    model_file, out, params = tmp_path / 'hull.yaml', tmp_path / 'out.mcap', tmp_path / 'params.yaml'
-    params.write_text(f'identifier:\n  ros__parameters: {{model_path: {model_file}}}\n')
-    assert main(['play-through', str(bag), '--output', str(out), '--params', str(params)]) == 0
-    assert not model_file.exists()
+def test_the_model_path_of_the_nodes_is_read_but_never_written(bag, played, tmp_path):
+    model_file, out = tmp_path / 'hull.yaml', tmp_path / 'out.mcap'
+    assert not played.with_name(model_file.name).exists()
     write_model(model_file, {'roll': HULL})
     before = model_file.read_bytes()
-    assert main(['play-through', str(bag), '--output', str(out), '--params', str(params)]) == 0
+    assert main(['play-through', str(bag), '--output', str(out), *with_model_path(tmp_path, model_file.name)]) == 0
     assert model_file.read_bytes() == before
     assert model_from_yaml(decoded(out, '/model/description')[0][1].data)['roll'] == HULL
 
