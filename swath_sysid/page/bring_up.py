@@ -115,7 +115,7 @@ STATES = {
     'kept': Guidance(
         KEPT,
         'Accepted: {model}.',
-        cure='Watch the forecasts, Save or download the model, or export it with swath-sysid export.',
+        cure='Watch the forecasts; save, download or export the model.',
         action='save',
     ),
     'identifying': Guidance(IDENTIFY, 'Identifying: {share:.0f} %.'),

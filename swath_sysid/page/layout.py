@@ -197,7 +197,7 @@ def _health() -> Update:
 
 def _model() -> Update:
     with _card('Model'):
-        words = _text('text-body2 whitespace-pre-line', 'model', 4)
+        words = _text('text-body2 whitespace-pre-line', 'model', 5)
         charts = {name: ui.echart(curve_options(title)).classes('w-full h-48') for name, title in CURVES.items()}
 
     def update(view: View) -> None:

@@ -135,9 +135,11 @@ def model_words(record: LiveRecord, axis: str, verdict: str) -> list[str]:
     if not models:
         return ['No model yet.', f'Last identification: {of_axis(verdict, axis) or "none yet"}']
     low, high = np.degrees(amplitudes(models[-1]))
-    terms = ', '.join(models[-1].model.equation.terms)
+    equation = models[-1].model.equation
+    # the name of an equation without a published one is its terms
+    terms = '' if equation.terms[0] in equation.name else f' ({", ".join(equation.terms)})'
     return [
-        f'{models[-1].model.equation.name} ({terms}), seen from {low:.2g} to {high:.2g} deg',
+        f'{equation.name}{terms}, seen from {low:.2g} to {high:.2g} deg',
         ': '.join(filter(None, verdict_of(models[-1]))),
         *reversed(history(models)),
         f'Last identification: {of_axis(verdict, axis) or "none yet"}',
