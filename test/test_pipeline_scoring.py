@@ -197,7 +197,15 @@ def test_the_verb_prints_a_table_with_what_came_after_gaps(tmp_path, capsys):
     write_csv(tmp_path / 'sea.csv', lost(sea(80.0), 20.0, 5))
     assert main(['forecast', str(tmp_path / 'sea.csv'), '--leads', '0.5', '--warmup', '40', '--window', '30']) == 0
     printed = capsys.readouterr().out
-    rows = 'VAR(60)', 'past mean', 'over best other', '90 % coverage, %', 'scored', '4 s after a gap, %', 'quiet for'
+    rows = (
+        'VAR(60)',
+        'past mean',
+        'forecast / best other',
+        '90 % coverage, %',
+        'scored',
+        '4 s after gaps, %',
+        'quiet for',
+    )
     assert [row for row in rows if row not in printed] == []
 
 

@@ -185,7 +185,7 @@ def _print_skill(skill: Any, name: str) -> None:
         _add_methods(table, scores.nrmse)
         if np.isfinite(scores.expected).any():
             table.add_row('its own expectation', *map(cell, scores.expected))
-        table.add_row('over best other', *map(cell, scores.ratio), style='bold')
+        table.add_row('forecast / best other', *map(cell, scores.ratio), style='bold')
         for column, level in enumerate((50, 90, 99)):
             table.add_row(f'{level} % coverage, %', *_percentages(scores.coverage[:, column]), style='dim')
         table.add_row('scored', *map(str, scores.counted), style='dim')
@@ -193,7 +193,7 @@ def _print_skill(skill: Any, name: str) -> None:
             table.add_row('not measured', *map(str, scores.unmeasured), style='dim')
         if np.nan_to_num(scores.gap_share).any():
             table.add_section()
-            table.add_row(f'{AFTER_GAP:g} s after a gap, %', *_percentages(scores.gap_share))
+            table.add_row(f'{AFTER_GAP:g} s after gaps, %', *_percentages(scores.gap_share))
             for method, values in scores.gap_nrmse.items():
                 table.add_row(f'  {LABELS[method]}', *map(cell, values))
         console.print(table)
