@@ -48,6 +48,7 @@ def sent_until(bench, condition):
     raise AssertionError(f'after a minute of messages: {installation(bench)}')
 
 
+@pytest.mark.long
 def test_axes_of_the_other_frame_are_named_with_their_cure(bench):
     with running(bench, start_together()):
         sent_until(bench, lambda: installation(bench)[0] == WARN)
