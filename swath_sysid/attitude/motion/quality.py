@@ -21,7 +21,6 @@ MIN_CYCLES = 1.5  #: One loss each for linear, quadratic and cubic damping, less
 
 MIN_SAMPLES = 20.0  #: Per period: the straight line between two of 20 errs by 1 % of the amplitude.
 MAX_GAP = 0.25  #: Periods; a longer gap hides a turning point.
-SHORTEST_CLIP = 4  #: Equal samples at an extreme; noise and rounding make two, rarely three.
 MIN_SPIKE = 0.05  #: Part of the largest amplitude that a spike must reach to bend a fit.
 BOUNDS_TOLERANCE = 1.6  #: Periods by which given bounds may reach beyond the decay found in them.
 
@@ -106,7 +105,8 @@ def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
         begins, ends = np.flatnonzero(at[1:] & ~at[:-1]), np.flatnonzero(~at[1:] & at[:-1])
         for begin, end in zip(begins, ends, strict=True):
             entered_fast = begin >= 2 and abs(value[begin - 1] - value[begin - 2]) > fast
-            if SHORTEST_CLIP <= end - begin <= longest and entered_fast:
+            # noise and rounding make two
+            if 2 < end - begin <= longest and entered_fast:
                 count, level = count + 1, max(level, abs(float(extreme)))
     return count, level
 
