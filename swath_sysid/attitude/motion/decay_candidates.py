@@ -30,20 +30,16 @@ FAINTEST_DOUBLE_AMPLITUDE = 0.015
 
 GROWTH = 0.02  #: Part by which a double amplitude may exceed the last one: light damping loses 1 % per half-cycle.
 
-#: Largest loss of a half-cycle over the recent loss: friction keeps it, linear damping lowers it, braking raises it.
+#: Largest loss of a half-cycle over the usual one: friction keeps it, linear damping lowers it, braking raises it.
 LOSS_GROWTH = 1.5
 
 LOSS_DROP = 0.5  #: Least part of the loss expected with quadratic damping; waves leave less.
-RECENT = 5  #: This many losses or periods are recent.
-PERIOD_CHANGE = 1.25  #: Ratio by which a period may differ from the recent ones: restoring bends it slowly.
+PERIOD_CHANGE = 1.25  #: Ratio by which a period may differ from those before: restoring bends it slowly.
 ASYMMETRY = 2.2  #: Largest ratio of two successive half-cycles: an asymmetric restoring makes them differ.
 BACKGROUND = 0.06  #: What breaks a candidate below this part of its first double amplitude is the background.
 BRIDGED_GAP = 0.15  #: Part of a half-cycle that a gap must cover to hide a turning point.
 RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the double amplitude away.
-ODD_PERIOD = 0.25  #: A period that differs by this part from the median spans a gap.
-STEEP = 0.1  #: Part of the first drop from which it is steep.
 HOLD_BAND = 0.5  #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest.
-HELD_PERIODS = 0.5  #: Periods beyond it that no oscillating craft stays.
 JUMP_PERIODS = 0.05  #: A rise to it faster than the craft oscillates: it was dropped, or the record was cut.
 REST_BAND = 0.07  #: Rest means within this part of the first double amplitude about a level.
 REST_POWER = 4.0 / 3.0  #: Log odds of rest over those of motion: logistic regression over `benchmark/decays.py`.
@@ -124,7 +120,8 @@ class DecayCandidate:
         """Mean period, weighted by the double amplitudes, s; by the first half-cycle where there is no whole one."""
         periods, double_amplitudes = self._periods
         if periods.size:
-            usual = np.abs(periods / weighted_median(periods, double_amplitudes) - 1.0) < ODD_PERIOD
+            # any other spans a gap
+            usual = np.abs(periods / weighted_median(periods, double_amplitudes) - 1.0) < PERIOD_CHANGE - 1.0
             return float(np.average(periods[usual], weights=double_amplitudes[usual]))
         return 2.0 * self.first_half_duration
 
@@ -135,9 +132,9 @@ class DecayCandidate:
         drop = self.value[self.first + 1] - self.value[self.first]
         part = (self.signal.value[begin : end + 1] - self.value[self.first]) / drop
         halfway = np.flatnonzero(part <= 0.5)[-1:]
-        early = np.flatnonzero(part[: halfway[0] + 1 if halfway.size else 0] <= STEEP)[-1:]
+        early = np.flatnonzero(part[: halfway[0] + 1 if halfway.size else 0] <= 2.0 * RELEASE_BAND)[-1:]
         steep = float(np.sum(halfway) - np.sum(early)) or 1.0
-        return self.signal.interval * steep / (0.5 - float(np.arccos(1.0 - 2.0 * STEEP)) / np.pi)
+        return self.signal.interval * steep / (0.5 - float(np.arccos(1.0 - 4.0 * RELEASE_BAND)) / np.pi)
 
     @property
     def is_single(self) -> bool:
@@ -184,9 +181,9 @@ class DecayCandidate:
 
     @property
     def hold(self) -> float:
-        """Periods for which the craft had stayed where it begins, beyond those that an oscillating craft does."""
-        stay = (self.release - self.arrival) / self.period - HELD_PERIODS
-        return max(stay, HELD_PERIODS if self.was_dropped else 0.0)
+        """Periods for which the craft had stayed where it begins, beyond the half that an oscillating craft does."""
+        stay = (self.release - self.arrival) / self.period - 0.5
+        return max(stay, 0.5 if self.was_dropped else 0.0)
 
     @property
     def was_dropped(self) -> bool:
@@ -292,7 +289,7 @@ def _end_of_candidate(
     double_amplitudes: Sequence[float], halves: Sequence[float], least: float, bridged: Sequence[bool], first: int
 ) -> tuple[int, bool]:
     """Index of the turning point that ends the candidate from half-cycle ``first``, and whether it was broken off."""
-    recent: list[tuple[float, float]] = []
+    losses: list[tuple[float, float]] = []
     periods: list[float] = []
     known = first
     floor = max(least, FAINTEST_DOUBLE_AMPLITUDE * double_amplitudes[first])
@@ -303,8 +300,8 @@ def _end_of_candidate(
         loss = double_amplitudes[known] - double_amplitudes[at]
         whole = at < len(double_amplitudes) - 1
         judged = known == at - 1 and whole
-        # far more than the recent ones
-        if judged and len(recent) >= 2 and loss > LOSS_GROWTH * median(lost for lost, _ in recent) + least:
+        # far more than those before
+        if judged and len(losses) >= 2 and loss > LOSS_GROWTH * median(lost for lost, _ in losses) + least:
             return at, double_amplitudes[known] > background
         if double_amplitudes[at] < floor:
             return at, False
@@ -313,27 +310,27 @@ def _end_of_candidate(
         if not whole and periods and halves[at] > 0.75 * median(periods):
             return at, False
         if judged:
-            if _loses_less(loss, double_amplitudes[known], recent, least):
+            if _loses_less(loss, double_amplitudes[known], losses, least):
                 return at, double_amplitudes[at] > background
             if not _keeps_rhythm(halves, at, first, periods):
                 return at, double_amplitudes[at] > background
             # The record may begin in the middle of a half-cycle, which then loses too little.
             if known > 0:
-                recent = [*recent, (loss, double_amplitudes[known])][-RECENT:]
+                losses.append((loss, double_amplitudes[known]))
         known = at
     return len(double_amplitudes), False
 
 
-def _loses_less(loss: float, double_amplitude: float, recent: Sequence[tuple[float, float]], least: float) -> bool:
-    """Whether a half-cycle loses far less than quadratic damping would take after the recent ones."""
-    if len(recent) < 2:
+def _loses_less(loss: float, double_amplitude: float, losses: Sequence[tuple[float, float]], least: float) -> bool:
+    """Whether a half-cycle loses far less than quadratic damping would take after those before."""
+    if len(losses) < 2:
         return False
-    usual, usual_amplitude = (median(column) for column in zip(*recent, strict=True))
+    usual, usual_amplitude = (median(column) for column in zip(*losses, strict=True))
     return loss < LOSS_DROP * usual * min(1.0, double_amplitude / usual_amplitude) ** 2 - least
 
 
 def _keeps_rhythm(halves: Sequence[float], at: int, first: int, periods: list[float]) -> bool:
-    """Whether half-cycle ``at`` agrees with those before it; adds its period to the recent ones."""
+    """Whether half-cycle ``at`` agrees with those before it; adds its period to theirs."""
     if at < first + 2:
         return True
     period = halves[at] + halves[at - 1]
@@ -344,5 +341,4 @@ def _keeps_rhythm(halves: Sequence[float], at: int, first: int, periods: list[fl
     if not 1.0 / most < ratio < most:
         return False
     periods.append(period)
-    del periods[:-RECENT]
     return True
