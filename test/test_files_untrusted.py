@@ -22,7 +22,7 @@ from swath_sysid.formats.manoeuvring_model_file import (
 from swath_sysid.formats.model_file import description_from_yaml, model_to_yaml, read_model
 from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT, dumped, plain_content, text_of
 
-TEXTS = 2000
+TEXTS = 400
 READERS = {'attitude': description_from_yaml, 'manoeuvring': manoeuvring_from_yaml}
 VALID = {'attitude': attitude_text(), 'manoeuvring': manoeuvring_text()}
 HOSTILE = {'attitude': attitude_texts(), 'manoeuvring': manoeuvring_texts()}
@@ -153,7 +153,7 @@ def test_a_text_is_a_model_or_one_sentence(kind, data):
 
 @pytest.mark.long
 @pytest.mark.slow
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(data=st.data())
 def test_a_manifest_is_one_or_one_sentence(data, tmp_path_factory):
     folder = tmp_path_factory.mktemp('manifest')
