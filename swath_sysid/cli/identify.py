@@ -19,7 +19,7 @@ from swath_sysid.cli.sources import EXIT_POOR_FIT, add_source_arguments, motions
 from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.plain_data import finite_or_none
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.extinction_tables import tank_tables
 from swath_sysid.report.fit_figure import fit_figure

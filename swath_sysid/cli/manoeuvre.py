@@ -21,6 +21,7 @@ from swath_sysid.cli.sources import (
     without_copies,
 )
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.input_files import existing
 from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
@@ -28,7 +29,6 @@ from swath_sysid.formats.manoeuvring_csv import FRAMES, read_manoeuvring_csv, wr
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
 from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
 from swath_sysid.manoeuvring.hull.programme import RECIPE, SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre

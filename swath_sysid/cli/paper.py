@@ -11,9 +11,9 @@ from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study
 from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY, STUDIES
 from swath_sysid.cli.progress import add_json_argument, print_result, progress_of
 from swath_sysid.cli.settings_flags import add_jobs_argument
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.paper_decay import decay_page
 from swath_sysid.report.paper_manoeuvring import manoeuvring_page
 

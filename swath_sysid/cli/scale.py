@@ -4,9 +4,9 @@ from argparse import ArgumentParser, Namespace
 
 from swath_sysid.attitude.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
 from swath_sysid.cli.progress import add_json_argument, print_result, show_advice
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.model_file import read_description, read_model, write_model, write_scheduled
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.fit_summary import warnings_as_data
 
 

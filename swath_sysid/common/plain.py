@@ -1,5 +1,6 @@
 """Dataclasses of numbers, texts and arrays as plain data that JSON holds, and back, exact to the last bit."""
 
+import math
 from dataclasses import fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -37,3 +38,14 @@ def from_plain(kind: Any, plain: Any) -> Any:
         hints = get_type_hints(kind)
         return kind(**{name: from_plain(hints[name], item) for name, item in plain.items()})
     return np.array(plain, dtype=float) if kind is np.ndarray else plain
+
+
+def finite_or_none(value: Any) -> Any:
+    """The same data with lists for arrays and tuples, and None for numbers that are not finite."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: finite_or_none(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite_or_none(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -138,9 +138,7 @@ def _thruster_topics(path: Path, readers: Sequence[Any], *given: str | None) -> 
         # a thruster may have an angle topic (.../pos) beside its thrust
         found = [t for t in found if not re.search(r'(pos|angle|position)$', t)] or found
         if len(found) > 1:
-            raise InputError(
-                f'{path} has several topics for the {side} thruster ({", ".join(found)}): choose one', SEVERAL
-            )
+            raise InputError(f'{path} has several {side} thruster topics ({", ".join(found)}): choose one', SEVERAL)
         chosen |= dict.fromkeys([side] * len(found), *found)
     if len(chosen) == len(SIDES):
         return chosen

@@ -109,9 +109,7 @@ def _thrusters(table: Table, found: dict[str, np.ndarray]) -> tuple[str, np.ndar
             for name, usual in (('neutral', USUAL_NEUTRAL), ('full', USUAL_FULL))
         )
         if full == neutral:
-            raise InputError(
-                f'{table.path}: pwm_neutral_us is pwm_full_us: state the pulses of no and of full thrust ahead'
-            )
+            raise InputError(f'{table.path}: pwm_neutral_us is pwm_full_us: state the pulses of no and of full thrust')
         port, starboard = ((found[f'{side}_pwm'] - neutral) / (full - neutral) for side in ('port', 'starboard'))
     else:
         port, starboard = found['port_command'], found['starboard_command']

@@ -54,9 +54,7 @@ def refuse_inputs_among(paths: Iterable[Path], inputs: Iterable[str | Path]) -> 
     for path in paths:
         for read in inputs:
             if _are_same(path, read) or _lies_in(read, path):
-                raise InputError(
-                    f'{read} is read where {path} is to be written: choose another folder', 'output-over-input'
-                )
+                raise InputError(f'{read} is read where {path} is to be written: choose another', 'output-over-input')
 
 
 def _check_name(output: Output) -> None:

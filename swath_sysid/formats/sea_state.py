@@ -9,7 +9,7 @@ import yaml
 from swath_sysid.attitude.motion.vertical import BAND_HZ
 from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.plain_data import finite_or_none
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.topics import SEA_TOPIC
 from swath_sysid.formats.untrusted_yaml import plain_content
 

@@ -14,8 +14,8 @@ from typing import Any
 import yaml
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.input_files import LONGEST_SHOWN, shown
-from swath_sysid.formats.plain_data import finite_or_none
 
 LARGEST_TEXT = 256 * 1024  #: Bytes. A model of both axes scheduled on five drafts has about 32,000.
 DEEPEST = 20  #: Lists and mappings inside each other; the deepest that is written here has nine.

@@ -61,11 +61,6 @@ def release_options() -> dict[str, Any]:
     }
 
 
-def release_series(chart: dict[str, list]) -> list[list]:
-    """The data of the series of `release_options`."""
-    return [chart['measured'], chart['fitted']]
-
-
 def curve_options(name: str) -> dict[str, Any]:
     """A chart of a quantity against amplitude with its band, and values from single cycles."""
     return {

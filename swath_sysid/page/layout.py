@@ -6,7 +6,7 @@ from typing import Any
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.page.bring_up import STEPS
-from swath_sysid.page.charts import curve_options, curve_series, motion_options, release_options, release_series
+from swath_sysid.page.charts import curve_options, curve_series, motion_options, release_options
 from swath_sysid.page.state import BUTTONS, GROUPS, PageState, View
 from swath_sysid.pipeline.health import OK, WARN
 
@@ -143,7 +143,7 @@ def _release() -> Update:
     def update(view: View) -> None:
         words.text, releases.text = view.release_words, '\n'.join(view.releases)
         if view.release:
-            _fill(chart, release_series(view.release))
+            _fill(chart, [view.release['measured'], view.release['fitted']])
 
     return update
 

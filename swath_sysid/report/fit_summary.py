@@ -13,9 +13,9 @@ from swath_sysid.attitude.identification.selection import Comparison
 from swath_sysid.attitude.identification.uncertainty import known_together
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.covariance import correlation
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.model_file import ratios_as_data
-from swath_sysid.formats.plain_data import finite_or_none
 
 SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a JONSWAP sea with a free tail'}
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.attitude.prediction.point import ATTITUDE
-from swath_sysid.formats.plain_data import finite_or_none
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.pipeline.scoring import AFTER_GAP, CONFIDENCE, Skill
 from swath_sysid.report.fit_summary import warnings_as_data
 

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Iterable
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.plain import as_plain
-from swath_sysid.formats.plain_data import finite_or_none
+from swath_sysid.common.plain import as_plain, finite_or_none
 from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
 from swath_sysid.manoeuvring.hull.terms import PARAMETERS, Parameter
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification

@@ -10,8 +10,8 @@ from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.common.sentences import with_flags
-from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.figures import measured_channel
 from swath_sysid.report.fit_summary import warnings_as_data
 

@@ -81,9 +81,7 @@ def refit_manoeuvring(
 def pieces(run: Run) -> list[Run]:
     """One run of at least `PIECE` as several, cut at gaps in the odometry and about every `PIECE` seconds."""
     if run.duration < PIECE:
-        raise InputError(
-            f'{run.duration:.0f} s are too short: drive {PIECE:.0f} s or more, straight, in turns and zig-zags'
-        )
+        raise InputError(f'{run.duration:.0f} s are too short: drive {PIECE:.0f} s or more, straight and in zig-zags')
     known = np.isfinite(run.channels).any(axis=0)
     places = np.flatnonzero(known)
     breaks = places[1:][np.diff(places) * run.step > LONGEST_GAP]
