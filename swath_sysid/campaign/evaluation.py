@@ -170,9 +170,8 @@ def tied_best(fits: Sequence[Identification]) -> tuple[int, ...]:
 
 
 def beyond_noise(fits: Sequence[Identification]) -> tuple[bool, ...]:
-    """Which equations fit one record worse than the best by more than noise explains.
-
-    The likelihood ratio n ln(F^2 / F_best^2), n effective samples, is compared with the 95 % quantile of chi squared.
+    """Which equations fit one record worse than the best by more than noise explains. The likelihood ratio n ln(F^2 /
+    F_best^2), n effective samples, is compared with the 95 % quantile of chi squared.
     """
     from scipy.stats import chi2
 

@@ -5,7 +5,6 @@ import numpy as np
 
 def latin_hypercube(rng: np.random.Generator, count: int, dimensions: int) -> np.ndarray:
     """Points in the unit cube, (count, dimensions), one in each of ``count`` slices of every coordinate, as scipy's.
-
     McKay, Beckman and Conover, Technometrics 21 (1979), 239-245.
     """
     (rng,) = rng.spawn(1)

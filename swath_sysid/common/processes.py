@@ -34,9 +34,8 @@ def verb_command(verb: str, *options: str) -> list[str]:
 
 
 def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], count: int) -> Iterator[Result]:
-    """The result of each task, in order, by ``count`` processes, this one among them.
-
-    This process starts at the front, the others, which take seconds to start, at the end, one task at a time.
+    """The result of each task, in order, by ``count`` processes, this one among them. This process starts at the
+    front, the others, which take seconds to start, at the end, one task at a time.
     """
     if count <= 1 or len(tasks) == 1:
         yield from map(function, tasks)

@@ -12,7 +12,6 @@ SPIKE_THRESHOLD = 10.0  #: Standard deviations of the noise by which it does.
 
 def white_noise(values: np.ndarray) -> float:
     """Standard deviation of the white noise on an even signal (N,) of 20 samples per period or more; 0 for N < 8.
-
     Median absolute third difference over that of unit noise: third differences have sqrt(20) times its deviation.
     """
     if values.size < 8:

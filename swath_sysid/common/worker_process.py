@@ -31,9 +31,8 @@ class WorkerError(RuntimeError):
 
 
 class WorkerProcess:
-    """The process, as its parent uses it, from one thread at a time; all functions must be importable in it.
-
-    The clock gives monotonic seconds. A process that is resting starts with the first work.
+    """The process, as its parent uses it, from one thread at a time; all functions must be importable in it. The clock
+    gives monotonic seconds. A process that is resting starts with the first work.
     """
 
     def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float], is_resting: bool = False) -> None:
@@ -64,7 +63,6 @@ class WorkerProcess:
         self, work: Work, is_cancelled: Callable[[], bool], on_progress: Callable[[float], None] | None = None
     ) -> Any:
         """The result of a function that the process runs, or what it raised; EOFError or OSError if the process died.
-
         `Cancelled` comes within half a second of ``is_cancelled()``; ``on_progress`` is called with 0 to 1.
         """
         sent, asked_at = False, None

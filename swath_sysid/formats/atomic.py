@@ -12,9 +12,8 @@ from swath_sysid.common.errors import InputError
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A temporary name to write a file or folder under, which takes its final name at the end.
-
-    If the block raises, what was at `path` stays. A symbolic link stays one: its target is replaced.
+    """A temporary name to write a file or folder under, which takes its final name at the end. If the block raises,
+    what was at `path` stays. A symbolic link stays one: its target is replaced.
     """
     try:
         path = Path(os.path.realpath(refuse_no_file(path)))

@@ -88,9 +88,8 @@ def read_bag(
 
 
 def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
-    """Read the messages of an IMU topic; the topic is needed only where a bag holds several.
-
-    The intact part of a truncated bag is read, with advice.
+    """Read the messages of an IMU topic; the topic is needed only where a bag holds several. The intact part of a
+    truncated bag is read, with advice.
     """
     path = Path(path)
     with opened_bag(path) as (readers, advice):
@@ -120,7 +119,6 @@ def write_imu_bag(
     path: str | Path, trial: Trial, *, start_stamp_ns: int = 0, topic: str = '/imu/data', frame_id: str = 'imu_link'
 ) -> None:
     """Write a trial in the craft's axes as an IMU would have sent it, the first sample with the stamp given.
-
     ``NAME.mcap`` or ``NAME.db3`` is a single file, any other path a bag folder. An Imu message has no place for heave.
     """
     stamps = int(start_stamp_ns) + np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
@@ -131,9 +129,8 @@ def write_imu_bag(
 
 
 def imu_values(trial: Trial) -> np.ndarray:
-    """The numbers, shape (N, 37), that an IMU in the craft's axes would have sent, without yaw.
-
-    A missing angle or rate is zero; where a whole group is missing, its covariance says that it was not measured.
+    """The numbers, shape (N, 37), that an IMU in the craft's axes would have sent, without yaw. A missing angle or
+    rate is zero; where a whole group is missing, its covariance says that it was not measured.
     """
     values = np.zeros((trial.time.size, IMU_VALUES))
     angles, turns = (trial.roll, trial.pitch), (trial.roll_rate, trial.pitch_rate)

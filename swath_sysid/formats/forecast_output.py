@@ -62,9 +62,8 @@ def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Se
 
 
 class ForecastMessages:
-    """The messages of one predictor, in the craft's frame and in ``FRAME_level``, which follows its mean motion.
-
-    The frames predicted at the leads ``frames_at``, s, go to ``/tf``, beside ``FRAME_now``.
+    """The messages of one predictor, in the craft's frame and in ``FRAME_level``, which follows its mean motion. The
+    frames predicted at the leads ``frames_at``, s, go to ``/tf``, beside ``FRAME_now``.
     """
 
     def __init__(self, frame_id: str, frames_at: Sequence[float] = ()) -> None:

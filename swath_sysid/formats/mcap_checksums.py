@@ -41,7 +41,6 @@ def _number(file: BinaryIO, at: int, size: int = 4) -> int:
 
 def damage_of(path: Path) -> str:
     """What is wrong with the record lengths or with the checksums of data section and summary; empty where nothing is.
-
     Lengths come first, because a corrupt one would have as much memory allocated. Chunks are checked when read.
     """
     with open(path, 'rb') as file:
@@ -78,9 +77,8 @@ def add_checksums(path: Path) -> None:
 
 
 def copy_whole_records(path: Path, target: Path) -> None:
-    """Copy an mcap file up to its last complete record, without chunks whose checksum fails and without an index.
-
-    Of a plain chunk that was cut off, its complete records are kept.
+    """Copy an mcap file up to its last complete record, without chunks whose checksum fails and without an index. Of a
+    plain chunk that was cut off, its complete records are kept.
     """
     size = path.stat().st_size
     with open(path, 'rb') as source, open(target, 'wb') as copy:

@@ -82,7 +82,6 @@ def header(stamp_ns: int, frame_id: str) -> tuple:
 
 class Template:
     """A serialised message in which only the stamp and ``count`` doubles are replaced, in the order of its fields.
-
     Filling one costs 5 us, serialising it 20 us to 1 ms.
     """
 

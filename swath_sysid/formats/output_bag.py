@@ -47,7 +47,6 @@ FOR_EVER = QosTime(9223372036, 854775807)
 @contextmanager
 def writing_bag(path: str | Path) -> Iterator[Callable]:
     """A function that adds topic, type, time in ns, bytes and QoS to a new bag, which takes its final name at the end.
-
     ``NAME.mcap`` or ``NAME.db3`` is a single file, any other path a bag folder.
     """
     path = Path(path)

@@ -21,9 +21,8 @@ OURS = {topic.lstrip('/'): kind for topic, kind in TYPES.items() if topic != PAT
 
 
 class Recording:
-    """One mcap file, ``NAME.mcap``, that is complete on disk once a second and takes its name at the end.
-
-    While it grows it is in the folder ``NAME.recording``, which stays readable if the process is killed.
+    """One mcap file, ``NAME.mcap``, that is complete on disk once a second and takes its name at the end. While it
+    grows it is in the folder ``NAME.recording``, which stays readable if the process is killed.
     """
 
     def __init__(self, path: str | Path) -> None:

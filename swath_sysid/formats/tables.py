@@ -86,7 +86,6 @@ def read_columns(
     path: str | Path, head: TableHead, indices: Sequence[int], progress: Progress | None = None
 ) -> tuple[np.ndarray, tuple[Advice, ...]]:
     """Columns by their places from 0, shape (len(indices), N), and advice on text and short rows, which become NaN.
-
     Dates become seconds since 1970; one without a zone counts as UTC.
     """
     parser = BlockParser(head, tuple(indices))

@@ -17,9 +17,8 @@ from swath_sysid.pipeline.health import BAD_WINDOW, IdentifierHealth
 
 
 class WindowClient:
-    """Receives windows, and requests one from the buffer by a service.
-
-    ``on_window`` takes the `MotionTable` of every window that `fetch` did not ask for.
+    """Receives windows, and requests one from the buffer by a service. ``on_window`` takes the `MotionTable` of every
+    window that `fetch` did not ask for.
     """
 
     def __init__(self, node: Node, service: str, health: IdentifierHealth, on_window: Callable[[MotionTable], None]):

@@ -26,7 +26,6 @@ class _Job:
 
 class Worker:
     """Runs one function after the other in a process of its own; ``on_death`` is called from the worker's thread.
-
     After ``longest_idle`` s without work the process is ended until the next; 0: never.
     """
 
@@ -51,7 +50,6 @@ class Worker:
         self, function: Callable, arguments: tuple, on_end: OnEnd, on_progress: OnProgress | None = None
     ) -> None:
         """Run ``function(*arguments)``; with ``on_progress`` it also gets ``progress=`` and ``should_cancel=``.
-
         ``on_end`` is called from the worker's thread with the result and None, or None and the error.
         """
         job = _Job((function, arguments, on_progress is not None), on_progress, on_end)

@@ -372,9 +372,8 @@ class BringUp:
 
 
 def judgement(models: Sequence[IdentifiedModel], stays: str) -> Guidance:
-    """What to do with the newest model of an axis: accept it where adequate, otherwise cure the fault.
-
-    ``stays`` is the reason why it stays although another release was identified.
+    """What to do with the newest model of an axis: accept it where adequate, otherwise cure the fault. ``stays`` is
+    the reason why it stays although another release was identified.
     """
     level, cure = verdict_of(models[-1])
     model, remark = described(models[-1]), stays and f' The previous model stays: {stays}.'

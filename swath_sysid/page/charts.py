@@ -80,9 +80,8 @@ def curve_series(rows: list, measured: list) -> list[list]:
 
 
 def reach_of(chart: dict[str, list], smallest: float) -> float:
-    """Half the height of a motion chart: 1, 2 or 5 times a power of ten that holds the curves.
-
-    Intervals are cut off where they would make the motion small.
+    """Half the height of a motion chart: 1, 2 or 5 times a power of ten that holds the curves. Intervals are cut off
+    where they would make the motion small.
     """
     drawn = max((abs(value) for name in ('measured', 'forecast') for _, value in chart[name]), default=0.0)
     bands = max((abs(value) for band in chart['bands'] for row in band for value in row[1:]), default=0.0)

@@ -57,9 +57,8 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
 
 
 def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -> dict[str, list]:
-    """Measured motion, the forecast with its intervals and the earlier forecast, against the time from now.
-
-    Lists of (s, deg or m), and for each interval of (s, lower, upper).
+    """Measured motion, the forecast with its intervals and the earlier forecast, against the time from now. Lists of
+    (s, deg or m), and for each interval of (s, lower, upper).
     """
     now = record.stamp
     scale = np.degrees(1.0) if motion is not None or quantity in ('roll', 'pitch') else 1.0

@@ -36,9 +36,8 @@ def check_installed() -> None:
 
 
 class Guard:
-    """ASGI that admits requests with the token or, without one, those for this machine by its own name.
-
-    Both reject pages of other origins that a browser may have open.
+    """ASGI that admits requests with the token or, without one, those for this machine by its own name. Both reject
+    pages of other origins that a browser may have open.
     """
 
     def __init__(self, application: Callable[..., Awaitable[None]], token: str) -> None:

@@ -74,9 +74,8 @@ class Record:
 def baseline_forecasts(
     record: Record, axes: Sequence[str], stamps: np.ndarray, leads: np.ndarray, window: float
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Forecasts (N, L) of `BASELINES` by axis, issued at stamps (N,), s, from the last ``window`` s, for leads (L,), s.
-
-    The vector regressions read all channels of the record; NaN where there is no forecast.
+    """Forecasts (N, L) of `BASELINES` by axis, issued at stamps (N,), s, from the last ``window`` s, for leads (L,),
+    s. The vector regressions read all channels of the record; NaN where there is no forecast.
     """
     every = [k for k, name in enumerate(record.names)]
     result = {axis: simple_forecasts(record, axis, stamps, leads, window) for axis in axes}
@@ -94,9 +93,8 @@ def baseline_forecasts(
 def simple_forecasts(
     record: Record, name: str, stamps: np.ndarray, leads: np.ndarray, window: float
 ) -> dict[str, np.ndarray]:
-    """Persistence, constant rate and the mean of the past (`SIMPLE`), arguments as in `baseline_forecasts`.
-
-    The rate is the channel with ``_rate`` after its name or, without one, that between the newest two values.
+    """Persistence, constant rate and the mean of the past (`SIMPLE`), arguments as in `baseline_forecasts`. The rate
+    is the channel with ``_rate`` after its name or, without one, that between the newest two values.
     """
     measured = np.isfinite(record.column(name))
     time, angle = record.time[measured], record.column(name)[measured]

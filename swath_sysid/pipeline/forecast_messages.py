@@ -41,9 +41,8 @@ class HorizonForecast:
 def attitude_forecast(
     stamp_ns: int, lead: float, axes: Mapping[str, Sequence[float]], yaw: float, yaw_rate: float
 ) -> AttitudeForecast:
-    """The forecast at one lead, s, as an attitude, with a held heading, rad, and its rate, rad/s.
-
-    By measured axis: angle, rate, angle variance, covariance of both, rate variance.
+    """The forecast at one lead, s, as an attitude, with a held heading, rad, and its rate, rad/s. By measured axis:
+    angle, rate, angle variance, covariance of both, rate variance.
     """
     roll, roll_rate, roll_variance, _, roll_rate_variance = axes.get('roll', _NOTHING_KNOWN)
     pitch, pitch_rate, pitch_variance, _, pitch_rate_variance = axes.get('pitch', _NOTHING_KNOWN)

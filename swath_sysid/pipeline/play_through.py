@@ -40,7 +40,6 @@ class Played(NamedTuple):
 
 class PlayThrough:
     """Buffer, identifier and predictor on one thread, clocked by the stamps; ``models`` are those known at the start.
-
     Deterministic. ``fit`` turns a `RefitRequest` into a `RefitOutcome`, ``fit_sea`` a `SeaRequest` into a `SeaFit`.
     """
 

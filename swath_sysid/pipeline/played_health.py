@@ -10,7 +10,6 @@ from swath_sysid.pipeline.validity import verdict_values
 
 class PlayedHealth:
     """What the three nodes report in a play-through, clocked by the stamps, with processing times of zero.
-
     ``periods``, s: between the diagnostics of imu_buffer, identifier and predictor.
     """
 

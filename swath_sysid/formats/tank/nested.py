@@ -14,9 +14,8 @@ def nested_tables(
     remarks: Mapping[str, str] | None = None,
     shared: Mapping[int, Mapping[str, np.ndarray]] | None = None,
 ) -> list[NamedColumns]:
-    """A table for the vectors of each length in each struct.
-
-    Numbers and texts hold for the structs below too, and so does a vector without another of its length (a time).
+    """A table for the vectors of each length in each struct. Numbers and texts hold for the structs below too, and so
+    does a vector without another of its length (a time).
     """
     remarks = {**(remarks or {}), **{key.lower(): str(value) for key, value in content.items() if np.isscalar(value)}}
     groups = by_length(vector for key, value in content.items() for vector in _vectors(key, value))

@@ -175,9 +175,8 @@ def _substeps(shooting: Shooting, p: np.ndarray):
 def misses(
     shooting: Shooting, columns: np.ndarray, currents: np.ndarray, states: np.ndarray, drift: np.ndarray
 ) -> np.ndarray:
-    """Simulated less measured over the noise, shape (K, 3, S + 1, W), zero where nothing was measured.
-
-    Of K candidates with parameters (n, K), currents (2, K), initial states (3, K, W) and drifts of the runs, (2, R).
+    """Simulated less measured over the noise, shape (K, 3, S + 1, W), zero where nothing was measured. Of K candidates
+    with parameters (n, K), currents (2, K), initial states (3, K, W) and drifts of the runs, (2, R).
     """
     water = currents[:, :, None] + (drift @ shooting.member)[:, None]
     with np.errstate(over='ignore', invalid='ignore'):

@@ -13,9 +13,8 @@ from swath_sysid.nodes.parameters.table import NODES, NodeParameter, Values, par
 
 
 class NodeParameters:
-    """The parameters of one node, by its name in the table, declared and kept valid.
-
-    ``settings_of`` turns all values into the settings of the core; ``on_change`` is called with them after a change.
+    """The parameters of one node, by its name in the table, declared and kept valid. ``settings_of`` turns all values
+    into the settings of the core; ``on_change`` is called with them after a change.
     """
 
     def __init__(
