@@ -190,7 +190,7 @@ def test_steered_and_given_inputs_move_the_same_craft():
         thrust_input='command',
         largest_input=1.0,
     )
-    craft = SteeredCraft(model, 0.1, at_rest=True)
+    craft = SteeredCraft(model)
     for port, starboard in ((0.0, 0.0), (0.5, 0.2), (-0.5, 0.7)):
         craft.hold(port, starboard, 3.0)
     steered = craft.manoeuvre()

@@ -9,7 +9,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
-from swath_sysid.manoeuvring.motion.trial import MEASURED, STEP
+from swath_sysid.manoeuvring.motion.trial import MEASURED
 
 #: Runs to drive for an identification: name, instructions, duration in s.
 RECIPE = (
@@ -69,7 +69,7 @@ def with_noise(manoeuvre: Manoeuvre, noise: SensorNoise, seed: int) -> Manoeuvre
 
 def _steps(model: ManoeuvringModel, stages: Sequence[tuple[float, float, float]]) -> Manoeuvre:
     """From rest, shares of the full input to port and to starboard, each held for a duration, s."""
-    full, craft = model.largest_input, SteeredCraft(model, STEP, at_rest=True)
+    full, craft = model.largest_input, SteeredCraft(model)
     for port, starboard, duration in stages:
         craft.hold(port * full, starboard * full, duration)
     return craft.manoeuvre()
@@ -77,7 +77,7 @@ def _steps(model: ManoeuvringModel, stages: Sequence[tuple[float, float, float]]
 
 def _zigzag(model: ManoeuvringModel, base: float, difference: float, angle: float) -> Manoeuvre:
     full = model.largest_input
-    craft = SteeredCraft(model, STEP, base * full)
+    craft = SteeredCraft(model, base * full)
     turn = 1.0
     while craft.time < 90.0:
         craft.advance((base + turn * difference) * full, (base - turn * difference) * full)

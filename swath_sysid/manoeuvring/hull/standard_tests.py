@@ -9,7 +9,6 @@ from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
-from swath_sysid.manoeuvring.motion.trial import STEP
 
 LONGEST = 900.0  #: s; a test that lasts longer is cut off there.
 APPROACH = 5.0  #: s of steady approach shown before a test.
@@ -52,7 +51,7 @@ def turning_circle(model: ManoeuvringModel, settings: DriveSettings) -> Manoeuvr
     """Advance, transfer, tactical and steady diameter, m, of a turn after a straight approach."""
     still = _still(model)
     base = settings.base * model.largest_input
-    craft = SteeredCraft(still, STEP, base)
+    craft = SteeredCraft(still, base)
     craft.hold(base, base, APPROACH)
     begin = len(craft.manoeuvre().time) - 1
     port, starboard = _inputs(model, settings)
@@ -83,16 +82,16 @@ def turning_circle(model: ManoeuvringModel, settings: DriveSettings) -> Manoeuvr
     return ManoeuvringTest('turning-circle', run, numbers, {})
 
 
-def zigzag(model: ManoeuvringModel, settings: DriveSettings, reversals: int = 6) -> ManoeuvringTest:
+def zigzag(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Overshoots, deg, and period, s, of a zig-zag."""
     still = _still(model)
     base = settings.base * model.largest_input
-    craft = SteeredCraft(still, STEP, base)
+    craft = SteeredCraft(still, base)
     craft.hold(base, base, APPROACH)
     turn = 1.0
     ends: list[float] = []
     forward = -1.0 if settings.difference > 0 else 1.0
-    while len(ends) < reversals and craft.time < LONGEST:
+    while len(ends) < 6 and craft.time < LONGEST:
         craft.advance(*_inputs(model, settings, turn))
         if forward * turn * craft.heading >= settings.angle:
             turn = -turn
@@ -112,11 +111,11 @@ def zigzag(model: ManoeuvringModel, settings: DriveSettings, reversals: int = 6)
     return ManoeuvringTest('zigzag', run, numbers, {})
 
 
-def speed_test(model: ManoeuvringModel, settings: DriveSettings, steps: int = 8) -> ManoeuvringTest:
+def speed_test(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Steady speed against input, from rest up to the largest input; ``settings`` are not used."""
-    craft = SteeredCraft(_still(model), STEP, 0.0, at_rest=True)
+    craft = SteeredCraft(_still(model))
     inputs, speeds, times = [], [], []
-    for share in np.arange(1, steps + 1) / steps:
+    for share in np.arange(1, 9) / 8.0:
         value, before, start = share * model.largest_input, craft.u, craft.time
         _hold_until_steady(craft, value, value)
         run = craft.manoeuvre()
@@ -140,7 +139,7 @@ def speed_test(model: ManoeuvringModel, settings: DriveSettings, steps: int = 8)
 def crash_stop(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Distance and time from full ahead to a stop under full astern; the base input is not used."""
     full = model.largest_input
-    craft = SteeredCraft(_still(model), STEP, full)
+    craft = SteeredCraft(_still(model), full)
     craft.hold(full, full, APPROACH)
     begin = len(craft.manoeuvre().time) - 1
     speed = craft.u
@@ -159,24 +158,24 @@ def crash_stop(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringT
     return ManoeuvringTest('crash-stop', run, numbers, {})
 
 
-def spiral(model: ManoeuvringModel, settings: DriveSettings, steps: int = 6) -> ManoeuvringTest:
+def spiral(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Dieudonne's spiral: steady yaw rate against the thrust difference, from starboard to port and back."""
-    down = np.linspace(1.0, -1.0, 2 * steps + 1)
+    down = np.linspace(1.0, -1.0, 13)
     turns = np.concatenate([down, down[::-1][1:]])
-    craft = SteeredCraft(_still(model), STEP, settings.base * model.largest_input)
+    craft = SteeredCraft(_still(model), settings.base * model.largest_input)
     steady = []
     for turn in turns:
         _hold_until_steady(craft, *_inputs(model, settings, turn))
         steady.append(craft.yaw_rate)
     rates = np.degrees(steady)
     difference = turns * settings.difference * model.largest_input
-    there, back = rates[: 2 * steps + 1], rates[2 * steps :][::-1]
-    slope = np.gradient(there, difference[: 2 * steps + 1])
+    there, back = rates[:13], rates[12:][::-1]
+    slope = np.gradient(there, difference[:13])
     numbers = {
         'loop_height_deg_s': float(np.max(np.abs(there - back))),
         'yaw_rate_at_full_difference_deg_s': float(there[0]),
-        'yaw_rate_without_difference_deg_s': float(there[steps]),
-        'slope_at_zero_deg_s_per_input': float(slope[steps]),
+        'yaw_rate_without_difference_deg_s': float(there[6]),
+        'slope_at_zero_deg_s_per_input': float(slope[6]),
     }
     return ManoeuvringTest('spiral', craft.manoeuvre(), numbers, {'difference': difference, 'yaw_rate_deg_s': rates})
 

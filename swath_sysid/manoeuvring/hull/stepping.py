@@ -13,20 +13,21 @@ from swath_sysid.manoeuvring.hull.simulation import (
     substeps_for,
 )
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
+from swath_sysid.manoeuvring.motion.trial import STEP
 
 
 class SteeredCraft:
-    """A craft heading east, steered step by step (s), from the steady speed of ``first_input`` or from rest."""
+    """A craft heading east, steered in steps of `STEP`, from the steady speed of ``first_input``."""
 
-    def __init__(self, model: ManoeuvringModel, step: float, first_input: float = 0.0, at_rest: bool = False):
-        self.model, self.step = model, step
+    def __init__(self, model: ManoeuvringModel, first_input: float = 0.0):
+        self.model = model
         self._thrust = ThrustMemory(model.values, first_input)
-        push = float(np.sum(self._thrust.advance(-step, step)))
-        speed = 0.0 if at_rest or push <= 0 else steady_speed(model, push)
+        push = float(np.sum(self._thrust.advance(-STEP, STEP)))
+        speed = steady_speed(model, push) if push > 0.0 else 0.0
         self._state = np.array([speed, 0.0, 0.0])
         self._pose = np.zeros(3)
         most = max(abs(push), 2.0 * abs(float(thrust_curve(model.largest_input, model.values))))
-        self._substeps = substeps_for(model, step, self._state, (np.array([most]), np.array([most])))
+        self._substeps = substeps_for(model, STEP, self._state, (np.array([most]), np.array([most])))
         self._p = model.values[:, None]
         self._rows = [(*self._state, *self._pose)]
         self._inputs: list[tuple[float, float]] = []
@@ -34,7 +35,7 @@ class SteeredCraft:
     @property
     def time(self) -> float:
         """s."""
-        return self.step * len(self._inputs)
+        return STEP * len(self._inputs)
 
     @property
     def u(self) -> float:
@@ -54,21 +55,21 @@ class SteeredCraft:
     def advance(self, port: float, starboard: float) -> None:
         """Hold both inputs over one step."""
         self._thrust.command(self.time, port, starboard)
-        left, right = self._thrust.advance(self.time, self.step)[:, None, None]
+        left, right = self._thrust.advance(self.time, STEP)[:, None, None]
         before = self._state
-        self._state = runge_kutta_columns(
-            before[:, None], left, right, UNDISTURBED, self._p, self.step, self._substeps
-        )[-1, :, 0]
-        self._pose = self._pose + moved(before, self._state, self._pose[0], self.step, self.model.current)
+        self._state = runge_kutta_columns(before[:, None], left, right, UNDISTURBED, self._p, STEP, self._substeps)[
+            -1, :, 0
+        ]
+        self._pose = self._pose + moved(before, self._state, self._pose[0], STEP, self.model.current)
         self._rows.append((*self._state, *self._pose))
         self._inputs.append((port, starboard))
 
     def hold(self, port: float, starboard: float, duration: float) -> None:
         """Hold both inputs for a duration, s."""
-        for _ in range(round(duration / self.step)):
+        for _ in range(round(duration / STEP)):
             self.advance(port, starboard)
 
     def manoeuvre(self) -> Manoeuvre:
         """All motion since the start."""
         rows = np.array(self._rows).T
-        return manoeuvre_of(self.step, rows[:3], rows[3:], np.array(self._inputs).T, self.model.current)
+        return manoeuvre_of(STEP, rows[:3], rows[3:], np.array(self._inputs).T, self.model.current)
