@@ -37,7 +37,6 @@ from swath_sysid.formats.topics import (
 if TYPE_CHECKING:
     import numpy as np
 
-    from swath_sysid.attitude.hull.identified_model import IdentifiedModel
     from swath_sysid.pipeline.play_through import Played
 
 STORAGES = {'.mcap': StoragePlugin.MCAP, '.db3': StoragePlugin.SQLITE3}
@@ -104,7 +103,8 @@ class OutputBag:
         """Everything that one step of a play-through, a `Played`, published, in that order."""
         time_ns, step = played.stamp_ns, played.step
         if played.models is not None:
-            self.add_models(time_ns, played.models)
+            self.add(DESCRIPTION_TOPIC, time_ns, text_message(model_to_yaml(played.models)))
+            self.add(COEFFICIENTS_TOPIC, time_ns, coefficients_message(played.models))
         if step.next is not None:
             self.add(NEXT_TOPIC, time_ns, self._forecasts.attitude(step.next))
         for topic, raw in self._forecasts.of(step):
@@ -115,11 +115,6 @@ class OutputBag:
     def add_imu(self, time_ns: int, values: np.ndarray) -> None:
         """The IMU message itself, of 37 numbers in the order of the message definition."""
         self.add(IMU_TOPIC, time_ns, self._forecasts.imu.of_values(time_ns, values))
-
-    def add_models(self, time_ns: int, models: Mapping[str, IdentifiedModel]) -> None:
-        """Models by axis, as ``model/description`` and ``model/coefficients``."""
-        self.add(DESCRIPTION_TOPIC, time_ns, text_message(model_to_yaml(models)))
-        self.add(COEFFICIENTS_TOPIC, time_ns, coefficients_message(models))
 
     def add_diagnostics(self, time_ns: int, statuses: Iterable[tuple[int, str, str, Mapping[str, str]]]) -> None:
         """Statuses as `diagnostics_message` takes them."""
