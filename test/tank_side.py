@@ -22,7 +22,7 @@ REPORT_S = 0.5
 class TankSide:
     """Sensor, nodes and the record of the page, whose guide is to identify one axis."""
 
-    def __init__(self, axis='pitch', installation=None, rate=50.0, auto_identify=True):
+    def __init__(self, axis='pitch', installation=None, rate=25.0, auto_identify=True):
         self.rate = rate
         installation = installation or Installation()
         self.clock = 0.0

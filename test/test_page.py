@@ -64,7 +64,7 @@ class Tank(TankSide):
         return self.state.view.guidance
 
     def start_again(self):
-        TankSide.__init__(self)
+        TankSide.__init__(self, rate=50.0)
 
 
 def wait_until(condition, what):

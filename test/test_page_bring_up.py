@@ -147,7 +147,7 @@ FAULTS = {
     'rates reversed': ({}, wrongly(rates_times(-1.0)), 'rate-sign', SENSOR, 'with the opposite sign'),
     'frozen': ({}, wrongly(repeating(300)), 'sensor-frozen', SENSOR, 'restart its driver'),
     'never heard': ({}, lambda tank: tank.silence(8.0), 'no-sensor', SENSOR, 'check that the sensor publishes there'),
-    'silence': ({}, rest_then(lambda tank: tank.silence(4.0)), 'silence', SENSOR, 'check its driver and cable'),
+    'silence': ({'rate': 50.0}, rest_then(lambda tank: tank.silence(4.0)), 'silence', SENSOR, 'driver and cable'),
     'slow': ({'rate': 5.0}, lambda tank: tank.send(10.0), 'low-rate', SENSOR, 'publish at 20 Hz or more'),
     'no orientation': ({}, wrongly(without_orientation), 'no-orientation', SENSOR, 'press Identify'),
     'waves': ({}, lambda tank: tank.send(40.0, waves), 'waves', REST, 'wait for calm water'),
