@@ -36,16 +36,16 @@ LOSS_GROWTH = 1.5
 LOSS_DROP = 0.5  #: Least part of the loss expected with quadratic damping; waves leave less.
 PERIOD_CHANGE = 1.25  #: Ratio by which a period may differ from those before: restoring bends it slowly.
 ASYMMETRY = 2.2  #: Largest ratio of two successive half-cycles: an asymmetric restoring makes them differ.
-BACKGROUND = 0.06  #: What breaks a candidate below this part of its first double amplitude is the background.
 BRIDGED_GAP = 0.15  #: Part of a half-cycle that a gap must cover to hide a turning point.
 RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the double amplitude away.
 HOLD_BAND = 0.5  #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest.
 JUMP_PERIODS = 0.05  #: A rise to it faster than the craft oscillates: it was dropped, or the record was cut.
-REST_BAND = 0.07  #: Rest means within this part of the first double amplitude about a level.
+#: Rest means within this part of the first double amplitude about a level; what breaks a candidate below it is the
+#: background.
+REST_BAND = 0.07
 REST_POWER = 4.0 / 3.0  #: Log odds of rest over those of motion: logistic regression over `benchmark/decays.py`.
 HOLD_FOR_REST = 2.0  #: Periods of rest that a period of being held is worth.
 HALF_CYCLES_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
-STOP_PERIODS = 1.0  #: Rest that begins this many periods after the last turning point began with a stop.
 LONGEST_REST = 8.0  #: Rest is looked for over this many periods: more proves nothing further.
 ACTIVE_PART = 0.45  #: Motion that reaches, within a period, this part of the first double amplitude is motion like it.
 
@@ -200,14 +200,14 @@ class DecayCandidate:
 
     @cached_property
     def rest(self) -> float:
-        """Longest rest about the centre, in periods, that begins no more than `STOP_PERIODS` after the end."""
+        """Longest rest about the centre, in periods, that begins no more than one after the end, as with a stop."""
         signal = self.signal
         most = int(LONGEST_REST * self.period / signal.interval)
         begin, end = signal.index(self.release), signal.index(self.end)
-        future = signal.value[begin : end + most + int(STOP_PERIODS * self.period / signal.interval) + 1]
+        future = signal.value[begin : end + most + int(self.period / signal.interval) + 1]
         low = np.abs(future - self.centre) <= REST_BAND * self.double_amplitudes[0]
         longest = _leading(low[: end - begin][::-1]) + _leading(low[end - begin :][:most])
-        for offset in np.arange(0.25, STOP_PERIODS + 0.01, 0.25):
+        for offset in (0.25, 0.5, 0.75, 1.0):
             longest = max(longest, _leading(low[signal.index(self.end + offset * self.period) - begin :][:most]))
         return max(longest - 1, 0) * signal.interval / self.period
 
@@ -293,7 +293,7 @@ def _end_of_candidate(
     periods: list[float] = []
     known = first
     floor = max(least, FAINTEST_DOUBLE_AMPLITUDE * double_amplitudes[first])
-    background = max(3.0 * least, BACKGROUND * double_amplitudes[first])
+    background = max(3.0 * least, REST_BAND * double_amplitudes[first])
     for at in range(first + 1, len(double_amplitudes)):
         if bridged[at]:
             continue
