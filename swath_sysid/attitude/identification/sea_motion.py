@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
@@ -18,16 +17,13 @@ TAPERS = 5
 BAND_RATIO = 1.03  #: Of the frequencies of neighbouring bands, over which spectra are averaged.
 ABOVE_NOISE = 4.0  #: A band is used while its spectrum is this many times the noise,
 DYNAMIC_RANGE = 1e-5  #: ... and above this part of the peak.
-LOWEST_BAND, HIGHEST_BAND = 0.25, 8.0  #: ... between these multiples of the peak frequency.
+LOWEST_BAND = 0.25  #: ... from this multiple of the peak frequency.
 MIN_REACH = 1.3  #: Multiple of the peak frequency up to which the motion must be known.
 FASTEST = 0.8  #: ... and below this part of the Nyquist frequency.
 LOW_PASS = 2.0  #: Corner over the highest band: there the motion passes whole.
 
-#: Heave must exceed its noise by `ABOVE_NOISE` wherever the angle's spectrum is above this part of its peak,
+#: Heave must exceed its noise by `ABOVE_NOISE` wherever the angle's spectrum is above this part of its peak.
 HEAVE_WANTED = 0.01
-
-#: and its std must be this many g times that of the angle; below, it is a remainder of gravity.
-HEAVE_LEAST = 0.05
 
 TERMS = ('acceleration', 'rate', 'angle', 'quadratic damping', 'quadratic restoring', 'cubic restoring')
 
@@ -219,7 +215,7 @@ def _reach(
     known = (smooth > ABOVE_NOISE * noise) & (smooth > DYNAMIC_RANGE * smooth[at])
     lost = np.flatnonzero(~known[at:])
     last = frequency[at + lost[0] - 1] if lost.size else frequency[-1]
-    highest = min(float(last), HIGHEST_BAND * peak, FASTEST * float(frequency[-1]))
+    highest = min(float(last), FASTEST * float(frequency[-1]))
     if highest < MIN_REACH * peak:
         raise InputError(
             f'the motion is known only up to {highest / (2 * np.pi):.3g} Hz, its peak is at '
@@ -296,7 +292,5 @@ def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) ->
     last = np.maximum(np.searchsorted(frequency, above), first + 1)
     total = np.concatenate([[0.0], np.cumsum(spectrum)])
     smooth = (total[last] - total[first]) / (last - first)
-    if smooth @ np.gradient(spectra.frequency) < (HEAVE_LEAST * STANDARD_GRAVITY * sea.angle_std) ** 2:
-        return None
     moving = spectra.angle > HEAVE_WANTED * spectra.angle.max()
     return smooth if np.all(smooth[moving] > ABOVE_NOISE * noise) else None
