@@ -49,7 +49,6 @@ LIVELY = 0.9  #: Share of the energy of the slopes within the part of a stretch 
 
 FOLLOWS = 0.7  #: Correlation with the slope of its angle from which a rate is that of the angle.
 EXPLAINS = 0.9  #: Correlation from which a delay, a factor or another arrangement of the axes explains the rates.
-MIN_FREEDOM = 3.0  #: Degrees of freedom below which a correlation proves nothing: less than a cycle and a half.
 SIGNIFICANT = 4.0  #: Standard deviations beyond which a delay, a factor or an offset is not chance.
 UNIT_TOLERANCE = 1.3  #: Factor by which a rate may differ from the slope of its angle, and from a unit of `UNITS`.
 MAX_OFFSET = np.radians(2.0)  #: rad/s; uncalibrated gyroscopes at rest stay within 1 deg/s by their data sheets.
@@ -524,15 +523,12 @@ def _slope(axis: int, step: float, angle: np.ndarray, differences: np.ndarray, r
     taper = _taper(size)
     highest = _highest_frequency(angle, step)
     freedom = 2.0 * (highest or 0.0) * step * np.sum(taper**2)
-    if highest is None or highest > WIDEST_BAND * 0.5 / step or freedom < MIN_FREEDOM:
+    if highest is None or highest > WIDEST_BAND * 0.5 / step:
         return None
     frequency = np.fft.rfftfreq(2 * size, step)
     band = (frequency > 0.0) & (frequency <= highest)
-    spectra = (np.fft.rfft((part - part.mean()) * taper, 2 * size) for part in (differences, *rates.T))
-    whole, *others = spectra
-    if _noise_share(whole, frequency, band, step) > 1.0 - 1.0 / UNIT_TOLERANCE:
-        return None
-    spectrum, others = whole[band], [other[band] for other in others]
+    spectra = (np.fft.rfft((part - part.mean()) * taper, 2 * size)[band] for part in (differences, *rates.T))
+    spectrum, *others = spectra
     power = np.abs(spectrum) ** 2
     mean_square = np.sum((2.0 * np.pi * frequency[band]) ** 2 * power) / np.sum(power)
     # beyond half of the mean period a delay looks like a reversal
@@ -583,15 +579,6 @@ def _highest_frequency(angle: np.ndarray, step: float) -> float | None:
         return None
     power = np.cumsum(np.abs(np.fft.rfft(centred * _taper(size))) ** 2)
     return float(np.fft.rfftfreq(size, step)[np.searchsorted(power, BAND_POWER * power[-1])])
-
-
-def _noise_share(spectrum: np.ndarray, frequency: np.ndarray, band: np.ndarray, step: float) -> float:
-    """Share of the slope's power in the band that is noise of the angle, by what is in the octave above."""
-    response = (2.0 / step * np.sin(np.pi * frequency * step)) ** 2
-    highest = frequency[band][-1]
-    above = (frequency > highest) & (frequency <= 2.0 * highest)
-    floor = np.mean(np.abs(spectrum[above]) ** 2 / response[above])
-    return float(floor * np.sum(response[band]) / np.sum(np.abs(spectrum[band]) ** 2))
 
 
 def _lag(
