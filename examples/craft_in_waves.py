@@ -16,6 +16,7 @@ from swath_sysid.cli.progress import progress_of
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_trial
+from swath_sysid.formats.upstream import read_upstream
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import SENSOR
 from swath_sysid.pipeline.vertical_record import vertical_record
@@ -113,9 +114,9 @@ def truth_of(trial):
     return truth
 
 
-def sail(trial, warmup, settings=SETTINGS, progress=None):
-    """The predictor run causally through a record; forecasts issued in the first `warmup` seconds are left out."""
-    run, truth = run_through(trial, settings, progress=progress), truth_of(trial)
+def sail(trial, warmup, settings=SETTINGS, progress=None, upstream=None):
+    """The predictor run causally through a record, with upstream channels; the first `warmup` seconds are left out."""
+    run, truth = run_through(trial, settings, progress=progress, upstream=upstream), truth_of(trial)
     known = [
         (step.stamp, step.horizon)
         for step in run.steps
@@ -163,6 +164,7 @@ def carry_out(description, demonstrate, argv=None, settings=SETTINGS, live=None)
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument('record', nargs='?', help='of attitude, rates and accelerations (default: simulated)')
     parser.add_argument('--frame', choices=('flu', 'frd'), help="the sensor's axes")
+    parser.add_argument('--upstream', action='append', default=[], metavar='COLUMN', help='waves on their way; repeat')
     parser.add_argument('--warmup', type=float, default=600.0, metavar='S', help='not counted (default: %(default)s)')
     parser.add_argument('--figure', default='figure.png', metavar='FILE', help='default: %(default)s')
     if live is not None:
@@ -172,11 +174,14 @@ def carry_out(description, demonstrate, argv=None, settings=SETTINGS, live=None)
     try:
         check_outputs([Output('--figure', arguments.figure, endings=FORMATS)], [arguments.record])
         trial = read_trial(arguments.record, frame=arguments.frame) if arguments.record else simulated_craft(1200.0)
+        if arguments.upstream and (arguments.record is None or getattr(arguments, 'live', False)):
+            raise InputError('--upstream names a column of a record, and does not go with --live')
+        beside = read_upstream(arguments.record, arguments.upstream) if arguments.record else {}
         if live is not None and arguments.live:
             voyage = live(trial, arguments.warmup, arguments.rate)
         else:
             with progress_of('forecasting') as progress:
-                voyage = sail(trial, arguments.warmup, settings, progress)
+                voyage = sail(trial, arguments.warmup, settings, progress, beside)
         save_figure(demonstrate(voyage), arguments.figure)
     except InputError as error:
         print(error, file=sys.stderr)

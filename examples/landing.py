@@ -2,6 +2,7 @@
 
     python examples/landing.py morro_buoy.csv --frame frd --figure landing.png
     python examples/landing.py morro_buoy.csv --frame frd --figure landing.png --live
+    python examples/landing.py record.csv --upstream wave_probe_m
 
 A drone touches down this many seconds after it begins to descend.  The deck must then keep the limits of
 `landing.yaml`: move no faster than 0.5 m/s up or down, roll no more than 2.5 deg and pitch no more than 3 deg.  The
@@ -9,7 +10,8 @@ descent begins where a window of calm is forecast for touchdown; or in that fift
 normal forecast gives touchdown the greatest probability; or, in comparison, where the deck is calm now, in the fifth
 that is furthest inside the limits (or least outside) now, or at any time.  Printed: how many of the touchdowns were
 inside the limits, %, with 95 % intervals from a bootstrap of blocks of 30 s.  With --live predictor runs as a node of
-its own, the record is replayed to it over DDS, and the decisions are made by what it publishes.
+its own, the record is replayed to it over DDS, and the decisions are made by what it publishes.  With --upstream
+the forecast also uses a column of the record that shows waves on their way to the deck.
 """
 
 import sys

@@ -14,7 +14,7 @@ from swath_sysid.formats.messages import ImuMessage, header, make, serialised
 from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.tables import write_table
 from swath_sysid.formats.topics import IMU
-from swath_sysid.formats.upstream import channels_of, field_value, read_upstream, stamp_of
+from swath_sysid.formats.upstream import channels_of, field_value, kind_of, read_upstream, stamp_of
 
 FLOAT, RANGE, POINT = 'std_msgs/msg/Float64', 'sensor_msgs/msg/Range', 'geometry_msgs/msg/PointStamped'
 TIME = 100.0 + 0.1 * np.arange(1200)
@@ -114,3 +114,28 @@ def test_fields_of_messages():
     imu = make(IMU, header(1, ''), tuple(turned), nine, vector, nine, vector, nine)
     assert field_value(imu, IMU, 'roll') == pytest.approx(0.2) and field_value(imu, IMU, 'pitch') == pytest.approx(-0.1)
     assert field_value(imu, IMU, 'vertical_acceleration') == pytest.approx(9.0 * np.cos(0.2) * np.cos(0.1) - 9.80665)
+
+
+def test_the_type_of_a_topic_is_that_published_or_that_with_the_field():
+    assert kind_of('a', []) is None
+    assert [kind_of(f'a:{field}', []) for field in ('data', 'range', 'x', 'pitch')] == [FLOAT, RANGE, POINT, IMU]
+    assert kind_of('a', [POINT]) == kind_of('a:roll', ['other/msg/Type', POINT]) == POINT
+    assert kind_of('a:data', ['std_msgs/msg/String']) == 'std_msgs/msg/String'
+    with pytest.raises(InputError, match='no type has a field depth: choose of data, range'):
+        kind_of('a:depth', [])
+
+
+def test_an_imu_without_orientation_is_lost():
+    vector, nine = (0.0, 0.0, 9.8), np.zeros(9)
+    for unknown, turned in ((-1.0, (0.0, 0.0, 0.0, 1.0)), (0.0, (np.nan, 0.0, 0.0, 1.0))):
+        imu = make(IMU, header(1, ''), turned, np.array([unknown, *nine[1:]]), vector, nine, vector, nine)
+        assert all(np.isnan(field_value(imu, IMU, field)) for field in ('roll', 'pitch', 'vertical_acceleration'))
+
+
+def test_play_through_reads_the_parameter(bag, tmp_path):
+    params, told = tmp_path / 'params.yaml', []
+    for topic in ('/wave', '/waves'):
+        params.write_text(f"predictor: {{ros__parameters: {{upstream: ['{topic}:data']}}}}")
+        words = ['play-through', str(bag), '--topic', '/imu/data', '--params', str(params)]
+        told.append(main([*words, '--output', str(tmp_path / 'out.mcap')]))
+    assert told == [0, 2]

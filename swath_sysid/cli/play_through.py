@@ -70,7 +70,8 @@ def run(arguments: Namespace) -> int:
     mount = installation(predictor)
     how: dict[str, Any] = {'frame': mount.frame, 'mounting': mount.mounting, 'columns': columns_of(arguments)}
     readings = read_readings(arguments.record, arguments.topic, **how)
-    upstream = read_upstream(arguments.record, arguments.upstream, topic=arguments.topic, columns=columns_of(arguments))
+    channels = [*filter(None, predictor['upstream']), *arguments.upstream]
+    upstream = read_upstream(arguments.record, channels, topic=arguments.topic, columns=columns_of(arguments))
     pipeline = _pipeline_of(nodes, arguments, readings.in_craft_axes, tuple(upstream))
     arriving = ArrivingSamples(upstream, pipeline.add_upstream, int(readings.stamps[0]) - round(1e9 * readings.start))
     health = PlayedHealth(pipeline, IMU_TOPIC, [values['diagnostics_period_s'] for values in nodes.values()])

@@ -320,6 +320,8 @@ REASONS = {
     'the node',
     'bad-quaternion': 'invalid quaternions were left out, and the rates were used: if the sensor has no orientation, '
     'have the driver set orientation_covariance[0] to -1',
+    'bad-upstream': 'upstream messages without a finite value, or with a repeated stamp, were left out: check their '
+    'sensor',
     'bad-window': 'a motion window could not be read: publish what imu_buffer publishes',
     'clock-jumped-back': 'the clock was set back (a bag that looped?): window and filter state were restarted, hull '
     'and sea state are kept',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import euler_angles
+from swath_sysid.attitude.motion.intake import NOT_MEASURED
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import InputError
@@ -43,10 +45,25 @@ def channels_of(entry: str, kind: str) -> dict[str, str]:
     return {f'{topic}:{each}': each for each in known} if kind == IMU else {entry: known[0]}
 
 
+def kind_of(entry: str, published: Sequence[str]) -> str | None:
+    """Message type of ``topic`` or ``topic:field``: one that is published on the topic, else the one with the field.
+
+    None where neither tells it.
+    """
+    field = entry.partition(':')[2]
+    kinds = [*published] or [kind for kind, fields in FIELDS.items() if field in fields]
+    if field and not kinds:
+        held = ', '.join(each for fields in FIELDS.values() for each in fields)
+        raise InputError(f"'{entry}' is no upstream channel, because no type has a field {field}: choose of {held}")
+    return next((kind for kind in kinds if kind in FIELDS), kinds[0] if kinds else None)
+
+
 def field_value(message: Any, kind: str, field: str) -> float:
     """A field of `FIELDS` of a message; NaN where it was not measured."""
     if kind == IMU:
         sent = imu_reading(message)
+        if sent.orientation_covariance[0] == NOT_MEASURED:
+            return math.nan
         roll, pitch, _ = euler_angles(*map(float, sent.orientation))
         if field == 'vertical_acceleration':
             return float(vertical_acceleration(roll, pitch, np.array(sent.force)))

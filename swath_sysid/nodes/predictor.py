@@ -22,6 +22,7 @@ from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
 from swath_sysid.nodes.sea_fitting import SeaFitting
+from swath_sysid.nodes.upstream import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
@@ -31,7 +32,7 @@ PASSED_OVER_NS = 100_000_000
 
 
 class Predictor(Node):
-    """imu/data, model/description and craft/loading in, forecast/* out."""
+    """imu/data, model/description, craft/loading and upstream channels in, forecast/* out."""
 
     waits_for = IMU_TOPIC  #: The topic without which it does nothing.
 
@@ -41,17 +42,13 @@ class Predictor(Node):
         uncompiled = why_uncompiled()  # which loads numba now, not amid the first samples
         warm_up()
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
-        self.pipeline = ForecastPipeline(self.parameters.settings)
+        self.upstream = Upstream(self, self.parameters['upstream'], self.parameters['queue_depth'])
+        self.pipeline = ForecastPipeline(self.upstream.settings(self.parameters.settings))
         self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         report_uncompiled(self, self.health, uncompiled)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self.parameters['in_step'])
-        self._forecasts = ForecastPublishers(
-            self,
-            self.parameters.settings.forecaster,
-            self.parameters['frame_id'],
-            self.health,
-            frames_at(self.parameters['frames_at_s']),
-        )
+        frame_id, frames = self.parameters['frame_id'], frames_at(self.parameters['frames_at_s'])
+        self._forecasts = ForecastPublishers(self, self.parameters.settings.forecaster, frame_id, self.health, frames)
         self._described: tuple[dict, dict] = {}, {}
         self._published_loading: float | None = None
         # an empty text takes the models away
@@ -62,6 +59,7 @@ class Predictor(Node):
             self, String, DESCRIPTION_TOPIC, lambda message: self._intake.submit(message.data), LATCHED, self.health
         )
         watched_subscription(self, Float64, 'craft/loading', self._on_loading, NEWEST, self.health)
+        self.upstream.listen(self.pipeline, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
@@ -77,6 +75,7 @@ class Predictor(Node):
             # a user who has just seen the model must not read that there is none
             self._diagnostics.publish()
         clock_ns = self.get_clock().now().nanoseconds
+        self.upstream.take_waiting()
         messages = [message, *waiting(self._subscription, self.parameters['queue_depth'])]
         readings = [imu_reading(each) for each in messages]
         forecast_from = readings[0 if self.parameters['in_step'] else -1].stamp_ns - PASSED_OVER_NS
@@ -138,7 +137,7 @@ class Predictor(Node):
         # also while the sensor is silent
         self._use_new_models()
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
-        return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
+        return [*self.health.reports(perf_counter(), self.get_clock().now().nanoseconds), *self.upstream.reports()]
 
 
 def main(args: list[str] | None = None) -> int:

@@ -8,6 +8,7 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 from swath_sysid.pipeline.health import (
     BAD_LOADING,
     BAD_MODEL,
+    BAD_UPSTREAM,
     LATE_FIT,
     LOADING_ADVICE,
     NOT_FITTED,
@@ -26,8 +27,8 @@ class PredictorHealth(StreamHealth):
     """How samples become forecasts; see `StreamHealth`."""
 
     def __init__(self, topic: str, pipeline: ForecastPipeline):
-        reasons = (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED)
-        super().__init__(topic, reasons)
+        reasons = BAD_MODEL, BAD_LOADING, BAD_UPSTREAM, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED
+        super().__init__(topic, (*reasons, WAVE_WORKER_DIED))
         self._pipeline = pipeline
         self._model_arrival: float | None = None
         self._refusal = ''
