@@ -5,6 +5,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from unittest.mock import patch
 
 import pytest
 
@@ -40,7 +41,7 @@ class Tank(TankSide):
     def __init__(self, folder):
         self.start_again()
         self.folder, self.lock, self.description, self.pressed = folder, threading.Lock(), '', []
-        self.state = SteppedState(self, folder, 'pitch', clock=lambda: self.clock)
+        self.state = SteppedState(self, folder, 'pitch')
 
     def press(self, button):
         self.pressed.append(button)
@@ -91,6 +92,12 @@ class Screen:
             .filter(b => getComputedStyle(b).visibility === 'visible').map(b => b.dataset.action)"""
         return self.driver.execute_script(script)
 
+    def labels(self):
+        """The labels of the buttons that are shown."""
+        script = """return [...document.querySelectorAll('main .q-btn')]
+            .filter(b => getComputedStyle(b).visibility === 'visible').map(b => b.innerText)"""
+        return self.driver.execute_script(script)
+
     def wait_for_reason(self, name, words):
         """Wait until the tooltip of a button that cannot be pressed says why; that of another may still fade."""
         button = self.driver.find_element('css selector', f'[data-name={name}]')
@@ -114,7 +121,11 @@ class Screen:
 def address(tmp_path_factory):
     """A served page; its tank."""
     tank = Tank(tmp_path_factory.mktemp('page'))
-    with served(tank.state, '127.0.0.1', 0, TOKEN) as url:
+    # the clock of the page is that of the tank
+    with (
+        patch('swath_sysid.page.state.monotonic', lambda: tank.clock),
+        served(tank.state, '127.0.0.1', 0, TOKEN) as url,
+    ):
         yield url, tank
 
 
@@ -158,6 +169,7 @@ def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
     tank.send(7.0)
     screen.wait_for('Accepted: 2.6')
     assert screen.loud() == ['save'] and tank.pressed == ['accept']
+    assert screen.labels().count('Save') == 1
 
 
 @needs_chromium
