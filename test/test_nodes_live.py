@@ -125,9 +125,11 @@ def test_the_sensor_is_heard_with_sensor_data_qos(craft):
 def test_before_a_model_it_says_so_and_forecasts(craft):
     craft.rest()
     craft.bench.wait_for_forecast_after(craft.stamp)
-    wait_for(lambda: 'no pitch model' in craft.bench.statuses['predictor: forecast'][1], 'word of the missing model')
+    wait_for(
+        lambda: 'without a hull model' in craft.bench.statuses['predictor: forecast'][1], 'word of the missing model'
+    )
     level, _, values = craft.bench.statuses['predictor: forecast']
-    assert level == 1 and values['has_model_pitch'] == 'False'
+    assert level == 0 and values['has_model_pitch'] == 'False'
     assert craft.bench.call('identifier/rollback').message == 'there is no model before this one'
     assert not craft.bench.call('identifier/cancel').success
     answer = craft.identify()
