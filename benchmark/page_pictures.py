@@ -49,7 +49,8 @@ class Page:
             time.sleep(0.2)
 
     def press(self, name):
-        self.driver.execute_script(f"document.querySelector('[data-name={name}]').click()")
+        script = f"const b = document.querySelector('[data-name={name}]:enabled'); b?.click(); return b !== null"
+        self.wait_for(lambda: self.driver.execute_script(script), f'button {name} that can be pressed')
 
     def release(self, count):
         """Push and let go until so many releases have led to models."""
