@@ -256,6 +256,7 @@ def test_the_command_line_takes_waves_for_waves(sea_file, tmp_path, capsys):
     assert main(['identify', str(sea_file), '--output', str(model), '--plot', str(picture)]) == 0
     told = capsys.readouterr()
     assert 'identified at sea, the equivalent linear hull at 2' in told.out and 'equivalent-linear' in told.err
+    assert 'no verdict' in told.out
     assert is_at_sea(read_model(model)['roll']) and picture.stat().st_size > 20_000
     assert main(['identify', str(sea_file), '--at-sea', '--json']) == 0
     data = json.loads(capsys.readouterr().out)
