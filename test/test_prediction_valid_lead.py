@@ -27,10 +27,10 @@ def test_the_lead_is_where_the_expected_error_passes_the_limit():
     """Of an autoregression of first order the error grows as sqrt(1 - exp(-2 t / T))."""
     growth = np.sqrt(1.0 - np.exp(-2.0 * LEADS / 4.0))
     for limit in (0.3, 0.5, 0.9):
-        assert valid_lead(LEADS, growth, limit) == pytest.approx(-2.0 * math.log(1.0 - limit**2), abs=2e-3)
-    assert valid_lead(LEADS, growth, 0.01) == 0.0
-    assert valid_lead(LEADS, growth, 1.1) == LEADS[-1]
-    assert math.isnan(valid_lead(LEADS, np.where(LEADS > 5.0, np.nan, growth), 0.5))
+        assert valid_lead(LEADS, growth**2, limit) == pytest.approx(-2.0 * math.log(1.0 - limit**2), abs=2e-3)
+    assert valid_lead(LEADS, growth**2, 0.01) == 0.0
+    assert valid_lead(LEADS, growth**2, 1.1) == LEADS[-1]
+    assert math.isnan(valid_lead(LEADS, np.where(LEADS > 0.5, np.nan, growth**2), 0.5))
 
 
 def test_what_lies_beyond_the_first_passage_does_not_matter():
@@ -40,7 +40,7 @@ def test_what_lies_beyond_the_first_passage_does_not_matter():
         return 0.6 * abs(math.sin(lead))
 
     first = brentq(lambda lead: error(lead) - 0.5, 0.0, 1.5)
-    found = valid_lead(LEADS, np.array([error(lead) for lead in LEADS]), 0.5)
+    found = valid_lead(LEADS, np.array([error(lead) ** 2 for lead in LEADS]), 0.5)
     assert found == pytest.approx(first, abs=5e-3) and error(math.pi) < 0.5
 
 

@@ -32,21 +32,23 @@ class ErrorLimit:
         return self.angle or self.share * size
 
 
-def valid_lead(leads: np.ndarray, deviation: np.ndarray, limit: float) -> float:
-    """The longest lead, s, up to which the expected errors (L,) at increasing leads (L,) stay below the limit.
+def valid_lead(leads: np.ndarray, variance: np.ndarray, limit: float) -> float:
+    """The longest lead, s, up to which errors of these variances (L,) at increasing leads (L,) stay below the limit.
 
-    Linear between leads; zero where the first exceeds the limit, the last where none does, NaN where one is unknown.
+    Linear between leads; zero where the first exceeds the limit, the last where none does, NaN where one up to there is
+    unknown.
     """
-    if not np.isfinite(deviation).all():
-        return math.nan
-    over = deviation > limit
-    if not over.any():
+    is_below = variance <= limit * limit
+    first = int(is_below.argmin())
+    if is_below[first]:
         return float(leads[-1])
-    first = int(over.argmax())
+    if math.isnan(variance[first]):
+        return math.nan
     if first == 0:
         return 0.0
-    (low, high), (start, end) = deviation[first - 1 : first + 1], leads[first - 1 : first + 1]
-    return float(start + (limit - low) / (high - low) * (end - start))
+    low, high = np.sqrt(variance[first - 1 : first + 1]).tolist()
+    start, end = leads[first - 1 : first + 1].tolist()
+    return start + (limit - low) / (high - low) * (end - start)
 
 
 class ValidLeads:
@@ -66,7 +68,7 @@ class ValidLeads:
         elapsed, self._time = time - self._time, time
         known = {name: k for k, name in enumerate(AXES) if math.isfinite(mean[0, k])}
         self.newest = {
-            name: self._lead(covariance[:, k, k], self.limit.of_angle(self._axes[k].size.deviation))
+            name: valid_lead(self._horizon, covariance[:, k, k], self.limit.of_angle(self._axes[k].size.deviation))
             for name, k in known.items()
         }
         for name, motion in points.items():
@@ -74,8 +76,5 @@ class ValidLeads:
             for k, (kind, size) in enumerate(zip(AT_A_POINT, sizes, strict=True)):
                 size.follow(float(motion.mean[0, k]), 0.0, elapsed)
                 limit = self.limit.share * size.deviation
-                self.newest[quantity_at(name, kind)] = self._lead(motion.covariance[:, k, k], limit)
+                self.newest[quantity_at(name, kind)] = valid_lead(self._horizon, motion.covariance[:, k, k], limit)
         return self.newest
-
-    def _lead(self, variance: np.ndarray, limit: float):
-        return valid_lead(self._horizon, np.sqrt(variance), limit)
