@@ -79,7 +79,7 @@ class InnovationsFilter:
         self._x = np.zeros(self.model.a.shape[0])
         self._p: Any = self.model.prior
         self._recent = deque([np.zeros(len(self.model.channels))] * _PAST, maxlen=_PAST)
-        self._stepped = None
+        self._stepped: Any = None
         self.strain = 1.0
 
     @property
@@ -171,11 +171,8 @@ class InnovationsFilter:
         covariance linearly. Leads None: at the steps that were prepared, by one matrix product.
         """
         if leads is None:
-            return self._ahead(*self._at_steps)
-        steps = (np.asarray(leads, dtype=float) + age) / self.model.step
-        near = np.round(steps)
-        whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
-        part = steps - whole
+            return self.ahead(*self._at_steps)
+        whole, part = self._steps_to(leads, age)
         means, covariances = self._whole_steps()
         if not (np.abs(part) > 1e-6).any():
             return means[whole + 1], covariances[whole]
@@ -184,13 +181,29 @@ class InnovationsFilter:
         part = part[:, None, None]
         return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._steps + 1)]
 
+    def _steps_to(self, leads: np.ndarray, age: float):
+        """Whole steps from the newest row to leads (L,), s, and the parts of a step beyond."""
+        steps = (np.asarray(leads, dtype=float) + age) / self.model.step
+        near = np.round(steps)
+        whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
+        return whole, steps - whole
+
     def _whole_steps(self):
         """Means at steps -1, 0, ... and covariances at steps 0, 1, ... of the targets, until the next row comes."""
         if self._stepped is None:
-            self._stepped = self._ahead(self._of_past, self._of_state, self._free)
+            self._stepped = self.ahead(self._of_past, self._of_state, self._free)
         return self._stepped
 
-    def _ahead(self, of_past: np.ndarray, of_state: np.ndarray, free: np.ndarray):
+    def prepared(self, leads: np.ndarray, age: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """For `ahead`, at leads (L,) and an age, s, that are asked for again and again; see `forecast`."""
+        whole, part = self._steps_to(leads, age)
+        blocks = self._of_past.reshape(-1, len(self.targets), self._of_past.shape[1])
+        of_past = np.einsum('lw,lwmx->lmx', cubic_weights(part), blocks[whole[:, None] + np.arange(4)])
+        free = self._free[whole] + part[:, None, None] * (self._free[whole + 1] - self._free[whole])
+        return of_past.reshape(-1, blocks.shape[2]), of_past[:, :, : self._x.size], free
+
+    def ahead(self, of_past: np.ndarray, of_state: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and covariance of the targets, by matrices that are prepared."""
         means = (of_past @ np.concatenate([self._x, *self._recent])).reshape(-1, len(self.targets)) + self._offset
         if self._p is None:
             return means, free
