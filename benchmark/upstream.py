@@ -181,6 +181,7 @@ def fail(seeds: int) -> None:
     """Print each fault's errors over those without the probe, and after it over those of a probe without faults."""
     columns = ' '.join(f'{lead / PERIOD:6.2f}' for lead in LEADS)
     print(f'{"over the forecast without the probe at peak periods":52} {columns} | 120 s after: {columns}')
+    without_probe = {}
     for name, (changes, spoilt) in faults().items():
         end = 2.0 * END - BEGIN if 'distance' in changes else END
         spans = [(BEGIN + SETTLED, end), (end + RECOVERED, end + RECOVERED + 240.0)]
@@ -189,7 +190,10 @@ def fail(seeds: int) -> None:
             sea = make_sea(seed, spans[1][1] + LEADS[-1], **changes)
             rng = np.random.default_rng(seed + 2000)
             series = spoilt(sea.time, noisy(sea.probe, NOISE, rng), rng)
-            squares.append([forecasts(sea, each, spans, seed)[0] ** 2 for each in (None, series)])
+            same_sea = seed, *changes
+            if same_sea not in without_probe:
+                without_probe[same_sea] = forecasts(sea, None, spans, seed)[0]
+            squares.append([without_probe[same_sea] ** 2, forecasts(sea, series, spans, seed)[0] ** 2])
         without, found = np.sqrt(np.mean(squares, axis=0))
         during, after = found / without
         print(f'{name:52}', *(f'{r:6.2f}' for r in during), '|'.ljust(14), *(f'{r:6.2f}' for r in after), flush=True)
