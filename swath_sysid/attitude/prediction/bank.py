@@ -8,12 +8,13 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.blend import Blend
+from swath_sysid.attitude.prediction.blend import UNPROVEN, Blend
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel
 from swath_sysid.attitude.prediction.upstream import (
+    NEW_UPSTREAM,
     UpstreamCandidate,
     UpstreamFit,
     UpstreamRows,
@@ -156,6 +157,13 @@ class Bank:
         at_row = age == 0.0 and self._leads_are_rows
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
         return self.blend.combine(mean, covariance, _AXIS_OF_TARGET, self._noise)
+
+    def upstream_helps(self) -> bool:
+        """Whether, at some lead, state spaces of upstream channels and the whole past clearly err less than others."""
+        square = self.blend.mean_square * np.where(np.isfinite(self._at_row[0][..., : len(AXES)]), 1.0, math.nan)
+        is_of_past = np.array([name not in (*CANDIDATES, NEW_UPSTREAM) for name in self.names])
+        found, others = np.fmin.reduce(square[is_of_past]), np.fmin.reduce(square[: len(CANDIDATES)])
+        return bool((UNPROVEN * found < others).any())
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.

@@ -13,8 +13,8 @@ _MEMORY, _MEMORY_LEADS = 15.0, 10.0
 _POWER = 8.0
 # s of errors that the candidates' common level, and their own variances, count for: luck in the first decides nothing
 _TRUST = 5.0
-# a candidate without a forecast is taken to err as much more (mean square) as this than the blend: it must prove itself
-_UNPROVEN = 1.25
+#: A candidate without a forecast is taken to err as much more (mean square) than the blend: it must prove itself.
+UNPROVEN = 1.25
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.1
 # the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
@@ -118,7 +118,7 @@ class Blend:
     def renew(self, candidate: int, axis: int | slice = slice(None)) -> None:
         """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one."""
         square = self.mean_square[..., axis]
-        square[candidate] = np.minimum(square[candidate], _UNPROVEN * square.min(axis=0))
+        square[candidate] = np.minimum(square[candidate], UNPROVEN * square.min(axis=0))
 
     def skip(self, count: int) -> None:
         """Pass over ``count`` rows without readings or forecasts."""
@@ -142,7 +142,7 @@ class Blend:
             return
         square = blended**2
         self._time, gain = self._aged(self._time, known, self._keep, self._step)
-        squares = np.where(np.isfinite(errors), errors**2, _UNPROVEN * square)
+        squares = np.where(np.isfinite(errors), errors**2, UNPROVEN * square)
         self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
         true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         # errors that are the sensor's noise for the most part say as little of the rest as their scatter has it

@@ -27,7 +27,7 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliabi
 from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, ROW_RATE, History, RowClock
 from swath_sysid.attitude.prediction.sea_fit import SHORT, WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
-from swath_sysid.attitude.prediction.upstream import UpstreamRows
+from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UpstreamRows
 from swath_sysid.attitude.prediction.valid_lead import ErrorLimit, ValidLeads
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.errors import InputError
@@ -243,6 +243,7 @@ class Forecaster:
         self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._upstream)
         self._points.begin(step, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting = False, None
+        self._upstream_helped = -math.inf
         self._oscillator_due = self._refit_due = -math.inf
 
     def _take_row(self, bank: Bank, steps: int, stamp: float):
@@ -319,8 +320,14 @@ class Forecaster:
             bank.use(name, model, self._history.channels.last(2 * MAX_LAGS))
             bank.renew(name)
             self._has_waves = True
+        if fit.upstream and bank.upstream_helps():
+            self._upstream_helped = self._time
+        # a state space that has helped stays while the channels contradict it, until half of the past does: they may
+        # come back to it
+        is_kept = self._upstream_helped < self._time < self._upstream_helped + 0.5 * self.settings.window
         for name, upstream in fit.upstream.items():
-            bank.use_upstream(name, upstream, self._history.channels.last())
+            if name == NEW_UPSTREAM or not is_kept:
+                bank.use_upstream(name, upstream, self._history.channels.last())
         if WAVES in fit.waves:
             self._points.install(fit.vertical, self._history.newest, bank.spaces[WAVES])
         for name, excitation in fit.excitations.items():
