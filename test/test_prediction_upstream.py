@@ -89,11 +89,13 @@ def test_samples_may_be_lost_quicker_than_the_imus_or_late(without, kind):
     assert (found[:2] < [0.2, 0.2]).all() and (found[:2] < 0.35 * without[:2]).all()
 
 
-def test_a_probe_that_is_stuck_costs_little_and_serves_again(without):
+@pytest.mark.parametrize('kind', ['stuck', 'lying'])
+def test_a_probe_that_is_stuck_or_lies_costs_little_and_serves_again(without, kind):
     trial, probe, _ = craft_and_probe()
-    stuck = np.where((trial.time > 380.0) & (trial.time < 460.0), probe[1900], probe)
-    series = {'probe': UpstreamSeries(trial.time, stuck)}
-    meanwhile, after = (error(trial, series, *span)[0] for span in ((400.0, 455.0), (520.0, 590.0)))
+    instead = probe[1900] if kind == 'stuck' else craft_and_probe(seed=9)[1]
+    seen = np.where((trial.time > 340.0) & (trial.time < 460.0), instead, probe)
+    series = {'probe': UpstreamSeries(trial.time, seen)}
+    meanwhile, after = (error(trial, series, *span)[0] for span in ((400.0, 455.0), (550.0, 590.0)))
     usual = error(trial, None, 400.0, 455.0)[0]
     assert (meanwhile < 1.1 * usual).all() and (after[:2] < 0.35 * without[:2]).all()
 

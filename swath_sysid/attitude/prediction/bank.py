@@ -8,7 +8,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.blend import UNPROVEN, Blend
+from swath_sysid.attitude.prediction.blend import Blend
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import NEW_WAVES, WAVES
@@ -123,8 +123,8 @@ class Bank:
         self._upstream[name] = candidate
 
     def renew(self, name: str, axis: int | slice = slice(None)) -> None:
-        """Judge a candidate with a new model, for an axis or all, as an untried one."""
-        self.blend.renew(self._place[name], axis)
+        """Judge a candidate with a new model, for an axis or all, as an untried one that knows nothing upstream."""
+        self.blend.renew(self._place[name], axis, len(CANDIDATES))
 
     def step(self, row: np.ndarray) -> None:
         """Take the next row in every candidate."""
@@ -158,12 +158,11 @@ class Bank:
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
         return self.blend.combine(mean, covariance, _AXIS_OF_TARGET, self._noise)
 
-    def upstream_helps(self) -> bool:
-        """Whether, at some lead, state spaces of upstream channels and the whole past clearly err less than others."""
-        square = self.blend.mean_square * np.where(np.isfinite(self._at_row[0][..., : len(AXES)]), 1.0, math.nan)
+    def upstream_ratio(self) -> np.ndarray:
+        """Least running square error (S, A) with upstream channels, from the whole past, over the least without."""
+        square = np.where(np.isfinite(self._at_row[0][..., : len(AXES)]), self.blend.mean_square, math.nan)
         is_of_past = np.array([name not in (*CANDIDATES, NEW_UPSTREAM) for name in self.names])
-        found, others = np.fmin.reduce(square[is_of_past]), np.fmin.reduce(square[: len(CANDIDATES)])
-        return bool((UNPROVEN * found < others).any())
+        return np.fmin.reduce(square[is_of_past]) / np.maximum(np.fmin.reduce(square[: len(CANDIDATES)]), 1e-300)
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.

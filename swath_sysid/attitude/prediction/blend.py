@@ -115,10 +115,13 @@ class Blend:
         self.blended_square += gain * (square - self.blended_square)
         self.coverage += gain * ((square <= interval) - self.coverage)
 
-    def renew(self, candidate: int, axis: int | slice = slice(None)) -> None:
-        """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one."""
+    def renew(self, candidate: int, axis: int | slice = slice(None), among: int | None = None) -> None:
+        """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one.
+
+        It may then be nearly as good as the best of the first candidates, ``among`` so many.
+        """
         square = self.mean_square[..., axis]
-        square[candidate] = np.minimum(square[candidate], UNPROVEN * square.min(axis=0))
+        square[candidate] = np.minimum(square[candidate], UNPROVEN * square[:among].min(axis=0))
 
     def skip(self, count: int) -> None:
         """Pass over ``count`` rows without readings or forecasts."""

@@ -17,6 +17,7 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
 from swath_sysid.attitude.prediction.bank import HULL, OSCILLATOR, Bank
+from swath_sysid.attitude.prediction.blend import UNPROVEN
 from swath_sysid.attitude.prediction.diagnostics import ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilterSettings
@@ -243,7 +244,7 @@ class Forecaster:
         self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._upstream)
         self._points.begin(step, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting = False, None
-        self._upstream_helped = -math.inf
+        self._upstream_helped, self._helped_at, self._is_contradicted = -math.inf, 0, False
         self._oscillator_due = self._refit_due = -math.inf
 
     def _take_row(self, bank: Bank, steps: int, stamp: float):
@@ -320,11 +321,7 @@ class Forecaster:
             bank.use(name, model, self._history.channels.last(2 * MAX_LAGS))
             bank.renew(name)
             self._has_waves = True
-        if fit.upstream and bank.upstream_helps():
-            self._upstream_helped = self._time
-        # a state space that has helped stays while the channels contradict it, until half of the past does: they may
-        # come back to it
-        is_kept = self._upstream_helped < self._time < self._upstream_helped + 0.5 * self.settings.window
+        is_kept = bool(fit.upstream) and self._keeps_upstream(bank)
         for name, upstream in fit.upstream.items():
             if name == NEW_UPSTREAM or not is_kept:
                 bank.use_upstream(name, upstream, self._history.channels.last())
@@ -336,6 +333,25 @@ class Forecaster:
         if fit.sea is not None:
             self._sea_state_due += LONGEST_BRIDGE
         return fit.sea
+
+    def _keeps_upstream(self, bank: Bank) -> bool:
+        """Whether a state space that has helped stays while the upstream channels contradict it, half the window long.
+
+        If they come to agree with it again, what they showed meanwhile was wrong and is forgotten.
+        """
+        ratio = bank.upstream_ratio()
+        if not np.isfinite(ratio).any():
+            return False
+        since, was_contradicted = self._time - self._upstream_helped, self._is_contradicted
+        is_recent = since < 0.5 * self.settings.window
+        if np.nanmin(ratio) < 1.0 / UNPROVEN:
+            self._upstream_helped, self._helped_at = self._time, int(np.nanargmin(ratio))
+            self._is_contradicted = False
+            if was_contradicted and is_recent:
+                self._upstream.forget(int(since / self._clock.step))
+        elif is_recent and ratio.flat[self._helped_at] > UNPROVEN:
+            self._is_contradicted = True
+        return (was_contradicted or self._is_contradicted) and is_recent
 
     # -- forecasts
 

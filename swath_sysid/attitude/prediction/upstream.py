@@ -153,6 +153,10 @@ class UpstreamRows:
         for series in self._series.values():
             series.next = self.newest + 1
 
+    def forget(self, count: int) -> None:
+        """Take the newest values for lost."""
+        self._rows.last(count)[:, 1 : 1 + len(self.names)] = math.nan
+
     def at(self, number: int, delays: Sequence[int]) -> list[float]:
         """Values of a row, each of as many rows before."""
         rows = self._rows.last()
