@@ -33,6 +33,12 @@ def test_the_lead_is_where_the_expected_error_passes_the_limit():
     assert math.isnan(valid_lead(LEADS, np.where(LEADS > 0.5, np.nan, growth**2), 0.5))
 
 
+def test_variances_that_rounding_alone_tells_apart_have_a_lead():
+    limit = 0.1
+    below = limit * limit
+    assert valid_lead(np.array([1.0, 2.0]), np.array([below, np.nextafter(below, 1.0)]), limit) == 2.0
+
+
 def test_what_lies_beyond_the_first_passage_does_not_matter():
     """The expected error of an oscillation comes down again, and a user who trusts it until then has been misled."""
 

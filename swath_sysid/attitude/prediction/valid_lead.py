@@ -48,7 +48,8 @@ def valid_lead(leads: np.ndarray, variance: np.ndarray, limit: float) -> float:
         return 0.0
     low, high = np.sqrt(variance[first - 1 : first + 1]).tolist()
     start, end = leads[first - 1 : first + 1].tolist()
-    return start + (limit - low) / (high - low) * (end - start)
+    # variances that differ may have one root
+    return start + (limit - low) / (high - low) * (end - start) if low < high else end
 
 
 class ValidLeads:
