@@ -34,7 +34,7 @@ def test_the_lead_is_where_the_expected_error_passes_the_limit():
 
 
 def test_variances_that_rounding_alone_tells_apart_have_a_lead():
-    limit = 0.1
+    limit = 0.5
     below = limit * limit
     assert valid_lead(np.array([1.0, 2.0]), np.array([below, np.nextafter(below, 1.0)]), limit) == 2.0
 
