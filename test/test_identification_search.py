@@ -156,7 +156,7 @@ def test_published_variables_map_to_ratios_and_back():
 @pytest.mark.parametrize(
     ('choice', 'words'),
     [
-        ({'algorithm': 'sa'}, "no search 'sa'"),
+        ({'algorithm': 'sa'}, "no search algorithm 'sa'"),
         ({'preset': 'nobody'}, "no preset 'nobody'"),
         ({'algorithm': 'pso', 'preset': 'swath-roll'}, 'genetic algorithm'),
         ({'generations': 0}, 'generations must be a whole number from 1 to 100000, not 0'),
