@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from craft_at_sea import jonswap
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.motion.segmentation import explain_absence, find_decay, find_decays, is_finished
@@ -328,6 +328,7 @@ def test_a_decay_is_finished_once_and_stays_where_it_is():
     st.booleans(),
     st.sampled_from([1e-6, 0.01, 1.0, 1e5]),
 )
+@example(33555787, 259, 'walk', False, 0.01)  # whose kink lies before the first sample
 @pytest.mark.filterwarnings('error')
 def test_never_anything_but_segments_or_one_sentence(seed, size, kind, as_rate, interval):
     random = np.random.default_rng(seed)

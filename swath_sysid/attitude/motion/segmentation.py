@@ -245,7 +245,7 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     period = 2.0 * np.pi * fall / (np.arccos(HOLD_BAND) - np.arccos(HELD))
     earliest = max(at - LONGEST_FALL * fall, candidate.arrival, signal.start)
     found = kink_time(motion, earliest, at - fall, period, -towards * level)
-    return candidate.release if found is None else found
+    return candidate.release if found is None else max(found, signal.start)
 
 
 def _free_end(candidate: DecayCandidate, first: int) -> tuple[int, float, str]:
