@@ -6,6 +6,7 @@ With a_k = d e_k / d z and b_k = d s_k / d z of innovations e_k and their varian
     information = sum(a_k a_k' / s_k + b_k b_k' / (2 s_k^2)).
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 
@@ -37,16 +38,16 @@ class Evaluation:
         return all(np.isfinite(each).all() for each in (self.cost, self.gradient, self.information))
 
 
-class LogPosterior:
+class LogPosterior(ABC):
     """A negative log posterior whose first parameters are the dimensionless ratios of an equation's terms."""
 
     equation: Equation
     ratio_prior: np.ndarray  #: (n,); standard deviations, about zero but for the linear stiffness about one.
     lowest: np.ndarray  #: (p,); bounds from below.
 
+    @abstractmethod
     def evaluate(self, points: Sequence[np.ndarray]) -> list[Evaluation]:
         """The posterior and its derivatives at some points (p,)."""
-        raise NotImplementedError
 
     def is_upright(self, point: Evaluation) -> bool:
         """Whether the craft returns to its upright position."""

@@ -1,7 +1,7 @@
 """The bank of candidates: each steps through the rows, skips lost ones, and forecasts the readings to come."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -78,10 +78,8 @@ class Bank:
         self, axes: Sequence[AxisFilter], leads: np.ndarray, step: float, upstream: UpstreamRows | None = None
     ) -> None:
         self.channels = () if upstream is None else upstream.names  #: Upstream.
-        self.names = (
-            *CANDIDATES,
-            *candidates_of(self.channels),
-        )  #: Of the candidates; the upstream channels' are the last.
+        #: Of the candidates; the upstream channels' are the last.
+        self.names = (*CANDIDATES, *candidates_of(self.channels))
         self._place = {name: place for place, name in enumerate(self.names)}
         priors = [CANDIDATES.get(name, 1.0) for name in self.names]
         self.blend = Blend(leads, step, len(axes), priors)
@@ -160,20 +158,25 @@ class Bank:
 
     def upstream_ratio(self) -> np.ndarray:
         """Least running square error (S, A) with upstream channels, from the whole past, over the least without."""
-        square = np.where(np.isfinite(self._at_row[0][..., : len(AXES)]), self.blend.mean_square, math.nan)
-        is_of_past = np.array([name not in (*CANDIDATES, NEW_UPSTREAM) for name in self.names])
-        return np.fmin.reduce(square[is_of_past]) / np.maximum(np.fmin.reduce(square[: len(CANDIDATES)]), 1e-300)
+        of_past = [name for name in self.names if name not in (*CANDIDATES, NEW_UPSTREAM)]
+        return self._ratio(of_past, CANDIDATES)
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.
 
         NaN where there are none of the one or the other at present.
         """
+        others = (*CANDIDATES, without(channel))
+        return 1.0 - np.sqrt(self._ratio([name for name in self.names if name not in others], others))
+
+    def _ratio(self, some: Collection[str], others: Collection[str]) -> np.ndarray:
+        """Least running square error (S, A) of some candidates over that of others; NaN where either has none."""
         present = np.isfinite(self._at_row[0][..., : len(AXES)])
         squares = np.where(present, self.blend.mean_square, math.nan)
-        is_other = np.array([name in (*CANDIDATES, without(channel)) for name in self.names])
-        ratio = np.fmin.reduce(squares[~is_other]) / np.maximum(np.fmin.reduce(squares[is_other]), 1e-300)
-        return 1.0 - np.sqrt(ratio)
+        of_some, of_others = (
+            np.fmin.reduce(squares[[name in chosen for name in self.names]]) for chosen in (some, others)
+        )
+        return of_some / np.maximum(of_others, 1e-300)
 
     def _forecasts(self, leads: np.ndarray | None, age: float):
         """Readings (K, L, 4) and covariances (K, L, 4, 4) by candidate; NaN where new samples contradict one."""
