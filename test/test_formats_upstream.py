@@ -58,6 +58,12 @@ def test_any_column_is_read_at_its_own_times(table):
     assert read_upstream(table, []) == {}
 
 
+def test_a_column_that_is_not_there_is_answered_with_those_that_are(table):
+    with pytest.raises(InputError, match=': choose one of these$') as refused:
+        read_upstream(table, ['sonar'])
+    assert '--column' not in str(refused.value)
+
+
 @pytest.mark.parametrize(
     ('names', 'said'),
     [

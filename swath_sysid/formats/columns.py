@@ -225,6 +225,8 @@ def _matched(
         meant = _likely_meant(table, plain, columns, quantities)
         listed = listed_names(table.names) + (f' ({meant})' if meant else '')
         (quantity, _, units), *_ = quantities
+        if not units[-1]:
+            raise InputError(f'{path} has no {missing}; found {listed}: choose one of these')
         name = next((each for k, each in enumerate(table.names) if k not in {c.index for c in columns}), 'NAME')
         example = f"'{quantity}={shown(name)}:{units[-1]}'"
         raise InputError(
