@@ -33,7 +33,7 @@ def test_quaternion_is_that_of_scipy(roll, pitch, yaw):
 @given(roll=angle, pitch=pitch_angle, yaw=angle)
 def test_euler_angles_are_those_of_scipy(roll, pitch, yaw):
     rotation = rotation_of(roll, pitch, yaw)
-    found = attitude.euler_angles(*rotation.as_quat())
+    found = attitude.euler_angles(*(1.02 * rotation.as_quat()))
     assert found[1] == pytest.approx(pitch, abs=1e-9)
     assert same_rotation(rotation_of(*found).as_quat(), rotation)
 
@@ -47,23 +47,12 @@ def test_vertical_orientation_is_kept_with_roll_zero(roll, pitch, yaw):
     assert (rotation_of(*found) * rotation.inv()).magnitude() < 1e-6
 
 
-def test_pitch_is_accurate_near_the_vertical():
-    pitch = np.pi / 2 - 1e-6
-    found = attitude.euler_angles(*attitude.quaternion(0.3, pitch, -0.4))
-    assert found[1] == pytest.approx(pitch, abs=1e-12)
-
-
 @pytest.mark.parametrize('broken', [(0, 0, 0, 5e-324), (1e-160, 0, 0, 1e-160), (0, 0, 0, np.inf), (0, 0, 0, 1e200)])
 def test_what_is_no_orientation_is_flagged(broken):
     assert not attitude.is_orientation(*broken) and np.isnan(attitude.euler_angles(*broken)).all()
     many = np.array([broken, (0, 0, 0, 1)]).T
     assert attitude.is_orientation(*many).tolist() == [False, True]
     assert np.isnan(attitude.euler_angles(*many)[0]).tolist() == [True, False]
-
-
-def test_quaternion_of_slightly_wrong_length_is_normalised():
-    right = np.array(attitude.quaternion(0.1, -0.2, 0.3))
-    assert attitude.euler_angles(*(1.02 * right)) == pytest.approx((0.1, -0.2, 0.3))
 
 
 def test_numbers_and_arrays_give_the_same():
@@ -84,20 +73,6 @@ def test_numbers_and_arrays_give_the_same():
             assert found == pytest.approx([part[at] for part in many], rel=1e-13, abs=1e-15)
 
 
-def test_numbers_that_are_none_give_nan_whether_alone_or_many():
-    with np.errstate(invalid='ignore'):
-        assert np.isnan(attitude.quaternion(np.inf, 0.0, 0.0)).all()
-        assert np.isnan(attitude.euler_rates(np.inf, 0.0, 1.0, 1.0, 1.0)[2])
-        assert np.isnan(attitude.body_rates(np.nan, 0.0, 1.0, 1.0, 1.0)[1])
-
-
-def test_a_number_beside_arrays_is_taken_for_each():
-    pitch = np.array([0.1, 0.2])
-    turned = attitude.quaternion(0.0, pitch, 0.0)
-    assert turned[1] == pytest.approx(np.sin(pitch / 2))
-    assert attitude.euler_angles(0.0, turned[1], 0.0, turned[3])[1] == pytest.approx(pitch)
-
-
 def test_euler_rates_are_the_derivatives_of_the_angles():
     time = np.linspace(0, 10, 20001)
     roll, pitch, yaw = 0.6 * np.sin(time), 0.4 * np.cos(1.3 * time), 0.5 * time
@@ -108,16 +83,13 @@ def test_euler_rates_are_the_derivatives_of_the_angles():
     found = attitude.euler_rates(*middle, *turns.T)
     for rate, angles in zip(found, (roll, pitch, yaw), strict=True):
         assert np.allclose(rate, np.diff(angles) / np.diff(time), atol=1e-6)
+    assert np.all(np.isnan(attitude.euler_rates(0.1, np.pi / 2, 1.0, 2.0, 3.0)[::2]))
 
 
 @given(roll=angle, pitch=pitch_angle, rates=st.tuples(component, component, component))
 def test_body_rates_invert_euler_rates(roll, pitch, rates):
     there = attitude.euler_rates(roll, pitch, *rates)
     assert attitude.body_rates(roll, pitch, *there) == pytest.approx(rates, abs=1e-8)
-
-
-def test_euler_rates_do_not_exist_at_the_vertical():
-    assert np.all(np.isnan(attitude.euler_rates(0.1, np.pi / 2, 1.0, 2.0, 3.0)[::2]))
 
 
 @given(rotation=st.tuples(angle, angle, angle), vector=st.tuples(component, component, component))
@@ -168,12 +140,6 @@ def test_mounted_sensor_tells_the_motion_of_the_craft(mounting, craft):
     assert motion[3:5] == pytest.approx(attitude.euler_rates(motion.roll, motion.pitch, 0.1, 0.2, 0.3)[:2], abs=1e-6)
 
 
-@pytest.mark.parametrize('arguments', [('ned',), ('flu', (0.0, np.nan, 0.0)), ('flu', (0.0, 1.0))])
-def test_installation_that_cannot_be_is_refused(arguments):
-    with pytest.raises(InputError):
-        Installation(*arguments)
-
-
 def columns(name, axes, values):
     """Readings of a vector by the names of their columns."""
     return {f'{name}_{axis}': part for axis, part in zip(axes, values, strict=True)}
@@ -208,14 +174,17 @@ def test_body_rates_in_place_of_euler_rates_are_told(absent):
     assert np.array_equal(trial.roll_rate, given_readings['gyro_x'])
 
 
-@pytest.mark.parametrize(
-    'kept', [('roll',), ('roll', 'pitch', 'roll_rate'), ('roll', 'pitch', 'gyro_x'), ('roll', 'pitch', 'accel_z')]
-)
-def test_mounting_refuses_what_it_cannot_turn(kept):
+def test_readings_and_installations_that_cannot_be_used_are_refused():
     time, given_readings = readings()
     given_readings['roll_rate'] = 0 * time
-    with pytest.raises(InputError, match='mounting'):
-        assemble_trial(time, {name: given_readings[name] for name in kept}, Installation('flu', (0.0, 0.0, 1.0)))
+    for kept in ('roll', 'roll pitch roll_rate', 'roll pitch gyro_x', 'roll pitch accel_z'):
+        with pytest.raises(InputError, match='mounting'):
+            assemble_trial(time, {n: given_readings[n] for n in kept.split()}, Installation('flu', (0.0, 0.0, 1.0)))
+    with pytest.raises(InputError, match='no usable roll or pitch'):
+        assemble_trial(time, {'accel_z': given_readings['accel_z']})
+    for arguments in (('ned',), ('flu', (0.0, np.nan, 0.0)), ('flu', (0.0, 1.0))):
+        with pytest.raises(InputError):
+            Installation(*arguments)
 
 
 def test_broken_quaternions_cost_their_samples_only_and_zeros_mean_none():
@@ -230,12 +199,6 @@ def test_broken_quaternions_cost_their_samples_only_and_zeros_mean_none():
     trial = assemble_trial(time, {**columns('quaternion', 'xyzw', 0 * given), **rates})
     assert set(trial.channels) == {'roll_rate', 'pitch_rate'}
     assert {advice.code for advice in trial.advice} == {'invalid-orientation', 'body-rates'}
-
-
-def test_readings_without_roll_or_pitch_are_refused():
-    time, given_readings = readings()
-    with pytest.raises(InputError, match='no usable roll or pitch'):
-        assemble_trial(time, {'accel_z': given_readings['accel_z']})
 
 
 def test_yaw_rate_of_a_heading_is_its_difference_the_shorter_way_round_and_unknown_across_a_loss():
