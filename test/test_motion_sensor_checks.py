@@ -2,6 +2,7 @@
 
 import importlib
 import json
+from functools import cache
 from pathlib import Path
 from string import Formatter
 
@@ -10,13 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from imu_stream import NOT_GIVEN
+from imu_stream import NOT_GIVEN, diagonal
 from scipy.spatial.transform import Rotation
-from wrong_installations import GRAVITY, WRONG, buoy, declared, named_by, readings_of, sentence, turned
 
 from swath_sysid.attitude.motion import sensor_checks
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
-from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.intake import CraftSample, ImuReading, Intake
 from swath_sysid.attitude.motion.sensor_checks import (
     DOUBTFUL_CODES,
     GRAVITY_CODES,
@@ -28,15 +28,111 @@ from swath_sysid.attitude.motion.sensor_checks import (
     compare_rates,
     contradictions_in,
     judge,
-    refuse_contradictions,
 )
 from swath_sysid.attitude.motion.sensor_mount import TURNS, Installation, angles_of
-from swath_sysid.cli.main import main
+from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.common.sentences import SENTENCES
 from swath_sysid.formats.reading import read_trial
 
 STRAIGHT = Installation()
+GRAVITY = 9.80665
+OTHER_FRAME = 'other frame'
 CODES = REPEAT_CODES | GRAVITY_CODES | RATE_CODES | OFFSET_CODES
+
+
+def turned(roll, pitch, yaw, orientation):
+    """Mounted so; `orientation`: whether what it says of its orientation is turned with its vectors."""
+    sits = Rotation.from_euler('ZYX', [yaw, pitch, roll], degrees=True)
+
+    def wrong(attitude, rates, force):
+        return attitude * sits if orientation else attitude, sits.inv().apply(rates), sits.inv().apply(force)
+
+    return wrong
+
+
+def frozen_from(sample):
+    """The same values again from then on."""
+
+    def wrong(attitude, rates, force):
+        rows = np.minimum(np.arange(len(rates)), sample)
+        return attitude[rows], rates[rows], force[rows]
+
+    return wrong
+
+
+def rates_times(factors):
+    return lambda attitude, rates, force: (attitude, rates * factors, force)
+
+
+WRONG = {
+    # name: (what is wrong, code, what the sentence must name)
+    OTHER_FRAME: (lambda *all_right: all_right, 'axes-of-sensor', 'set frame to {frame}'),
+    'upside down': (turned(180, 0, 0, True), 'sensor-turned', 'set mounting_deg to [180, 0, 0]'),
+    'upside down, corrected': (turned(180, 0, 0, False), 'axes-of-sensor', 'set mounting_deg to [180, 0, 0]'),
+    'turned by 90 deg': (turned(0, 0, 90, False), 'rates-turned', 'set mounting_deg to [0, 0, {quarter}]'),
+    'turned by 180 deg': (turned(0, 0, 180, False), 'rates-turned', 'set mounting_deg to [0, 0, 180]'),
+    'turned by 270 deg': (turned(0, 0, -90, False), 'rates-turned', 'set mounting_deg to [0, 0, {back}]'),
+    'on its side': (turned(90, 0, 0, True), 'sensor-turned', 'set mounting_deg to [90, 0, 0]'),
+    'on its side, corrected': (turned(90, 0, 0, False), 'axes-of-sensor', 'set mounting_deg to [90, 0, 0]'),
+    'deg/s': (rates_times(180 / np.pi), 'rate-unit', 'the rate is in deg/s where rad/s is expected'),
+    'g': (lambda a, r, f: (a, r, f / GRAVITY), 'accelerations-in-g', 'they are in g'),
+    'rates reversed': (rates_times(-1.0), 'rate-sign', 'reverse the signs of the rates'),
+    'roll rate reversed': (rates_times([-1.0, 1.0, 1.0]), 'rate-sign', 'the roll rate is the derivative'),
+    'gyros exchanged': (lambda a, r, f: (a, r[:, [1, 0, 2]], f), 'rates-swapped', 'exchange the x and y gyroscopes'),
+    'rates 0.4 s late': (lambda a, r, f: (a[4:], r[:-4], f[4:]), 'rate-late', 'after the'),
+    'frozen after 20 s': (frozen_from(200), 'sensor-frozen', 'restart its driver'),
+    'gyro 20 deg/s off': (lambda a, r, f: (a, r + np.radians([20, 0, 0]), f), 'rate-offset', 'calibrate the gyroscope'),
+    'rates of another sensor': (
+        lambda a, r, f: (a, np.random.default_rng(1).normal(0.0, 0.1, r.shape), f),
+        'rate-unrelated',
+        'does not follow it',
+    ),
+}
+"""All at 10 Hz; corrected is what tells an orientation of the craft, whose rates and forces are the sensor's."""
+
+
+@cache
+def buoy(path):
+    """Attitude, rates and specific force of the moored buoy's sensor, FRD in NED, at 10 Hz."""
+    table = np.genfromtxt(path, delimiter=',', names=True)
+    angles = np.column_stack([table[f'{name}_deg'] for name in ('yaw', 'pitch', 'roll')])
+    rates = np.radians(np.column_stack([table[f'gyro_{part}_deg_s'] for part in 'xyz']))
+    force = np.column_stack([table[f'accel_{part}_m_s2'] for part in 'xyz'])
+    whole = np.isfinite(np.column_stack([angles, rates, force])).all(axis=1) & (np.abs(rates) < 35.0).all(axis=1)
+    return Rotation.from_euler('ZYX', angles[whole], degrees=True), rates[whole], force[whole]
+
+
+def readings_of(attitude, rates, force):
+    """The messages of a sensor with these values."""
+    known = diagonal(1e-6)
+    parts = attitude.as_quat().tolist(), rates.tolist(), force.tolist()
+    for k, (turn, rate, push) in enumerate(zip(*parts, strict=True)):
+        yield ImuReading(10**18 + k * 10**8, turn, known, rate, known, push, known)
+
+
+def named_by(readings, installation):
+    """What a running sensor is found to contradict, judged once a second: code to (s until then, sentence)."""
+    intake, check, found = Intake(installation, StampSettings()), InstallationCheck(installation), {}
+    for k, reading in enumerate(readings):
+        sample = intake.take(reading).sample
+        if sample is not None:
+            check.add(sample)
+        if k % 10 == 0:
+            for each in check.judge():
+                found.setdefault(each.code, (0.1 * k, each.message))
+    return found, check
+
+
+def declared(frame, name):
+    """How a sensor of this frame that is wrong in this way is said to sit."""
+    return Installation({'frd': 'flu', 'flu': 'frd'}[frame] if name == OTHER_FRAME else frame)
+
+
+def sentence(words, frame):
+    """What a sentence must name of a sensor of this frame."""
+    # a turn to starboard about an axis that points down is one to port about an axis that points up
+    quarter = -90 if frame == 'frd' else 90
+    return words.format(frame=frame, quarter=quarter, back=-quarter)
 
 
 def craft_in_waves(duration=70.0, interval=0.1, seed=1, roll=0.06, pitch=0.05):
@@ -90,24 +186,6 @@ def test_nothing_is_named_of_any_measured_record(data_folder):
     for path in paths:
         trial = read_trial(path, frame='frd' if 'morro' in path.name or 'oahu' in path.name else None)
         assert [each for each in trial.advice if isinstance(each, Contradiction)] == [], path
-
-
-SHIP = ('roll', 'pitch', 'heading', 'heave')
-
-
-@pytest.mark.parametrize('kept', [SHIP, ('roll', 'heading'), ('pitch', 'heave'), ('roll', 'pitch')])
-def test_a_ship_without_rates_is_accepted_with_any_of_its_channels(data_folder, tmp_path, capsys, kept):
-    table = np.genfromtxt(data_folder / 'waves/nbp1406_ship.csv', delimiter=',', names=True)[:400]
-    units = {'heave': 'm'}
-    names = ['time_s', *(f'{name}_{units.get(name, "deg")}' for name in kept)]
-    path = tmp_path / 'ship.csv'
-    np.savetxt(path, np.column_stack([table[name] for name in names]), '%.6g', ',', header=','.join(names), comments='')
-    assert main(['inspect', str(path)]) == 0
-    printed = capsys.readouterr()
-    assert 'nan' not in printed.out + printed.err
-    trial = read_trial(path)
-    refuse_contradictions(trial)
-    assert not any(isinstance(each, Contradiction) for each in trial.advice)
 
 
 @pytest.mark.parametrize('first', [0, *(pytest.param(k, marks=pytest.mark.long) for k in (20, 40))])
@@ -250,13 +328,6 @@ def test_a_gain_is_found_whatever_the_offset(seed, gain, offset):
     angles, rates = rolling(seed)
     found = compare_rates(STEP, angles, gain * rates + offset)
     assert [slope.gain for slope in found] == pytest.approx([gain] * 2, rel=0.02)
-
-
-def test_a_rate_on_another_axis_is_found_there():
-    angles, rates = rolling(3)
-    roll, pitch = compare_rates(STEP, angles, rates[:, [1, 0, 2]] * [1.0, -1.0, 1.0])
-    assert pitch.correlations[0] > 0.99 and roll.correlations[1] < -0.99
-    assert not roll.follows and not pitch.follows
 
 
 def test_the_standard_deviation_of_a_delay_is_that_of_repeats():
