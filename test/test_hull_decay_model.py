@@ -10,7 +10,6 @@ from swath_sysid.attitude.hull.catalogue import (
     PUBLISHED_EQUATIONS,
     PUBLISHED_HULLS,
     equation_named,
-    equations_of_axis,
     hull_named,
 )
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
@@ -80,18 +79,6 @@ def test_jacobian_against_finite_differences(ratios, angle, rate):
     assert model.jacobian(angle, rate) == pytest.approx((by_angle, by_rate), abs=2e-5)
 
 
-@pytest.mark.parametrize('name', EQUATIONS)
-def test_terms_not_in_use_play_no_part(name):
-    equation = EQUATIONS[name]
-    rng = np.random.default_rng(1)
-    values = dict(zip(equation.terms, rng.uniform(0.1, 5, len(equation.terms)), strict=True))
-    model = DecayModel.from_terms(equation, values)
-    angle, rate = rng.uniform(-0.5, 0.5, (2, 50))
-    full = [values.get(n, 0.0) for n in TERM_NAMES]
-    assert model.acceleration(angle, rate) == pytest.approx(written_out(*full, angle, rate, model.friction_rate))
-    assert model.terms == pytest.approx(values)
-
-
 @given(ratio_lists, st.floats(-1, 1))
 def test_restoring_energy_is_the_integral_of_the_moment(ratios, x):
     model = DecayModel(ALL_TERMS, [0, 0, 0, 0, *ratios[4:]])
@@ -114,14 +101,6 @@ def test_composition_by_name():
     assert equation_named('swath-pitch-2+friction').terms == ('b0', 'b1', 'b2', 'r1', 'r2', 'r3')
     assert EQUATIONS['swath-pitch-1'].contains(EQUATIONS['swath-pitch-9'])
     assert not EQUATIONS['swath-pitch-6'].contains(EQUATIONS['odd-cubic'])
-
-
-@pytest.mark.parametrize('axis', ['roll', 'pitch'])
-def test_equations_of_an_axis_are_distinct_and_complete(axis):
-    equations = equations_of_axis(axis)
-    assert len({e.terms for e in equations}) == len(equations)
-    published = {e.terms for n, e in PUBLISHED_EQUATIONS.items() if axis in n}
-    assert published <= {e.terms for e in equations}
 
 
 @pytest.mark.parametrize(

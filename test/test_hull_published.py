@@ -17,86 +17,57 @@ PRINTED = {
         'swath-pitch-2',
         0.09,
         {'b1': 0.137953966, 'b2': 0.006320314, 'r3': 8.704769096, 'r2': 1.744499553, 'r1': 0.910961951},
+        0.02319572,
+        (1.974927, 0.240898),
     ),
     # paper B, equation 3, 5 deg at T: I' 0.080320655, N 0.000247681 (the moment is 2N), W, x, C1 sin^2, C2 sin
     'swath-roll': (
         'swath-roll-3',
         0.080320655,
         {'b1': 2 * 0.000247681, 'b2': 0.981940173, 'b3': 2.615040557, 's2': 3.663245158, 's1': 0.498282369},
+        0.007095983,
+        (2.522643, 0.00123806),
     ),
     # paper C, equation (12), 3 deg at T, printed as ratios; restoring from the cube down to the first power
     'hydrofoil-pitch': (
         'hydrofoil-pitch-1',
         1.0,
         {'b1': 8.79129395, 'b2': 0.00850162, 'b3': 0.04839175, 'r3': 56.8982143, 'r2': 130.820453, 'r1': 32.953354},
+        0.019560,
+        (1.094536, 0.765725),
     ),
     # paper D, function 1, 5 deg at T: I' 0.0937801, N 0.0950886 (the moment is 2N), W, x, C1 cube, C2 square, C3
     'swath-usv-pitch': (
         'swath-usv-pitch-1',
         0.0937801,
         {'b1': 2 * 0.0950886, 'b2': 0.0132637, 'b3': 0.0046185, 'r3': 0.8210960, 'r2': 0.0015652, 'r1': 0.6977489},
+        0.009069221,
+        (2.303486, 0.371727),
     ),
 }
-"""Equation, inertia, and the moments (of paper C the ratios) of each term."""
-
-OBJECTIVES = {
-    # of the same record and equation, rad/s
-    'swath-pitch': 0.02319572,
-    'swath-roll': 0.007095983,
-    'hydrofoil-pitch': 0.019560,
-    'swath-usv-pitch': 0.009069221,
-}
-
-SMALL_MOTION = {
-    # natural period, s, and damping over critical, worked out by hand from the numbers above
-    'swath-pitch': (1.974927, 0.240898),
-    'swath-roll': (2.522643, 0.00123806),
-    'hydrofoil-pitch': (1.094536, 0.765725),
-    'swath-usv-pitch': (2.303486, 0.371727),
-}
-
-
-def test_every_published_hull_is_checked_here():
-    assert set(PRINTED) == set(OBJECTIVES) == set(SMALL_MOTION) == set(PUBLISHED_HULLS)
+"""Equation, inertia, moments (of paper C ratios), objective of the record in rad/s; then worked out by hand from these:
+natural period, s, and damping over critical of small motions."""
 
 
 @pytest.mark.parametrize('name', PRINTED)
 def test_every_coefficient_is_the_printed_one(name):
-    equation, inertia, printed = PRINTED[name]
-    model = hull_named(name).model
+    assert set(PRINTED) == set(PUBLISHED_HULLS)
+    equation, inertia, printed, objective, _ = PRINTED[name]
+    model, form = hull_named(name).model, hull_named(name).form
     assert model.equation.name == equation
     assert model.terms == pytest.approx({term: moment / inertia for term, moment in printed.items()}, rel=1e-12)
-    assert hull_named(name).objective_value == OBJECTIVES[name]
-
-
-@pytest.mark.parametrize('name', PRINTED)
-def test_the_printed_form_holds_the_printed_numbers(name):
-    _, inertia, printed = PRINTED[name]
-    form = hull_named(name).form
-    if form is None:
-        assert name == 'hydrofoil-pitch'  # printed as ratios
-        return
-    told = [form.inertia, 2 * form.linear_damping, form.quadratic_damping, form.c1, form.c2]
-    sine = 's1' in printed
-    cube, square = (printed['s2'], printed['s1']) if sine else (printed['r3'], printed['r2'])
-    assert told == pytest.approx([inertia, printed['b1'], printed['b2'], cube, square], rel=1e-12)
-    assert form.c3 == (0.0 if sine else printed['r1'])
-    assert form.cubic_damping == printed.get('b3', 0.0)
-
-
-@pytest.mark.parametrize('name', PRINTED)
-def test_period_and_damping_of_small_motions(name):
-    model = hull_named(name).model
-    period, damping = SMALL_MOTION[name]
-    assert (model.natural_period, model.damping_ratio) == pytest.approx((period, damping), rel=1e-5)
+    assert hull_named(name).objective_value == objective
+    if form is not None:
+        assert (form.inertia, 2 * form.linear_damping) == pytest.approx((inertia, printed['b1']), rel=1e-12)
 
 
 @pytest.mark.parametrize('name', PRINTED)
 def test_a_small_release_decays_with_that_period_and_damping(name):
     """Against the closed form of the linear equation, at an amplitude where the nonlinear terms are nothing."""
-    period, damping = SMALL_MOTION[name]
+    model, (period, damping) = hull_named(name).model, PRINTED[name][-1]
+    assert (model.natural_period, model.damping_ratio) == pytest.approx((period, damping), rel=1e-5)
     time = np.linspace(0.0, 2.0, 400)
-    angle, _ = simulate(hull_named(name).model, 1e-7, 0.0, time)
+    angle, _ = simulate(model, 1e-7, 0.0, time)
     natural = 2 * math.pi / period
     damped = natural * math.sqrt(1 - damping**2)
     slow = np.exp(-damping * natural * time)
@@ -116,16 +87,13 @@ def test_simulated_trials_have_the_error_one_step_ahead_that_the_paper_prints(na
         ahead = rate[:-1] + 0.01 * hull.model.acceleration(angle[:-1], rate[:-1])
         found.append(np.mean((ahead - rate[1:]) ** 2))
     # an error in Euler's step and the noise of the angle add a few per cent
-    assert math.sqrt(np.mean(found)) == pytest.approx(OBJECTIVES[name], rel=0.06)
+    assert math.sqrt(np.mean(found)) == pytest.approx(PRINTED[name][3], rel=0.06)
 
 
 @pytest.mark.parametrize(
     'words, noise',
     [
         (['--hull', 'swath-pitch'], 0.0164),
-        (['--hull', 'swath-roll'], 0.00502),
-        (['--hull', 'hydrofoil-pitch'], 0.01383),
-        (['--hull', 'swath-usv-pitch'], 0.00641),
         (['--equation', 'swath-roll-1'], 0.00502),
         (['--equation', 'linear'], 0.0165),
         (['--hull', 'swath-roll', '--rate-noise', '0.03'], 0.03),

@@ -11,7 +11,6 @@ from swath_sysid.attitude.hull.scheduled_model import ScheduledModel, models_at
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import (
     description_from_yaml,
-    model_from_yaml,
     model_to_yaml,
     read_description,
     read_model,
@@ -76,14 +75,8 @@ def test_beyond_nothing_is_extrapolated_in_silence(schedule, loading, nearest):
 def test_a_loading_that_is_none(schedule, loading):
     with pytest.raises(InputError, match='draft_factor must be a number'):
         schedule.at(loading)
-
-
-def test_the_curve_passes_through_the_models(schedule):
-    ratios, stds = schedule.curve(np.array([0.8, *LOADINGS]))
-    np.testing.assert_allclose(ratios[1:, 1], [truth(v)['r1'] for v in LOADINGS])
-    np.testing.assert_allclose(ratios[0], ratios[1])
-    np.testing.assert_allclose(stds, 0.01)
-    assert schedule.reference == identified(1.0)
+    with pytest.raises(InputError, match='greater than zero'):
+        models_at({'pitch': schedule.reference}, {}, loading)
 
 
 @pytest.mark.parametrize(
@@ -117,6 +110,7 @@ def test_a_file_holds_it_and_serves_readers_that_know_no_schedule(schedule, tmp_
         ('loading: 1.15', 'loading: 0.95', 'must increase'),
         ('loading: 1.15', 'loading: high', "'high' is not a number"),
         ('schedule:', 'plan:', "unknown field 'plan'"),
+        ('pitch:', 'yaw:', 'axes'),
     ],
 )
 def test_a_damaged_schedule_is_named(schedule, old, new, words):
@@ -124,15 +118,6 @@ def test_a_damaged_schedule_is_named(schedule, old, new, words):
     assert old in text
     with pytest.raises(InputError, match=words):
         description_from_yaml(text.replace(old, new))[1]
-
-
-def test_the_axes_of_file_and_schedule_must_agree(schedule):
-    text = scheduled_to_yaml({'pitch': schedule})
-    before, after = text.split('schedule:')
-    with pytest.raises(InputError, match='differ'):
-        description_from_yaml(before + 'schedule:' + after.replace('pitch:', 'roll:', 1))[1]
-    with pytest.raises(InputError, match='axes'):
-        model_from_yaml(text.replace('pitch:', 'yaw:'))
 
 
 def test_models_at_a_loading_are_scheduled_where_there_is_a_schedule(schedule):

@@ -5,14 +5,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from swath_sysid.attitude.hull import compiled as hull_compiled
 from swath_sysid.attitude.hull import simulation
 from swath_sysid.attitude.hull.amplitude import amplitude_curves, orbit_centre
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES, restoring_energy
-from swath_sysid.common.accelerator import has_numba
 
 ALL_TERMS = Equation('all', TERM_NAMES)
 
@@ -48,22 +46,6 @@ def test_a_release_from_far_out_is_followed_as_closely():
     expected = exact(model, np.radians(15.0), 0.0, time)
     assert angle == pytest.approx(expected[0], abs=1e-7)
     assert rate == pytest.approx(expected[1], abs=1e-6)
-
-
-@pytest.mark.skipif(not has_numba(), reason='numba is not installed: there is only one version to run')
-def test_compiled_and_uncompiled_source_give_the_same_numbers(monkeypatch):
-    rng = np.random.default_rng(3)
-    ratios = rng.uniform(0.0, 4.0, (9, 17))
-    start = rng.uniform(-0.2, 0.2, (2, 17))
-    arguments = (*start, ratios, ALL_TERMS.active, 0.02, 0.03, 200)
-    compiled = simulation.runge_kutta_population(*arguments)
-    monkeypatch.setattr(simulation, 'has_numba', lambda: False)
-    for module in (hull_compiled, simulation):
-        for name, function in list(vars(module).items()):
-            monkeypatch.setattr(module, name, getattr(function, '__wrapped__', function))
-    plain = simulation.runge_kutta_population(*arguments)
-    for found, expected in zip(compiled, plain, strict=True):
-        assert found == pytest.approx(expected, rel=1e-10, abs=1e-12)
 
 
 def test_a_capsizing_candidate_does_not_spoil_its_neighbours():
@@ -125,5 +107,3 @@ def test_simulated_trial_is_what_an_imu_would_record():
     assert trial.pitch[~free].mean() == pytest.approx(0.11, abs=5e-4)
     force = np.hypot(np.hypot(trial.accel_x, trial.accel_y), trial.accel_z)
     assert force == pytest.approx(np.full(1700, 9.80665))
-    again = simulated_trial(model, 0.1, duration=15.0, rate_hz=100.0, noise=noise, seed=4, hold=2.0)
-    assert np.array_equal(again.pitch_rate, trial.pitch_rate)

@@ -230,20 +230,14 @@ def test_anchored_runs_are_left_out_or_refused(force_runs):
         identify_manoeuvring(anchored, ManoeuvringSettings(**QUICK))
 
 
-def test_no_turn_leaves_yaw_and_sway_unidentified(force_runs):
-    found = identify_manoeuvring(force_runs[:2], ManoeuvringSettings(**QUICK))
-    assert 'no-turn' in codes(found)
-    assert not {'Nr', 'Iz', 'Yv', 'Yv_dot'} & set(found.derivatives)
-    assert {'Nr', 'Iz', 'Yv'} <= set(found.fixed)
-    assert found.stability.stable
-
-
 def test_constant_thrust_flags_every_surge_derivative():
     steady = simulate(OLD, np.full(1200, 60.0), np.full(1200, 60.0), 0.1)
     runs = prepare_runs([trial_of(with_noise(steady, SensorNoise(), 1), 'steady')])
     found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK))
     assert {'constant-thrust', 'no-turn'} <= codes(found)
     assert all('constant-thrust' in d.flags for d in found.derivatives.values())
+    assert not {'Nr', 'Iz', 'Yv', 'Yv_dot'} & set(found.derivatives)
+    assert {'Nr', 'Iz', 'Yv'} <= set(found.fixed) and found.stability.stable
 
 
 @pytest.mark.long
@@ -281,16 +275,13 @@ def test_same_seed_same_numbers_and_cancel(force_runs):
     assert all(0 <= share <= 1 for share in told)
 
 
-def test_wrong_settings_are_refused():
+def test_wrong_settings_and_mixed_inputs_are_refused(force_runs):
     nan = float('nan')
     for name, value in dict(
         mass=-1.0, terms=('Zw',), current='strong', generations=-1, population=3, lever=nan
     ).items():
         with pytest.raises(InputError):
             ManoeuvringSettings(**{name: value})
-
-
-def test_mixed_inputs_are_refused(force_runs):
     with pytest.raises(InputError, match='separately'):
         identify_manoeuvring([force_runs[0], replace(force_runs[1], thrust_input=COMMAND)], validation=())
     with pytest.raises(InputError, match='no run'):

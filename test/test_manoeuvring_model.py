@@ -12,9 +12,8 @@ from scipy.optimize import approx_fprime, fsolve
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.measurement import recorded_heading, recorded_speeds, through_water
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
-from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
+from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.simulation import simulate, steady_speed
 from swath_sysid.manoeuvring.hull.stability import Region, check_stability
 from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
@@ -276,14 +275,3 @@ def test_stability_check_knows_the_unstable_craft():
         found = check_stability(stable.with_values(Nv=-share * critical), REGION)
         assert (found.largest_growth < 0) == expected
     assert not check_stability(stable.with_values(Nv=-1.1 * critical), REGION).stable
-
-
-@pytest.mark.slow
-def test_programme_excites_and_noise_is_as_asked():
-    runs = trial_programme(PRESETS['wamv-vrx-old'])
-    assert min(run.port.min() for run in runs.values()) < 0
-    assert 600 < sum(run.time[-1] for run in runs.values()) < 1000
-    clean = runs['mixed']
-    noisy = with_noise(clean, SensorNoise(speed=0.05, yaw_rate=0.005), seed=3)
-    assert np.std(noisy.surge - clean.surge) == pytest.approx(0.05, rel=0.1)
-    assert np.std(noisy.yaw_rate - clean.yaw_rate) == pytest.approx(0.005, rel=0.1)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from manoeuvring_runs import OLD, codes
+from manoeuvring_runs import OLD
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
@@ -86,18 +86,6 @@ def test_what_is_wrong_is_counted_and_left_out():
     window.add_motion(-50.0, 1, 0, 0.1, 0, 0, 0)
     assert window.counts['jumped-back'] == 1
     assert window.size == 1
-
-
-def test_odometry_without_speeds_leaves_them_to_the_pose():
-    window = ManoeuvringWindow()
-    thrusts(window, 50.0, 40.0)
-    for k in range(60):
-        window.add_motion(0.1 * k, 0.0, 0.0, 0.0, 0.1, 0.1 * k, 0.0)
-    run = prepare(window.trial())
-    assert {'constant-channel', 'speed-derived', 'yaw-rate-derived'} <= codes(run)
-    assert np.allclose(run.surge, np.cos(0.1), atol=1e-6)
-    assert np.allclose(run.sway, -np.sin(0.1), atol=1e-6)
-    assert np.allclose(run.yaw_rate, 0.0, atol=1e-6)
 
 
 def test_a_refit_finds_the_craft(outcome):

@@ -126,21 +126,23 @@ def test_gap_means_zero_or_nothing(trials):
     assert not run.driven[(run.time > 41.5) & (run.time < 49.9)].any()
 
 
-def test_wraps_nans_disorder_and_held_samples(trials):
+def test_wraps_nans_spikes_disorder_and_held_samples(trials):
     trial = trials[0]
     rng = np.random.default_rng(1)
     holes = rng.random(trial.time.size) < 0.05
     time = trial.time.copy()
     time[100] = time[99]
+    surge, struck = np.where(holes, np.nan, trial.surge), [200, 333, 334, 700]
+    surge[struck] += 3.0
     damaged = replace(
         trial,
         time=time,
         heading=np.angle(np.exp(1j * trial.heading)),
-        surge=np.where(holes, np.nan, trial.surge),
+        surge=surge,
         sway=np.repeat(trial.sway[::10], 10)[: trial.sway.size],
     )
     run = prepare(damaged)
-    assert {'time-disorder', 'held-samples'} <= codes(run)
+    assert {'time-disorder', 'held-samples', 'spikes'} <= codes(run)
     assert np.ptp(np.diff(run.heading)) < 0.2
     assert np.isfinite(run.sway).sum() == pytest.approx(trial.time.size / 10, abs=2)
     reference = prepare(trial)
@@ -199,20 +201,3 @@ def test_a_compass_askew_is_turned_along_the_keel():
     # on one course only it may as well be a current
     one = replace(askew, heading=np.full(time.size, -np.radians(10.0)), x=1.2 * time, y=0.0 * time)
     assert 'compass-misaligned' not in codes(prepare(one))
-
-
-def test_single_spikes_are_left_out_and_told():
-    rng = np.random.default_rng(2)
-    time = np.arange(0.0, 100.0, 0.1)
-    inputs = 50.0 + 40.0 * np.sign(np.sin(0.3 * time))
-    surge = 1.0 + 0.5 * np.sin(0.3 * time) + 0.05 * rng.standard_normal(time.size)
-    rate = 0.3 * np.sin(0.5 * time) + 0.005 * rng.standard_normal(time.size)
-    places = np.array([100, 333, 334, 700])
-    struck = surge.copy()
-    struck[places] += 3.0
-    clean = prepare(ManoeuvringTrial(time, inputs, inputs, surge=surge, yaw_rate=rate))
-    run = prepare(ManoeuvringTrial(time, inputs, inputs, surge=struck, yaw_rate=rate))
-    assert [a.code for a in run.advice if a.code == 'spikes'] == ['spikes']
-    assert 'spikes' not in codes(clean)
-    assert np.array_equal(np.flatnonzero(np.isnan(run.surge)), places)
-    assert np.allclose(run.smooth, clean.smooth, atol=0.05, equal_nan=True)
