@@ -1,6 +1,8 @@
-"""The catalogue of sentences: every one is used, every value filled, none too long, every flag at a code there is."""
+"""The catalogue of sentences, and tasks over processes."""
 
 import ast
+import os
+import time
 from pathlib import Path
 from string import Formatter
 
@@ -8,6 +10,7 @@ import pytest
 
 import swath_sysid
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.processes import results_in_order
 from swath_sysid.common.sentences import FLAGS, SENTENCES
 
 LONGEST = 300
@@ -47,3 +50,38 @@ def test_sentences_are_filled_and_not_too_long():
         advice = Advice.of(key, **{name: 12.345 if spec else 'a name' for name, spec in values_of(key).items()})
         assert advice.code == key.partition(':')[0] and advice.code.replace('-', '').isalnum()
         assert len(advice.message) <= LONGEST and '{' not in advice.message, key
+
+
+def square_and_process(number):
+    if number < 0:
+        raise ValueError('negative')
+    return number**2, os.getpid()
+
+
+@pytest.mark.parametrize('count', [1, 2, 3])
+def test_results_come_in_order(count):
+    found = list(results_in_order(square_and_process, list(range(7)), count))
+    assert [value for value, _ in found] == [n * n for n in range(7)]
+    assert found[0][1] == os.getpid()
+
+
+def test_an_error_comes_where_its_result_would():
+    results = results_in_order(square_and_process, [3, -1, 2], 2)
+    assert next(results)[0] == 9
+    with pytest.raises(ValueError, match='negative'):
+        next(results)
+
+
+def wait_for(path):
+    """The process that waited for the file, where one is named."""
+    while path is not None and not path.exists():
+        time.sleep(0.01)
+    return os.getpid()
+
+
+def test_no_process_has_a_second_task_while_another_has_none(tmp_path):
+    # the other process holds the last task until this one has done all the rest
+    results = results_in_order(wait_for, [None] * 5 + [tmp_path / 'go'], 2)
+    assert {next(results) for _ in range(5)} == {os.getpid()}
+    (tmp_path / 'go').touch()
+    assert next(results) != os.getpid()
