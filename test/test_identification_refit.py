@@ -13,10 +13,13 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.live_decays import LiveDecay, newest
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
 from swath_sysid.attitude.identification.replacement import misfit, reason_to_keep
 from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.attitude.motion.segmentation import DecaySegment
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.window import COLUMNS, MotionWindow, NoticedDecay, WindowSettings
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 
@@ -115,6 +118,13 @@ def test_several_releases_are_one_fit_as_several_records_are(table, twice):
     problem = prepare([each.trial().axis('pitch') for each in (table, table_of(2))])
     ratios = identify_problem(problem, QUICK.identification).model.ratios
     np.testing.assert_allclose(refitter.models['pitch'].model.ratios, ratios, rtol=1e-6)
+
+
+def test_five_decays_are_held_the_newest():
+    segment = DecaySegment(1.0, 9.0, 2.0, 4.0, 0.1, 0.01, 0.0)
+    motion = AxisMotion('roll', np.arange(0.0, 10.0, 0.1), np.zeros(100), None)
+    decays = tuple(LiveDecay(motion, segment, 60.0 * minute, {}) for minute in (3, 0, 6, 1, 5, 2, 4))
+    assert [each.origin for each in newest(decays)] == [120.0, 180.0, 240.0, 300.0, 360.0]
 
 
 def test_releases_of_one_craft_do_not_contradict_each_other():

@@ -1,4 +1,4 @@
-"""Cleaning: what is left out, what is marked, what is told."""
+"""Cleaning of records, and a time column that counts something else than its name says."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hypothesis_numpy
 
 from swath_sysid.attitude.motion.cleaning import MIN_ROWS, clean
+from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.csv_trials import read_csv
 
 
 def codes(advice):
@@ -94,15 +96,22 @@ def test_gaps_and_empty_channels_are_told_and_uneven_steps_are_not():
     assert gaps.code == 'gaps' and '2 gaps' in gaps.message and '2.51 s' in gaps.message
 
 
-def test_nothing_but_nan_and_too_few_rows_are_refused():
+def test_what_cannot_be_cleaned_is_refused():
     time, channels = record()
-    with pytest.raises(InputError, match='0 rows of 100'):
-        clean(time, {name: np.nan * values for name, values in channels.items()})
-    for few in (np.nan * time, time[: MIN_ROWS - 1], time[:0]):
-        with pytest.raises(InputError, match='at least 8'):
-            clean(few, {'roll': np.zeros(few.size)})
-    with pytest.raises(InputError):
-        clean(time, {})
+    roll = {'roll': channels['roll']}
+    stamps = np.sort(np.random.default_rng(1).integers(0, 300, 3000) ** 2 / 900.0)
+    for given_time, given_channels, words in (
+        (time, {'roll': np.nan * time}, '0 rows of 100'),
+        (np.nan * time, roll, 'at least 8'),
+        (time[: MIN_ROWS - 1], {'roll': np.zeros(MIN_ROWS - 1)}, 'at least 8'),
+        (time[:0], {'roll': time[:0]}, 'at least 8'),
+        (time, {}, '0 rows of 100'),
+        (stamps, {'roll': np.sin(np.arange(3000.0))}, 'the stamp of the previous row, and no even sampling'),
+        (time[::-1], roll, 'the time runs backwards, from .* s: reverse the order'),
+        (-time, roll, 'the time runs backwards'),
+    ):
+        with pytest.raises(InputError, match=words):
+            clean(given_time, given_channels)
 
 
 @given(
@@ -134,12 +143,6 @@ def test_rows_with_rounded_stamps_are_spread_evenly(rate, step, rounding):
     assert f'rounded to {step:g} s, about {round(rate * step)} rows each' in advice[0].message
 
 
-def test_most_rows_with_the_stamps_of_others_are_refused_where_no_even_sampling_explains_them():
-    stamps = np.sort(np.random.default_rng(1).integers(0, 300, 3000) ** 2 / 900.0)
-    with pytest.raises(InputError, match='have the stamp of the previous row, and no even sampling'):
-        clean(stamps, {'roll': np.sin(np.arange(3000.0))})
-
-
 def test_rows_that_are_written_twice_are_left_out():
     time, channels = record()
     kept, cleaned, advice = clean(np.repeat(time, 3), {name: np.repeat(row, 3) for name, row in channels.items()})
@@ -147,14 +150,67 @@ def test_rows_that_are_written_twice_are_left_out():
     assert codes(advice) == ['repeated-stamps'] and advice[0].message.startswith('200 rows')
 
 
-def test_time_that_runs_backwards_is_refused():
-    time, channels = record()
-    for reversed_ in (time[::-1], -time):
-        with pytest.raises(InputError, match='the time runs backwards, from .* s: reverse the order'):
-            clean(reversed_, channels)
-
-
 @pytest.mark.parametrize('rate,code', [(11.4, 'rounded-stamps'), (10.8, 'repeated-stamps')])
 def test_stamps_that_few_rows_share_are_not_taken_for_rounded(rate, code):
     true = np.arange(2000) / rate
     assert code in codes(clean(np.floor(true / 0.1) * 0.1, {'roll': np.sin(true)})[2])
+
+
+def swing(size, samples_a_cycle):
+    return 0.1 * np.sin(2.0 * np.pi * np.arange(size) / samples_a_cycle)
+
+
+@pytest.mark.parametrize(
+    ('time', 'words'),
+    [
+        (10.0 * np.arange(900), 'call it time_ms, as its unit is'),
+        (1000.0 * np.arange(900), 'call it time_ms or time_us'),
+        (1e7 * np.arange(900), 'call it time_ns'),
+        (1.7e12 + 10.0 * np.arange(900), 'call it time_ms, as'),
+        (1.7e15 + 1e4 * np.arange(900), 'call it time_us, as'),
+        (1.7e18 + 1e7 * np.arange(900), 'call it time_ns, as'),
+        (1e-5 * np.arange(900), 'more often than any sensor'),
+        (1.0 * np.arange(900), 'name it time_samples'),
+        (np.delete(1.0 * np.arange(901), 300), 'name it time_samples'),
+    ],
+)
+def test_other_units_are_refused_with_their_cure(time, words):
+    with pytest.raises(InputError, match=words):
+        check_time_base(time, [swing(900, 200.0)], 'a.csv')
+
+
+def test_slow_sensors_pass():
+    time = np.arange(700.0)
+    for samples_a_cycle in (8.0, 50.0):
+        check_time_base(time, [swing(700, samples_a_cycle)], 'a.csv')
+    check_time_base(time, [np.random.default_rng(1).normal(size=700)], 'a.csv')
+    check_time_base(1.7e9 + 0.02 * time, [swing(700, 100.0)], 'a.csv')
+
+
+def test_period_is_that_of_the_swing():
+    assert motion_period(0.02 * np.arange(2000), swing(2000, 150.0)) == pytest.approx(3.0, rel=1e-2)
+    assert motion_period(np.arange(50.0), np.full(50, 2.0)) is None
+
+
+@pytest.mark.parametrize(
+    ('name', 'amplitude', 'is_doubted'),
+    [('roll_deg', 0.1, True), ('roll_deg', 3.0, False), ('roll_rad', 2.5, True), ('roll_rad', 0.5, False)],
+)
+def test_angles_of_an_unlikely_size_may_have_the_other_unit(tmp_path, name, amplitude, is_doubted):
+    path = tmp_path / 'a.csv'
+    rows = '\n'.join(
+        f'{0.01 * k},{v}' for k, v in enumerate(amplitude / np.ptp(swing(900, 200.0)) * 2 * swing(900, 200.0))
+    )
+    path.write_text(f'time_s,{name}\n{rows}\n')
+    assert ('other-unit-likely' in {a.code for a in read_csv(path).advice}) == is_doubted
+
+
+def test_sample_numbers_are_read_where_their_rate_is_given(tmp_path):
+    path = tmp_path / 'a.csv'
+    rows = '\n'.join(f'{k},{v}' for k, v in enumerate(swing(900, 200.0)))
+    path.write_text(f'# sample_rate_hz: 100\ntime_samples,roll_rad\n{rows}\n')
+    trial = read_csv(path)
+    assert trial.time == pytest.approx(0.01 * np.arange(900))
+    path.write_text(f'time_samples,roll_rad\n{rows}\n')
+    with pytest.raises(InputError, match='sample_rate_hz'):
+        read_csv(path)

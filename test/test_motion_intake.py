@@ -1,29 +1,29 @@
-"""One IMU message to the motion of the craft: what is read, what is left out, what is counted."""
+"""IMU messages: conversion, the order of stamps, and the window of motion with its decays."""
 
+from collections import Counter
 from math import inf, isnan, nan
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from imu_stream import EPOCH_NS, NOT_GIVEN, UNKNOWN, diagonal, reading
+from imu_stream import EPOCH_NS, NOT_GIVEN, UNKNOWN, decay_stream, diagonal, reading
 from scipy.spatial.transform import Rotation
 
-from swath_sysid.attitude.motion.intake import (
-    ABSURD,
-    ABSURD_COVARIANCE,
-    BAD_QUATERNION,
-    EMPTY,
-    INTAKE_REASONS,
-    NEAR_VERTICAL,
-    NO_ORIENTATION,
-    NO_RATES,
-    NOT_FINITE,
-    UNKNOWN_COVARIANCE,
-    ImuReading,
-    convert,
-)
+from swath_sysid.attitude.motion import intake
+from swath_sysid.attitude.motion import stamps as reasons_of
+from swath_sysid.attitude.motion.intake import ImuReading, convert
 from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.stamps import StampOrder, StampSettings
+from swath_sysid.attitude.motion.window import (
+    COLUMNS,
+    WINDOW_REASONS,
+    MotionTable,
+    MotionWindow,
+    WindowSettings,
+    averaged,
+)
+from swath_sysid.common.errors import InputError
 
 STRAIGHT = Installation()
 ANGLES = ('roll', 'pitch', 'yaw')
@@ -51,19 +51,13 @@ def test_variances_of_a_mounted_sensor_are_those_of_the_craft():
     assert values_of(sample, ('roll_variance', 'pitch_variance')) == pytest.approx([1e-6, 4e-6])
 
 
-def test_a_sensor_in_ned_is_turned():
-    sample, _ = convert(reading(EPOCH_NS, 0.2, -0.3, 0.5, -0.6), Installation('frd'))
-    assert values_of(sample, ('roll', 'pitch', 'roll_rate', 'pitch_rate')) == pytest.approx([0.2, 0.3, 0.5, 0.6])
-    assert sample.accel_z == -9.81
-
-
 @pytest.mark.parametrize(
     ('changes', 'counted'),
     [
-        ({'orientation': (0.0, 0.0, 0.0, 0.0)}, BAD_QUATERNION),
-        ({'orientation': (3.0, 1.0, 0.0, 2.0)}, BAD_QUATERNION),
-        ({'orientation': (0.0, -inf, 0.0, 1.0)}, NOT_FINITE),
-        ({'orientation_covariance': NOT_GIVEN}, NO_ORIENTATION),
+        ({'orientation': (0.0, 0.0, 0.0, 0.0)}, intake.BAD_QUATERNION),
+        ({'orientation': (3.0, 1.0, 0.0, 2.0)}, intake.BAD_QUATERNION),
+        ({'orientation': (0.0, -inf, 0.0, 1.0)}, intake.NOT_FINITE),
+        ({'orientation_covariance': NOT_GIVEN}, intake.NO_ORIENTATION),
     ],
 )
 def test_without_a_usable_orientation_body_rates_stand_for_euler_rates(changes, counted):
@@ -74,28 +68,36 @@ def test_without_a_usable_orientation_body_rates_stand_for_euler_rates(changes, 
 
 
 @pytest.mark.parametrize(
-    ('rates', 'counted'), [((nan, 0, 0), NOT_FINITE), ((0, inf, 0), NOT_FINITE), ((0, 0, 1e3), ABSURD)]
+    ('changes', 'counted'),
+    [
+        ({'rates': (nan, 0, 0)}, intake.NOT_FINITE),
+        ({'rates': (0, inf, 0)}, intake.NOT_FINITE),
+        ({'rates': (0, 0, 1e3)}, intake.ABSURD),
+        ({'rates_covariance': NOT_GIVEN}, intake.NO_RATES),
+    ],
 )
-def test_without_usable_rates_the_angles_stay(rates, counted):
-    sample, reasons = convert(reading(EPOCH_NS, 0.2, 0.1, rates=rates), STRAIGHT)
+def test_without_usable_rates_the_angles_stay(changes, counted):
+    sample, reasons = convert(reading(EPOCH_NS, 0.2, 0.1, **changes), STRAIGHT)
     assert values_of(sample, ('roll', 'pitch')) == pytest.approx([0.2, 0.1])
     assert all(isnan(value) for value in values_of(sample, RATES)) and reasons == (counted,)
 
 
 def test_what_is_not_measured_or_cannot_be_costs_no_more_than_itself():
     sample, reasons = convert(reading(EPOCH_NS, 0.2, force=(nan, 0.0, 1e9)), STRAIGHT)
-    assert isnan(sample.accel_z) and sample.roll == pytest.approx(0.2) and reasons == (NOT_FINITE,)
-    sample, reasons = convert(reading(EPOCH_NS, 0.1, rates_covariance=NOT_GIVEN), STRAIGHT)
-    assert sample.roll == pytest.approx(0.1) and isnan(sample.roll_rate) and reasons == (NO_RATES,)
+    assert isnan(sample.accel_z) and sample.roll == pytest.approx(0.2) and reasons == (intake.NOT_FINITE,)
+
     sample, reasons = convert(reading(EPOCH_NS, rates=(nan,) * 3, orientation=(0.0,) * 4), STRAIGHT)
-    assert sample is None and set(reasons) == {NOT_FINITE, BAD_QUATERNION, EMPTY}
+    assert sample is None and set(reasons) == {intake.NOT_FINITE, intake.BAD_QUATERNION, intake.EMPTY}
 
 
 @pytest.mark.parametrize('covariance', [UNKNOWN, diagonal(nan), diagonal(-1e-6), diagonal(inf), diagonal(1e4)])
 def test_covariances_that_say_nothing_are_unknown(covariance):
     sample, reasons = convert(reading(EPOCH_NS, rates_covariance=covariance), STRAIGHT)
     assert isnan(sample.roll_rate_variance) and sample.roll_variance == 1e-6
-    assert reasons == (*([ABSURD_COVARIANCE] if covariance[0] == 1e4 else []), UNKNOWN_COVARIANCE)
+    assert reasons == (*([intake.ABSURD_COVARIANCE] if covariance[0] == 1e4 else []), intake.UNKNOWN_COVARIANCE)
+    for std, known in ((0.9 * np.pi, True), (1.1 * np.pi, False), (1e150, False)):
+        sample, _ = convert(reading(EPOCH_NS, orientation_covariance=diagonal(std**2)), STRAIGHT)
+        assert isnan(sample.roll_variance) != known and sample.pitch_rate_variance == 2.5e-5
 
 
 numbers = st.floats(width=64)
@@ -113,20 +115,231 @@ def test_any_message_is_taken_in_without_an_error(orientation, covariance, rates
     sample, reasons = convert(
         ImuReading(EPOCH_NS, orientation, covariance, rates, rates_covariance, force, UNKNOWN), sits
     )
-    assert set(reasons) <= set(INTAKE_REASONS)
+    assert set(reasons) <= set(intake.INTAKE_REASONS)
     if sample is not None:
         assert not np.isinf(sample[1:]).any()
         assert not (np.array(values_of(sample, ('roll_variance', 'pitch_rate_variance'))) <= 0.0).any()
 
 
-@pytest.mark.parametrize('std,known', [(0.9 * np.pi, True), (1.1 * np.pi, False), (1e150, False)])
-def test_a_covariance_that_is_no_knowledge_is_unknown_and_counted(std, known):
-    sample, reasons = convert(reading(EPOCH_NS, orientation_covariance=diagonal(std**2)), STRAIGHT)
-    assert isnan(sample.roll_variance) != known and sample.pitch_rate_variance == 2.5e-5
-    assert reasons == (() if known else (ABSURD_COVARIANCE, UNKNOWN_COVARIANCE))
-
-
 @pytest.mark.parametrize('pitch,kept', [(-79.0, True), (81.0, False), (-90.0, False)])
 def test_near_the_vertical_nothing_is_used(pitch, kept):
     sample, reasons = convert(reading(EPOCH_NS, 0.1, np.radians(pitch)), STRAIGHT)
-    assert (sample is not None) == kept and (NEAR_VERTICAL in reasons) != kept
+    assert (sample is not None) == kept and (intake.NEAR_VERTICAL in reasons) != kept
+
+
+def even(rate, duration, start=0.0):
+    """Even stamps, ns."""
+    return EPOCH_NS + np.round((start + np.arange(round(duration * rate)) / rate) * 1e9).astype(np.int64)
+
+
+def spoilt(changes):
+    """Three seconds at 100 Hz in which some samples have the stamps of others, or given ones."""
+    stamps = even(100, 3)
+    for index, other in changes.items():
+        stamps[index] = stamps[other] if 0 < other < 300 else other
+    return stamps
+
+
+def place_all(stamps):
+    """Indices kept, and the counts."""
+    order, counts, kept = StampOrder(), Counter(), []
+    for index, stamp in enumerate(np.asarray(stamps).tolist()):
+        placed = order.place(stamp)
+        counts.update(placed.reasons)
+        if placed.kept:
+            kept.append(index)
+    return kept, dict(counts), order
+
+
+@pytest.mark.parametrize('rate', [0.2, 1, 25, 100, 1000])
+def test_even_stamps_all_follow(rate):
+    kept, counts, order = place_all(even(rate, 200 / rate))
+    assert len(kept) == 200 and counts == {}
+    assert order.interval == pytest.approx(1 / rate, rel=1e-6)
+    jitter = np.random.default_rng(1).uniform(-0.4, 0.4, 6000) / rate
+    kept, counts, _ = place_all(even(rate, 6000 / rate) + np.int64(jitter * 1e9))
+    assert len(kept) == 6000 and counts == {}
+
+
+@pytest.mark.parametrize(
+    ('stamps', 'counted', 'left_out'),
+    [
+        (spoilt({50: 49, 80: 60}), {reasons_of.DUPLICATE: 1, reasons_of.OUT_OF_ORDER: 1}, {50, 80}),
+        (spoilt({100: 0, 200: 2 * EPOCH_NS}), {reasons_of.OUT_OF_ORDER: 1, reasons_of.STRAY: 1}, {100, 200}),
+        # a bag that loops is followed after one sample
+        (np.tile(even(100, 3), 3), {reasons_of.JUMPED_BACK: 2}, {300, 600}),
+        # after a long gap the first sample is no neighbour of the next
+        (
+            np.concatenate([even(100, 2), even(100, 2, 2.5), even(100, 2, 60.0)]),
+            {reasons_of.GAP: 1, reasons_of.LONG_GAP: 1},
+            {400},
+        ),
+    ],
+)
+def test_what_cannot_follow_is_left_out_and_counted(stamps, counted, left_out):
+    kept, counts, _ = place_all(stamps)
+    assert counts == counted and set(range(len(stamps))) - set(kept) == left_out
+
+
+@pytest.mark.parametrize('behind', [0.053, 0.5, 7.0, 1e6])
+def test_of_two_publishers_the_one_ahead_is_followed(behind):
+    stamps = np.stack([even(100, 3), even(100, 3, -behind)], axis=1).ravel()
+    kept, counts, _ = place_all(stamps)
+    assert all(index % 2 == 0 for index in kept) and len(kept) == 300
+    assert set(counts) == {reasons_of.OUT_OF_ORDER}
+
+
+@pytest.mark.parametrize('rate', [10, 25, 400, 1000])
+def test_a_new_rate_is_counted_once_and_followed(rate):
+    _, counts, order = place_all(np.concatenate([even(100, 5), even(rate, 500 / rate, 5.0)]))
+    assert counts[reasons_of.RATE_CHANGED] == 1
+    assert order.interval == pytest.approx(1 / rate, rel=0.05)
+    assert set(counts) <= {reasons_of.RATE_CHANGED, reasons_of.GAP}
+
+
+@given(st.lists(st.integers(-(2**31) * 10**9, 2**31 * 10**9), max_size=60))
+def test_any_stamps_are_placed_and_two_even_ones_are_kept_afterwards(stamps):
+    """Whatever came before, a sensor that stamps evenly is heard again at its second sample."""
+    order = StampOrder()
+    for stamp in stamps:
+        assert set(order.place(stamp).reasons) <= set(reasons_of.STAMP_REASONS)
+    following = [order.place(int(stamp)).kept for stamp in even(100, 2.5)]
+    # a sensor that lies back by less than backward_jump is late until it has caught up
+    assert all(following[-120:])
+
+
+def window_of(readings, **settings):
+    """A window that has taken in some readings, and its steps."""
+    window = MotionWindow(WindowSettings(**settings))
+    return window, [window.add(one) for one in readings]
+
+
+def even_readings(count, rate=100.0, start_s=0.0):
+    """Readings whose roll tells their number."""
+    for k in range(count):
+        yield reading(EPOCH_NS + round((start_s + k / rate) * 1e9), roll=1e-4 * k)
+
+
+def test_the_window_holds_the_last_seconds_in_order():
+    window, steps = window_of(even_readings(1000), window=3.0, detect_decay=False)
+    table = window.table()
+    assert table.rows.shape == (301, len(COLUMNS)) and table.stamp_ns == EPOCH_NS + 9_990_000_000
+    np.testing.assert_allclose(table.rows[:, 1], 1e-4 * np.arange(699, 1000), atol=1e-12)
+    np.testing.assert_allclose(np.diff(table.rows[:, 0]), 0.01, atol=1e-6)
+    assert all(step.kept for step in steps) and window.duration == pytest.approx(3.0)
+    np.testing.assert_array_equal(window.table(table.rows[200, 0]).rows, table.rows[200:])
+
+
+def test_memory_does_not_grow_and_faster_samples_shorten_the_window():
+    window, _ = window_of(even_readings(2000, rate=400.0), window=4.0, max_rate=100.0, detect_decay=False)
+    assert window.size == 401 and window.is_short_of_memory
+    assert window.duration == pytest.approx(1.0)
+    np.testing.assert_allclose(window.table().rows[:, 1], 1e-4 * np.arange(1599, 2000), atol=1e-12)
+
+
+def test_a_looping_bag_and_a_new_recording_begin_the_window_anew():
+    window, _ = window_of([*even_readings(300), *even_readings(200)], window=60.0, detect_decay=False)
+    # the first stamp after the jump is left out: only the second shows that the clock has moved
+    assert window.counts[reasons_of.JUMPED_BACK] == 1 and window.size == 199
+    window.record(False)
+    window.add(reading(EPOCH_NS + 2 * 10**9))
+    assert window.size == 199 and not window.recording
+    window.record(True)
+    assert window.size == 0
+    for one in even_readings(50, start_s=2.1):
+        window.add(one)
+    window.record(True)
+    assert window.size == 50, 'what records already goes on'
+
+
+def test_what_is_left_out_is_counted():
+    unusable = reading(EPOCH_NS + 10_000_000, orientation=(0.0,) * 4, rates=(1e9,) * 3)
+    window, steps = window_of([reading(EPOCH_NS), reading(EPOCH_NS), unusable, reading(EPOCH_NS + 20_000_000)])
+    assert [step.kept for step in steps] == [True, False, False, True]
+    assert window.size == 2 and window.samples == 2
+    counted = {'duplicate-stamp', 'bad-quaternion', 'absurd-value', 'nothing-usable'}
+    assert {reason: count for reason, count in window.counts.items() if count} == dict.fromkeys(counted, 1)
+    assert set(window.counts) == set(WINDOW_REASONS)
+
+
+def test_the_table_becomes_a_trial_without_what_was_not_measured():
+    window, _ = window_of(
+        [r._replace(orientation_covariance=NOT_GIVEN) for r in even_readings(100)], detect_decay=False
+    )
+    trial = window.table().trial()
+    assert trial.roll is None and trial.time[0] == 0.0 and trial.axes == ('roll', 'pitch')
+    with pytest.raises(InputError, match='window is empty'):
+        MotionWindow().table().trial()
+
+
+@pytest.mark.parametrize(('rate', 'axis', 'damping'), [(25.0, 'roll', 0.08), (200.0, 'pitch', 0.03)])
+def test_a_decay_that_has_ended_is_told_once(rate, axis, damping):
+    readings = decay_stream(rate, duration=75.0, release=12.0, axis=axis, damping=damping)
+    _, steps = window_of(readings)
+    told = [(index / rate, step.finished) for index, step in enumerate(steps) if step.finished is not None]
+    assert len(told) == 1
+    when, decay = told[0]
+    begin = decay.table.rows[0, 0] - EPOCH_NS * 1e-9
+    assert decay.axis == axis and decay.segment.period == pytest.approx(2.6, rel=0.03)
+    assert begin + decay.segment.start == pytest.approx(12.0, abs=0.4)
+    # not before it has fallen to an eighth (the faint tail is not waited for), nor long after
+    fallen = 12.0 + np.log(8) / (damping * 2 * np.pi / 2.6)
+    assert fallen - 2.0 < when < fallen + 12.0
+    assert decay.table.rows[-1, 0] - EPOCH_NS * 1e-9 == pytest.approx(when, abs=1.5 / rate)
+
+
+def test_every_one_of_several_decays_is_told_and_none_once_that_is_off():
+    streams = [decay_stream(50.0, 40.0, 10.0, seed=n, first_ns=EPOCH_NS + n * 40 * 10**9) for n in range(4)]
+    window, steps = window_of(one for stream in streams[:2] for one in stream)
+    window.resize(120.0)  # what was told is not told again
+    steps += [window.add(one) for one in streams[2]]
+    told = [step.finished for step in steps if step.finished is not None]
+    starts = [d.table.rows[0, 0] - EPOCH_NS * 1e-9 + d.segment.start for d in told]
+    assert starts == pytest.approx([10.0, 50.0, 90.0], abs=0.5)
+    window.detect_decay(False)
+    assert all(window.add(one).finished is None for one in streams[3])
+
+
+def test_rest_and_waves_are_no_decays():
+    rng = np.random.default_rng(4)
+    frequencies, phases = rng.uniform(0.08, 0.35, 200), rng.uniform(0.0, 2 * np.pi, 200)
+    for size in (0.0, 0.06):
+        swings = size * np.sqrt(2 / 200) * np.cos(np.outer(np.arange(3600) / 20, 2 * np.pi * frequencies) + phases)
+        roll = (swings.sum(axis=1) + rng.normal(0.0, 1e-3, 3600)).tolist()
+        _, steps = window_of(reading(EPOCH_NS + k * 50_000_000, roll=roll[k]) for k in range(3600))
+        assert [step for step in steps if step.finished is not None] == []
+
+
+def test_a_fast_table_is_averaged_and_a_slow_one_is_not():
+    rows = np.arange(8000.0).reshape(1000, 8)
+    rows[:, 0] = np.arange(1000) / 400.0
+    found = averaged(MotionTable(rows, 0), 50.0).rows
+    assert found.shape == (125, 8)
+    np.testing.assert_allclose(found[0], rows[:8].mean(axis=0))
+    np.testing.assert_allclose(found[-1], rows[-8:].mean(axis=0))
+    assert averaged(MotionTable(rows, 0), 300.0).rows is rows
+
+
+@pytest.mark.parametrize(('length', 'kept'), [(8.0, 501), (2.0, 201)])
+def test_a_window_of_another_length_keeps_what_fits(length, kept):
+    window, _ = window_of(even_readings(1000), window=5.0, detect_decay=False)
+    before = window.table().rows
+    window.resize(length)
+    np.testing.assert_array_equal(window.table().rows, before[-kept:])
+    for one in even_readings(1000, start_s=10.0):
+        window.add(one)
+    assert window.duration == pytest.approx(length) and window.size == round(100 * length) + 1
+
+
+@pytest.mark.parametrize(
+    ('kind', 'fields'),
+    [
+        (StampSettings, {'gap_limit': 0.0}),
+        (StampSettings, {'backward_jump': -1.0}),
+        (WindowSettings, {'window': 0.0}),
+        (WindowSettings, {'smallest_decay': nan}),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(kind, fields):
+    with pytest.raises(InputError, match=next(iter(fields))):
+        kind(**fields)

@@ -73,12 +73,14 @@ def test_records_without_a_decay_say_why(name, code, data_folder):
         assert code == 'too-small' or code in [a.code for a in check_decay(motion, find_decay(motion, 100.0, 300.0))]
 
 
-def test_gaps():
+def test_gaps_and_spikes():
     motion = decay()
     holed = motion.only(~((motion.time > 4.0) & (motion.time < 4.6)))
-    segment = find_decay(holed, 2.2, 20.0)
-    (inside,) = check_decay(holed, segment)
-    assert inside.code == 'gaps' and '0.6' in inside.message
+    angle = motion.angle.copy()
+    angle[[500, 900, 1300]] += 0.3
+    for spoilt, code, words in ((holed, 'gaps', '0.6'), (replace(motion, angle=angle), 'spikes', '3 samples')):
+        (found,) = check_decay(spoilt, find_decay(spoilt if code == 'gaps' else motion, 2.2, 20.0))
+        assert found.code == code and words in found.message
 
 
 def test_saturation_is_told_from_rounding():
@@ -86,14 +88,10 @@ def test_saturation_is_told_from_rounding():
     assert codes(replace(motion, angle=np.clip(motion.angle, -0.08, 0.08)), 2.4, 20.0) == {'saturation'}
     assert codes(replace(motion, angle=np.round(motion.angle, 4))) == set()
     assert codes(replace(motion, angle=np.round(motion.angle / 0.005) * 0.005)) == set()
-
-
-def test_saturated_rate_beside_a_good_angle():
     whole = simulated_trial(HULL, np.radians(8.0), 25.0, 100.0, SensorNoise(0.0005, 0.002), seed=1).axis('roll')
     motion = replace(whole, rate=np.clip(whole.rate, -0.2, 0.2))
-    found = [a for a in check_decay(motion, find_decay(motion)) if a.code == 'saturation']
-    assert len(found) == 1
-    assert '11.5 deg/s' in found[0].message
+    (found,) = (a for a in check_decay(motion, find_decay(motion)) if a.code == 'saturation')
+    assert '11.5 deg/s' in found.message
 
 
 def test_being_held_is_not_saturation():
@@ -113,16 +111,6 @@ def test_clipped_swings_are_counted():
     count, level = clipped_extremes(np.clip(swing, -0.07, 0.07), 150)
     assert level == pytest.approx(0.07)
     assert count == np.count_nonzero(0.1 * np.exp(-0.05 * turns) > 0.07)
-
-
-def test_spikes():
-    motion = decay()
-    angle = motion.angle.copy()
-    angle[[500, 900, 1300]] += 0.3
-    segment = find_decay(motion, 2.2, 20.0)
-    (spikes,) = check_decay(replace(motion, angle=angle), segment)
-    assert spikes.code == 'spikes'
-    assert '3 samples' in spikes.message
 
 
 def test_given_bounds_that_reach_too_far(data_folder):

@@ -186,6 +186,7 @@ def test_nothing_is_named_of_any_measured_record(data_folder):
     for path in paths:
         trial = read_trial(path, frame='frd' if 'morro' in path.name or 'oahu' in path.name else None)
         assert [each for each in trial.advice if isinstance(each, Contradiction)] == [], path
+        assert 'other-unit-likely' not in {each.code for each in trial.advice}, path
 
 
 @pytest.mark.parametrize('first', [0, *(pytest.param(k, marks=pytest.mark.long) for k in (20, 40))])
