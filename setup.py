@@ -35,7 +35,11 @@ setup(
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
-        NAME: ['py.typed', 'campaign/*.yaml', 'campaign/papers/*.yaml', 'nodes/parameters/*.yaml', 'report/*.css'],
+        NAME: [
+            'py.typed',
+            *(f'{room}/*.yaml' for room in ('campaign', 'campaign/papers', 'cli', 'nodes/parameters')),
+            'report/*.css',
+        ]
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from swath_sysid.cli.examples import EXAMPLES
+from swath_sysid.cli.flags import table_of_verbs
 from swath_sysid.cli.main import VERBS, build_parser, main, module_of
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.share import share_folder
@@ -16,13 +16,14 @@ from swath_sysid.share import share_folder
 @pytest.mark.parametrize('verb', VERBS)
 def test_the_examples_of_a_verb_are_in_its_help_and_are_accepted(verb, capsys):
     parser = build_parser(verb)
-    for line in EXAMPLES[verb]:
+    examples = table_of_verbs()[verb]['examples']
+    for line in examples:
         assert parser.parse_args(shlex.split(line)).verb == verb
     with pytest.raises(SystemExit) as end:
         main([verb, '--help'])
     shown = capsys.readouterr().out
     assert end.value.code == 0 and 'usage: swath-sysid' in shown and callable(module_of(verb).run)
-    assert all(f'  swath-sysid {line}\n' in shown for line in EXAMPLES[verb])
+    assert all(f'  swath-sysid {line}\n' in shown for line in examples)
 
 
 @pytest.mark.parametrize(

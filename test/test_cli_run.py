@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 
 from swath_sysid.cli import page, run
+from swath_sysid.cli.flags import add_arguments
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 
 
 def parsed(*words):
     parser = argparse.ArgumentParser()
-    run.add_arguments(parser)
+    add_arguments(parser, 'run')
     return parser.parse_args(words)
 
 

@@ -8,6 +8,7 @@ import pytest
 from manoeuvring_runs import STORE, copy_bag
 
 from swath_sysid.cli import manoeuvre, play_through
+from swath_sysid.cli.flags import add_arguments
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
@@ -15,7 +16,7 @@ from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvr
 
 def swath(*words):
     parser = argparse.ArgumentParser()
-    manoeuvre.add_arguments(parser)
+    add_arguments(parser, 'manoeuvre')
     return manoeuvre.run(parser.parse_args([str(word) for word in words]))
 
 
@@ -148,7 +149,7 @@ def test_play_through_of_a_bag_without_imu_plays_the_manoeuvres(folder, tmp_path
     blind = tmp_path / 'blind'
     copy_bag(bag, blind, lambda *sent: [] if sent[1].endswith('Imu') else [sent])
     parser = argparse.ArgumentParser()
-    play_through.add_arguments(parser)
+    add_arguments(parser, 'play-through')
     assert holds_manoeuvres(blind) == (True, False)
     both = [tmp_path / 'out.mcap', tmp_path / 'again' / 'out.mcap']
     both[1].parent.mkdir()

@@ -17,8 +17,8 @@ from xml.etree import ElementTree
 import pytest
 
 import swath_sysid
-from swath_sysid.cli.run import NODES
 from swath_sysid.common.errors import InputError
+from swath_sysid.nodes.parameters.table import NODES
 from swath_sysid.share import share_folder
 
 ROOT = Path(__file__).resolve().parents[1]

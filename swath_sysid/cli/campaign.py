@@ -2,36 +2,20 @@
 
 import sys
 import time
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from pathlib import Path
 
 from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.manifest import read_manifest, write_new_manifest
 from swath_sysid.campaign.result_store import ResultStore
 from swath_sysid.campaign.run import CampaignOutcome, run_campaign
-from swath_sysid.cli.progress import add_json_argument, print_result, progress_of
-from swath_sysid.cli.settings_flags import add_jobs_argument
+from swath_sysid.cli.progress import print_result, progress_of
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
 from swath_sysid.report.campaign_report import REPORTED, write_report
 
 MANIFEST = 'campaign.yaml'
 RESULTS = 'results'
-EXIT_LEFT_OUT = 1
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The manifest, or the folder to make one for; output and workers."""
-    parser.add_argument('manifest', nargs='?', metavar='MANIFEST.yaml', help='the trials, and what to fit')
-    parser.add_argument('--new', metavar='DIR', help=f'write a commented DIR/{MANIFEST} for the trials in this folder')
-    parser.add_argument('--output', metavar='DIR', help='folder of the report; with --new, the file of the manifest')
-    add_jobs_argument(parser)
-    add_json_argument(parser)
-    parser.add_argument('--scheduler', metavar='ADDRESS', help='run the fits on the Dask scheduler at this address')
-    parser.epilog = (
-        'After an interruption, the same command continues from the finished fits. Exit code 0: everything was '
-        'used; 1: done, but something was left out, which is reported; 2: nothing could be done.'
-    )
 
 
 def run(arguments: Namespace) -> int:
@@ -73,7 +57,7 @@ def run(arguments: Namespace) -> int:
     report = write_report(outcome, arguments.output, time.perf_counter() - began)
     _print_outcome(outcome, report, time.perf_counter() - began, arguments.json)
     is_whole = all(t.record is not None for t in outcome.trials) and not (manifest.faults or outcome.failures)
-    return 0 if is_whole else EXIT_LEFT_OUT
+    return int(not is_whole)
 
 
 def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_json: bool):

@@ -3,22 +3,19 @@
 import json
 import sys
 import time
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 
 from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import Comparison, compare
 from swath_sysid.cli.identify import (
-    add_force_argument,
-    add_search_arguments,
     exit_code_of,
     is_to_be_written,
     settings_of,
 )
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.settings_flags import add_jobs_argument
-from swath_sysid.cli.sources import add_source_arguments, motions_of, trials_of, write_fit
+from swath_sysid.cli.sources import motions_of, trials_of, write_fit
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
 
@@ -26,17 +23,6 @@ OF_IDENTIFY = (
     'These are the equations of the catalogue. Without --equation, identify fits one general hull and keeps the terms '
     'that the records show, so its model may have other terms.'
 )
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Records, equations, search, output."""
-    add_source_arguments(parser)
-    parser.add_argument('--equations', metavar='NAME,NAME', help='equations to compare (default: all for the axis)')
-    add_search_arguments(parser)
-    add_jobs_argument(parser)
-    parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file of the chosen equation')
-    parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the chosen fit')
-    add_force_argument(parser)
 
 
 def equations_asked(text: str, axis: str) -> list[Equation]:

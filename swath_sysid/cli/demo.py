@@ -10,7 +10,7 @@ import signal
 import subprocess
 import threading
 import time
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Callable
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -25,12 +25,11 @@ from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.attitude.hull.simulated_craft import release_angle
 from swath_sysid.attitude.identification.replacement import verdict_text
 from swath_sysid.attitude.motion.intake import NANOSECOND
-from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.cli import forecast
+from swath_sysid.cli.main import build_parser
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.cli.run import craft_command, process_beside
-from swath_sysid.cli.settings_flags import add_setting
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import verb_command
 from swath_sysid.formats.outputs import Output, check_outputs
@@ -55,24 +54,6 @@ START_TIMEOUT_S = 300.0
 TIMEOUT_S = 60.0  #: For an answer, and for a model.
 ATTEMPTS = 2
 EVERY_S = 20.0  #: Between releases with --keep-running.
-EXIT_FAILED = 1
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Arguments for the parts to show, the craft, and the figures' folder."""
-    parser.add_argument(
-        '--only',
-        choices=(SEA, RELEASE),
-        help='only the forecast of measured waves, which needs no ROS, or only the simulated release (default: both)',
-    )
-    parser.add_argument('--axis', choices=AXES, help='axis (default: that of the hull, else roll)')
-    parser.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)} (default: one for the axis)')
-    parser.add_argument('--keep-running', action='store_true', help='keep releasing the craft until Ctrl-C')
-    parser.add_argument(
-        '--output', default='.', metavar='DIR', help='folder of sea.png, demo.png and demo.log (default: here)'
-    )
-    parser.add_argument('--domain', type=int, metavar='ID', help='ROS domain (default: a random one from 1 to 100)')
-    add_setting(parser, '--seed', 'identifier', 'seed', meaning='seed of the sensor noise')
 
 
 def run(arguments: Namespace) -> int:
@@ -110,9 +91,7 @@ def _forecast_sea(output: Path) -> None:
         f'Motion of a moored buoy at sea, forecast from past samples only:\n\n    swath-sysid {shlex.join(words)}\n',
         flush=True,
     )
-    parser = ArgumentParser()
-    forecast.add_arguments(parser)
-    skill = forecast.scored(parser.parse_args(words[1:]))
+    skill = forecast.scored(build_parser(words[0]).parse_args(words))
     Console().print(_table_of_sea(skill))
     print(f'{output / "sea.png"}: these forecasts beside the measured motion; the command prints every method\n')
 
@@ -148,7 +127,7 @@ def _release(craft: _Craft, processes: Any, output: Path, keeps_running: bool) -
                     _keep_running(stage)
         finally:
             listener.destroy_node()
-    return 0 if passed else EXIT_FAILED
+    return int(not passed)
 
 
 class _Craft:

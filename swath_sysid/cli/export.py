@@ -1,16 +1,16 @@
 """``swath-sysid export``: an identified model in the words of simulators and controllers."""
 
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.cli.progress import add_json_argument, print_result, show_advice
+from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.cli.sources import assignment
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.export.expressible import Export
-from swath_sysid.formats.export.fossen import LANGUAGES, MATLAB, PYTHON, fossen, fossen_attitude
+from swath_sysid.formats.export.fossen import MATLAB, PYTHON, fossen, fossen_attitude
 from swath_sysid.formats.export.gazebo import gazebo, gazebo_attitude
 from swath_sysid.formats.export.nav2 import nav2
 from swath_sysid.formats.export.vrx import vrx
@@ -32,28 +32,6 @@ targets:
 The file and the terminal list what a target cannot express, and how far a turning circle and a zig-zag, or a decay,
 differ because of it. Roll and pitch models can be exported to gazebo and fossen.
 """
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The model file, the target, and where to write."""
-    parser.formatter_class = RawDescriptionHelpFormatter
-    parser.epilog = TARGETS_IN_WORDS
-    parser.add_argument('model', metavar='MODEL.yaml', help='model file of manoeuvre identify, or of identify')
-    parser.add_argument('--to', required=True, choices=TARGETS, help='target program, see below')
-    parser.add_argument(
-        '--language',
-        choices=LANGUAGES,
-        help='language for fossen (default: matlab if the output ends in .m, else python)',
-    )
-    parser.add_argument(
-        '--inertia',
-        action='append',
-        default=[],
-        metavar='AXIS=KG_M2',
-        help='inertia for roll and pitch models, with added inertia: roll=0.08',
-    )
-    parser.add_argument('--output', metavar='FILE', help='write to this file instead of the terminal')
-    add_json_argument(parser)
 
 
 def run(arguments: Namespace) -> int:

@@ -3,7 +3,7 @@
 import json
 import math
 import time
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import Namespace
 from dataclasses import replace
 from typing import Any
 
@@ -17,12 +17,8 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.valid_lead import ErrorLimit
-from swath_sysid.cli.progress import add_json_argument, progress_of, show_advice
-from swath_sysid.cli.settings_flags import add_setting, finite, not_negative, numbers
+from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import (
-    RECORD_FILES,
-    add_reading_arguments,
-    add_upstream_argument,
     check_model_and_plot,
     columns_of,
     read_record,
@@ -36,82 +32,6 @@ from swath_sysid.pipeline.vertical_record import even_stretches
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.forecast_figure import LABELS, cell, forecast_figure, methods_of
 from swath_sysid.report.forecast_summary import POINT_UNITS, skill_as_data
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The record, the model, the leads, and the form of the output."""
-    parser.add_argument('record', metavar='RECORD', help=RECORD_FILES)
-    parser.add_argument('--axis', choices=AXES, help='score this axis only (default: all measured)')
-    parser.add_argument('--model', metavar='MODEL.yaml', help='model file of the identified hull')
-    add_setting(parser, '--leads', 'predictor', 'leads_s', meaning='leads that are scored')
-    parser.add_argument(
-        '--warmup',
-        type=not_negative,
-        metavar='S',
-        help='seconds at the start that are not scored (default: 600, or a third of a shorter record)',
-    )
-    parser.add_argument(
-        '--until',
-        type=_positive,
-        metavar='S',
-        help='seconds from the start, after which forecasts are not scored (default: to the end); '
-        '--warmup 0 --until 60 scores the first minute',
-    )
-    add_setting(
-        parser,
-        '--window',
-        'predictor',
-        'waves_window_s',
-        meaning='length of the past motion that wave models and baselines are fitted to',
-    )
-    add_reading_arguments(parser)
-    add_upstream_argument(parser)
-    add_setting(
-        parser,
-        '--valid-error',
-        'predictor',
-        'valid_error',
-        meaning='largest expected error of a forecast that is trusted, as a fraction of the standard deviation',
-    )
-    _add_quiescence(parser)
-    parser.add_argument(
-        '--point',
-        type=_point,
-        action='append',
-        default=[],
-        metavar='NAME:x,y,z',
-        dest='points',
-        help='forecast and score vertical motion at the sensor and at a point of the craft, m forward, to port and up '
-        'from the sensor; the reference is the integral of the whole record without phase error '
-        '(repeat for more points)',
-    )
-    add_json_argument(parser)
-    parser.add_argument('--plot', metavar='FILE.png', help='write the picture')
-
-
-def _add_quiescence(parser: ArgumentParser) -> None:
-    """The limits of quiescence, and the decisions by them."""
-    parser.add_argument(
-        '--quiet-deg',
-        type=_limits,
-        metavar='ROLL,PITCH',
-        help='limits of quiescence, whose probability is scored (default: two standard deviations of the warm-up; '
-        '0: no limit)',
-    )
-    parser.add_argument(
-        '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='limits of the rates (default: no limit)'
-    )
-    add_setting(
-        parser,
-        '--quiet-probability',
-        'predictor',
-        'quiet_probability',
-        default=0.5,
-        meaning='probability from which a decision to go is made',
-    )
-    add_setting(
-        parser, '--quiet-for', 'predictor', 'quiet_for_s', default=5.0, meaning='how long the limits must be kept'
-    )
 
 
 def run(arguments: Namespace) -> int:
@@ -281,23 +201,6 @@ def _percentages(shares: Any):
     return (cell(100.0 * share, 1) for share in shares)
 
 
-def _limits(text: str):
-    parts = numbers(text)
-    if len(parts) != 2 or min(parts) < 0.0:
-        raise ArgumentTypeError('give two values that are not negative: ROLL,PITCH')
-    return tuple(math.radians(part) or math.inf for part in parts)
-
-
-def _point(text: str):
-    name, colon, place = text.partition(':')
-    if not (colon and name.isidentifier()):
-        raise ArgumentTypeError(f"'{text}' is not a point: write NAME:x,y,z with a name of letters, digits and _")
-    coordinates = numbers(place)
-    if len(coordinates) != 3:
-        raise ArgumentTypeError(f"'{text}' is not a point: give three coordinates in m, NAME:x,y,z")
-    return Point(name, coordinates)
-
-
 def _with_sensor(points: list[Point]) -> tuple[Point, ...]:
     """The points asked for after the sensor; none where none are."""
     names = [point.name for point in points]
@@ -307,10 +210,3 @@ def _with_sensor(points: list[Point]) -> tuple[Point, ...]:
     if any(point.name == SENSOR.name and point != SENSOR for point in points):
         raise InputError(f"'{SENSOR.name}' names the sensor's own position, 0,0,0: give the point another name")
     return (SENSOR, *(point for point in points if point != SENSOR)) if points else ()
-
-
-def _positive(text: str):
-    value = finite(text)
-    if value <= 0.0:
-        raise ArgumentTypeError('must be positive')
-    return value

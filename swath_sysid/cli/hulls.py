@@ -1,6 +1,6 @@
 """Arguments that name a hull: published, from a model file, or an equation with given ratios."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from pathlib import Path
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named, hull_of_family
@@ -10,22 +10,6 @@ from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.cli.sources import assignment
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
-
-
-def add_hull_arguments(parser: ArgumentParser) -> None:
-    """``--hull``, ``--equation`` with ``--ratio``, or ``--model``."""
-    choice = parser.add_mutually_exclusive_group(required=True)
-    choice.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)}')
-    choice.add_argument('--equation', help='an equation of the catalogue, or a composition such as b1,b2|r1,r3')
-    choice.add_argument('--model', metavar='FILE', help='model file of the hull')
-    parser.add_argument(
-        '--ratio',
-        action='append',
-        default=[],
-        metavar='NAME=VALUE',
-        help='ratio to inertia, with --equation, for example r1=10.1; may be repeated (default: a published hull)',
-    )
-    parser.add_argument('--axis', choices=('roll', 'pitch'), help='axis of an equation or of a model file with both')
 
 
 def hull_of(arguments: Namespace) -> DecayModel:

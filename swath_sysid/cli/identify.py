@@ -2,23 +2,23 @@
 
 import sys
 import time
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import fields
 
 from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
+from swath_sysid.attitude.identification.extinction import Particulars, TypeB
 from swath_sysid.attitude.identification.fit_quality import REJECTED, Verdict
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.sea_motion import heave_of
-from swath_sysid.attitude.identification.search import PRESETS, SearchSettings
+from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
-from swath_sysid.cli.progress import add_json_argument, print_result, progress_of, show_advice
-from swath_sysid.cli.settings_flags import add_setting
-from swath_sysid.cli.sources import EXIT_POOR_FIT, add_source_arguments, motions_of, trials_of, write_fit
-from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
+from swath_sysid.cli.progress import print_result, progress_of, show_advice
+from swath_sysid.cli.sources import motions_of, trials_of, write_fit
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.common.plain import finite_or_none
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.extinction_tables import tank_tables
@@ -27,58 +27,39 @@ from swath_sysid.report.fit_summary import at_sea_as_data, at_sea_in_words, fit_
 from swath_sysid.report.tables import table_as_data, table_in_words
 
 
-def add_arguments(parser: ArgumentParser) -> None:
-    """Records, model, search, output."""
-    add_source_arguments(parser)
-    kind = parser.add_mutually_exclusive_group()
-    kind.add_argument(
-        '--at-sea',
-        action='store_true',
-        help='treat the record as motion in waves, and identify natural period and equivalent linear damping (default: '
-        'if it has no free decay and oscillates from start to end)',
-    )
-    kind.add_argument(
-        '--decay',
-        action='store_true',
-        help='do not look for motion in waves: a record without a free decay is an error',
-    )
-    parser.add_argument(
-        '--equation',
-        metavar='NAME',
-        help="a published equation or a composition like b1,b2|r1,r3, either with +friction; 'auto' (the default): one "
-        'general hull, with dry friction where angle or rate was not measured, pruned to the terms for which the '
-        'records give evidence',
-    )
-    add_search_arguments(parser)
-    add_tank_arguments(parser)
-    parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
-    parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the fit')
-    add_force_argument(parser)
-
-
-def add_force_argument(parser: ArgumentParser) -> None:
-    """``--force``, and what the exit codes mean; shared with compare."""
-    parser.add_argument('--force', action='store_true', help='write the model even if the fit is rejected')
-    parser.epilog = (
-        'Exit code 0: done; 1: the fit was printed but rejected, so no model was written (--force writes it); 2: the '
-        'input cannot be used, and one sentence says why.'
-    )
-
-
-def add_search_arguments(parser: ArgumentParser) -> None:
-    """Objective and search; shared with compare."""
-    for name in ('objective', 'search', 'generations', 'population', 'seed'):
-        add_setting(parser, f'--{name}', 'identifier', name)
-    parser.add_argument('--preset', choices=tuple(PRESETS), help='search settings and ranges of a paper')
-    add_json_argument(parser)
-
-
 def settings_of(arguments: Namespace, equation: str = AUTO) -> IdentificationSettings:
     """Identification settings of the command line."""
     search = SearchSettings(
         arguments.search, arguments.preset, arguments.generations or None, arguments.population or None, arguments.seed
     )
     return IdentificationSettings(equation, arguments.objective, search, arguments.start, arguments.end)
+
+
+def particulars_of(arguments: Namespace) -> Particulars:
+    """The known particulars of the craft."""
+    given = {f.name: getattr(arguments, f.name) for f in fields(Particulars)}
+    for name, value in given.items():
+        if value is not None and not value > 0.0:
+            raise InputError(f'--{name.replace("_", "-")} must be greater than zero, not {value:g}')
+    mass, height = arguments.mass is not None, arguments.metacentric_height is not None
+    if arguments.inertia is not None and height:
+        raise InputError('give --inertia, or --mass with --metacentric-height, not both: each sets the inertia')
+    if height and not mass or mass and not height and arguments.inertia is None:
+        raise InputError('give both --mass and --metacentric-height, or neither')
+    return Particulars(**given)
+
+
+def type_b_of(arguments: Namespace) -> TypeB:
+    """Uncertainties of the command line."""
+    given, sources = {}, [f.name for f in fields(TypeB)]
+    for text in arguments.uncertainty:
+        name, _, share = text.partition('=')
+        check_choice(name, sources, 'source of uncertainty')
+        try:
+            given[name] = float(share)
+        except ValueError:
+            raise InputError(f"--uncertainty {name} needs a share such as {name}=0.01, not '{share}'") from None
+    return TypeB(**given)
 
 
 def run(arguments: Namespace) -> int:
@@ -112,11 +93,10 @@ def is_to_be_written(arguments: Namespace, verdict: Verdict) -> bool:
 
 def exit_code_of(arguments: Namespace, verdict: Verdict) -> int:
     """The exit code, and a word where the model was not written; shared with compare."""
-    if is_to_be_written(arguments, verdict):
-        return 0
-    if arguments.output:
+    is_poor = not is_to_be_written(arguments, verdict)
+    if is_poor and arguments.output:
         print(f'{arguments.output} was not written; --force writes it nevertheless', file=sys.stderr)
-    return EXIT_POOR_FIT
+    return int(is_poor)
 
 
 def _problem_of(arguments: Namespace, motions: Sequence[AxisMotion]) -> Problem | None:

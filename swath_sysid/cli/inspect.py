@@ -1,19 +1,12 @@
 """``swath-sysid inspect``: what is in a record."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 
-from swath_sysid.cli.progress import add_json_argument, print_result
-from swath_sysid.cli.sources import add_source_arguments, check_model_and_plot, read_trials
+from swath_sysid.cli.progress import print_result
+from swath_sysid.cli.sources import check_model_and_plot, read_trials
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.record_figure import record_figure
 from swath_sysid.report.record_summary import record_as_data, record_in_words
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The record, and the picture."""
-    add_source_arguments(parser, many=False)
-    parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the record')
-    add_json_argument(parser)
 
 
 def run(arguments: Namespace) -> int:

@@ -1,7 +1,6 @@
 """The command line ``swath-sysid``: one verb a module of this room.
 
-A verb's module has ``add_arguments(parser)`` and ``run(arguments) -> int``; it is imported only
-when it is asked for.
+A verb's module has ``run(arguments) -> int``, and is imported only when it is asked for; flags.yaml has its flags.
 """
 
 import importlib
@@ -15,30 +14,12 @@ from typing import Any, NoReturn
 
 from swath_sysid import __version__
 from swath_sysid.cli.completion import actions_of, completion_script
-from swath_sysid.cli.examples import examples_of
+from swath_sysid.cli.flags import SHARED, add_arguments, examples_of, table_of_verbs
 from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import with_flags
 
-VERBS = {
-    'identify': 'identify a hull model from decays, or from motion in waves',
-    'compare': 'fit many equations and choose the simplest adequate one',
-    'simulate': 'simulate a trial with known truth, as an IMU would have recorded it',
-    'campaign': 'process a whole trial matrix into tables, figures and a model scheduled on draft',
-    'paper': 'repeat a published study, with printed and obtained values side by side',
-    'scale': "convert a model to another scale, by Froude's law",
-    'manoeuvre': 'identify, forecast and simulate a twin-thruster craft in surge, sway and yaw',
-    'export': "export an identified model to Gazebo, VRX, Nav2 or Fossen's form",
-    'forecast': 'score the forecasts of a record against baselines',
-    'sea': "estimate height, periods and axis of the waves from the craft's own motion",
-    'inspect': 'show what is in a record: sample rates, gaps, decays, quality',
-    'play-through': 'write what the nodes would publish for a record, as fast as the machine can',
-    'run': 'run imu_buffer, identifier and predictor in one process',
-    'page': 'show the nodes in a browser: health, forecasts, a guided bring-up',
-    'replay': 'publish the topics of a bag over ROS',
-    'record': 'record the topics of these nodes to a bag',
-    'demo': 'forecast measured waves, then identify and forecast a simulated craft with the nodes',
-}
+VERBS = {verb: entry['summary'] for verb, entry in table_of_verbs().items() if verb != SHARED}
 EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130
 
@@ -86,7 +67,7 @@ def build_parser(verb: str | None) -> ArgumentParser:
     for name, summary in VERBS.items():
         sub = verbs.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + '.')
         if name == verb:
-            module_of(name).add_arguments(sub)
+            add_arguments(sub, name)
             _add_examples(sub, name)
     return parser
 
@@ -112,7 +93,7 @@ def main(argv: list[str] | None = None) -> int:
         if argv == ['--completion']:
             verbs = {name: OneSentenceParser() for name in VERBS}
             for name, parser in verbs.items():
-                module_of(name).add_arguments(parser)
+                add_arguments(parser, name)
             print(completion_script(verbs))
             return 0
         arguments = build_parser(verb).parse_args(argv or ['--help'])

@@ -3,38 +3,15 @@
 import os
 import secrets
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from contextlib import ExitStack
 from pathlib import Path
 
-from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.cli.run import remappings
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.worker_process import NICENESS
 from swath_sysid.page.server import LOCAL_NAMES, check_installed, served
-
-PORT = 8484
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Where it listens, what it shows."""
-    parser.add_argument(
-        '--host', default='localhost', help='address to listen on (default: %(default)s); any other requires a token'
-    )
-    parser.add_argument(
-        '--port', type=int, default=PORT, help='port to listen on (default: %(default)s; 0: any free port)'
-    )
-    parser.add_argument(
-        '--token',
-        help='access token (default: SWATH_SYSID_TOKEN of the environment, else none for localhost and a new one '
-        'otherwise)',
-    )
-    parser.add_argument('--axis', choices=AXES, default=AXES[0], help='axis to identify first (default: %(default)s)')
-    parser.add_argument('--manifest', metavar='FILE', help='manifest of a campaign whose trials are shown')
-    parser.add_argument('--output', metavar='DIR', default='.', help='folder of saved models and bags (default: here)')
-    parser.add_argument('--namespace', metavar='NAME', help='namespace of the nodes')
-    parser.add_argument('--imu-topic', metavar='TOPIC', help='topic of the sensor (default imu/data)')
 
 
 def run(arguments: Namespace) -> int:

@@ -1,29 +1,20 @@
 """``swath-sysid paper``: a published study carried out again, printed and obtained values side by side."""
 
 import time
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
 from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.papers.decay_study import run_decay_study
 from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study
-from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY, STUDIES
-from swath_sysid.cli.progress import add_json_argument, print_result, progress_of
-from swath_sysid.cli.settings_flags import add_jobs_argument
+from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY
+from swath_sysid.cli.progress import print_result, progress_of
 from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.report.paper_decay import decay_page
 from swath_sysid.report.paper_manoeuvring import manoeuvring_page
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The study, the page, the processes."""
-    parser.add_argument('study', choices=STUDIES, help='study to repeat')
-    parser.add_argument('--output', metavar='FILE.html', help='report (default: STUDY.html in this folder)')
-    add_jobs_argument(parser)
-    add_json_argument(parser)
 
 
 def run(arguments: Namespace) -> int:

@@ -3,14 +3,13 @@
 import gc
 import os
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from dataclasses import replace
 from typing import Any
 
 from swath_sysid.attitude.motion.sensor_mount import Installation
-from swath_sysid.cli.progress import add_json_argument, print_result, progress_of, show_advice
-from swath_sysid.cli.settings_flags import not_negative
-from swath_sysid.cli.sources import RECORD_FILES, add_column_argument, add_upstream_argument, columns_of
+from swath_sysid.cli.progress import print_result, progress_of, show_advice
+from swath_sysid.cli.sources import columns_of
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.sentences import REASONS
 from swath_sysid.formats.bags import is_bag
@@ -34,26 +33,6 @@ from swath_sysid.pipeline.played_health import PlayedHealth
 from swath_sysid.pipeline.record_run import ArrivingSamples
 
 PROGRESS_STEP = 2000
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The record, the output, and what the nodes would be started with."""
-    parser.add_argument('record', metavar='RECORD', help=RECORD_FILES)
-    parser.add_argument('--output', required=True, metavar='OUT.mcap', help='bag of what the nodes would publish')
-    parser.add_argument('--params', metavar='FILE', help='ROS parameter file of the nodes (default: their defaults)')
-    parser.add_argument('--model', metavar='FILE', help='model file at the start (default: that of model_path)')
-    parser.add_argument('--topic', help='IMU topic, for bags with several')
-    add_column_argument(parser)
-    add_upstream_argument(parser)
-    parser.add_argument(
-        '--refit-delay',
-        type=not_negative,
-        default=0.0,
-        metavar='S',
-        help='seconds from the end of a decay to its model, 0.1 to 3 on board (default: the next sample)',
-    )
-    parser.add_argument('--with-imu', action='store_true', help='copy the IMU messages to the output as well')
-    add_json_argument(parser)
 
 
 def run(arguments: Namespace) -> int:

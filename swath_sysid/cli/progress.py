@@ -2,7 +2,6 @@
 
 import json
 import sys
-from argparse import ArgumentParser
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -44,11 +43,6 @@ def show_advice(advice: Iterable[Advice]) -> None:
     """Print warnings, one a line, on standard error."""
     for item in advice:
         print(f'warning [{item.code}]: {with_flags(item.code, item.message)}', file=sys.stderr)
-
-
-def add_json_argument(parser: ArgumentParser) -> None:
-    """``--json``."""
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
 def print_result(as_json: bool, data: Any, lines: Iterable[str]) -> None:

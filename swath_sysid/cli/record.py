@@ -1,24 +1,11 @@
 """``swath-sysid record``: write our topics from ROS to a bag."""
 
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from datetime import datetime
 
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.formats.outputs import Output, check_outputs
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The file."""
-    parser.add_argument('--output', metavar='OUT.mcap', help='bag (default: swath_sysid_DATE_TIME.mcap, here)')
-    parser.add_argument(
-        '--topic',
-        action='append',
-        default=[],
-        metavar='NAME',
-        help='also record this topic, by its full name; may be repeated',
-    )
-    parser.add_argument('--use-sim-time', action='store_true', help='time from /clock')
 
 
 def run(arguments: Namespace) -> int:

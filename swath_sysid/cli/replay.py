@@ -1,39 +1,15 @@
 """``swath-sysid replay``: publish the topics of a bag over ROS."""
 
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.cli.ros_needed import ros_needed
-from swath_sysid.cli.settings_flags import add_number
 
 if TYPE_CHECKING:
     from swath_sysid.nodes.replay import Replay
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The bag, and how fast it is replayed."""
-    parser.add_argument('bag', metavar='BAG', help='rosbag2 bag: folder, .mcap or .db3')
-    add_number(parser, '--rate', 'R', 'speed, as a multiple of real time', 1.0)
-    parser.add_argument('--loop', action='store_true', help='start again at the end, until Ctrl-C')
-    parser.add_argument('--clock', action='store_true', help='publish /clock, for nodes with use_sim_time')
-    parser.add_argument(
-        '--wait-for',
-        type=int,
-        default=0,
-        metavar='N',
-        help='start when the IMU has this many subscribers, 2 for imu_buffer and predictor (default: when '
-        'all known subscribers are connected and none has appeared for 3.5 s)',
-    )
-    add_number(parser, '--wait', 'S', 'longest wait for subscribers', 15.0)
-    parser.add_argument(
-        '--in-step',
-        action='store_true',
-        help='never overtake a predictor started with `-p in_step:=true`; with a large --rate the replay is as fast as '
-        'the predictor, with the same results',
-    )
 
 
 def run(arguments: Namespace) -> int:

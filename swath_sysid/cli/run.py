@@ -1,10 +1,9 @@
 """The verb ``run``: imu_buffer, identifier and predictor in one process, or one node alone."""
 
-import argparse
 import os
 import subprocess
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
@@ -22,15 +21,6 @@ from swath_sysid.formats.untrusted_yaml import plain_content, text_of
 from swath_sysid.nodes.parameters.simulated_craft import craft_settings
 from swath_sysid.nodes.parameters.table import defaults
 
-NODES = (
-    'imu_buffer',
-    'identifier',
-    'predictor',
-    'manoeuvring_identifier',
-    'manoeuvring_predictor',
-    'simulated_craft',
-)
-
 MODEL_PARAMETERS = {
     'identifier': 'model_path',
     'manoeuvring_identifier': 'model_path',
@@ -42,35 +32,6 @@ END_S = 15.0  #: Within which a process has to end before it is killed.
 OPEN_TO_THE_SUBNET = (
     'note: other machines of this subnet can use these nodes; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them here'
 )
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Arguments of the verb."""
-    parser.add_argument('--only', choices=NODES, metavar='NODE', help=f'run a single node: {", ".join(NODES)}')
-    parser.add_argument('--list', action='store_true', help='print the topics and services of the nodes, with types')
-    parser.add_argument('--params-file', metavar='FILE', help='ROS parameter file for all nodes')
-    parser.add_argument('--model', metavar='FILE', help='model file: read at the start, replaced by refits')
-    parser.add_argument('--namespace', metavar='NAME', help='namespace of nodes and topics')
-    parser.add_argument('--imu-topic', metavar='TOPIC', help='topic of the sensor (default imu/data)')
-    parser.add_argument('--use-sim-time', action='store_true', help='time from /clock')
-    parser.add_argument('--page', action='store_true', help='also show the nodes in a browser, like `swath-sysid page`')
-    parser.add_argument(
-        '--simulate',
-        metavar='HULL',
-        help='in place of a sensor, simulate a craft that is pushed and released by the page, or whenever the service '
-        f'simulated_craft/release is called: {", ".join(PUBLISHED_HULLS)}; the hydrofoil comes to rest within half a '
-        'cycle, in which nothing can be identified',
-    )
-    parser.add_argument(
-        '--sea',
-        type=float,
-        default=0.0,
-        metavar='DEG',
-        help='with --simulate: root mean square of the motion in waves (default: still water)',
-    )
-    parser.add_argument(
-        '--ros-args', nargs=argparse.REMAINDER, default=[], metavar='...', help='any other arguments of ROS 2 nodes'
-    )
 
 
 def run(arguments: Namespace) -> int:

@@ -1,26 +1,13 @@
 """``swath-sysid scale``: a model at another scale, by Froude's law."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 
 from swath_sysid.attitude.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
-from swath_sysid.cli.progress import add_json_argument, print_result, show_advice
+from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.model_file import read_description, read_model, write_model, write_scheduled
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.report.fit_summary import warnings_as_data
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The model file, the length ratio, and where to write."""
-    parser.add_argument('model', metavar='MODEL.yaml', help='model file, with or without a schedule on draft')
-    parser.add_argument(
-        '--ratio',
-        required=True,
-        metavar='L',
-        help='length of the result divided by that of the given model: 25, or 1/25 for the reverse',
-    )
-    parser.add_argument('--output', required=True, metavar='FILE.yaml', help='write the scaled model file')
-    add_json_argument(parser)
 
 
 def run(arguments: Namespace) -> int:

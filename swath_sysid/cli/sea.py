@@ -1,12 +1,11 @@
 """``swath-sysid sea``: the sea that a record's own motion shows."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.prediction.sea_state import sea_state
-from swath_sysid.cli.progress import add_json_argument, print_result, show_advice
-from swath_sysid.cli.settings_flags import add_number
-from swath_sysid.cli.sources import RECORD_FILES, add_reading_arguments, check_model_and_plot, read_record
+from swath_sysid.cli.progress import print_result, show_advice
+from swath_sysid.cli.sources import check_model_and_plot, read_record
 from swath_sysid.formats.sea_state import REMARKS, sea_as_data
 from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
 from swath_sysid.report.figures import save_figure
@@ -14,15 +13,9 @@ from swath_sysid.report.fit_summary import warnings_as_data
 from swath_sysid.report.sea_report import sea_figure, sea_in_words
 
 
-def add_arguments(parser: ArgumentParser) -> None:
-    """The record, and the form of the output."""
-    parser.epilog = ' '.join(f'{remark[0].upper()}{remark[1:]}.' for remark in REMARKS)
-    parser.add_argument('record', metavar='RECORD', help=RECORD_FILES)
-    add_reading_arguments(parser)
-    add_number(parser, '--start', 'S', "start, in the record's time (default: start of the record)")
-    add_number(parser, '--end', 'S', 'end (default: end of the record)')
-    add_json_argument(parser)
-    parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the spectrum')
+def remarks() -> str:
+    """The end of the help."""
+    return ' '.join(f'{remark[0].upper()}{remark[1:]}.' for remark in REMARKS)
 
 
 def run(arguments: Namespace) -> int:

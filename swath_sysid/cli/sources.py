@@ -1,7 +1,7 @@
 """Arguments and reading of records, shared by the verbs that take them."""
 
 import os
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -10,8 +10,8 @@ import numpy as np
 from swath_sysid import __version__
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
+from swath_sysid.cli.flags import finite
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.settings_flags import add_number, add_setting, finite
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import existing
@@ -20,57 +20,7 @@ from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_trial, source_hash
 from swath_sysid.report.figures import FORMATS, Figure, save_figure
 
-RECORD_FILES = (
-    'CSV, .mat, .tdms, .lvm, .xlsx, .parquet or .h5 file, rosbag2 bag (folder, .mcap or .db3) or MTi text export'
-)
 LONG_RECORD = 10_000_000  #: Bytes of a file from which its reading is shown.
-
-EXIT_POOR_FIT = 1  #: The result was printed, but explains too little to be written as a model.
-
-
-def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
-    """The records, the axis, and how to read them."""
-    parser.add_argument(
-        'trials' if many else 'trial',
-        metavar='TRIAL',
-        nargs='+' if many else None,
-        help=RECORD_FILES,
-    )
-    parser.add_argument('--axis', help='roll or pitch (default: the axis that moves more)')
-    add_reading_arguments(parser)
-    add_number(parser, '--start', 'S', "start of the decay, in the record's time (default: detected)")
-    add_number(parser, '--end', 'S', 'end of the decay (default: detected)')
-
-
-def add_reading_arguments(parser: ArgumentParser) -> None:
-    """How to read a record."""
-    parser.add_argument('--topic', help='IMU topic, for bags with several')
-    add_setting(parser, '--frame', 'predictor', 'frame', default=None)
-    add_column_argument(parser)
-
-
-def add_column_argument(parser: ArgumentParser) -> None:
-    """``--column``: which column of a table holds what."""
-    parser.add_argument(
-        '--column',
-        action='append',
-        default=[],
-        dest='columns',
-        metavar='QUANTITY=NAME:UNIT',
-        help='column of a table that its name does not identify, as in roll=Phi:deg or time=t:s (repeat for more)',
-    )
-
-
-def add_upstream_argument(parser: ArgumentParser) -> None:
-    """``--upstream``: what shows waves on their way to the craft."""
-    parser.add_argument(
-        '--upstream',
-        action='append',
-        default=[],
-        metavar='COLUMN',
-        help='column of a table, in any unit, or TOPIC[:FIELD] of a bag, that shows waves on their way to the craft: '
-        'a wave probe or the motion of a craft ahead (repeat for more)',
-    )
 
 
 def columns_of(arguments: Namespace) -> dict[str, str]:

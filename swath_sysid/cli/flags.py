@@ -1,0 +1,198 @@
+"""The table of verbs and flags (flags.yaml), and what it makes of the command line."""
+
+import math
+import os
+from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from swath_sysid.attitude.prediction.point import Point
+from swath_sysid.nodes.parameters.table import NodeParameter, table_of
+
+SHARED = 'shared'
+CORES = os.cpu_count()
+
+
+@cache
+def table_of_verbs() -> dict[str, dict[str, Any]]:
+    """What the table says, by verb; what verbs share is under ``shared``."""
+    text = Path(__file__).with_suffix('.yaml').read_text(encoding='utf-8')
+    return yaml.load(text, getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+
+
+def examples_of(verb: str) -> str:
+    """The examples as the help shows them."""
+    return '\n'.join(['examples:', *(f'  swath-sysid {line}' for line in table_of_verbs()[verb]['examples'])])
+
+
+def add_arguments(parser: ArgumentParser, verb: str) -> None:
+    """The flags and sub-verbs of a verb."""
+    entry = table_of_verbs()[verb]
+    if tasks := entry.get('tasks'):
+        parsers = parser.add_subparsers(dest='task', metavar='TASK', required=True)
+        for name, task in tasks.items():
+            _fill(parsers.add_parser(name, help=task['summary']), task)
+    else:
+        _fill(parser, entry)
+
+
+def _fill(parser: ArgumentParser, entry: Mapping[str, Any]) -> None:
+    parser.epilog = _named(entry['epilog_from'])() if 'epilog_from' in entry else entry.get('epilog', '')
+    if parser.epilog and '\n' in parser.epilog:
+        parser.formatter_class = RawDescriptionHelpFormatter
+    _add_flags(parser, entry['flags'])
+
+
+def _add_flags(parser: Any, flags: Mapping[str, Any]) -> None:
+    """Flags to a parser or to a group of one."""
+    for words, given in flags.items():
+        if words in table_of_verbs()[SHARED]:
+            _add_flags(parser, table_of_verbs()[SHARED][words])
+        elif words in ('either', 'one of'):
+            _add_flags(parser.add_mutually_exclusive_group(required=words == 'one of'), given)
+        elif words.startswith('group '):
+            _add_flags(parser.add_argument_group(words.removeprefix('group ')), given)
+        else:
+            entry = dict(given) if isinstance(given, dict) else {'help': given}
+            flag, *units = words.split()
+            for name in ('default', 'choices'):
+                if ' ' in str(entry.get(name, '')) and isinstance(entry[name], str):
+                    entry[name] = tuple(_named(entry[name])) if name == 'choices' else _named(entry[name])
+            (_add_setting if 'setting' in entry else _add_flag)(parser, flag, units, **entry)
+
+
+def _named(reference: str) -> Any:
+    """What ``MODULE NAME NAME`` stands for, in the module of this package."""
+    module, *names = reference.split()
+    found = import_module(f'swath_sysid.{module}')
+    for name in names:
+        found = getattr(found, name)
+    return found
+
+
+def _add_flag(
+    parser: Any, flag: str, units: Sequence[str], help: str | None = None, type: str = '', **entry: Any
+) -> None:
+    """A flag, or an argument by its place; the units stand for its values in the help."""
+    if names := entry.pop('names', None):
+        found = _named(names)
+        found = [each.name for each in fields(found)] if is_dataclass(found) else found
+        help = str(help).format(names=', '.join(found) if isinstance(found, Iterable) else found)
+    if entry.get('default') is not None and type in ('number', 'count'):
+        help = f'{help} (default: {entry["default"]})'
+    if type:
+        entry['type'] = TYPES[type]
+    if entry.pop('repeat', False):
+        entry |= {'action': 'append', 'default': []}
+    if units:
+        entry |= {'metavar': units[0]} if len(units) == 1 else {'metavar': tuple(units), 'nargs': len(units)}
+    elif flag.startswith('-') and 'choices' not in entry:
+        entry['action'] = 'store_true'
+    parser.add_argument(flag, help=help, **entry)
+
+
+def _add_setting(parser: Any, flag: str, _: Sequence[str], setting: str, help: str = '', **entry: Any) -> None:
+    """A flag with type, range, unit, default and meaning of a node's parameter (the last two may be replaced)."""
+    node_name, name = setting.split()
+    parameter = next(p for p in table_of(node_name) if p.name == name)
+    usual = tuple(parameter.default) if isinstance(parameter.default, list) else parameter.default
+    default = entry.get('default', usual)
+    words = help or f'{parameter.meaning[0].lower()}{parameter.meaning[1:]}'
+    bounds = f'{parameter.allowed} {parameter.unit}'.rstrip() if parameter.range else ''
+    if default is not None:
+        each_of = default if isinstance(default, list | tuple) else (default,)
+        shown = ','.join(each if isinstance(each, str) else f'{each:g}' for each in each_of)
+        bounds = f'{bounds}; default: {shown}' if bounds else f'default: {shown}'
+    words = f'{words} ({bounds})' if bounds else words
+    if parameter.choices:
+        parser.add_argument(flag, choices=tuple(parameter.choices), default=default, help=words)
+    else:
+        unit = 'N' if isinstance(parameter.default, int) else parameter.unit.upper() or 'VALUE'
+        metavar = f'{unit},...' if isinstance(parameter.default, list) else unit
+        parser.add_argument(flag, type=_converter(parameter), default=default, metavar=metavar, help=words)
+
+
+def _converter(parameter: NodeParameter) -> Callable[[str], Any]:
+    """From a text of the command line to a checked value; a list in its order, each value once."""
+
+    def value(text: str) -> Any:
+        kind = type(parameter.default)
+        try:
+            found = tuple(sorted(set(numbers(text)))) if kind is list else int(text) if kind is int else finite(text)
+        except ValueError as error:
+            raise ArgumentTypeError(f"'{text}' is not a {'whole ' if kind is int else ''}number") from error
+        problem = parameter.problem(found)
+        if problem:
+            raise ArgumentTypeError(problem)
+        return found
+
+    return value
+
+
+def finite(text: str) -> float:
+    """A number for argparse that is neither NaN nor infinite."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f'{text} is not finite')
+    return value
+
+
+def not_negative(text: str) -> float:
+    """A finite number for argparse that is not below zero."""
+    value = finite(text)
+    if value < 0.0:
+        raise ArgumentTypeError('must not be negative')
+    return value
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Finite numbers for argparse, separated by commas."""
+    try:
+        return tuple(finite(part) for part in text.split(','))
+    except ValueError as error:
+        raise ArgumentTypeError(f"'{text}' is not a list of numbers separated by commas") from error
+
+
+def positive(text: str) -> float:
+    """A finite number for argparse above zero."""
+    value = finite(text)
+    if value <= 0.0:
+        raise ArgumentTypeError('must be positive')
+    return value
+
+
+def _limits(text: str) -> tuple[float, ...]:
+    """Two angles, deg, as rad; infinite for zero, which is no limit."""
+    parts = numbers(text)
+    if len(parts) != 2 or min(parts) < 0.0:
+        raise ArgumentTypeError('give two values that are not negative: ROLL,PITCH')
+    return tuple(math.radians(part) or math.inf for part in parts)
+
+
+def _point(text: str) -> Point:
+    name, colon, place = text.partition(':')
+    if not (colon and name.isidentifier()):
+        raise ArgumentTypeError(f"'{text}' is not a point: write NAME:x,y,z with a name of letters, digits and _")
+    coordinates = numbers(place)
+    if len(coordinates) != 3:
+        raise ArgumentTypeError(f"'{text}' is not a point: give three coordinates in m, NAME:x,y,z")
+    return Point(name, coordinates)
+
+
+#: Of the values of flags, as the table names them.
+TYPES: dict[str, Callable[[str], Any]] = {
+    'number': finite,
+    'real': float,
+    'count': int,
+    'whole': int,
+    'positive': positive,
+    'not_negative': not_negative,
+    'limits': _limits,
+    'point': _point,
+}
