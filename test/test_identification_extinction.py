@@ -83,8 +83,6 @@ def test_each_damping_term_gives_its_power_of_the_extinction_curve(term, value):
     assert np.abs(others).max() < 0.03 * found.curve(0.15)
 
 
-
-
 def test_the_curve_of_a_noisy_record_holds_its_truth_within_its_standard_deviations():
     powers = np.array([0.1, 0.01, 0.001])
     clean = decay(b1=0.05, b2=0.25, duration=30.0)
@@ -96,10 +94,6 @@ def test_the_curve_of_a_noisy_record_holds_its_truth_within_its_standard_deviati
         far.append((found.curve(0.1) - averaged) / np.sqrt(powers @ found.covariance @ powers))
     assert np.mean(np.abs(far) < 2.0) > 0.85
     assert np.abs(far).max() < 5.0
-
-
-
-
 
 
 MODEL = DecayModel.from_terms(Equation('test', ('b1', 'r1')), {'b1': 0.2, 'r1': 4.0}, axis='roll')

@@ -71,8 +71,6 @@ def test_the_ratio_is_the_square_of_the_periods(known_height):
     assert said[-1].height == pytest.approx((known_height or math.nan) * (4.0 / 4.4) ** 2, nan_ok=True)
 
 
-
-
 def test_a_higher_sea_explains_a_longer_period():
     """The same change warns where the amplitude stays, not where the craft rolls three times as far."""
     periods = [4.0] * 6 + [4.15] * 6
