@@ -23,7 +23,6 @@ from swath_sysid.attitude.identification.identify import IdentificationSettings,
 from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.main import main
-from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 
