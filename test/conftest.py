@@ -1,5 +1,6 @@
 """What every test shares: the real records and a quiet environment."""
 
+import importlib
 import os
 import re
 import sys
@@ -23,6 +24,13 @@ def data_folder():
     if not folder.is_dir():
         pytest.skip(f'no measured records at {folder}: set SWATH_SYSID_DATA to their folder')
     return folder
+
+
+@pytest.fixture
+def benchmark_module(monkeypatch):
+    """Imports a module of the folder benchmark/ by its name."""
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
+    return importlib.import_module
 
 
 @pytest.fixture(autouse=True)

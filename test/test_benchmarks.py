@@ -1,0 +1,154 @@
+"""The benchmarks: tables as the code gives them, no row that looks ahead, and an oracle that is one."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from filterpy.kalman import ExtendedKalmanFilter
+from scipy.linalg import companion
+
+from swath_sysid.attitude.motion.trial import Trial
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture
+def records(benchmark_module):
+    return benchmark_module('records')
+
+
+@pytest.fixture
+def record_forecasts(benchmark_module):
+    return benchmark_module('record_forecasts')
+
+
+@pytest.fixture
+def sea_forecasts(benchmark_module):
+    return benchmark_module('sea_forecasts')
+
+
+# -- measured records
+
+
+@pytest.fixture
+def swinging():
+    """Two unequal swings, so that no cut leaves the future what it was."""
+    time = 0.1 * np.arange(1500)
+    roll = 0.1 * np.sin(1.7 * time) + 0.03 * np.sin(2.9 * time)
+    return Trial(time, roll=roll, roll_rate=np.gradient(roll, time))
+
+
+def rows_of(table):
+    """``{(warm-up, axis, forecaster): cells}`` of a table in Markdown."""
+    printed = [line for line in table.splitlines() if line.startswith('| ')]
+    lines = [[cell.strip() for cell in line.strip('|').split('|')] for line in printed]
+    return {tuple(cells[:3]): cells[3:] for cells in lines[1:]}
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_the_table_of_the_ship_is_what_the_code_gives(records, data_folder):
+    """Anew, to a unit of the last digit that is printed; other rows may come from libraries that are not here."""
+    case = records.CASES['ship']
+    written = (ROOT / 'docs' / 'records_benchmark.md').read_text(encoding='utf-8').split('## ')
+    printed = rows_of(next(part for part in written if part.startswith(f'{case.title}\n')))
+    anew = rows_of(records.table_of(case, records.scores_of(case, records.ROWS)))
+    assert set(anew) <= set(printed) and {name for _, _, name in anew} >= set(records.ROWS)
+    for row, cells in anew.items():
+        for cell, other in zip(cells, printed[row], strict=True):
+            new, old = ([float(text) for text in re.findall(r'[\d.]+', each)] for each in (cell, other))
+            assert new == pytest.approx(old, abs=0.0011), row
+
+
+@pytest.mark.parametrize('name', ['persistence', 'constant rate', 'AR(40)', 'VAR(40)', 'swath_sysid'])
+def test_our_rows_do_not_look_ahead(records, swinging, name, monkeypatch):
+    monkeypatch.setattr(records, 'CHECKED', 30.0)
+    records.refuse_look_ahead(name, records.ROWS[name], swinging, (0.5, 1.0))
+
+
+def test_a_row_that_looks_ahead_is_refused(records, swinging):
+    """Whether it reads one sample too many or learns from the whole record."""
+
+    def clairvoyant(trial, axes, stamps, leads):
+        when = stamps[:, None] + 0.1 + 0.0 * leads
+        return {axis: np.interp(when, trial.time, trial.channels[axis]) for axis in axes}
+
+    def of_the_whole(trial, axes, stamps, leads):
+        return {axis: np.full((stamps.size, leads.size), trial.channels[axis].std()) for axis in axes}
+
+    for row in (clairvoyant, of_the_whole):
+        with pytest.raises(records.LooksAheadError, match='use only those up to and with each stamp'):
+            records.refuse_look_ahead('row', row, swinging, (0.5, 1.0))
+
+
+def test_samples_are_taken_out_and_records_joined_without_a_gap(record_forecasts):
+    time = 0.1 * np.arange(1000)
+    left = record_forecasts.without_samples(Trial(time, roll=np.arange(1000.0)), 5)
+    gone = sorted(set(range(1000)) - set(left.roll.astype(int)))
+    assert gone == [200 * period + sample for period in range(5) for sample in range(5)]
+    assert np.array_equal(left.time, 0.1 * left.roll)
+    first = Trial(time, roll=np.zeros(1000), heave=np.zeros(1000))
+    both = record_forecasts.spliced(first, Trial(time + 7.0, pitch=np.zeros(1000), roll=np.ones(1000)))
+    assert list(both.channels) == ['roll'] and both.roll.sum() == 1000
+    assert np.diff(both.time) == pytest.approx(np.full(1999, 0.1))
+
+
+def test_a_buoy_that_turned_meets_the_sea_from_the_side(record_forecasts, data_folder):
+    straight, turned = record_forecasts.buoy(), record_forecasts.buoy_that_turned()
+    later, was = (trial.time >= record_forecasts.SPLICE for trial in (turned, straight))
+    # turned by a quarter, what was pitch is roll, nearly: Euler angles do not change places exactly
+    assert np.corrcoef(turned.roll[later], straight.pitch[was])[0, 1] ** 2 > 0.98
+    assert np.array_equal(turned.roll[~later], straight.roll[~was])
+
+
+# -- a JONSWAP sea, beside the filter that knows hull, noise and spectrum
+
+
+def test_the_shaping_filter_has_the_spectrum_of_the_excitation(sea_forecasts):
+    sea = sea_forecasts.make_sea(1, 60.0)
+    coefficients, noise, covariance = sea_forecasts.shaping_filter(sea)
+    assert covariance[1:] @ coefficients + noise == pytest.approx(covariance[0], rel=1e-6)
+    again = [covariance[abs(k - np.arange(1, sea_forecasts.ORDER + 1))] @ coefficients for k in (1, 10, 40)]
+    assert again == pytest.approx(covariance[[1, 10, 40]], abs=1e-5 * covariance[0])
+
+
+def test_the_oracle_is_an_extended_kalman_filter_on_hull_and_autoregression(sea_forecasts, monkeypatch):
+    monkeypatch.setattr(sea_forecasts, 'ORDER', 12)
+    sea, leads = sea_forecasts.make_sea(3, 30.0), (0.1, 0.7)
+    coefficients, noise, covariance = sea_forecasts.shaping_filter(sea)
+    ekf = ExtendedKalmanFilter(dim_x=14, dim_z=2)
+    shift = companion(np.append(1.0, -coefficients))
+    ekf.P[:] = 0.0
+    ekf.P[:2, :2], ekf.P[2:, 2:] = 1e-2 * np.eye(2), covariance[abs(np.subtract.outer(range(12), range(12)))]
+    ekf.R = np.diag([sea_forecasts.ANGLE_NOISE**2, sea_forecasts.RATE_NOISE**2])
+    ekf.Q = np.zeros((14, 14))
+    ekf.Q[2, 2] = noise
+
+    def following(state):
+        return np.concatenate([sea_forecasts.advance(*state[:3]), shift @ state[2:]])
+
+    told = []
+    for seen in sea.readings(10.0):
+        ekf.update(seen[:, None], lambda x: np.eye(2, 14), lambda x: x[:2])
+        now = ekf.x[:, 0]
+        ahead = [now]
+        for _ in range(7):
+            ahead.append(following(ahead[-1]))
+        told.append([ahead[1][0], ahead[7][0]])
+        ekf.F = np.column_stack([(following(now + d) - following(now - d)) / 2e-5 for d in 1e-5 * np.eye(14)])
+        ekf.x = following(now)[:, None]
+        ekf.P = ekf.F @ ekf.P @ ekf.F.T + ekf.Q
+    assert sea_forecasts.oracle(sea, leads) == pytest.approx(np.array(told), abs=1e-8)
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_forecasts_in_a_sea_come_near_those_of_the_filter_that_knows_everything(sea_forecasts):
+    sea, nrmse, coverage = sea_forecasts.compare(2, 200.0, 100.0, (0.5, 2.0, 5.0))
+    ours, best = nrmse['10 Hz'], nrmse['oracle']
+    assert np.abs(sea.angle).max() < 0.12
+    assert np.all(best < 1.03) and np.all(best[:2] < ours[:2])
+    assert np.all(ours < 1.3 * best) and np.all(ours < 1.03)
+    assert np.all(best[:2] < np.min([nrmse[name][:2] for name in ('ar_40', 'var_40', 'var_60')], axis=0))
+    assert np.all(np.abs(coverage['10 Hz'] - 0.9) < 0.06)
