@@ -225,9 +225,9 @@ def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
 def test_a_craft_to_try_is_identified_in_waves_and_its_bag_replays(tmp_path):
     """As a user would: ``run --simulate`` and ``record`` as processes, a release by the service, then the bag."""
     pytest.importorskip('rclpy', reason='running nodes needs ROS 2')
+    from bag_messages import decoded
     from live_bench import Bench, stop
     from package_process import wait_for
-    from test_play_through import decoded
 
     bag, models = tmp_path / 'tried.mcap', tmp_path / 'craft.yaml'
     bench = Bench()

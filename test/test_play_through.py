@@ -5,9 +5,9 @@ from math import radians
 
 import numpy as np
 import pytest
+from bag_messages import STORE, decoded, messages_of, stamp_of
 from hypothesis import given
 from hypothesis import strategies as st
-from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
@@ -29,7 +29,6 @@ from swath_sysid.pipeline.health import ERROR
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 from swath_sysid.pipeline.played_health import PlayedHealth
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
 
 
@@ -41,7 +40,6 @@ def trial():
 
 @pytest.fixture(scope='module')
 def bag(trial, tmp_path_factory):
-    """The release as an IMU's bag."""
     path = tmp_path_factory.mktemp('bag') / 'release.mcap'
     write_imu_bag(path, trial, start_stamp_ns=1_700_000_000_123_456_789)
     return path
@@ -60,26 +58,6 @@ def with_model_path(folder, name):
     """The options for a file of parameters that names a model of the folder."""
     (folder / 'params.yaml').write_text(f'identifier:\n  ros__parameters: {{model_path: {folder / name}}}\n')
     return '--params', str(folder / 'params.yaml')
-
-
-def messages_of(path):
-    """Topic, type, time and bytes of every message of a bag."""
-    with opened_bag(path) as (readers, advice):
-        assert advice == []
-        return [
-            (c.topic, c.msgtype, time, bytes(raw))
-            for reader in readers
-            for c, time, raw in reader.messages(reader.connections)
-        ]
-
-
-def decoded(path, topic):
-    """Time and message of everything on a topic."""
-    return [(time, STORE.deserialize_cdr(raw, kind)) for name, kind, time, raw in messages_of(path) if name == topic]
-
-
-def stamp_of(message):
-    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 
 def stub_fit(calls):
@@ -103,7 +81,6 @@ def test_two_runs_give_the_same_messages_bit_for_bit(bag, played, tmp_path, caps
 
 
 def test_every_message_is_what_a_type_system_writes(played):
-    """Also that padding is zero: a message written anew from its values has the same bytes."""
     kinds = set()
     for _, kind, _, raw in messages_of(played):
         kinds.add(kind.rpartition('/')[2])
@@ -159,13 +136,10 @@ def test_a_window_that_comes_amid_a_fit_waits_for_it(bag):
     length = readings[-1].stamp_ns - readings[0].stamp_ns + 1_000_000_000
     took = []
     for turn in range(3):
-        for reading in readings:
-            step = pipeline.add(reading._replace(stamp_ns=reading.stamp_ns + turn * length))
-            if step.verdict is not None:
-                took.append(step.stamp_ns)
-    assert len(calls) == 2
+        steps = [pipeline.add(each._replace(stamp_ns=each.stamp_ns + turn * length)) for each in readings]
+        took += [step.stamp_ns for step in steps if step.verdict is not None]
     # the second window in turn was fitted with the model that the first fit had found
-    assert calls[0].current == {} and calls[1].current == {'roll': HULL}
+    assert [call.current for call in calls] == [{}, {'roll': HULL}]
     assert calls[1].windows[-1].stamp_ns - calls[0].windows[-1].stamp_ns > length / 2
     assert len(took) == 1
 
@@ -180,33 +154,29 @@ def test_a_clock_that_is_set_back_ends_a_waiting_fit(bag):
     assert pipeline.refitter.models == {'roll': HULL}
 
 
-def test_the_sea_is_fitted_inline_and_installed_at_once(bag):
-    asked, installed = [], []
+def test_the_sea_is_fitted_inline_and_nothing_is_identified_where_that_is_off(bag):
+    asked, installed, calls = [], [], []
 
     def note(request):
         asked.append(request.time)
         return fit_sea(request)
 
-    pipeline = PlayThrough(PlayThroughSettings(auto_identify=False), fit_sea=note)
+    pipeline = PlayThrough(PlayThroughSettings(auto_identify=False), fit=stub_fit(calls), fit_sea=note)
     install = pipeline.forecasts.install
     pipeline.forecasts.install = lambda fit: (installed.append(fit.time), install(fit))
-    for reading in read_readings(bag):
-        pipeline.add(reading)
+    windows = [played.window for played in map(pipeline.add, read_readings(bag)) if played.window is not None]
     assert len(asked) > 1 and installed == asked
+    assert len(windows) == 1 and calls == []
 
 
 def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag, played):
-    stamps = read_imu(bag).stamps
-    told = decoded(played, '/diagnostics')
-    by_node = {}
-    for time, message in told:
+    stamps, times, values = read_imu(bag).stamps, {}, {}
+    for time, message in decoded(played, '/diagnostics'):
         assert stamp_of(message) == time and time in stamps
-        by_node.setdefault(message.status[0].name.partition(':')[0], []).append((time, message))
-    assert set(by_node) == {'imu_buffer', 'identifier', 'predictor'}
-    for messages in by_node.values():
-        assert [round((time - stamps[0]) / 1e9) for time, _ in messages] == list(range(1, 16))
-    last = {status.name: status.values for messages in by_node.values() for status in messages[-1][1].status}
-    values = {name: {pair.key: pair.value for pair in pairs} for name, pairs in last.items()}
+        node = message.status[0].name.partition(':')[0]
+        times.setdefault(node, []).append(round((time - stamps[0]) / 1e9))
+        values |= {status.name: {pair.key: pair.value for pair in status.values} for status in message.status}
+    assert times == dict.fromkeys(('imu_buffer', 'identifier', 'predictor'), list(range(1, 16)))
     assert set(values) == {
         *('imu_buffer: imu', 'imu_buffer: window', 'identifier: identification', 'identifier: stability'),
         *('predictor: imu', 'predictor: forecast', 'predictor: installation'),
@@ -237,25 +207,16 @@ def test_a_gap_is_told_once_and_a_clock_set_back_begins_anew(bag):
     assert silences == ('0',) * 5 + ('1',) * 11
 
 
-def test_nothing_is_identified_where_that_is_off(bag):
-    calls = []
-    pipeline = PlayThrough(PlayThroughSettings(auto_identify=False), fit=stub_fit(calls))
-    windows = [played.window for played in map(pipeline.add, read_readings(bag)) if played.window is not None]
-    assert len(windows) == 1 and calls == []
-
-
 def test_a_known_model_is_published_first_and_used(bag, tmp_path):
-    model_file, out = tmp_path / 'hull.yaml', tmp_path / 'out.mcap'
+    model_file, out, params = tmp_path / 'hull.yaml', tmp_path / 'out.mcap', tmp_path / 'params.yaml'
     write_model(model_file, {'roll': HULL})
-    params = tmp_path / 'params.yaml'
     params.write_text('/**:\n  ros__parameters: {auto_identify: false, frame_id: hull, leads_s: [0.25, 1.0]}\n')
     given = ['--params', str(params), '--model', str(model_file), '--with-imu']
     assert main(['play-through', str(bag), '--output', str(out), *given]) == 0
     ((time, description),) = decoded(out, '/model/description')
     assert model_from_yaml(description.data) == read_model(model_file)
-    sent = messages_of(out)
-    assert time == min(message[2] for message in sent)
-    topics = {message[0] for message in sent}
+    assert time == min(sent for _, _, sent, _ in messages_of(out))
+    topics = {topic for topic, _, _, _ in messages_of(out)}
     assert {'/forecast/lead_0_25s', '/forecast/lead_1_0s', '/imu/data'} <= topics
     assert '/forecast/lead_0_5s' not in topics
     assert {m.header.frame_id for _, m in decoded(out, '/forecast/lead_1_0s')} == {'hull'}
@@ -287,11 +248,6 @@ def test_frames_are_turned_once_whatever_the_record(trial, tmp_path):
     assert np.abs(angles).max() > 0.05
 
 
-def test_the_output_is_a_bag_of_trials_itself(played):
-    forecast = read_bag(played, '/forecast/next')
-    assert forecast.roll.size == forecast.time.size > 700
-
-
 @pytest.mark.parametrize(
     ('words', 'sentence'),
     [
@@ -305,34 +261,25 @@ def test_the_output_is_a_bag_of_trials_itself(played):
 def test_mistakes_are_told_in_one_sentence(bag, words, sentence, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(['play-through', str(bag), *words]) == 2
-    told = capsys.readouterr().err
-    assert sentence in told
+    assert sentence in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
-
-
-def forecast(stamp_ns, seed):
-    """An attitude forecast of random numbers."""
-    numbers = np.random.default_rng(seed).normal(size=25).tolist()
-    cuts = zip((0, 4, 13, 16), (4, 13, 16, 25), strict=True)
-    return AttitudeForecast(stamp_ns, *(tuple(numbers[first:end]) for first, end in cuts))
 
 
 @pytest.mark.parametrize('frame_id', ['', 'a', 'base_link', 'hull/imu_7'])
 def test_templates_write_what_the_type_system_writes(frame_id):
     """Whatever the length of the strings before the numbers, and so their places."""
-    imu = ImuMessage(frame_id)
-    for number in range(2):
-        expected = forecast(-5 + 10**9 * number, number)
-        message = STORE.deserialize_cdr(imu.filled(expected), 'sensor_msgs/msg/Imu')
-        assert message.header.frame_id == frame_id
-        assert stamp_of(message) == expected.stamp_ns
-        assert (message.orientation.x, message.orientation.w) == (expected.orientation[0], expected.orientation[3])
-        assert tuple(message.orientation_covariance) == expected.orientation_covariance
-        assert message.angular_velocity.z == expected.rates[2]
-        assert tuple(message.angular_velocity_covariance) == expected.rates_covariance
+    imu, rng = ImuMessage(frame_id), np.random.default_rng(5)
+    for stamp_ns in (-5, -5 + 10**9):
+        parts = [tuple(rng.normal(size=size).tolist()) for size in (4, 9, 3, 9)]
+        message = STORE.deserialize_cdr(imu.filled(AttitudeForecast(stamp_ns, *parts)), 'sensor_msgs/msg/Imu')
+        assert message.header.frame_id == frame_id and stamp_of(message) == stamp_ns
+        turn, rates = message.orientation, message.angular_velocity
+        covariances = message.orientation_covariance.tolist(), message.angular_velocity_covariance.tolist()
+        assert [turn.x, turn.y, turn.z, turn.w, *covariances[0]] == [*parts[0], *parts[1]]
+        assert [rates.x, rates.y, rates.z, *covariances[1]] == [*parts[2], *parts[3]]
         assert message.linear_acceleration.x == 0.0 and message.linear_acceleration_covariance[0] == -1.0
     for columns in (('roll', 'roll_std', 'pitch', 'pitch_std'), ('roll', 'roll_std')):
-        positions, velocities = np.random.default_rng(5).normal(size=(2, 3, len(columns)))
+        positions, velocities = rng.normal(size=(2, 3, len(columns)))
         leads = 100_000_000, 1_100_000_000, 2_000_000_000
         raw = horizon_message(HorizonForecast(2_000_000_007, columns, leads, positions, velocities), frame_id)
         message = STORE.deserialize_cdr(raw, 'trajectory_msgs/msg/JointTrajectory')
@@ -343,24 +290,20 @@ def test_templates_write_what_the_type_system_writes(frame_id):
         assert [time.sec * 10**9 + time.nanosec for time in since] == list(leads)
 
 
+WORDS = st.text(max_size=9)
+
+
 @given(
     st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1),
     st.lists(
-        st.tuples(
-            st.sampled_from([0, 1, 2]),
-            st.text(max_size=9),
-            st.text(max_size=9),
-            st.dictionaries(st.text(max_size=9), st.text(max_size=9), max_size=4),
-        ),
-        max_size=3,
+        st.tuples(st.sampled_from([0, 1, 2]), WORDS, WORDS, st.dictionaries(WORDS, WORDS, max_size=4)), max_size=3
     ),
 )
 def test_the_bytes_of_diagnostics_are_those_of_a_type_system(stamp_ns, statuses):
     types = STORE.types
     status, pair = types['diagnostic_msgs/msg/DiagnosticStatus'], types['diagnostic_msgs/msg/KeyValue']
-    seconds, rest = divmod(stamp_ns, 10**9)
     message = types['diagnostic_msgs/msg/DiagnosticArray'](
-        header=types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](seconds, rest), ''),
+        header=types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](*divmod(stamp_ns, 10**9)), ''),
         status=[
             status(level, name, text, '', [pair(key, value) for key, value in values.items()])
             for level, name, text, values in statuses
@@ -370,7 +313,9 @@ def test_the_bytes_of_diagnostics_are_those_of_a_type_system(stamp_ns, statuses)
     assert diagnostics_message(stamp_ns, statuses) == wanted
 
 
-def test_latched_topics_say_so(played):
+def test_the_output_is_a_bag_of_trials_whose_latched_topics_say_so(played):
+    forecast = read_bag(played, '/forecast/next')
+    assert forecast.roll.size == forecast.time.size > 700
     with opened_bag(played) as (readers, _):
         durability = {c.topic: c.ext.offered_qos_profiles[0].durability.name for c in readers[0].connections}
     assert durability['/model/description'] == durability['/motion/window'] == 'TRANSIENT_LOCAL'
