@@ -1,25 +1,53 @@
-"""The identifier on a window of waves, over DDS: on demand, and never in place of a decay's model."""
+"""The nodes over DDS on a craft under way: identification in waves, changing draft, quiescence, a turned sensor."""
 
+import math
+import time
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
+import yaml
 
 pytest.importorskip('rclpy')
 
 from craft_at_sea import known_sea  # noqa: E402
 from imu_stream import EPOCH_NS, reading  # noqa: E402
-from live_bench import Bench, running, settings, start_together, wait_for  # noqa: E402
+from live_bench import (  # noqa: E402
+    LATCHED,
+    PATIENCE,
+    RELIABLE,
+    Bench,
+    running,
+    settings,
+    start_together,
+    wait_for,
+)
+from std_msgs.msg import Float32, Float64, String  # noqa: E402
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named  # noqa: E402
 from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel  # noqa: E402
+from swath_sysid.attitude.hull.scheduled_model import ScheduledModel  # noqa: E402
 from swath_sysid.attitude.identification.at_sea import is_at_sea  # noqa: E402
-from swath_sysid.formats.model_file import model_from_yaml, read_model, write_model  # noqa: E402
+from swath_sysid.formats.model_file import model_from_yaml, read_model, scheduled_to_yaml, write_model  # noqa: E402
+from swath_sysid.pipeline.health import OK, WARN  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
-LINEAR = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.5, 'r1': 6.25}, axis='roll')
+
+def linear(axis, **terms):
+    return DecayModel.from_terms(EQUATIONS['linear'], terms, axis=axis)
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+LINEAR = linear('roll', b1=0.5, r1=6.25)
 RATE_HZ, DURATION = 10, 240.0
 
 
@@ -35,24 +63,20 @@ def readings():
     ]
 
 
-def identified_in_waves(readings, model_path):
-    """What the services answer after these readings, twice, with the bench that heard it."""
-    bench = Bench()
+def identified_in_waves(bench, readings, model_path):
+    """What the service answers after these readings, twice."""
     arguments = settings(f'model_path:={model_path}', 'window_s:=300.0', 'max_rate_hz:=50.0', 'window_timeout_s:=60.0')
-    try:
-        with running(bench, start_together(*arguments)):
-            bench.settle('imu_buffer', bench.send(readings))
-            first = bench.call('identifier/identify')
-            if first.success:
-                wait_for(lambda: bench.heard['model/description'], 'model')
-            return first, bench.call('identifier/identify'), bench
-    finally:
-        bench.close()
+    with running(bench, start_together(*arguments)):
+        bench.settle('imu_buffer', bench.send(readings))
+        first = bench.call('identifier/identify')
+        if first.success:
+            wait_for(lambda: bench.heard['model/description'], 'model')
+        return first, bench.call('identifier/identify')
 
 
 @pytest.mark.long
-def test_waves_are_identified_on_demand_and_only_better_models_published(readings, tmp_path):
-    first, second, bench = identified_in_waves(readings, tmp_path / 'craft.yaml')
+def test_waves_are_identified_on_demand_and_only_better_models_published(bench, readings, tmp_path):
+    first, second = identified_in_waves(bench, readings, tmp_path / 'craft.yaml')
     assert first.success and first.message.startswith('roll: at sea, equivalent linear at 2'), first.message
     assert '\n' not in first.message and 'pitch: no free decay' in first.message
     identified = model_from_yaml(bench.heard['model/description'][-1].data)['roll']
@@ -66,11 +90,132 @@ def test_waves_are_identified_on_demand_and_only_better_models_published(reading
 
 
 @pytest.mark.long
-def test_the_model_of_a_decay_stays_and_the_answer_says_so(readings, tmp_path):
+def test_the_model_of_a_decay_stays_and_the_answer_says_so(bench, readings, tmp_path):
     path = tmp_path / 'tank.yaml'
     tank = IdentifiedModel.exactly(hull_named('swath-roll').model)
     write_model(path, {'roll': replace(tank, trim_std=0.0, amplitude_range=(0.01, 0.1))})
     before = path.read_text()
-    answer, _, _ = identified_in_waves(readings, path)
+    answer, _ = identified_in_waves(bench, readings, path)
     assert not answer.success and 'the model of the free decay stays' in answer.message
     assert path.read_text() == before
+
+
+def test_the_predictor_follows_the_draft(bench):
+    models = tuple(IdentifiedModel.exactly(linear('pitch', b1=0.4, r1=r1)) for r1 in (12.0, 9.0, 7.0))
+    schedule = {'pitch': ScheduledModel('draft_m', (0.1, 0.15, 0.2), models)}
+    stamps = iter(range(EPOCH_NS, 10 * EPOCH_NS, 10_000_000))
+
+    def rest():
+        for stamp in islice(stamps, 100):
+            bench.send([reading(stamp, 0.0, 0.02)])
+        bench.wait_for_forecast_after(stamp)
+
+    def count(reason):
+        return bench.counts('predictor').get(reason, 0.0)
+
+    with running(bench, start_together()):
+        description = bench.publisher(String, 'model/description', LATCHED)
+        loading = bench.publisher(Float64, 'craft/loading', RELIABLE)
+        wait_for(lambda: description.get_subscription_count() and loading.get_subscription_count(), 'connections')
+        rest()
+        description.publish(String(data=scheduled_to_yaml(schedule)))
+        has_model = 'has_model_pitch'
+        wait_for(lambda: bench.statuses['predictor: forecast'][2].get(has_model) == 'True', 'model')
+        loading.publish(Float64(data=0.12))
+        rest()
+        assert count('loading-advice') == 0
+        loading.publish(Float64(data=0.5))
+        wait_for(lambda: count('loading-advice') == 1, 'advice about a draft beyond the schedule')
+        loading.publish(Float64(data=-1.0))
+        wait_for(lambda: count('bad-loading') == 1, 'count of a draft that is none')
+        before = count('used')
+        rest()
+        wait_for(lambda: count('used') >= before + 100, 'samples used')
+        (refused,) = bench.set_parameters('predictor', loading=-2.0)
+        assert 'loading' in refused
+        assert bench.set_parameters('predictor', loading=0.2) == []
+
+
+@pytest.mark.long
+def test_quiescence_is_told_for_the_limits_of_now(bench):
+    heard, seas = [], []
+    bench.node.create_subscription(Float32, 'forecast/quiescence', lambda m: heard.append(m.data), RELIABLE)
+    bench.node.create_subscription(String, 'sea/state', seas.append, LATCHED)
+    stamps = iter(range(EPOCH_NS, 10 * EPOCH_NS, 20_000_000))
+
+    def swing(count):
+        frequency, amplitude, readings = 2.0 * math.pi / 4.0, math.radians(0.2), []
+        for stamp in islice(stamps, count):
+            phase = frequency * (stamp - EPOCH_NS) * 1e-9
+            roll, rate = amplitude * math.sin(phase), amplitude * frequency * math.cos(phase)
+            readings.append(reading(stamp, roll, roll_rate=rate))
+        bench.send(readings)
+        bench.wait_for_forecast_after(stamp)
+
+    with running(bench, start_together()):
+        swing(2500)
+        wait_for(lambda: len(heard) > 5, 'probabilities')
+        assert heard[-1] > 0.9
+        assert bench.set_parameters('predictor', quiet_roll_deg=0.05) == []
+        before = len(heard)
+        swing(100)
+        wait_for(lambda: len(heard) > before, 'probability of the new limit')
+        assert heard[-1] < 0.1
+        assert bench.set_parameters('predictor', quiet_roll_deg=0.0, quiet_pitch_deg=0.0) == []
+        swing(20)
+        before = len(heard)
+        swing(100)
+        assert len(heard) <= before + 1
+        # about each minute; a fit that is late leaves out the one after it
+        end = time.monotonic() + PATIENCE
+        while not seas:
+            assert time.monotonic() < end, 'no sea state'
+            swing(500)
+            # stamps run faster than the clock: on a busy machine five minutes of them would pass amid the fit
+            time.sleep(1.0)
+        report = yaml.safe_load(seas[0].data)
+        assert not report['is_known'] and 'too few waves' in report['reason']
+
+
+@pytest.mark.long
+def test_axes_of_the_other_frame_are_named_with_their_cure_and_the_right_frame_is_not(bench):
+    step = 20_000_000
+
+    def installation():
+        return bench.statuses.get('predictor: installation', (None, '', {}))
+
+    def rolling(first):
+        """Five seconds of a craft that rolls in waves, by a sensor with forward-right-down axes."""
+        noise = np.random.default_rng(first)
+        for k in range(first, first + 5 * 10**9 // step):
+            t = k * step * 1e-9
+            roll, rate = 0.1 * np.sin(1.5 * t), 0.15 * np.cos(1.5 * t)
+            force = 0.0, 9.81 * np.sin(roll), -9.81 * np.cos(roll) + noise.normal(0.0, 0.02)
+            yield reading(EPOCH_NS + k * step, roll, 0.0, rate, force=force)
+
+    def hear_reports(count):
+        before = bench.reports
+        wait_for(lambda: bench.reports > before + count, 'further diagnostics')
+
+    def send_until(condition):
+        """Messages, a minute at most, until the diagnostics say what is waited for."""
+        for first in range(0, 60 * 10**9 // step, 5 * 10**9 // step):
+            bench.send(rolling(first))
+            # messages may be lost on a busy machine; what has come is judged with the next diagnostics
+            hear_reports(6)
+            if condition():
+                return
+        raise AssertionError(f'after a minute of messages: {installation()}')
+
+    with running(bench, start_together()):
+        send_until(lambda: installation()[0] == WARN)
+        level, message, values = installation()
+        assert level == WARN and values['contradictions'] == 'axes-of-sensor'
+        assert 'gravity reads -9.8 m/s^2' in message and 'set frame to frd' in message
+        # silence, and a warning, are no reason to forget it
+        hear_reports(10)
+        assert installation()[:2] == (level, message)
+    bench.statuses.clear()
+    with running(bench, start_together('-p', 'frame:=frd')):
+        send_until(lambda: int(installation()[2].get('judgements', 0)) >= 3)
+        assert installation()[0] == OK and 'agree' in installation()[1]

@@ -40,11 +40,11 @@ def test_stamps_go_both_ways(stamp):
 
 
 def test_an_imu_message_is_read_as_it_was_filled():
+    def plain(found):
+        return [list(part) if isinstance(part, tuple) else part for part in found]
+
     given = reading(EPOCH_NS + 123, 0.1, 0.2, 0.3, 0.4)
-    found = imu_reading(imu_message(given))
-    assert [list(part) if isinstance(part, tuple) else part for part in found] == [
-        list(part) if isinstance(part, tuple) else part for part in given
-    ]
+    assert plain(imu_reading(imu_message(given))) == plain(given)
 
 
 def test_a_window_goes_both_ways():
@@ -58,8 +58,13 @@ def test_a_window_goes_both_ways():
     assert window_table(nothing).rows.shape == (0, len(COLUMNS))
 
 
+def test_no_model_has_no_rows():
+    message = deserialize_message(coefficients_message({}), Float64MultiArray)
+    assert list(message.data) == []
+    assert [dimension.size for dimension in message.layout.dim] == [0, len(COEFFICIENT_NAMES)]
+
+
 def test_a_window_of_another_maker_is_read():
-    """Other byte order, columns in another order, a column more."""
     names = ['extra', *reversed(WINDOW_COLUMNS)]
     order = '>' if sys.byteorder == 'little' else '<'
     table = np.zeros(20, dtype=[(name, f'{order}f8') for name in names])
@@ -90,9 +95,3 @@ def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):
     spoil(message)
     with pytest.raises(InputError, match=sentence):
         window_table(message)
-
-
-def test_no_model_has_no_rows():
-    message = deserialize_message(coefficients_message({}), Float64MultiArray)
-    assert list(message.data) == []
-    assert [dimension.size for dimension in message.layout.dim] == [0, len(COEFFICIENT_NAMES)]

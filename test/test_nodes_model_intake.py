@@ -31,15 +31,15 @@ def resident_mb(process):
     return int(re.search(r'VmRSS:\s*(\d+) kB', status)[1]) / 1024
 
 
+def status_of(bench, topic):
+    return bench.statuses.get(TOPICS[topic][0], (0, '', {}))
+
+
 def refusals(bench, topic):
     """How often a node has refused a model."""
     if topic == 'model/description':
         return int(bench.counts('predictor').get('bad-model', 0))
-    return int(bench.counts('manoeuvring_predictor', 'manoeuvre').get('bad_models', 0))
-
-
-def status_of(bench, topic):
-    return bench.statuses.get(TOPICS[topic][0], (0, '', {}))
+    return int(status_of(bench, topic)[2].get('bad_models', 0))
 
 
 @pytest.fixture(scope='module')
@@ -63,18 +63,12 @@ def nodes():
 
 
 @pytest.mark.parametrize('topic', TOPICS)
-def test_a_latched_text_does_not_hurt_nodes_that_start_later(nodes, topic):
-    bench, _, processes = nodes
-    wait_for(lambda: 'deep' in status_of(bench, topic)[2].get('refused_model', ''), 'refusal', PATIENCE)
-    assert refusals(bench, topic) == 1
-    assert status_of(bench, topic)[0] >= WARN
-    assert [process.poll() for process in processes] == [None, None]
-
-
-@pytest.mark.parametrize('topic', TOPICS)
 def test_each_text_is_refused_while_forecasts_go_on(nodes, topic):
     bench, publishers, processes = nodes
     _, model, texts = TOPICS[topic]
+    # what was latched before the node started
+    wait_for(lambda: 'deep' in status_of(bench, topic)[2].get('refused_model', ''), 'refusal', PATIENCE)
+    assert refusals(bench, topic) == 1 and status_of(bench, topic)[0] >= WARN
     wait_for(lambda: bench.heard['forecast/next'], 'forecast', PATIENCE)
     # what the first model and the first forecasts take is theirs
     publishers[topic].publish(String(data=model))
@@ -116,43 +110,32 @@ def test_the_model_before_stays_and_a_good_one_ends_the_warning(nodes):
     assert refusals(bench, topic) == count + 1
 
 
-@pytest.mark.parametrize('name', ['nested brackets', 'a folder'])
-def test_a_model_file_that_cannot_be_used_does_not_end_the_identifier(name, tmp_path):
+@pytest.mark.parametrize(
+    ('node', 'parameter', 'text', 'report'),
+    [
+        ('identifier', 'model_path', attitude_texts()['nested brackets'][0], 'identification'),
+        ('manoeuvring_predictor', 'model_file', manoeuvring_texts()['mass NaN'][0], 'manoeuvre'),
+    ],
+)
+def test_a_model_file_that_cannot_be_used_does_not_end_the_node(node, parameter, text, report, tmp_path):
     path = tmp_path / 'model.yaml'
-    if name == 'a folder':
-        path.mkdir()
-    else:
-        path.write_text(attitude_texts()[name][0])
-    kept = path.read_bytes() if path.is_file() else None
+    path.write_text(text)
     bench = Bench()
-    process = start_node('identifier', '-r', '__ns:=/refusing', '-p', f'model_path:={path}')
+    process = start_node(node, '-r', '__ns:=/refusing', '-p', f'{parameter}:={path}')
+
+    def told():
+        level, message, values = bench.statuses.get(f'refusing/{node}: {report}', (0, '', {}))
+        if node == 'identifier':
+            return level == WARN and str(path) in message and values['bad-model-file'] == '1'
+        return str(path) in values.get('refused_model', '')
+
     try:
-        status = 'refusing/identifier: identification'
-        wait_for(lambda: status in bench.statuses, 'diagnostics', PATIENCE)
+        wait_for(told, 'refusal', PATIENCE)
         reports = bench.reports
         wait_for(lambda: bench.reports > reports + 10, 'further diagnostics', PATIENCE)
-        level, message, values = bench.statuses[status]
-        assert level == WARN and str(path) in message and values['bad-model-file'] == '1'
+        assert told()
     finally:
         code, output = stop(process)
         bench.close()
     assert code == 0 and 'Traceback' not in output, output
-    assert kept is None or path.read_bytes() == kept
-
-
-def test_a_model_file_of_manoeuvres_that_cannot_be_used_does_not_end_its_node(tmp_path):
-    path = tmp_path / 'model.yaml'
-    path.write_text(manoeuvring_texts()['mass NaN'][0])
-    bench = Bench()
-    process = start_node('manoeuvring_predictor', '-r', '__ns:=/refusing', '-p', f'model_file:={path}')
-    try:
-        status = 'refusing/manoeuvring_predictor: manoeuvre'
-        wait_for(
-            lambda: str(path) in bench.statuses.get(status, (0, '', {}))[2].get('refused_model', ''),
-            'refusal',
-            PATIENCE,
-        )
-    finally:
-        code, output = stop(process)
-        bench.close()
-    assert code == 0 and 'Traceback' not in output, output
+    assert path.read_text() == text

@@ -1,5 +1,6 @@
 """The worker process: warm, cancelled, killed, never left behind."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -15,8 +16,6 @@ from package_process import PATIENCE, environment, is_alive, wait_for
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.nodes.worker import Worker, WorkerError
-
-TEST_FOLDER = str(Path(__file__).parent)
 
 
 def warm_up():
@@ -61,27 +60,22 @@ def dying():
 def python_path():
     """The worker imports this module too."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('PYTHONPATH', TEST_FOLDER, os.pathsep)
+        patch.setenv('PYTHONPATH', str(Path(__file__).parent), os.pathsep)
         yield
 
 
 @pytest.fixture(scope='module')
 def worker(python_path):
     deaths = []
-    worker = Worker(warm_up, lambda: deaths.append(time.monotonic()))
-    worker.deaths = deaths
-    yield worker
-    worker.close()
+    with contextlib.closing(Worker(warm_up, lambda: deaths.append(time.monotonic()))) as worker:
+        worker.deaths = deaths
+        yield worker
 
 
 class Ending:
     def __init__(self):
         self.shares, self.result, self.error = [], None, None
-        self._ended, self._moved = threading.Event(), threading.Event()
-
-    def on_progress(self, share):
-        self.shares.append(share)
-        self._moved.set()
+        self._ended = threading.Event()
 
     def on_end(self, result, error):
         self.result, self.error = result, error
@@ -92,12 +86,12 @@ class Ending:
         return self
 
     def wait_for_progress(self):
-        assert self._moved.wait(PATIENCE)
+        wait_for(lambda: self.shares, 'progress')
 
 
 def submit(worker, function, *arguments, reports=False):
     ending = Ending()
-    worker.submit(function, arguments, ending.on_end, ending.on_progress if reports else None)
+    worker.submit(function, arguments, ending.on_end, ending.shares.append if reports else None)
     return ending
 
 
@@ -139,28 +133,22 @@ def test_a_worker_that_dies_is_reported_and_started_again(worker):
 
 
 def test_a_process_that_is_there_only_while_it_is_needed(python_path):
-    worker = Worker(warm_up, longest_idle=0.1)
-    try:
+    with contextlib.closing(Worker(warm_up, longest_idle=0.1)) as worker:
         for value in (3, 4):
             assert submit(worker, double, value).wait().result == 2 * value
             wait_for(lambda: not is_alive(worker.pid), 'end of the idle process')
-    finally:
-        worker.close()
 
 
-def test_closing_ends_what_runs(python_path):
+def test_closing_ends_what_runs_and_what_warms_up(python_path):
     worker = Worker(warm_up)
     ending = submit(worker, deaf, reports=True)
     ending.wait_for_progress()
     pid = worker.pid
     worker.close()
     assert isinstance(ending.error, Cancelled) and not is_alive(pid)
-
-
-def test_closing_during_the_warm_up(python_path):
-    worker = Worker(time.sleep)
-    ending = submit(worker, double, 1)
-    worker.close()
+    warming = Worker(time.sleep)
+    ending = submit(warming, double, 1)
+    warming.close()
     assert isinstance(ending.wait().error, Cancelled | WorkerError)
 
 
@@ -175,13 +163,8 @@ def test_the_worker_ends_with_its_node(python_path, how):
         print(worker.pid, flush=True)
         t.time.sleep(t.PATIENCE)
     """)
-    with subprocess.Popen(
-        [sys.executable, '-c', code],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env=environment(),
-    ) as node:
+    pipes = {'stdout': subprocess.PIPE, 'stderr': subprocess.DEVNULL, 'text': True}
+    with subprocess.Popen([sys.executable, '-c', code], env=environment(), **pipes) as node:
         pid = int(node.stdout.readline())
         assert is_alive(pid)
         node.send_signal(how)

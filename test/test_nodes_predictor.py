@@ -1,0 +1,154 @@
+"""The predictor in this process: fits of the waves that come late, and samples that waited while it could not run."""
+
+import math
+import time
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+
+from imu_stream import EPOCH_NS, reading  # noqa: E402
+from live_bench import Bench, imu_message, stamp_ns, wait_for  # noqa: E402
+from rclpy.qos import QoSProfile  # noqa: E402
+from sensor_msgs.msg import Imu  # noqa: E402
+
+from swath_sysid.nodes.executor_loop import events_executor  # noqa: E402
+from swath_sysid.nodes.predictor import PASSED_OVER_NS, Predictor  # noqa: E402
+from swath_sysid.nodes.worker import WorkerError  # noqa: E402
+from swath_sysid.pipeline.health import HARMLESS, LATE_FIT, NOT_FITTED, PASSED_OVER  # noqa: E402
+
+pytestmark = pytest.mark.dds
+
+
+@pytest.fixture
+def predictor():
+    """A predictor that runs only while the test spins it."""
+    rclpy.init()
+    node = Predictor()
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+class LaterWorker:
+    """Keeps what is submitted until the test has it done."""
+
+    def __init__(self):
+        self.work = []
+
+    def submit(self, function, arguments, on_end):
+        self.work.append((function, arguments, on_end))
+
+    def finish(self):
+        function, arguments, on_end = self.work.pop(0)
+        on_end(function(*arguments), None)
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def sailing(predictor):
+    """A predictor in waves that has just asked for a fit, and how to send it further samples."""
+    predictor.sea.close()
+    predictor.sea.worker = LaterWorker()
+    sent = 0
+
+    def sail(count):
+        nonlocal sent
+        for k in range(sent, sent + count):
+            roll = 0.05 * math.sin(0.2 * k) + 0.03 * math.sin(0.13 * k)
+            rate = 10.0 * (0.05 * 0.2 * math.cos(0.2 * k) + 0.03 * 0.13 * math.cos(0.13 * k))
+            predictor._on_imu(imu_message(reading(EPOCH_NS + k * 100_000_000, roll=roll, roll_rate=rate)))
+            sent += 1
+            if predictor.sea.worker.work:
+                return
+
+    sail(600)
+    assert predictor.sea.worker.work, 'a fit was asked for'
+    return predictor, sail
+
+
+DELAY = 5
+"""Samples between a request and the use of its fit: 0.5 s."""
+
+
+@pytest.mark.parametrize(('samples_meanwhile', 'late'), [(0, 0), (DELAY - 1, 0), (DELAY, 1), (2 * DELAY, 1)])
+def test_a_fit_that_comes_after_its_time_is_counted(sailing, samples_meanwhile, late):
+    predictor, sail = sailing
+    for _ in range(samples_meanwhile):
+        sail(1)
+    predictor.sea.worker.finish()
+    sail(1)
+    assert predictor.health.counts[LATE_FIT] == late
+
+
+def test_a_fit_that_another_one_kept_from_beginning_is_counted_and_warns_nobody(sailing):
+    predictor, sail = sailing
+    for _ in range(60):
+        sail(1)
+    assert predictor.health.counts[LATE_FIT] == 1 and len(predictor.sea.worker.work) == 1
+    assert LATE_FIT in HARMLESS
+
+
+def test_waves_that_cannot_be_fitted_warn_until_they_can(sailing):
+    predictor, sail = sailing
+    _, _, on_end = predictor.sea.worker.work.pop(0)
+    on_end(None, WorkerError('out of memory'))
+    levels = []
+    for _ in range(120):
+        sail(1)
+        if predictor.sea.worker.work:
+            break
+        levels.append(predictor.health.holding)
+    assert levels and all('waves-not-fitted' in told for told in levels)
+    predictor.sea.worker.finish()
+    sail(1)
+    assert predictor.health.holding == '' and predictor.health.counts[NOT_FITTED] == 1
+
+
+@pytest.mark.parametrize('make_executor', [events_executor, rclpy.executors.SingleThreadedExecutor])
+def test_after_a_stall_it_forecasts_from_the_newest_and_counts_what_it_passed_over(predictor, make_executor):
+    """It uses every sample."""
+    bench, executor, interval_ns, count = Bench(), make_executor(), 10_000_000, 400
+    executor.add_node(predictor)
+    # within one process samples arrive as they are published
+    sensor = bench.publisher(Imu, 'imu/data', QoSProfile(depth=1000))
+    leads = bench.heard['forecast/lead_0_5s']
+
+    def spin_until(condition, what):
+        wait_for(lambda: executor.spin_once(timeout_sec=0.02) or condition(), what)
+
+    def send(first, last):
+        for k in range(first, last):
+            sensor.publish(imu_message(reading(EPOCH_NS + k * interval_ns, 0.01, -0.02)))
+
+    try:
+        spin_until(lambda: sensor.get_subscription_count() and bench.node.count_publishers('/forecast/next'), 'nodes')
+        next_try = time.monotonic()
+        while predictor.health.received == 0:
+            # the subscription may still be connecting when the sensor knows of it: what comes before that is lost
+            if time.monotonic() >= next_try:
+                send(0, 1)
+                next_try = time.monotonic() + 2.0
+            executor.spin_once(timeout_sec=0.02)
+        for k in range(1, 50):
+            send(k, k + 1)
+            spin_until(lambda k=k: predictor.health.received > k, 'sample')
+        assert predictor.health.counts[PASSED_OVER] == 0
+        wait_for(lambda: bench.newest_stamp() == EPOCH_NS + 50 * interval_ns, 'forecast')
+        bench.heard['forecast/next'].clear()
+        leads.clear()
+        send(50, 50 + count)
+        spin_until(lambda: predictor.health.received == 50 + count, 'all samples')
+        newest = EPOCH_NS + (50 + count - 1) * interval_ns
+        wait_for(lambda: bench.newest_stamp() == newest + interval_ns, 'forecast from the newest sample')
+        wait_for(lambda: leads, 'leads')
+        fresh = PASSED_OVER_NS // interval_ns + 1
+        assert len(bench.heard['forecast/next']) <= fresh and len(leads) <= 2
+        assert all(stamp_ns(lead) - 500_000_000 >= newest - PASSED_OVER_NS for lead in leads)
+        assert predictor.pipeline.used == 50 + count
+        assert predictor.health.reports(0.0, newest)[0].values[PASSED_OVER] == count - fresh
+    finally:
+        executor.shutdown()
+        bench.close()
