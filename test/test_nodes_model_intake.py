@@ -13,7 +13,6 @@ from std_msgs.msg import String  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
-PATIENCE = 60.0
 LARGEST_GAP = 0.5
 LARGEST_GROWTH_MB = 50.0
 WARN = 1
@@ -53,7 +52,7 @@ def nodes():
     sensor = start('-m', 'swath_sysid.nodes.simulated_craft', '--ros-args', '-p', 'hull:=swath-pitch')
     processes = start_together(), start_node('manoeuvring_predictor')
     try:
-        wait_for(lambda: all(TOPICS[topic][0] in bench.statuses for topic in TOPICS), 'diagnostics', PATIENCE)
+        wait_for(lambda: all(TOPICS[topic][0] in bench.statuses for topic in TOPICS), 'diagnostics')
         yield bench, publishers, processes
     finally:
         ends = [stop(process) for process in (sensor, *processes)]
@@ -67,12 +66,12 @@ def test_each_text_is_refused_while_forecasts_go_on(nodes, topic):
     bench, publishers, processes = nodes
     _, model, texts = TOPICS[topic]
     # what was latched before the node started
-    wait_for(lambda: 'deep' in status_of(bench, topic)[2].get('refused_model', ''), 'refusal', PATIENCE)
+    wait_for(lambda: 'deep' in status_of(bench, topic)[2].get('refused_model', ''), 'refusal')
     assert refusals(bench, topic) == 1 and status_of(bench, topic)[0] >= WARN
-    wait_for(lambda: bench.heard['forecast/next'], 'forecast', PATIENCE)
+    wait_for(lambda: bench.heard['forecast/next'], 'forecast')
     # what the first model and the first forecasts take is theirs
     publishers[topic].publish(String(data=model))
-    wait_for(lambda: status_of(bench, topic)[2].get('refused_model') == '', 'model', PATIENCE)
+    wait_for(lambda: status_of(bench, topic)[2].get('refused_model') == '', 'model')
     before, count = [resident_mb(process) for process in processes], refusals(bench, topic)
     heard = len(bench.heard['forecast/next'])
     for name, (text, words) in texts.items():
@@ -81,7 +80,7 @@ def test_each_text_is_refused_while_forecasts_go_on(nodes, topic):
             continue
         publishers[topic].publish(String(data=text))
         count += 1
-        wait_for(lambda count=count: refusals(bench, topic) == count, f'refusal of {name}', PATIENCE)
+        wait_for(lambda count=count: refusals(bench, topic) == count, f'refusal of {name}')
         level, _, values = status_of(bench, topic)
         assert level >= WARN
         assert re.search(words, values['refused_model']), (name, values['refused_model'])
@@ -99,13 +98,13 @@ def test_the_model_before_stays_and_a_good_one_ends_the_warning(nodes):
     assert status_of(bench, topic)[2]['has_model_pitch'] == 'True'
     count = refusals(bench, topic)
     publishers[topic].publish(String(data=attitude_texts()['trim a date'][0]))
-    wait_for(lambda: refusals(bench, topic) == count + 1, 'refusal', PATIENCE)
+    wait_for(lambda: refusals(bench, topic) == count + 1, 'refusal')
     reports = bench.reports
-    wait_for(lambda: bench.reports > reports + 20, 'further diagnostics', PATIENCE)
+    wait_for(lambda: bench.reports > reports + 20, 'further diagnostics')
     level, message, values = status_of(bench, topic)
     assert level == WARN and 'trim_rad' in message and values['has_model_pitch'] == 'True'
     publishers[topic].publish(String(data=model))
-    wait_for(lambda: status_of(bench, topic)[2]['refused_model'] == '', 'end of the warning', PATIENCE)
+    wait_for(lambda: status_of(bench, topic)[2]['refused_model'] == '', 'end of the warning')
     assert 'trim_rad' not in status_of(bench, topic)[1]
     assert refusals(bench, topic) == count + 1
 
@@ -130,9 +129,9 @@ def test_a_model_file_that_cannot_be_used_does_not_end_the_node(node, parameter,
         return str(path) in values.get('refused_model', '')
 
     try:
-        wait_for(told, 'refusal', PATIENCE)
+        wait_for(told, 'refusal')
         reports = bench.reports
-        wait_for(lambda: bench.reports > reports + 10, 'further diagnostics', PATIENCE)
+        wait_for(lambda: bench.reports > reports + 10, 'further diagnostics')
         assert told()
     finally:
         code, output = stop(process)

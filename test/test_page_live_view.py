@@ -53,7 +53,10 @@ def forecast(stamp_ns, angle=0.1, std=0.02):
     return horizon_of(stamp_ns, LEADS.tolist(), ['pitch', 'pitch_std'], positions)
 
 
-def test_noise_is_that_of_the_sensor_whether_or_not_the_craft_moves():
+def test_health_names_the_silent_and_the_noise_is_that_of_the_sensor_whether_or_not_the_craft_moves(tank):
+    told = {name: told for name, *told in health(tank.record.statuses(tank.clock), tank.record.motions())}
+    assert told['Sensor'][0] == 0 and told['Sensor'][1].endswith('Hz, receiving /imu/data')
+    assert health({}, {})[0] == ('Sensor', 1, 'no diagnostics from predictor')
     time = np.arange(0.0, 10.0, 0.04)
     noise = np.random.default_rng(1).normal(0.0, 1e-3, time.size)
     for amplitude in (0.0, 0.05):
@@ -62,17 +65,13 @@ def test_noise_is_that_of_the_sensor_whether_or_not_the_craft_moves():
         assert np.radians(float(said.removeprefix('roll ').removesuffix(' deg'))) == pytest.approx(1e-3, rel=0.25)
 
 
-def test_health_has_a_line_for_every_status_and_names_the_silent(tank):
-    lines = {
-        name: (level, sentence)
-        for name, level, sentence in health(tank.record.statuses(tank.clock), tank.record.motions())
-    }
-    assert lines['Sensor'][0] == 0 and lines['Sensor'][1].endswith('Hz, receiving /imu/data')
-    assert 'roll 0.0' in lines['Noise of the angles'][1]
-    assert health({}, {})[0] == ('Sensor', 1, 'no diagnostics from predictor')
-
-
-def test_the_forecast_stands_behind_now_with_its_intervals(tank):
+def test_the_forecast_stands_behind_now_with_its_intervals_and_is_kept_until_it_is_due(tank):
+    for second in range(4):
+        tank.record.add_horizon(forecast(tank.stamp_ns + second * 10**8, 0.01 * second))
+    chart = motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'])
+    # what was forecast two seconds before
+    assert [value for _, value in chart['checked']] == pytest.approx(np.degrees([0.0, 0.01, 0.02, 0.03]), abs=1e-3)
+    assert chart['checked'][0][0] == pytest.approx(2.0, abs=0.05)
     tank.record.add_horizon(forecast(tank.stamp_ns))
     chart = motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'])
     times = [time for time, _ in chart['measured']]
@@ -84,40 +83,19 @@ def test_the_forecast_stands_behind_now_with_its_intervals(tank):
     assert len(motion_series(chart)) == len(motion_options('deg')['series'])
 
 
-def test_what_was_forecast_two_seconds_before_is_kept_until_it_is_due(tank):
-    for second in range(4):
-        tank.record.add_horizon(forecast(tank.stamp_ns + second * 10**8, 0.01 * second))
-    chart = motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'])
-    assert [value for _, value in chart['checked']] == pytest.approx(np.degrees([0.0, 0.01, 0.02, 0.03]), abs=1e-3)
-    assert chart['checked'][0][0] == pytest.approx(2.0, abs=0.05)
-
-
-def test_memory_does_not_grow():
-    record = LiveRecord()
+def test_memory_does_not_grow_and_of_a_fast_sensor_25_samples_a_second_are_kept():
+    record, step = LiveRecord(), 5_000_000
+    record.install(Installation())
     for k in range(2 * KEPT_FORECASTS):
         record.add_horizon(forecast(k * 10**8))
         record.add_status(Report(f'node {k}: imu', 0, ''), 0.0)
     assert len(record.checked['pitch']) == KEPT_FORECASTS
     assert len(record.statuses(0.0)) == MAX_STATUSES
-
-
-def test_of_a_fast_sensor_25_samples_a_second_are_kept():
-    record, step = LiveRecord(), 5_000_000
-    record.install(Installation())
-    begun = 1_700_000_000 * 10**9
     for k in range(400):
-        if record.is_due(begun + k * step, 0.005 * k):
-            record.add_reading(reading(begun + k * step))
+        if record.is_due(EPOCH_NS + k * step, 0.005 * k):
+            record.add_reading(reading(EPOCH_NS + k * step))
     time = record.motions()['roll'].time
     assert np.diff(time) == pytest.approx(0.04, abs=1e-6) and time.size == 50
-
-
-def test_the_curves_of_an_exact_model_have_no_width():
-    hull = hull_named('swath-pitch').model
-    model = IdentifiedModel(hull, np.zeros((len(hull.equation.terms),) * 2), amplitude_range=(0.01, 0.08))
-    chart = model_chart(model, None)
-    assert chart['period'][0][1] == pytest.approx(hull.natural_period, rel=0.02)
-    assert all(low == value == high for _, value, low, high in chart['damping'])
 
 
 def test_a_softening_decay_is_drawn_as_softening_with_the_model_over_it():
@@ -130,53 +108,40 @@ def test_a_softening_decay_is_drawn_as_softening_with_the_model_over_it():
     assert np.abs(np.subtract(shown['fitted'], shown['measured'])[:, 1]).max() < 0.01 and 'off by' in words
     chart = model_chart(model, release)
     for name, tolerance in (('period', 0.01), ('damping', 0.15)):
-        degrees, curve = np.array(chart[name])[:, :2].T
+        degrees, curve, low, high = np.array(chart[name]).T
         dots, measured = np.array(chart[f'measured_{name}']).T
         assert measured == pytest.approx(np.interp(dots, degrees, curve), rel=tolerance)
+        # of an exact model
+        assert np.array_equal(low, curve) and np.array_equal(curve, high)
     periods = np.array(chart['period'])[:, 1]
     assert (np.diff(periods) > 0.0).all() and periods[-1] > 1.1 * periods[0]
+    runs_away = DecayModel.from_terms(hull.equation, {'b1': 0.0, 'b2': 0.0, 'r1': -50.0, 'r3': -900.0})
+    shown, words = release_chart(release, IdentifiedModel(runs_away, np.zeros((4, 4))))
+    assert 'runs away' in words and shown['measured']
 
 
 def test_each_release_is_listed_with_what_it_added_and_the_last_minute_can_be_taken_along(tank, tmp_path):
     hull = IdentifiedModel.exactly(hull_named('swath-pitch').model)
-    models = [
-        replace(hull, metrics={'motion_error': e}, provenance={'segments_s': n * [[0, 9]]})
-        for e, n in ((0.2, 1), (0.05, 2))
-    ]
-    for model in (*models, None):
+    for error, releases in ((0.2, 1), (0.05, 2), (None, 0)):
         tank.release(5.0)
-        if model is not None:
-            tank.record.set_models({'pitch': model})
+        if error is not None:
+            provenance = {'segments_s': releases * [[0, 9]]}
+            tank.record.set_models({'pitch': replace(hull, metrics={'motion_error': error}, provenance=provenance)})
     last, second, first = releases_in_words(tank.record.tried['pitch'])
     assert first.startswith('From 5.') and 'deg: next release within 20 %' in first
     assert 'within 5 % (20 % before)' in second and last.endswith('no new model')
-    (tmp_path / 'motion.csv').write_text(download_of(tank, 'motion.csv', tmp_path))
+    source = SimpleNamespace(lock=nullcontext(), record=tank.record, description='', sensor='')
+    (tmp_path / 'motion.csv').write_text(PageState(source, tmp_path).download('motion.csv'))
     trial = read_csv(tmp_path / 'motion.csv')
     assert np.ptp(trial.channels['pitch']) > np.radians(5.0) and 20.0 < trial.time[-1] < 61.0
 
 
-def download_of(tank, name, folder):
-    source = SimpleNamespace(lock=nullcontext(), record=tank.record, description='', sensor='')
-    return PageState(source, folder).download(name)
-
-
-def test_a_model_whose_motion_runs_away_is_told():
-    hull = DecayModel.from_terms(equation_named('odd-cubic'), {'b1': 0.0, 'b2': 0.0, 'r1': -50.0, 'r3': -900.0})
-    time = np.arange(0.0, 20.0, 0.04)
-    release = Release(AxisMotion('roll', time, 0.1 * np.cos(2.4 * time), None), 2.6, 7.0, 0.1, 0.0)
-    chart, words = release_chart(release, IdentifiedModel(hull, np.zeros((4, 4))))
-    assert 'runs away' in words and len(chart['measured']) == time.size
-
-
-def test_calm_is_counted_from_now(tank):
+def test_calm_is_counted_from_now_and_valid_leads_are_those_of_the_diagnostics(tank):
     assert calm_words(tank.record) == 'No calm window forecast yet.'
     tank.record.quiescence, tank.record.calm = 0.25, (tank.record.stamp + 1.0, tank.record.stamp + 4.0, 0.93)
     assert calm_words(tank.record).endswith('probability of 25 %. Calm from 1.0 to 4.0 s from now (93 %).')
     tank.record.limits = QuiescenceLimits(roll=np.radians(3.0), duration=5.0)
     assert calm_words(tank.record).endswith(' Quiet means within ±(roll 3 deg) for 5 s.')
-
-
-def test_the_valid_leads_are_those_of_the_diagnostics():
     values = {'published': 3, 'valid_lead_roll_s': '2.74', 'valid_lead_bow.heave_s': 1.0}
     words = valid_words({'predictor: forecast': Report('forecast', 0, '', values)})
     assert words == 'Valid lead: roll 2.7 s, bow.heave 1.0 s.'
@@ -202,15 +167,12 @@ def test_another_text_is_not_a_sea_state(text):
 
 
 def test_a_campaign_lists_its_trials_and_what_is_missing(tmp_path):
-    for name in ('a1.csv', 'a2.csv', 'b1.csv'):
+    angles = {'a1.csv': 5, 'a2.csv': 5, 'b1.csv': 8, 'later.csv': 8}
+    for name in list(angles)[:3]:
         (tmp_path / name).write_text(f'# {name}\ntime_s,roll_deg\n0,1\n')
-    path = tmp_path / 'campaign.yaml'
-    path.write_text(
-        'axis: roll\ntrials:\n'
-        '  - {file: a1.csv, initial_angle_deg: 5}\n  - {file: a2.csv, initial_angle_deg: 5}\n'
-        '  - {file: b1.csv, initial_angle_deg: 8}\n  - {file: later.csv, initial_angle_deg: 8}\n'
-    )
-    rows, missing = campaign_words(str(path))
+    trials = ''.join(f'  - {{file: {name}, initial_angle_deg: {angle}}}\n' for name, angle in angles.items())
+    (tmp_path / 'campaign.yaml').write_text(f'axis: roll\ntrials:\n{trials}')
+    rows, missing = campaign_words(str(tmp_path / 'campaign.yaml'))
     assert [row['file'] for row in rows] == ['a1.csv', 'a2.csv', 'b1.csv']
     assert any('later.csv' in line for line in missing) and 'roll 8 deg: 1 of 2 repeats' in missing
     assert campaign_words(str(tmp_path / 'none.yaml'))[0] == []
