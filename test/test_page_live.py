@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-pytest.importorskip('rclpy')
+rclpy = pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, decay_stream, reading  # noqa: E402
 from live_bench import (  # noqa: E402
@@ -20,6 +20,7 @@ from live_bench import (  # noqa: E402
     wait_for,
 )
 from package_process import command_line  # noqa: E402
+from rclpy.signals import SignalHandlerOptions  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from test_page_bring_up import turned_over  # noqa: E402
 
@@ -42,9 +43,6 @@ class Page:
     """A state with its node, spun in a thread as the bench's is."""
 
     def __init__(self, bench, folder):
-        import rclpy
-        from rclpy.signals import SignalHandlerOptions
-
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self.bench, self.folder, self.stamp, self.sent = bench, folder, EPOCH_NS, 0
         self.node = PageNode(lambda line: self.state.answer(line))
@@ -52,8 +50,6 @@ class Page:
         self.spinning = Spinning(self.node)
 
     def close(self):
-        import rclpy
-
         self.spinning.close()
         rclpy.shutdown()
         self.state.close()

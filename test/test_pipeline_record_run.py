@@ -9,31 +9,19 @@ from records_at_sea import only, sea
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
-from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.record_run import run_through, samples_of
 
 SETTINGS = ForecasterSettings(leads=(0.5, 1.0), horizon=2.0, horizon_step=0.5)
 
 
-@pytest.fixture(scope='module')
-def whole():
-    trial = sea(30.0)
-    return trial, run_through(trial, SETTINGS)
-
-
-def test_what_is_to_come_changes_no_forecast_before(whole):
-    trial, run = whole
-    changed_from = 22.0
+def test_what_is_to_come_changes_no_forecast_before():
+    trial, others, changed_from = sea(30.0), sea(30.0, seed=7), 22.0
     is_later = trial.time > changed_from
-    others = sea(30.0, seed=7)
-    columns = {
-        name: np.where(is_later, 3.0 * getattr(others, name), getattr(trial, name))
-        for name in ('roll', 'pitch', 'roll_rate', 'pitch_rate')
-    }
-    other = run_through(Trial(trial.time, **columns), SETTINGS)
+    columns = {name: np.where(is_later, 3.0 * others.channels[name], own) for name, own in trial.channels.items()}
     alike = []
-    for one, two in zip(run.steps, other.steps, strict=True):
+    steps = (run_through(each, SETTINGS).steps for each in (trial, Trial(trial.time, **columns)))
+    for one, two in zip(*steps, strict=True):
         assert one.stamp == two.stamp
         same = all(
             np.array_equal(getattr(part.axes[axis], name), getattr(counterpart.axes[axis], name))
@@ -41,12 +29,9 @@ def test_what_is_to_come_changes_no_forecast_before(whole):
             for axis in part.axes
             for name in ('angle', 'rate', 'covariance', 'half_width')
         )
-        if one.stamp <= changed_from:
-            assert same, one.stamp
-            alike.append(one.stamp)
-        else:
-            assert not same, one.stamp
-    assert len(alike) > 200
+        assert same == (one.stamp <= changed_from), one.stamp
+        alike.append(same)
+    assert sum(alike) > 200
 
 
 @pytest.mark.parametrize(('rate', 'asked', 'every'), [(10.0, 5.0, 0.2), (50.0, 10.0, 0.1), (10.0, 100.0, 0.1)])
@@ -78,30 +63,6 @@ def test_a_record_of_one_axis_and_a_record_that_is_still():
     run = run_through(Trial(trial.time, roll=still, roll_rate=still), SETTINGS)
     assert max(abs(step.forecast.axes['roll'].angle).max() for step in run.steps) < 1e-6
     assert all(np.isfinite(step.forecast.axes['roll'].half_width).all() for step in run.steps)
-
-
-def test_it_is_the_pipeline_that_runs(whole):
-    trial, run = whole
-    pipeline, issued = ForecastPipeline(PipelineSettings(forecaster=SETTINGS)), []
-    for sample in samples_of(trial):
-        step = pipeline.add_sample(sample)
-        if step.forecast is not None:
-            issued.append(step.forecast)
-        if step.sea_request is not None:
-            pipeline.install(fit_sea(step.sea_request))
-    for one, two in zip(run.steps, issued, strict=True):
-        assert one.forecast.leads.tolist() == [0.5, 1.0] and one.horizon.leads.tolist() == [0.5, 1.0, 1.5, 2.0]
-        assert one.forecast.stamp == pytest.approx(one.stamp)
-        np.testing.assert_array_equal(one.forecast.covariance, two.covariance)
-
-
-def test_samples_are_the_columns_and_what_is_absent_is_not_a_number():
-    trial = sea(30.0)
-    samples = list(samples_of(Trial(trial.time, roll=trial.roll, roll_rate=trial.roll_rate)))
-    assert [sample.stamp_ns for sample in samples] == np.round(trial.time * 1e9).astype(int).tolist()
-    assert [sample.roll for sample in samples] == trial.roll.tolist()
-    absent = ('pitch', 'pitch_rate', 'accel_x', 'accel_z', 'yaw_rate', 'heave', 'roll_variance', 'pitch_rate_variance')
-    assert all(math.isnan(getattr(samples[0], name)) for name in absent)
 
 
 def test_times_and_progress_are_given_and_the_clock_is_an_argument():

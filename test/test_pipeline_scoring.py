@@ -1,4 +1,4 @@
-"""Skill: every forecast counts, beside closed forms, with what is lost and what is to come."""
+"""Scores of angles and of points, against closed forms, and the verb that prints them."""
 
 import json
 from dataclasses import replace
@@ -6,42 +6,39 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from records_at_sea import only, sea
+from records_at_sea import only, sea, swell
 
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecast import NORMAL_QUANTILES, AxisForecast, Forecast
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.point import Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import Run, run_through
-from swath_sysid.pipeline.scoring import METHODS, score, usual_limits
+from swath_sysid.pipeline.scoring import METHODS, SENSOR, score, usual_limits
 from swath_sysid.report.forecast_figure import forecast_figure
 from swath_sysid.report.forecast_summary import skill_as_data
 
 LEADS = (0.1, 1.0)
 
 
-def lost(trial, every, count):
-    """The trial without `count` samples each `every` seconds."""
-    return only(trial, trial.time % every >= count * 0.1 - 1e-6)
+def rolling(duration):
+    """A record of roll alone."""
+    return replace(sea(duration), pitch=None, pitch_rate=None)
 
 
-def forecasts_with_errors(trial, errors, deviation, leads=LEADS):
+def forecasts_with_errors(trial, errors, deviation):
     """A run that forecast roll at each sample with the errors given, shape (N, L)."""
     steps = []
     for k, stamp in enumerate(trial.time.tolist()):
-        angle = np.interp(stamp + np.array(leads), trial.time, trial.roll) + errors[k]
-        covariance = np.tile(np.diag([deviation**2, 1.0]), (len(leads), 1, 1))
-        ahead = Forecast(stamp, np.array(leads), {'roll': AxisForecast(angle, 0.0 * angle, covariance)})
+        angle = np.interp(stamp + np.array(LEADS), trial.time, trial.roll) + errors[k]
+        covariance = np.tile(np.diag([deviation**2, 1.0]), (len(LEADS), 1, 1))
+        ahead = Forecast(stamp, np.array(LEADS), {'roll': AxisForecast(angle, 0.0 * angle, covariance)})
         steps.append(SimpleNamespace(stamp=stamp, forecast=ahead, horizon=ahead))
     return Run(tuple(steps))
-
-
-def scored(trial, leads=LEADS, warmup=60.0, window=60.0, **further):
-    settings = ForecasterSettings(leads=tuple(leads), window=window)
-    return score(trial, run_through(trial, settings, {}), leads, warmup, window, **further)
 
 
 @pytest.fixture(scope='module')
@@ -52,7 +49,7 @@ def whole():
 
 
 def test_errors_of_known_size_are_scored_as_such_and_so_are_their_intervals():
-    rng, trial, size = np.random.default_rng(5), replace(sea(900.0), pitch=None, pitch_rate=None), 0.02
+    rng, trial, size = np.random.default_rng(5), rolling(900.0), 0.02
     errors = rng.normal(0.0, size, (trial.time.size, 2))
     found = score(trial, forecasts_with_errors(trial, errors, size), LEADS, 300.0, 60.0).axes['roll']
     issued = np.flatnonzero(trial.time >= 300.0)
@@ -75,21 +72,16 @@ def test_errors_of_known_size_are_scored_as_such_and_so_are_their_intervals():
 
 
 def test_errors_that_come_in_groups_widen_the_intervals():
-    trial = replace(sea(900.0), pitch=None, pitch_rate=None)
-    rng = np.random.default_rng(1)
-    sizes = {
-        'alone': rng.normal(0.0, 0.02, (trial.time.size, 1)),
-        'together': np.repeat(rng.normal(0.0, 0.02, trial.time.size // 100), 100)[:, None],
-    }
-    widths = {}
-    for name, errors in sizes.items():
-        run = forecasts_with_errors(trial, errors * np.ones(2), 0.02)
-        widths[name] = np.diff(score(trial, run, LEADS, 300.0, 60.0).axes['roll'].interval[0])[0]
-    assert widths['together'] > 4.0 * widths['alone']
+    trial, rng = rolling(900.0), np.random.default_rng(1)
+    alone = rng.normal(0.0, 0.02, (trial.time.size, 1))
+    together = np.repeat(rng.normal(0.0, 0.02, trial.time.size // 100), 100)[:, None]
+    runs = [forecasts_with_errors(trial, errors * np.ones(2), 0.02) for errors in (alone, together)]
+    widths = [np.diff(score(trial, run, LEADS, 300.0, 60.0).axes['roll'].interval[0])[0] for run in runs]
+    assert widths[1] > 4.0 * widths[0]
 
 
 def test_where_a_forecast_has_no_value_persistence_stands_in_and_it_is_said():
-    trial = replace(sea(200.0), pitch=None, pitch_rate=None)
+    trial = rolling(200.0)
     errors = np.zeros((trial.time.size, 2))
     errors[1200:1300] = np.nan
     skill = score(trial, forecasts_with_errors(trial, errors, 0.02), LEADS, 100.0, 60.0)
@@ -102,33 +94,19 @@ def test_where_a_forecast_has_no_value_persistence_stands_in_and_it_is_said():
 
 
 def test_a_forecast_issued_after_a_gap_counts_and_has_a_score_of_its_own():
-    whole = replace(sea(300.0), pitch=None, pitch_rate=None)
-    trial = lost(whole, 20.0, 5)
+    whole = rolling(300.0)
+    trial = only(whole, whole.time % 20.0 >= 0.5 - 1e-6)
     errors = np.where((trial.time % 20.0 < 4.55)[:, None], 0.03, 0.01) * np.ones(2)
-    run = forecasts_with_errors(trial, errors, 0.02)
-    found = score(trial, run, LEADS, 100.0, 60.0).axes['roll']
+    found = score(trial, forecasts_with_errors(trial, errors, 0.02), LEADS, 100.0, 60.0).axes['roll']
     assert found.gap_nrmse['forecast'] == pytest.approx(np.full(2, 0.03 / found.deviation))
-    assert found.gap_share[0] == pytest.approx(10 * 41 / found.counted[0])
+    share = found.gap_share[0]
+    assert share == pytest.approx(10 * 41 / found.counted[0])
     # at the ends of the gaps nothing was measured a lead later
     assert found.unmeasured[0] == 9 + 1 and found.counted[0] + found.unmeasured[0] == 2000 - 10 * 5
-    share = found.gap_share[0]
-    assert found.nrmse['forecast'][0] == pytest.approx(
-        np.sqrt(share * 0.03**2 + (1 - share) * 0.01**2) / found.deviation
-    )
+    expected = np.sqrt(share * 0.03**2 + (1 - share) * 0.01**2) / found.deviation
+    assert found.nrmse['forecast'][0] == pytest.approx(expected)
     assert 0.0 < found.replaced_share['var_40'][0] < 0.5
     assert np.all(found.replaced_share['persistence'] == 0.0)
-
-
-def test_a_record_that_lost_samples_scores_worse_than_the_whole_one(whole):
-    trial, run = whole
-    whole = score(trial, run, LEADS, 100.0, 60.0).axes['roll']
-    broken = scored(lost(trial, 10.0, 5), warmup=100.0).axes['roll']
-    assert whole.gap_share[0] == 0.0 and np.isnan(whole.gap_nrmse['forecast']).all()
-    assert broken.gap_share[0] > 0.3
-    for name in ('ar_40', 'var_40'):
-        assert broken.nrmse[name][0] > 1.5 * whole.nrmse[name][0]
-    assert whole.nrmse['forecast'][0] < broken.nrmse['forecast'][0] < 1.2 * whole.nrmse['forecast'][0]
-    assert broken.nrmse['persistence'] == pytest.approx(whole.nrmse['persistence'], rel=0.1)
 
 
 def test_scores_are_told_as_json_and_drawn(whole):
@@ -139,12 +117,11 @@ def test_scores_are_told_as_json_and_drawn(whole):
     assert set(data['axes']) == {'roll', 'pitch'}
     told = data['axes']['roll']
     assert set(told['nrmse']) == set(METHODS)
-    assert all(value is not None for values in told['nrmse'].values() for value in values)
     assert told['nrmse']['forecast'][1] < 0.5 * told['nrmse']['persistence'][1]
-    assert told['ratio'][1] < 1.1
-    assert 0.8 < told['coverage']['90'][0] < 0.97
+    assert told['ratio'][1] < 1.1 and 0.8 < told['coverage']['90'][0] < 0.97
     assert told['counted'] == [899, 890] and told['unmeasured'] == [1, 10]
     assert told['nrmse_interval'] == [[None, None]] * 2
+    assert skill.axes['roll'].gap_share[0] == 0.0 and np.isnan(skill.axes['roll'].gap_nrmse['forecast']).all()
     assert forecast_figure(trial, run, skill).axes
 
 
@@ -158,13 +135,6 @@ def test_what_is_scored_and_what_is_learnt_from_are_chosen_apart(whole):
     short = score(trial, run, LEADS, 60.0, 20.0).axes['roll']
     assert np.array_equal(short.nrmse['forecast'], early.nrmse['forecast'])
     assert not np.allclose(short.nrmse['var_40'], early.nrmse['var_40'])
-
-
-def test_the_first_minute_is_scored_from_its_first_forecast():
-    found = scored(sea(90.0), warmup=0.0, until=60.0).axes['roll']
-    assert 595 <= found.counted[0] <= 601
-    assert found.replaced_share['var_40'][0] > 0.15
-    assert found.nrmse['forecast'][1] < found.nrmse['persistence'][1]
 
 
 @pytest.mark.slow
@@ -189,23 +159,18 @@ def test_the_verb_scores_the_first_minute_and_prints_one_json_object(tmp_path, c
     assert main([*command, '--json', '--axis', 'roll', '--plot', str(picture)]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told['warmup_s'], told['until_s'], told['window_s']) == (0.0, 60.0, 1200.0)
-    assert list(told['axes']) == ['roll'] and told['axes']['roll']['counted'] == [600, 600]
+    roll = told['axes'].pop('roll')
+    assert told['axes'] == {} and roll['counted'] == [600, 600]
+    assert roll['nrmse']['forecast'][1] < roll['nrmse']['persistence'][1]
     assert 'quiescence' not in told and picture.stat().st_size > 10_000
 
 
 def test_the_verb_prints_a_table_with_what_came_after_gaps(tmp_path, capsys):
-    write_csv(tmp_path / 'sea.csv', lost(sea(80.0), 20.0, 5))
+    whole = sea(80.0)
+    write_csv(tmp_path / 'sea.csv', only(whole, whole.time % 20.0 >= 0.5 - 1e-6))
     assert main(['forecast', str(tmp_path / 'sea.csv'), '--leads', '0.5', '--warmup', '40', '--window', '30']) == 0
     printed = capsys.readouterr().out
-    rows = (
-        'VAR(60)',
-        'past mean',
-        'forecast / best other',
-        '90 % coverage, %',
-        'scored',
-        '4 s after gaps, %',
-        'quiet for',
-    )
+    rows = 'VAR(60)', 'past mean', 'forecast / best other', '90 % coverage, %', 'scored', '4 s after gaps, %', 'quiet'
     assert [row for row in rows if row not in printed] == []
 
 
@@ -225,9 +190,112 @@ def test_what_cannot_be_scored_is_refused():
 
 @pytest.mark.slow
 def test_a_ship_that_tells_angles_once_a_second_is_forecast_and_its_intervals_hold(data_folder):
-    found = scored(read_trial(data_folder / 'waves' / 'nbp1406_ship.csv'), (2.0, 5.0), warmup=240.0, window=240.0)
+    trial, leads = read_trial(data_folder / 'waves' / 'nbp1406_ship.csv'), (2.0, 5.0)
+    found = score(trial, run_through(trial, ForecasterSettings(leads=leads, window=240.0), {}), leads, 240.0, 240.0)
     for axis in ('roll', 'pitch'):
         assert np.all(found.axes[axis].nrmse['forecast'] < 0.85)
         assert np.all(np.abs(found.axes[axis].coverage[:, 1] - 0.9) < 0.03)
     # the heading knows of the wave before the roll does: the regression of all channels is the one to beat
     assert found.axes['roll'].nrmse['var_40'][0] < 0.9 * found.axes['roll'].nrmse['ar_40'][0]
+
+
+# -- vertical motion at points
+
+
+POINT_LEADS = np.array([0.5, 2.0])
+BOW = Point('bow', (2.5, 0.0, 0.0))
+DEVIATIONS = np.array([0.1, 0.2, 0.05])
+
+
+def forecasts_at_points(trial, motion, learnt=0.0):
+    """A run whose forecasts have errors of known size from a time on, and none of vertical motion before."""
+    rng, steps = np.random.default_rng(1), []
+    covariance = np.tile(np.diag([*DEVIATIONS**2, 1.0, 1.0, 1.0, 1.0]), (POINT_LEADS.size, 1, 1))
+    for stamp in trial.time.tolist():
+        angle = AxisForecast(np.zeros(2), np.zeros(2), np.tile(np.eye(2), (2, 1, 1)))
+        means = {
+            point: motion(stamp + POINT_LEADS, point.place[0]) + DEVIATIONS * rng.normal(size=(2, 3))
+            for point in (SENSOR, BOW)
+            if stamp >= learnt
+        }
+        points = {point.name: PointMotion(point.place, mean, covariance) for point, mean in means.items()}
+        ahead = Forecast(stamp, POINT_LEADS, {'roll': angle, 'pitch': angle}, points=points)
+        steps.append(SimpleNamespace(stamp=stamp, forecast=ahead, horizon=ahead))
+    return Run(tuple(steps))
+
+
+def test_errors_of_known_size_at_a_point_are_scored_as_such():
+    trial, motion = swell(300.0)
+    run = forecasts_at_points(trial, motion)
+    skill = score(trial, run, POINT_LEADS, 60.0, 60.0, points=(SENSOR, BOW))
+    assert list(skill.points) == ['sensor', 'bow']
+    for kinds in skill.points.values():
+        for scores, deviation in zip(kinds.values(), DEVIATIONS, strict=True):
+            assert scores.nrmse['forecast'] * scores.deviation == pytest.approx([deviation] * 2, rel=0.12)
+            assert scores.coverage[:, 1] == pytest.approx([0.9] * 2, abs=0.04)
+            assert not scores.replaced_share['forecast'].any()
+            # from the warm-up to half a minute before the end, where what came is not known
+            assert scores.counted == pytest.approx([2100 - 5, 2100 - 20], abs=3)
+            assert scores.nrmse['mean'] == pytest.approx([1.0] * 2, abs=0.1)
+    # persistence and constant rate begin from what came until then
+    time = np.arange(60.0, 269.0, 0.1)
+    now, ahead = motion(time, 2.5), motion(time + 0.5, 2.5)
+    scores = skill.points['bow']['vertical_velocity']
+    errors = {'persistence': now[:, 1] - ahead[:, 1], 'constant_rate': now[:, 1] + 0.5 * now[:, 2] - ahead[:, 1]}
+    for name, error in errors.items():
+        assert scores.nrmse[name][0] * scores.deviation == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.05)
+    assert set(scores.nrmse) == {'forecast', 'persistence', 'constant_rate', 'mean'}
+
+
+def test_forecasts_before_vertical_motion_is_learnt_count_as_the_mean():
+    trial, motion = swell(300.0)
+    run = forecasts_at_points(trial, motion, 100.0)
+    before, late = (score(trial, run, POINT_LEADS, 60.0, 60.0, until=end, points=(SENSOR,)) for end in (99.95, 200.0))
+    for scores in before.points['sensor'].values():
+        assert scores.nrmse['forecast'] == pytest.approx(scores.nrmse['mean'])
+    for scores in late.points['sensor'].values():
+        assert scores.replaced_share['forecast'] == pytest.approx([40.0 / 140.0] * 2, abs=0.01)
+        assert (scores.coverage[:, 2] < 0.75).all()
+    with pytest.raises(InputError, match='within 30 s of the ends'):
+        score(trial, run, POINT_LEADS, 275.0, 60.0, points=(SENSOR,))
+
+
+@pytest.fixture(scope='module')
+def swell_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp('point') / 'swell.csv'
+    write_csv(path, swell(250.0)[0])
+    return str(path)
+
+
+def test_the_verb_scores_points_and_the_sensor(swell_file, tmp_path, capsys):
+    options = ['--leads', '0.5,1', '--warmup', '200', '--plot', str(tmp_path / 'skill.png')]
+    assert main(['forecast', swell_file, '--point', 'bow:2.5,0,0', *options, '--json']) == 0
+    points = json.loads(capsys.readouterr().out)['points']
+    assert list(points) == ['sensor', 'bow']
+    for kinds in points.values():
+        assert set(kinds) == {'heave', 'vertical_velocity', 'vertical_acceleration'}
+        velocity = kinds['vertical_velocity']
+        assert velocity['nrmse']['forecast'][0] < velocity['nrmse']['mean'][0]
+        assert len(velocity['coverage']['90']) == 2 and velocity['deviation_m_s'] > 0.0
+    short = str(tmp_path / 'short.csv')
+    write_csv(short, swell(80.0)[0])
+    assert main(['forecast', short, '--point', 'bow:2.5,0,0', '--leads', '0.5,1', '--warmup', '40']) == 0
+    told = capsys.readouterr().out
+    assert all(words in told for words in ('bow: RMSE', 'vertical velocity', 'm/s', 'persistence', '90 % coverage'))
+
+
+@pytest.mark.parametrize(
+    ('points', 'words'),
+    [
+        (['bow:1,2,3', 'bow:1,2,4'], 'given twice'),
+        (['sensor:1,0,0'], "sensor's own position"),
+        *(([point], '--point: ') for point in ('bow', 'bow:1,2', 'bow:1,2,x', '2bow:1,2,3', 'bow:1,2,nan')),
+    ],
+)
+def test_impossible_points_are_refused(swell_file, points, words, tmp_path, capsys):
+    assert main(['forecast', swell_file, *(word for point in points for word in ('--point', point))]) == 2
+    assert words in capsys.readouterr().err
+    trial, _ = swell(60.0)
+    write_csv(tmp_path / 'angles.csv', Trial(trial.time, trial.roll, trial.pitch))
+    assert main(['forecast', str(tmp_path / 'angles.csv'), '--point', 'bow:1,0,0']) == 2
+    assert 'holds no' in capsys.readouterr().err

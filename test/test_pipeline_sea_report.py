@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import yaml
-from rosbags.typesys import Stores, get_typestore
+from bag_messages import STORE
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.intake import CraftSample
@@ -20,8 +20,7 @@ NAN = float('nan')
 
 def published(count, *, has_force=True):
     """By stamp, ns: what sea/state says of a craft on a swell from ahead, of which nothing but the sea is learnt."""
-    w = 2.0 * np.pi / PERIOD
-    time = 1e-9 * STEP_NS * np.arange(count)
+    w, time = 2.0 * np.pi / PERIOD, 1e-9 * STEP_NS * np.arange(count)
     lines, phase = w * np.array([0.95, 1.0, 1.05]), np.array([0.3, 1.7, 5.0])
     swing = np.multiply.outer(time, lines) + phase
     size = HEIGHT / 4.0 * np.sqrt(2.0 / 3.0)
@@ -30,7 +29,6 @@ def published(count, *, has_force=True):
     rate = np.gradient(-slope, time)
     seldom = ForecasterSettings(leads=(1.0,), horizon=1.0, horizon_step=1.0, forecast_rate=1.0)
     pipeline, messages, found = ForecastPipeline(PipelineSettings(forecaster=seldom)), ForecastMessages('craft'), {}
-    store = get_typestore(Stores.ROS2_JAZZY)
     for k in range(count):
         pitch, up = -slope[k], STANDARD_GRAVITY + acceleration[k]
         force = (-np.sin(pitch) * up, 0.0, np.cos(pitch) * up) if has_force else (NAN, NAN, NAN)
@@ -38,9 +36,9 @@ def published(count, *, has_force=True):
         step = pipeline.add_sample(sample)
         for topic, raw in messages.of(step):
             if topic == SEA_TOPIC:
-                found[step.stamp_ns] = yaml.safe_load(store.deserialize_cdr(raw, 'std_msgs/msg/String').data)
-        if step.sea_request is not None:
-            request = step.sea_request
+                found[step.stamp_ns] = yaml.safe_load(STORE.deserialize_cdr(raw, 'std_msgs/msg/String').data)
+        request = step.sea_request
+        if request is not None:
             sea = sea_of(request) if request.wants_sea_state else None
             pipeline.install(SeaFit(request.time, {}, {}, sea=sea))
     return found
@@ -48,11 +46,10 @@ def published(count, *, has_force=True):
 
 def test_a_report_comes_each_minute_with_the_sea_or_why_it_is_not_known():
     reports = published(4000)
-    stamps = list(reports)
-    gaps = 1e-9 * np.diff([EPOCH_NS, *stamps])
+    gaps = 1e-9 * np.diff([EPOCH_NS, *reports])
     # as often as the waves are learnt
-    assert len(stamps) == 6 and gaps.mean() == pytest.approx(60.0, abs=4.0) and gaps.max() < 81.0
-    assert [report['stamp_ns'] for report in reports.values()] == stamps
+    assert len(reports) == 6 and gaps.mean() == pytest.approx(60.0, abs=4.0) and gaps.max() < 81.0
+    assert all(report['stamp_ns'] == stamp for stamp, report in reports.items())
     first, *_, report = reports.values()
     assert not first['is_known'] and 'too few waves' in first['reason'] and 'significant_height_m' not in first
     assert report['is_known'] and report['reason'] == ''
@@ -62,8 +59,6 @@ def test_a_report_comes_each_minute_with_the_sea_or_why_it_is_not_known():
     assert report['significant_height_std_m'] > 0.0 < report['axis_std_rad']
     remarks = ' '.join(report['remarks'])
     assert 'encounter' in remarks and 'not a wave buoy' in remarks
-
-
-def test_a_sensor_without_accelerations_measures_no_sea():
+    # a sensor without accelerations
     (report,) = published(900, has_force=False).values()
     assert 'the sensor lacks' in report['reason']
