@@ -280,6 +280,17 @@ def test_a_covariance_beyond_belief_leaves_forecasts(size):
     assert np.abs(angle).max() < 0.1 and np.isfinite(covariance).all()
 
 
+def test_a_hull_known_to_half_its_size_forecasts_visibly_wider_than_an_exact_one():
+    half, spreads = np.diag((0.5 * ROLL.ratios[ROLL.equation.indices]) ** 2), []
+    for identified in (EXACT_ROLL, IdentifiedModel(ROLL, half)):
+        craft, reading = _released(1)
+        attitude = filter_of(identified, *reading())
+        for _ in range(round(100 * (craft.release() + 0.5))):
+            attitude.observe(0.01, *reading(), *VARIANCES)
+        spreads.append(np.sqrt(attitude.forecast(np.array([1.0, 2.0]))[2][:, 0, 0]))
+    assert (spreads[1] > 2.0 * spreads[0]).all()
+
+
 def _released(seed, model=ROLL, angle=0.087):
     noise = SensorNoise(ANGLE_NOISE, RATE_NOISE)
     craft = SimulatedCraft(CraftSettings(model, angle, noise=noise, seed=seed, hold=1.0))
