@@ -46,6 +46,13 @@ def test_good_simulated_records_pass_even_with_lone_losses():
     assert 'low-rate' not in codes(decay(rate_hz=12.0))
 
 
+@pytest.mark.parametrize('rate_hz', [3.0, 5.0, 10.0])
+def test_the_kink_of_a_release_is_no_spike(rate_hz):
+    trial = simulated_trial(HULL, np.radians(8.0), 25.0, rate_hz, SensorNoise(0.0, 0.0), seed=1)
+    motion = trial.axis('roll')
+    assert 'spikes' not in {a.code for a in check_decay(motion, find_decay(motion))}
+
+
 @pytest.mark.parametrize(
     ('made', 'bounds', 'code'),
     [

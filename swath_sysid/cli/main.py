@@ -38,10 +38,15 @@ class OneSentenceParser(ArgumentParser):
         message = re.sub(r': expected (one|at least one) argument$', ' needs a value', message)
         message = re.sub(r': expected (\d+) arguments$', r' needs \1 values', message)
         message = re.sub('^the following arguments are required: ', 'these are missing: ', message)
-        if unknown := re.match(r'unrecognized arguments: (\S+)', message):
-            flags = [flag for action in actions_of(self) for flag in action.option_strings]
-            message = f"there is no argument '{unknown[1]}'{did_you_mean(unknown[1].partition('=')[0], flags)}"
         raise InputError(f'{message}; see {self.prog} --help')
+
+    def parse_known_args(self, *args: Any, **options: Any) -> Any:
+        """Refuse what is unknown here, where the verb and its flags are known."""
+        found, unknown = super().parse_known_args(*args, **options)
+        if unknown:
+            flags = [flag for action in actions_of(self) for flag in action.option_strings]
+            self.error(f"there is no argument '{unknown[0]}'{did_you_mean(unknown[0].partition('=')[0], flags)}")
+        return found, unknown
 
     def _check_value(self, action: Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:

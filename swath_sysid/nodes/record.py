@@ -31,11 +31,14 @@ class Record(Node):
         self.create_timer(SAVE_PERIOD, recording.save, clock=steady)
 
     def _look(self) -> None:
+        before = set(self._subscribed)
         for topic, kinds in self.get_topic_names_and_types():
             if topic not in self._subscribed and self._is_wanted(topic, kinds):
                 publishers = self.get_publishers_info_by_topic(topic)
                 if publishers:
                     self._subscribe(topic, kinds[0], [publisher.qos_profile for publisher in publishers])
+        if added := sorted(self._subscribed.keys() - before):
+            self.get_logger().info(f'recording {", ".join(added)}')
 
     def _is_wanted(self, topic: str, kinds: Sequence[str]):
         asked = topic in self._others and len(kinds) == 1 and message_class(kinds[0]) is not None
@@ -52,7 +55,6 @@ class Record(Node):
         self._subscribed[topic] = self.create_subscription(
             message_class(kind), topic, partial(self._write, write), bag_qos(latched, reliable), raw=True
         )
-        self.get_logger().info(f'recording {topic}')
 
 
 def record(path: str | Path, others: Sequence[str] = (), args: list[str] | None = None) -> tuple[int, dict[str, int]]:

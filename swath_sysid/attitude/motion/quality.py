@@ -114,6 +114,8 @@ def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
 def _spikes(inside: AxisMotion) -> Iterator[Advice]:
     for name, value in _measured(inside).items():
         bad = spikes(value)
+        # at an end one side alone cannot tell a glitch from a release
+        bad[: SPIKE_NEIGHBOURS // 2] = bad[-(SPIKE_NEIGHBOURS // 2) :] = False
         away = np.abs(value - median_filter(value, SPIKE_NEIGHBOURS))[bad]
         number = int(np.count_nonzero(away > MIN_SPIKE * np.ptp(value[~bad])))
         if number:
