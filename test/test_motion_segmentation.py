@@ -8,6 +8,8 @@ from craft_at_sea import jonswap
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
 from swath_sysid.attitude.motion.segmentation import explain_absence, find_decay, find_decays, is_finished
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import (
@@ -146,6 +148,18 @@ def test_two_releases_in_one_record(seed):
     decays = find_decays(both)
     assert [d.start for d in decays] == pytest.approx([8.0, later[0] + 8.0], abs=0.3)
     assert [a.code for a in find_decay(both).advice] == ['several-decays']
+
+
+def test_the_hand_that_releases_again_is_no_disturbance_to_tell_of():
+    craft = SimulatedCraft(CraftSettings(hull_named('swath-roll').model, np.radians(6.0), rate_hz=50.0))
+    angle = []
+    for number in range(2000):
+        if number in (500, 1000):
+            craft.release()
+        angle.append(craft.next_reading().roll)
+    decays = find_decays(AxisMotion('roll', np.arange(2000) / 50.0, np.array(angle), None))
+    assert sorted(d.ending for d in decays) == ['disturbed', 'record-end']
+    assert [d.advice for d in decays] == [(), ()]
 
 
 @pytest.mark.parametrize('seed', range(3))

@@ -85,7 +85,13 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
             if candidate.double_amplitudes[0] >= SMALLEST_DOUBLE_AMPLITUDE[candidate.signal.quantity]
         ]
         decays.extend(_decays_among(candidates))
-    return tuple(_segment_of(candidate, motion) for candidate in _apart(decays))
+    segments = [_segment_of(candidate, motion) for candidate in _apart(decays)]
+    return tuple(replace(each, advice=()) if _is_ended_by_the_next(each, segments) else each for each in segments)
+
+
+def _is_ended_by_the_next(segment: DecaySegment, others: Sequence[DecaySegment]):
+    """Whether the hand that released the craft again left out its tail, which nobody needs to be told."""
+    return any(0.0 <= other.start - segment.end < BREAKING_PERIODS * segment.period for other in others)
 
 
 def find_decay(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment:
