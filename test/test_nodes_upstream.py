@@ -77,7 +77,7 @@ def test_topics_of_all_types_are_channels(node):
     names = upstream.settings(PipelineSettings()).forecaster.upstream
     leader = tuple(f'leader/imu:{field}' for field in ('roll', 'pitch', 'vertical_acceleration'))
     assert names == ('staff:data', 'sonar:range', 'buoy:x', 'buoy:z', *leader)
-    upstream.listen(SimpleNamespace(add_upstream=lambda *sample: taken.append(sample)), health)
+    upstream.listen(SimpleNamespace(newest_ns=0, add_upstream=lambda *sample: taken.append(sample)), health)
     for publisher in publishers.values():
         spin_until(node, publisher.get_subscription_count, 'subscription')
     (report,) = upstream.reports()
@@ -112,7 +112,7 @@ def test_bad_messages_are_counted_and_left_out(node):
     publishers = node.create_publisher(Range, 'sonar', 10), node.create_publisher(Imu, 'leader', 10)
     health, taken = Reasons([BAD_UPSTREAM]), []
     upstream = Upstream(node, ['sonar:range', 'leader:roll'], 10)
-    upstream.listen(SimpleNamespace(add_upstream=lambda *sample: taken.append(sample)), health)
+    upstream.listen(SimpleNamespace(newest_ns=0, add_upstream=lambda *sample: taken.append(sample)), health)
     for publisher in publishers:
         spin_until(node, publisher.get_subscription_count, 'subscription')
     without = stamped(Imu, 10**9)
@@ -134,6 +134,27 @@ def test_bad_messages_are_counted_and_left_out(node):
     assert [value for _, _, value in taken] == [1.0, 3.0]
     (report,) = upstream.reports()
     assert (report.values['left_out_/sonar'], report.values['left_out_/leader']) == (3, 2)
+
+
+def test_a_topic_that_falls_silent_is_told_while_the_imu_goes_on(node):
+    publisher = node.create_publisher(Float64, 'staff', 10)
+    pipeline = SimpleNamespace(newest_ns=0, add_upstream=lambda *sample: None)
+    upstream = Upstream(node, ['staff:data'], 10)
+    upstream.listen(pipeline, Reasons([BAD_UPSTREAM]))
+    spin_until(node, publisher.get_subscription_count, 'subscription')
+
+    def level_after(seconds):
+        pipeline.newest_ns += round(1e9 * seconds)
+        (report,) = upstream.reports()
+        return report.level, report.message
+
+    for number in range(4):
+        pipeline.newest_ns = 10**18 + 2 * 10**9 * number
+        publisher.publish(Float64(data=0.1))
+        spin_until(node, lambda sent=number + 1: upstream.reports()[0].values['received_/staff'] == sent, 'a message')
+    assert level_after(8.0)[0] == OK
+    level, message = level_after(4.0)
+    assert level == WARN and 'no message on /staff for 12 s' in message
 
 
 def test_wrong_types_and_fields_are_errors(node, sensor):

@@ -125,7 +125,7 @@ class ForecastPipeline:
         self._models = dict.fromkeys(AXES)
         self.validity = ModelValidity()
         self._first_ns: int | None = None
-        self._last_ns = 0
+        self.newest_ns = 0  #: Stamp of the newest message; 0 before any.
         self._yaw = self._yaw_rate = 0.0
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
@@ -165,7 +165,7 @@ class ForecastPipeline:
         Raises:
             InputError: The settings have no channel of this name.
         """
-        stamp_ns = self._last_ns if stamp_ns is None else stamp_ns
+        stamp_ns = self.newest_ns if stamp_ns is None else stamp_ns
         first_ns = stamp_ns if self._first_ns is None else self._first_ns
         self.forecaster.observe_upstream(name, (stamp_ns - first_ns) * NANOSECOND, value)
 
@@ -181,8 +181,8 @@ class ForecastPipeline:
         if self._first_ns is None:
             self._first_ns = stamp_ns
         elif JUMPED_BACK not in reasons:
-            elapsed = (stamp_ns - self._last_ns) * NANOSECOND
-        self._last_ns = stamp_ns
+            elapsed = (stamp_ns - self.newest_ns) * NANOSECOND
+        self.newest_ns = stamp_ns
         self.validity.add(sample.stamp, {'roll': sample.roll, 'pitch': sample.pitch})
         # the heading is not forecast: the last one measured is held
         if sample.yaw == sample.yaw:
