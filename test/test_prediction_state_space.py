@@ -12,7 +12,6 @@ from swath_sysid.attitude.prediction.state_space import (
     InnovationsModel,
     cubic_weights,
     side_by_side,
-    whole_lags,
 )
 
 STEP = 0.1
@@ -32,18 +31,15 @@ def _model(seed=0, states=4, channels=('roll', 'pitch', 'heave'), places=None):
     root = rng.normal(size=(count, count))
     s = root @ root.T + 0.1 * np.eye(count)
     prior = solve_discrete_lyapunov(a, k @ s @ k.T)
-    return InnovationsModel(
-        channels,
-        tuple(range(count)) if places is None else places,
-        STEP,
-        rng.normal(size=count),
-        rng.uniform(0.5, 2.0, count),
-        a,
-        k,
-        c,
-        s,
-        prior,
-    )
+    mean, scale = rng.normal(size=count), rng.uniform(0.5, 2.0, count)
+    return InnovationsModel(channels, places or tuple(range(count)), STEP, mean, scale, a, k, c, s, prior)
+
+
+def _filter(model, rows=None, targets=None, horizon=1.0):
+    ours = InnovationsFilter(model, targets or model.channels, horizon)
+    if rows is not None:
+        ours.seed(rows)
+    return ours
 
 
 def _rows(model, count, seed=1):
@@ -110,10 +106,8 @@ def test_lost_channels_and_samples_are_filterpys_kalman_update(seed, lost):
 
 
 def test_a_forecast_while_nothing_comes_grows_to_the_motions_own_spread():
-    model = _model(3)
-    ours = InnovationsFilter(model, model.channels, 1.0)
-    ours.seed(_rows(model, 300))
-    spread = []
+    model, spread = _model(3), []
+    ours = _filter(model, _rows(model, 300))
     for _ in range(400):
         ours.step(np.full(3, np.nan))
         spread.append(np.diagonal(ours.forecast([0.1])[1][0]))
@@ -125,9 +119,7 @@ def test_a_forecast_while_nothing_comes_grows_to_the_motions_own_spread():
 @pytest.mark.parametrize('count', [1, 4, 5, 128])
 def test_a_long_gap_is_as_many_missing_rows(count):
     model = _model(4)
-    stepped, skipped = (InnovationsFilter(model, model.channels, 1.0) for _ in range(2))
-    for each in (stepped, skipped):
-        each.seed(_rows(model, 200))
+    stepped, skipped = (_filter(model, _rows(model, 200)) for _ in range(2))
     for _ in range(count):
         stepped.step(np.full(3, np.nan))
     skipped.skip(count)
@@ -135,15 +127,18 @@ def test_a_long_gap_is_as_many_missing_rows(count):
         assert ours == pytest.approx(wanted, rel=1e-9, abs=1e-12)
 
 
-def test_after_complete_rows_the_state_is_known_again():
+def test_after_complete_rows_the_state_is_known_again_and_a_break_in_the_motion_voids_the_past():
     model = _model(5)
     rows = _rows(model, 300)
-    broken, whole = (InnovationsFilter(model, model.channels, 1.0) for _ in range(2))
-    whole.seed(rows)
-    rows[100:120] = np.nan
-    broken.seed(rows)
+    lost, jump = rows.copy(), rows.copy()
+    lost[100:120] = np.nan
+    broken, whole = _filter(model, lost), _filter(model, rows)
     assert broken._p is None and whole._p is None
     assert broken.forecast([0.5])[0] == pytest.approx(whole.forecast([0.5])[0], abs=1e-3)
+    jump[200:] += 100.0 * model.scale
+    ours, fresh = _filter(model, jump[:201]), _filter(model, jump[200:201])
+    assert ours.forecast([0.5])[0] == pytest.approx(fresh.forecast([0.5])[0])
+    assert ours._p is not None
 
 
 def test_between_whole_steps_a_forecast_is_smooth():
@@ -153,21 +148,14 @@ def test_between_whole_steps_a_forecast_is_smooth():
     assert cubic_weights(part) @ cubic(np.arange(-1, 3)) == pytest.approx(cubic(part))
 
 
-def _pendulum(period=1.0):
-    """A known oscillation: its rate is the derivative of the angle."""
-    w = 2 * np.pi / period
-    turn = np.array([[np.cos(w * STEP), np.sin(w * STEP)], [-np.sin(w * STEP), np.cos(w * STEP)]])
-    k = turn @ np.array([[0.5], [0.1]])
-    return w, InnovationsModel(
-        ('roll',), (0,), STEP, np.zeros(1), np.ones(1), turn, k, np.array([[1.0, 0.0]]), 1e-6 * np.eye(1), np.eye(2)
-    )
-
-
 def test_age_is_added_to_the_lead_and_a_rate_is_the_difference_of_an_angle_that_has_none():
-    w, model = _pendulum()
-    ours = InnovationsFilter(model, ('roll', 'roll_rate', 'yaw'), 1.0)
+    """Of a known oscillation, whose rate is the derivative of the angle."""
+    w = 2 * np.pi
+    turn = np.array([[np.cos(w * STEP), np.sin(w * STEP)], [-np.sin(w * STEP), np.cos(w * STEP)]])
+    gain, c = turn @ np.array([[0.5], [0.1]]), np.array([[1.0, 0.0]])
+    model = InnovationsModel(('roll',), (0,), STEP, np.zeros(1), np.ones(1), turn, gain, c, 1e-6 * np.eye(1), np.eye(2))
     time = np.arange(0.0, 20.0, STEP)
-    ours.seed(np.sin(w * time)[:, None])
+    ours = _filter(model, np.sin(w * time)[:, None], ('roll', 'roll_rate', 'yaw'))
     leads, age = np.array([0.0, 0.3, 0.8]), 0.03
     mean, covariance = ours.forecast(leads, age)
     then = time[-1] + age + leads
@@ -180,14 +168,11 @@ def test_age_is_added_to_the_lead_and_a_rate_is_the_difference_of_an_angle_that_
 def test_the_rates_covariance_is_that_of_the_difference():
     """Against simulated futures of one system, from the same state."""
     model = _model(6, channels=('roll',), states=3)
-    ours = InnovationsFilter(model, ('roll', 'roll_rate'), 1.0)
-    ours.seed(_rows(model, 300))
+    ours = _filter(model, _rows(model, 300), ('roll', 'roll_rate'))
     mean, covariance = ours.forecast([0.5])
-    rng = np.random.default_rng(0)
-    runs, state = 40000, np.tile(ours._x, (40000, 1))
-    path = []
+    rng, path, state = np.random.default_rng(0), [], np.tile(ours._x, (40000, 1))
     for _ in range(7):
-        e = np.sqrt(model.s[0, 0]) * rng.normal(size=(runs, 1))
+        e = np.sqrt(model.s[0, 0]) * rng.normal(size=(40000, 1))
         path.append(model.mean + model.scale * (state @ model.c.T + e))
         state = state @ model.a.T + e @ model.k.T
     path = np.array(path)[..., 0]
@@ -197,35 +182,15 @@ def test_the_rates_covariance_is_that_of_the_difference():
     assert mean[0] == pytest.approx([path[4].mean(), rate.mean()], abs=0.1)
 
 
-def test_a_break_in_the_motion_voids_the_past():
-    model = _model(7)
-    rows = _rows(model, 400)
-    jump = rows.copy()
-    jump[300:] += 100.0 * model.scale
-    ours, fresh = (InnovationsFilter(model, model.channels, 1.0) for _ in range(2))
-    ours.seed(jump[:301])
-    fresh.seed(jump[300:301])
-    assert ours.forecast([0.5])[0] == pytest.approx(fresh.forecast([0.5])[0])
-    assert ours._p is not None
-
-
 def test_models_side_by_side_forecast_as_they_do_alone():
     first, second = _model(8, channels=('roll',), places=(1,)), _model(9, channels=('pitch', 'heave'), places=(2, 0))
     both = side_by_side([first, second])
     rows = np.random.default_rng(2).normal(size=(80, 3))
     rows[40:45, 1] = np.nan
-    filters = [InnovationsFilter(m, ('roll', 'pitch', 'heave'), 1.0) for m in (first, second, both)]
-    for each in filters:
-        each.seed(rows)
+    filters = (_filter(model, rows, ('roll', 'pitch', 'heave')) for model in (first, second, both))
     one, two, whole = (each.forecast([0.3])[0][0] for each in filters)
     assert whole == pytest.approx([one[0], two[1], two[2]], abs=1e-6)
     assert both.from_lags is None
-
-
-def test_a_run_of_complete_rows_is_found():
-    complete = np.array([1, 1, 0, 1, 1, 1, 1, 0], dtype=bool)
-    ends = [np.flatnonzero(whole_lags(complete, count)).tolist()[:1] for count in (1, 2, 3, 4, 5, 9)]
-    assert ends == [[0], [1], [5], [6], [], []]
 
 
 @settings(max_examples=25)
