@@ -7,6 +7,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.motion.vertical import vertical_acceleration
 
 
 def only(trial, keep):
@@ -55,3 +56,12 @@ def swell(duration, seed=2):
     names = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
     values = np.stack([roll, pitch, roll_rate, pitch_rate, *force]) + noise
     return Trial(time, **dict(zip(names, values, strict=True)), source='swell'), motion
+
+
+def evenly(trial, step, until=None):
+    """Times, s, and at them, by straight lines, the vertical acceleration and each measured channel by its name."""
+    time = np.arange(trial.time[0], trial.time[-1] if until is None else trial.time[0] + until, step)
+    known = {name: np.isfinite(values) for name, values in trial.channels.items()}
+    found = {name: np.interp(time, trial.time[is_], trial.channels[name][is_]) for name, is_ in known.items()}
+    force = np.stack([found[f'accel_{axis}'] for axis in 'xyz'], axis=1)
+    return time, vertical_acceleration(found['roll'], found['pitch'], force), found

@@ -23,8 +23,9 @@ from swath_sysid.attitude.prediction.hull_step import HULL_STATES
 
 HULL = hull_named('swath-roll').model
 EXACT = IdentifiedModel.exactly(HULL)
+KNOWN = HULL, HullPrior.of(EXACT), False
 NOISE = 5e-4, 3e-3
-STEP, SAMPLES = 0.1, 10
+STEP, SAMPLES, COUNT = 0.1, 10, 30_000
 PEAK, WIDTH, SIZE = 2.2, 0.25, 0.06
 
 
@@ -51,10 +52,25 @@ def sea():
     return true, true + rng.normal(size=true.shape) * NOISE
 
 
-def _request(seen, hull_is_learnt=False):
-    blocks = seen.reshape(-1, SAMPLES, 2).mean(axis=1)
-    variances = [noise**2 / SAMPLES for noise in NOISE]
-    return ExcitationRequest(HULL, HullPrior.of(EXACT), hull_is_learnt, STEP, *blocks.T.copy(), *variances, SAMPLES)
+VARIANCES = NOISE[0] ** 2, NOISE[1] ** 2
+
+
+def _blocks(seen):
+    return seen.reshape(-1, SAMPLES, 2).mean(axis=1)
+
+
+def _request(seen, hull=KNOWN):
+    return ExcitationRequest(*hull, STEP, *_blocks(seen).T.copy(), *(v / SAMPLES for v in VARIANCES), SAMPLES)
+
+
+def _fed(seen):
+    """A filter of the exact hull after these samples."""
+    attitude = HullFilter()
+    attitude.set_hull(EXACT)
+    attitude.start(*seen[0].tolist(), *VARIANCES)
+    for sample in seen[1:].tolist():
+        attitude.observe(0.01, *sample, *VARIANCES)
+    return attitude
 
 
 def test_the_moment_is_found_through_the_nonlinear_hull_and_reduced(sea):
@@ -62,82 +78,51 @@ def test_the_moment_is_found_through_the_nonlinear_hull_and_reduced(sea):
     found, fit = moment_spectrum(request), fit_excitation(request)
     total = np.sum(found.density * np.gradient(found.frequency)) / math.pi
     assert total == pytest.approx(SIZE**2, rel=0.15)
-    mean = np.sum(found.frequency * found.density) / np.sum(found.density)
-    assert mean == pytest.approx(PEAK, abs=0.1)
-    quiet = found.frequency > 5.0
-    assert np.all(found.density[quiet] < 0.05 * _density(PEAK))
+    assert np.average(found.frequency, weights=found.density) == pytest.approx(PEAK, abs=0.1)
+    assert np.all(found.density[found.frequency > 5.0] < 0.05 * _density(PEAK))
     w, moment = np.linspace(0.2, 6.0, 400), fit.moment
     # the autocovariance is h exp(A t) Pi h', whose transform is 2 Re h (i w - A)^-1 Pi h'
-    density = [
-        (
-            moment.output
-            @ np.linalg.solve(1j * f * np.eye(moment.size) - moment.generator, moment.stationary)
-            @ moment.output
-        ).real
-        for f in w
-    ]
-    assert fit.moment.variance == pytest.approx(SIZE**2, rel=0.2)
-    assert np.sum(w * density) / np.sum(density) == pytest.approx(PEAK, abs=0.15)
-    assert fit.mean.size == HULL_STATES + 2 + fit.moment.size and fit.moment.size <= 22
-
-
-def _run(attitude, true, seen, since):
-    """Errors of the forecasts 1 s ahead, and whether 90 % intervals held, every .1 s."""
-    errors, held = [], []
-    for k in range(since, len(seen)):
-        attitude.observe(0.01, *seen[k].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
-        if k % SAMPLES == 0 and k + 100 < len(true):
-            angle, _, spread = attitude.forecast(np.array([1.0]))
-            errors.append(angle[0] - true[k + 100, 0])
-            held.append(abs(errors[-1]) < 1.645 * math.sqrt(spread[0, 0, 0]))
-    return math.sqrt(np.mean(np.square(errors))) / true[:, 0].std(), np.mean(held)
+    resolvents = (np.linalg.inv(1j * f * np.eye(moment.size) - moment.generator) for f in w)
+    density = [(moment.output @ resolvent @ moment.stationary @ moment.output).real for resolvent in resolvents]
+    assert moment.variance == pytest.approx(SIZE**2, rel=0.2)
+    assert np.average(w, weights=density) == pytest.approx(PEAK, abs=0.15)
+    assert fit.mean.size == HULL_STATES + 2 + moment.size and moment.size <= 22
+    assert fit_excitation(_request(sea[1][:2000])) is None
+    request.angle[100] = math.nan
+    assert fit_excitation(request) is None
 
 
 @pytest.mark.slow
 def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(sea):
     true, seen = sea
-    count = 30_000
-    fit = fit_excitation(_request(seen[:count]))
-    scores = []
-    for learnt in (fit, None):
-        attitude = HullFilter()
-        attitude.set_hull(EXACT)
-        attitude.start(*seen[count - 200].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
-        for sample in seen[count - 199 : count].tolist():
-            attitude.observe(0.01, *sample, NOISE[0] ** 2, NOISE[1] ** 2)
-        if learnt is not None:
+    fit, nrmse, coverage = fit_excitation(_request(seen[:COUNT])), [], []
+    for is_learnt in (True, False):
+        attitude, errors, held = _fed(seen[COUNT - 200 : COUNT]), [], []
+        if is_learnt:
             # the last block's middle lies half a step before the last sample
-            attitude.set_excitation(learnt, 0.5 * STEP)
-        scores.append(_run(attitude, true, seen, count))
+            attitude.set_excitation(fit, 0.5 * STEP)
+        for k in range(COUNT, len(seen)):
+            attitude.observe(0.01, *seen[k].tolist(), *VARIANCES)
+            if k % SAMPLES == 0 and k + 100 < len(true):
+                angle, _, spread = attitude.forecast(np.array([1.0]))
+                errors.append(angle[0] - true[k + 100, 0])
+                held.append(abs(errors[-1]) < 1.645 * math.sqrt(spread[0, 0, 0]))
+        nrmse.append(math.sqrt(np.mean(np.square(errors))) / true[:, 0].std())
+        coverage.append(np.mean(held))
         assert attitude.advice() == ()
-    assert scores[0][0] < 0.2 and scores[0][0] < 0.6 * scores[1][0]
-    assert 0.8 < scores[0][1] < 0.97
+    assert nrmse[0] < 0.2 and nrmse[0] < 0.6 * nrmse[1]
+    assert 0.8 < coverage[0] < 0.97
 
 
 def test_a_fit_taken_up_late_is_the_one_taken_up_at_once(sea):
     _, seen = sea
-    count = 30_000
-    fit = fit_excitation(_request(seen[:count], hull_is_learnt=True))
-    late, prompt = HullFilter(), HullFilter()
-    for attitude in (late, prompt):
-        attitude.set_hull(EXACT)
-        attitude.start(*seen[count - 300].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
-    for k in range(count - 299, count + 100):
-        for attitude in (late, prompt):
-            attitude.observe(0.01, *seen[k].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
-            if k == count - 1 and attitude is prompt:
-                attitude.set_excitation(fit, 0.05)
+    fit, leads = fit_excitation(_request(seen[:COUNT], (*KNOWN[:2], True))), np.array([0.5, 2.0])
+    late, prompt = _fed(seen[COUNT - 300 : COUNT + 100]), _fed(seen[COUNT - 300 : COUNT])
     late.set_excitation(fit, 1.05)
-    leads = np.array([0.5, 2.0])
+    prompt.set_excitation(fit, 0.05)
+    for sample in seen[COUNT : COUNT + 100].tolist():
+        prompt.observe(0.01, *sample, *VARIANCES)
     assert late.forecast(leads)[0] == pytest.approx(prompt.forecast(leads)[0], abs=2e-4)
-
-
-def test_a_window_that_is_too_short_or_has_gaps_gives_nothing(sea):
-    request = _request(sea[1][:2000])
-    assert fit_excitation(request) is None
-    gappy = _request(sea[1][:30_000])
-    gappy.angle[100] = math.nan
-    assert fit_excitation(gappy) is None
 
 
 def test_the_autoregression_of_an_autoregression_is_itself():
@@ -162,20 +147,15 @@ def test_the_steady_covariance_solves_riccatis_equation():
 @pytest.mark.parametrize('factor', [0.7, pytest.param(1.3, marks=pytest.mark.slow)])
 def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
     _, seen = sea
-    wrong = HULL.from_terms(
-        HULL.equation, {n: v * (factor if n.startswith('s') else 1.0) for n, v in HULL.terms.items()}, axis='roll'
-    )
-    attitude = HullFilter()
-    attitude.set_hull(IdentifiedModel.exactly(wrong))
-    variances = [noise**2 / SAMPLES for noise in NOISE]
-    blocks = seen.reshape(-1, SAMPLES, 2).mean(axis=1)
-    attitude.start(*blocks[0].tolist(), *variances)
-    for k in range(1, len(blocks)):
-        attitude.observe(STEP, *blocks[k].tolist(), *variances)
-        if k in (1200, 1800, 2400, 3000, 3600):
-            window = blocks[: k + 1]
-            request = ExcitationRequest(*attitude.learnt_hull(), STEP, *window.T.copy(), *variances, SAMPLES)
-            attitude.set_excitation(fit_excitation(request))
+    terms = {name: value * (factor if name.startswith('s') else 1.0) for name, value in HULL.terms.items()}
+    attitude, blocks = HullFilter(), _blocks(seen).tolist()
+    attitude.set_hull(IdentifiedModel.exactly(HULL.from_terms(HULL.equation, terms, axis='roll')))
+    variances = [variance / SAMPLES for variance in VARIANCES]
+    attitude.start(*blocks[0], *variances)
+    for k, block in enumerate(blocks[1:], 2):
+        attitude.observe(STEP, *block, *variances)
+        if k in (1201, 1801, 2401, 3001, 3601):
+            attitude.set_excitation(fit_excitation(_request(seen[: SAMPLES * k], attitude.learnt_hull())))
     assert 'model-contradicted' in {advice.code for advice in attitude.advice()}
 
 

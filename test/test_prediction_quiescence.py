@@ -51,27 +51,20 @@ def test_errors_count_in_the_size_of_the_motion():
     for k in range(900, 1400):
         rough, _ = quiet.assess(float(k), STILL, DEVIATION, np.array([1.0, 8.0, 1.0, 8.0]))
     assert rough == pytest.approx(math.erf(0.1 / 0.16 / math.sqrt(2.0)), abs=0.1)
-
-
-def test_older_forecasts_count_less_while_little_is_known():
+    # older forecasts count less while little is known
     quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
     assert told_after(quiet, 120, lambda k: 0.5 if k < 50 else 0.01, 11) > 0.98
 
 
-def test_before_any_experience_the_worst_lead_decides():
-    quiet = Quiescence(QuiescenceLimits(roll_rate=0.2, duration=1.0), LEADS)
-    deviation = np.full((10, 4), 0.1)
+def test_before_any_experience_the_worst_lead_decides_and_what_is_not_measured_is_unknown():
+    quiet, deviation = Quiescence(QuiescenceLimits(roll_rate=0.2, duration=1.0), LEADS), np.full((10, 4), 0.1)
     deviation[4, 2] = 0.2
-    assert quiet.assess(0.0, np.zeros((10, 4)), deviation, ONES)[0] == pytest.approx(math.erf(1.0 / math.sqrt(2.0)))
-
-
-def test_a_limited_axis_that_is_not_measured_leaves_the_probability_unknown():
-    quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
-    motion = np.zeros((10, 4))
+    assert quiet.assess(0.0, STILL, deviation, ONES)[0] == pytest.approx(math.erf(1.0 / math.sqrt(2.0)))
+    quiet, motion = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS), STILL.copy()
     motion[:, [1, 3]] = math.nan
-    assert quiet.assess(0.0, motion, np.full((10, 4), 0.02), ONES)[0] > 0.99
+    assert quiet.assess(0.0, motion, DEVIATION, ONES)[0] > 0.99
     motion[:, [0, 2]] = math.nan
-    assert math.isnan(quiet.assess(1.0, motion, np.full((10, 4), 0.02), ONES)[0])
+    assert math.isnan(quiet.assess(1.0, motion, DEVIATION, ONES)[0])
 
 
 def test_other_limits_are_served_by_what_was_learnt():
@@ -86,8 +79,9 @@ def test_impossible_limits_are_refused():
     for duration in (9.0, 0.05):
         with pytest.raises(InputError, match='horizon'):
             ForecasterSettings(quiescence=QuiescenceLimits(duration=duration))
-    with pytest.raises(InputError, match='roll'):
-        QuiescenceLimits(roll=-1.0)
+    for limits, name in (({'roll': -1.0}, 'roll'), ({'points': (PointLimits('bow', heave=0.0),)}, r'bow\.heave')):
+        with pytest.raises(InputError, match=name):
+            QuiescenceLimits(**limits)
 
 
 def learned(limits, spread, leads, quantities=('roll', 'pitch', 'roll_rate', 'pitch_rate')):
@@ -102,47 +96,33 @@ def learned(limits, spread, leads, quantities=('roll', 'pitch', 'roll_rate', 'pi
 
 
 def test_a_window_of_calm_begins_when_the_motion_dies_down_and_ends_when_it_returns():
-    leads = np.arange(1, 51) * 0.1
+    leads, deviation, motion = np.arange(1, 51) * 0.1, np.full((50, 4), 0.02), np.zeros((50, 4))
     quiet = learned(QuiescenceLimits(roll=0.1, duration=1.0), np.full(50, 0.01), leads)
-    motion = np.zeros((50, 4))
     motion[:, 0] = np.where((leads > 1.45) & (leads < 4.05), 0.0, 0.3)
-    _, window = quiet.assess(401.0, motion, np.full((50, 4), 0.02), ONES)
+    _, window = quiet.assess(401.0, motion, deviation, ONES)
     assert (window.begin, window.end) == (pytest.approx(1.5), pytest.approx(4.0))
     assert window.probability > 0.99
     motion[25:] = 0.3
-    assert quiet.assess(402.0, motion, np.full((50, 4), 0.02), ONES)[1].end == pytest.approx(2.5)
+    assert quiet.assess(402.0, motion, deviation, ONES)[1].end == pytest.approx(2.5)
     motion[24:] = 0.3
-    assert quiet.assess(403.0, motion, np.full((50, 4), 0.02), ONES)[1] is None
-
-
-def test_a_window_ends_where_the_asked_probability_does():
-    leads = np.arange(1, 51) * 0.1
+    assert quiet.assess(403.0, motion, deviation, ONES)[1] is None
     # one error a member, which grows along the horizon: inside up to the lead where it passes the limit
     quiet = learned(QuiescenceLimits(roll=0.1, duration=1.0, probability=0.9), 0.05 * leads, leads)
-    _, window = quiet.assess(401.0, np.zeros((50, 4)), np.full((50, 4), 0.02), ONES)
-    expected = 0.1 / (0.05 * 1.645)
-    assert window.begin == 0.0 and window.end == pytest.approx(expected, rel=0.2)
+    _, window = quiet.assess(401.0, np.zeros((50, 4)), deviation, ONES)
+    assert window.begin == 0.0 and window.end == pytest.approx(0.1 / (0.05 * 1.645), rel=0.2)
     assert window.probability == pytest.approx(0.9, abs=0.05)
 
 
-def test_limits_about_the_trim():
-    motion = np.zeros((10, 4))
+def test_limits_about_the_trim_and_of_a_point():
+    motion, trim = STILL.copy(), np.array([0.0, 0.2, 0.0, 0.0])
     motion[:, 1] = 0.2
-    trim = np.array([0.0, 0.2, 0.0, 0.0])
-    for about_trim, quiet_now in ((False, False), (True, True)):
+    for about_trim in (False, True):
         quiet = learned(QuiescenceLimits(pitch=0.05, duration=1.0, about_trim=about_trim), np.full(10, 0.01), LEADS)
-        probability, _ = quiet.assess(401.0, motion, np.full((10, 4), 0.02), ONES, trim)
-        assert (probability > 0.9) is quiet_now
-
-
-def test_a_point_is_limited_by_name():
+        assert (quiet.assess(401.0, motion, DEVIATION, ONES, trim)[0] > 0.9) is about_trim
     quantities = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'bow.heave', 'bow.vertical_velocity')
     limits = QuiescenceLimits(duration=1.0, points=(PointLimits('bow', vertical_velocity=0.5),))
-    quiet = learned(limits, np.full(10, 0.01), LEADS, quantities)
-    motion = np.zeros((10, 6))
+    quiet, motion = learned(limits, np.full(10, 0.01), LEADS, quantities), np.zeros((10, 6))
     motion[:, 4] = 9.0
     assert quiet.assess(401.0, motion, np.full((10, 6), 0.02), np.ones(6))[0] > 0.99
     motion[:, 5] = 0.6
     assert quiet.assess(402.0, motion, np.full((10, 6), 0.02), np.ones(6))[0] < 0.01
-    with pytest.raises(InputError, match=r'bow\.heave'):
-        QuiescenceLimits(points=(PointLimits('bow', heave=0.0),))

@@ -39,15 +39,9 @@ def waves(count):
 @pytest.mark.parametrize(
     ('count', 'absent', 'missing'),
     [
-        (0, (), 0.0),
-        (1, (), 0.0),
-        (80, (), 0.0),
-        (300, (), 0.0),
-        (900, (1, 3), 0.0),
-        (900, (4, 5, 6, 7, 8), 0.0),
-        (900, (), 0.05),
-        (900, (), 0.6),
-        (900, tuple(range(9)), 0.0),
+        *((count, (), 0.0) for count in (0, 1, 80, 300)),
+        *((900, absent, 0.0) for absent in ((1, 3), (4, 5, 6, 7, 8), tuple(range(9)))),
+        *((900, (), missing) for missing in (0.05, 0.6)),
     ],
 )
 def test_what_cannot_be_learnt_is_left_out_and_the_rest_is_sound(count, absent, missing):
@@ -60,8 +54,7 @@ def test_what_cannot_be_learnt_is_left_out_and_the_rest_is_sound(count, absent, 
     assert fit.time == 12.5 and fit.excitations == {}
     assert set(fit.waves) <= {WAVES, NEW_WAVES} and None not in fit.waves.values()
     for model in fit.waves.values():
-        matrices = [np.asarray(part) for part in (model.a, model.k, model.c)]
-        assert all(np.isfinite(part).all() for part in matrices)
+        assert all(np.isfinite(np.asarray(part)).all() for part in (model.a, model.k, model.c))
         assert not {CHANNELS[place] for place in absent} & set(model.channels)
         assert abs(np.linalg.eigvals(model.a)).max() <= 1.0 + 1e-9
     if count >= 900 and len(absent) < len(CHANNELS) and missing < 0.5:
@@ -78,60 +71,40 @@ def test_values_that_do_not_change_teach_nothing_and_break_nothing():
 
 def test_a_hull_is_asked_for_its_moment_and_gets_it():
     """The request of a forecaster that knows a hull; the axis without one is not asked for."""
-    forecaster, values = Forecaster(ForecasterSettings(leads=(0.5,), horizon=0.5)), waves(400)
+    forecaster, request = Forecaster(ForecasterSettings(leads=(0.5,), horizon=0.5)), None
     forecaster.set_model('roll', IdentifiedModel.exactly(hull_named('swath-roll').model))
-    asked = []
-    for number, row in enumerate(values.tolist()):
+    for number, row in enumerate(waves(400).tolist()):
         sample = CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7)
-        observed = forecaster.observe(sample, STEP * number, STEP if number else None)
-        asked += [observed.sea_request] if observed.sea_request is not None else []
-    assert asked and set(asked[-1].excitations) == {'roll'} and asked[-1].names == CHANNELS
-    assert asked[-1].step == pytest.approx(STEP) and asked[-1].values.shape[1] == len(CHANNELS)
-    fit = fit_sea(asked[-1])
+        request = forecaster.observe(sample, STEP * number, STEP if number else None).sea_request or request
+    assert set(request.excitations) == {'roll'} and request.names == CHANNELS
+    assert request.step == pytest.approx(STEP) and request.values.shape[1] == len(CHANNELS)
+    fit = fit_sea(request)
     assert set(fit.excitations) == {'roll'} and fit.excitations['roll'] is not None
 
 
 def stretch_of(channels, step):
     """The same by looking at every sample in turn, backwards."""
-    count = len(channels[0])
-    measured = [any(value == value for value in channel) for channel in channels]
-    if not any(measured):
-        return [[] for _ in channels]
-    used = [channel for channel, is_measured in zip(channels, measured, strict=True) if is_measured]
-    known = [number for number in range(count) if all(channel[number] == channel[number] for channel in used)]
+    used = [channel for channel in channels if not all(map(math.isnan, channel))]
     stretch = []
-    for number in reversed(known):
-        if stretch and (stretch[-1] - number) * step > LONGEST_FILLED:
+    for number in reversed(range(len(channels[0]) if used else 0)):
+        if any(math.isnan(channel[number]) for channel in used):
+            continue
+        if stretch and (stretch[0] - number) * step > LONGEST_FILLED:
             break
-        stretch.append(number)
-    if not stretch:
-        return [[] for _ in channels]
-    stretch.reverse()
-    filled = []
-    for channel, is_measured in zip(channels, measured, strict=True):
-        row = []
-        for first, second in zip(stretch, stretch[1:], strict=False):
-            for number in range(first, second):
-                share = (number - first) / (second - first)
-                row.append((1.0 - share) * channel[first] + share * channel[second] if is_measured else math.nan)
-        row.append(channel[stretch[-1]] if is_measured else math.nan)
-        filled.append(row)
-    return filled
+        stretch.insert(0, number)
+    rows = np.arange(stretch[0], stretch[-1] + 1) if stretch else np.empty(0)
+    return [np.interp(rows, stretch, np.array(channel)[stretch]) if stretch else rows for channel in channels]
 
 
-@given(
-    st.integers(0, 40).flatmap(
-        lambda n: st.lists(
-            st.lists(st.one_of(st.just(math.nan), st.floats(-1.0, 1.0)), min_size=n, max_size=n),
-            min_size=2,
-            max_size=2,
-        )
-    )
-)
+def two_channels(count):
+    values = st.lists(st.one_of(st.just(math.nan), st.floats(-1.0, 1.0)), min_size=count, max_size=count)
+    return st.lists(values, min_size=2, max_size=2)
+
+
+@given(st.integers(0, 40).flatmap(two_channels))
 def test_the_newest_stretch_is_that_of_looking_backwards(channels):
     step = LONGEST_FILLED / 4.5
-    found = newest_stretch(np.array(channels, dtype=float), step)
-    wanted = np.array(stretch_of(channels, step), dtype=float).reshape(2, -1)
+    found, wanted = newest_stretch(np.array(channels, dtype=float), step), np.array(stretch_of(channels, step))
     assert found.shape == wanted.shape
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
 
@@ -139,8 +112,7 @@ def test_the_newest_stretch_is_that_of_looking_backwards(channels):
 @pytest.mark.parametrize(('roll', 'sensor'), [(1e-4, 0.0), (0.0, 5e-3), ('coarse', 5e-3)])
 def test_a_craft_that_only_heaves_is_forecast_vertically(roll, sensor):
     """Whether its roll is noise, stays the same to the last digit, or jumps by one of them now and then."""
-    count, ahead, row = 2400, 30, 2399
-    rng = np.random.default_rng(1)
+    count, ahead, row, rng = 2400, 30, 2399, np.random.default_rng(1)
     frequency = 2.0 * np.pi * np.array([0.11, 0.12, 0.135, 0.15])
     heave = 0.2 * np.cos(np.outer(STEP * np.arange(count + ahead), frequency) + rng.uniform(0.0, 6.0, 4))
     velocity = np.gradient(heave.sum(axis=1), STEP)
@@ -155,8 +127,8 @@ def test_a_craft_that_only_heaves_is_forecast_vertically(roll, sensor):
     waves = InnovationsFilter(fit.waves[WAVES], ATTITUDE, 3.0, np.arange(1, 4))
     waves.seed(values[-600:])
     forecaster = VerticalForecaster(STEP, ahead + 2)
-    for place in range(count):
-        forecaster.take(values[place, [CHANNELS.index(name) for name in ('roll', 'pitch', *FORCE)]], None)
+    for sample in values[:, [CHANNELS.index(name) for name in ('roll', 'pitch', *FORCE)]]:
+        forecaster.take(sample, None)
     forecaster.install(fit.vertical, row, waves)
     found = forecaster.forecast(np.array([1.0, 2.0]), 0.0, np.zeros((2, 4)), np.tile(1e-6 * np.eye(4), (2, 1, 1)))
     assert found.mean[:, 1] == pytest.approx(velocity[[row + 10, row + 20]], abs=0.1 * velocity.std())

@@ -2,36 +2,32 @@
 
 import numpy as np
 import pytest
+from craft_at_sea import jonswap
+from records_at_sea import evenly
 from scipy import signal
 
-from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.attitude.prediction.sea_state import cross_spectra, sea_report, sea_state
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
 
 STEP, COUNT = 0.1, 12_000
-TIME = STEP * np.arange(COUNT)
 
 
 def jonswap_record(height, period, direction, seed):
-    """Twenty minutes of vertical acceleration, roll and pitch of a craft that lies on the water: a random sea."""
-    rng = np.random.default_rng(seed)
-    frequency = np.fft.rfftfreq(2 * COUNT, STEP)[1:]
-    ratio = frequency * period
-    width = np.where(ratio <= 1.0, 0.07, 0.09)
-    density = ratio**-5.0 * np.exp(-1.25 * ratio**-4.0) * 3.3 ** np.exp(-((ratio - 1.0) ** 2) / (2.0 * width**2))
-    density[(frequency < 0.04) | (frequency > 1.5)] = 0.0
+    """Twenty minutes of vertical acceleration, roll and pitch of a craft that lies on the water; the mean period."""
+    rng, frequency = np.random.default_rng(seed), np.fft.rfftfreq(2 * COUNT, STEP)[1:]
+    density = np.where((frequency < 0.04) | (frequency > 1.5), 0.0, jonswap(frequency, 1.0 / period, 3.3))
     density *= (height / 4.0) ** 2 / (density.sum() * frequency[0])
     parts = np.sqrt(density * frequency[0] / 4.0) * (rng.normal(size=(2, frequency.size)).T @ (1.0, 1j))
-    number = (2.0 * np.pi * frequency) ** 2 / 9.81
+    squares = (2.0 * np.pi * frequency) ** 2
 
     def series(spectrum):
         return np.fft.irfft(np.concatenate([[0.0], spectrum]), 2 * COUNT)[:COUNT] * 2 * COUNT
 
-    along, across = series(1j * number * np.cos(direction) * parts), series(1j * number * np.sin(direction) * parts)
+    along, across = (series(1j * squares / 9.81 * part * parts) for part in (np.cos(direction), np.sin(direction)))
     mean_period = np.sqrt(density.sum() / (density * frequency**2).sum())
-    return (series(-((2.0 * np.pi * frequency) ** 2) * parts), across, -along), mean_period
+    return (series(-squares * parts), across, -along), mean_period
 
 
 @pytest.mark.parametrize('rows', [2000, 1999])
@@ -45,10 +41,9 @@ def test_the_spectra_are_those_of_scipy(rows):
 
 def test_one_wave_has_its_own_height_and_period():
     w = 2.0 * np.pi * 0.1
-    found = sea_state(-(w**2) * 0.5 * np.sin(w * TIME), np.zeros(COUNT), np.zeros(COUNT), STEP)
+    found = sea_state(-(w**2) * 0.5 * np.sin(w * STEP * np.arange(COUNT)), *np.zeros((2, COUNT)), STEP)
     assert found.significant_height == pytest.approx(4.0 * 0.5 / np.sqrt(2.0), rel=5e-3)
-    assert found.mean_period == pytest.approx(10.0, rel=5e-3)
-    assert found.peak_period == pytest.approx(10.0, rel=5e-3)
+    assert [found.mean_period, found.peak_period] == pytest.approx([10.0, 10.0], rel=5e-3)
 
 
 def test_intervals_hold_in_simulated_seas():
@@ -57,43 +52,26 @@ def test_intervals_hold_in_simulated_seas():
         period = (4.0, 6.0, 9.0, 14.0)[seed % 4]
         record, mean_period = jonswap_record(2.0, period, 0.6, seed)
         found = sea_state(*record, STEP)
-        held.append(
-            (
-                abs(found.significant_height - 2.0) < 1.96 * found.significant_height_std,
-                abs(found.mean_period - mean_period) < 1.96 * found.mean_period_std,
-                found.peak_period_interval[0] <= period <= found.peak_period_interval[1],
-            )
-        )
+        is_height = abs(found.significant_height - 2.0) < 1.96 * found.significant_height_std
+        is_mean = abs(found.mean_period - mean_period) < 1.96 * found.mean_period_std
+        held.append((is_height, is_mean, found.peak_period_interval[0] <= period <= found.peak_period_interval[1]))
     share = np.mean(held, axis=0)
     assert (share >= 0.9).all(), share
 
 
-@pytest.mark.parametrize('direction_deg', [0.0, 40.0, -75.0])
-def test_the_axis_is_that_of_the_waves(direction_deg):
-    record, _ = jonswap_record(1.0, 7.0, np.radians(direction_deg), 4)
-    found = sea_state(*record, STEP)
-    assert np.degrees(found.axis) == pytest.approx(direction_deg, abs=1.0)
-
-
-def test_there_is_no_axis_where_slope_and_heave_have_nothing_in_common():
-    record, _ = jonswap_record(1.0, 7.0, 0.0, 4)
-    roll, pitch = np.random.default_rng(0).normal(size=(2, COUNT))
-    assert np.isnan(sea_state(record[0], roll, pitch, STEP).axis)
+def test_the_axis_is_that_of_the_waves():
+    for degrees in (0.0, 40.0, -75.0):
+        record, _ = jonswap_record(1.0, 7.0, np.radians(degrees), 4)
+        assert np.degrees(sea_state(*record, STEP).axis) == pytest.approx(degrees, abs=1.0)
+    unrelated = np.random.default_rng(0).normal(size=(2, COUNT))
+    assert np.isnan(sea_state(record[0], *unrelated, STEP).axis)
 
 
 def test_a_buoy_agrees_with_its_own_processing(data_folder):
     """Morro Bay's own wave file gives 2.59 m and 18.2 to 20.0 s."""
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')
-    time = np.arange(trial.time[0], trial.time[0] + 1200.0, STEP)
-
-    def even(name):
-        values = getattr(trial, name)
-        known = np.isfinite(values)
-        return np.interp(time, trial.time[known], values[known])
-
-    roll, pitch = even('roll'), even('pitch')
-    force = np.stack([even(f'accel_{axis}') for axis in 'xyz'], axis=1)
-    found = sea_state(vertical_acceleration(roll, pitch, force), roll, pitch, STEP)
+    _, acceleration, channels = evenly(trial, STEP, 1200.0)
+    found = sea_state(acceleration, channels['roll'], channels['pitch'], STEP)
     assert found.significant_height == pytest.approx(2.59, rel=0.07)
     assert 18.2 <= found.peak_period <= 20.0
     assert found.peak_period_interval[0] <= found.peak_period <= found.peak_period_interval[1]
@@ -114,22 +92,14 @@ def sensor_noise(seed, flicker):
     return np.fft.irfft(np.fft.rfft(rng.normal(0.0, 0.01, COUNT)) * shape, COUNT)
 
 
-def test_a_sensor_on_land_measures_no_sea():
-    refused = 0
+def test_a_sensor_on_land_measures_no_sea_and_a_small_sea_shows_above_its_noise():
     for seed in range(60):
-        noise = sensor_noise(seed, flicker=(0.0, 1.0, 10.0)[seed % 3])
         size = (COUNT, 6000, 3000)[seed // 20]
-        try:
-            sea_state(noise[:size], np.zeros(size), np.zeros(size), STEP)
-        except InputError as error:
-            refused += 'below the noise floor' in str(error)
-    assert refused == 60
-
-
-def test_a_small_sea_shows_above_the_noise_of_the_sensor():
+        noise = sensor_noise(seed, flicker=(0.0, 1.0, 10.0)[seed % 3])[:size]
+        with pytest.raises(InputError, match='below the noise floor'):
+            sea_state(noise, *np.zeros((2, size)), STEP)
     record, _ = jonswap_record(0.2, 6.0, 0.6, 3)
-    noise = sensor_noise(0, flicker=1.0)
-    found = sea_state(record[0] + noise, *record[1:], STEP)
+    found = sea_state(record[0] + sensor_noise(0, flicker=1.0), *record[1:], STEP)
     assert found.significant_height == pytest.approx(0.2, rel=0.1)
     assert 0.01 < found.least_height < 0.2
 

@@ -18,24 +18,18 @@ from swath_sysid.pipeline.scoring import score
 
 STEP, TRAVEL, NOISE = 0.2, 4.0, 0.02
 LEADS = (1.0, 3.0, 6.0)
+RESONANCE = [1.0, -2.0 * 0.97 * math.cos(2.0 * math.pi * STEP / 4.0), 0.97**2]
 SETTINGS = ForecasterSettings(leads=LEADS, horizon=6.0, horizon_step=1.0, forecast_rate=1.0)
 
 
-def wave(seed, duration):
-    """White noise through a resonance of 4 s, of unit size, and the resonance's coefficients."""
-    a = [1.0, -2.0 * 0.97 * math.cos(2.0 * math.pi * STEP / 4.0), 0.97**2]
-    values = lfilter([1.0], a, np.random.default_rng(seed).standard_normal(round(duration / STEP) + 2000))[1000:]
-    return values / values.std(), a
-
-
 def craft_and_probe(seed=1, duration=600.0, travel=TRAVEL):
-    """A craft that rolls as the wave is, so many s after it has passed the probe."""
-    values, a = wave(seed, duration)
+    """A craft that rolls as a wave is, so many s after that has passed the probe; the wave resonates at 4 s."""
     count, late = round(duration / STEP), round(travel / STEP)
+    values = lfilter([1.0], RESONANCE, np.random.default_rng(seed).standard_normal(count + 2000))[1000:]
+    values /= values.std()
     noise = NOISE * np.random.default_rng(seed + 100).standard_normal((2, count))
-    time = np.arange(count) * STEP
-    trial = Trial(time, roll=0.1 * (values[200 : 200 + count] + noise[0]))
-    return trial, values[200 + late : 200 + late + count] + noise[1], a
+    trial = Trial(np.arange(count) * STEP, roll=0.1 * (values[200 : 200 + count] + noise[0]))
+    return trial, values[200 + late : 200 + late + count] + noise[1]
 
 
 def error(trial, upstream=None, begin=300.0, until=None):
@@ -49,24 +43,17 @@ def without():
     return error(craft_and_probe()[0])[0]
 
 
-def optimum(a, lead):
-    """Error over the size of what an autoregression without noise cannot know so many s ahead."""
-    response = lfilter([1.0], a, np.eye(1, 1000)[0]) ** 2
-    return math.sqrt(response[: round(lead / STEP)].sum() / response.sum())
-
-
 def test_a_wave_is_forecast_until_it_has_passed_the_probe_and_then_as_well_as_can_be(without):
-    trial, probe, a = craft_and_probe()
+    trial, probe = craft_and_probe()
     found, coverage = error(trial, {'probe': UpstreamSeries(trial.time, probe)})
     # at leads below the travel only noise is unknown; beyond, what the wave does after it passed the probe
-    best = [math.hypot(NOISE, optimum(a, max(0.0, lead - TRAVEL))) for lead in LEADS]
+    response = lfilter([1.0], RESONANCE, np.eye(1, 1000)[0]) ** 2
+    after = (response[: round(max(0.0, lead - TRAVEL) / STEP)].sum() / response.sum() for lead in LEADS)
+    best = [math.sqrt(NOISE**2 + unknown) for unknown in after]
     assert found[0] < 2.5 * best[0] and found[1] < 2.5 * best[1] and found[2] < 1.15 * best[2]
     assert (found[:2] < 0.3 * without[:2]).all() and found[2] < 0.85 * without[2]
     assert (np.abs(coverage - 0.9) < 0.06).all()
-
-
-def test_a_channel_of_noise_costs_nothing(without):
-    trial, probe, _ = craft_and_probe()
+    # a channel of noise costs nothing
     noise = np.random.default_rng(5).standard_normal(probe.size)
     found, _ = error(trial, {'noise': UpstreamSeries(trial.time, noise)})
     assert (found < 1.03 * without).all()
@@ -74,24 +61,22 @@ def test_a_channel_of_noise_costs_nothing(without):
 
 @pytest.mark.parametrize('kind', ['lost', 'quick', 'late'])
 def test_samples_may_be_lost_quicker_than_the_imus_or_late(without, kind):
-    trial, probe, _ = craft_and_probe()
+    trial, probe = craft_and_probe()
     rng = np.random.default_rng(3)
-    series = UpstreamSeries(trial.time, probe)
-    if kind == 'lost':
-        kept = rng.uniform(size=probe.size) > 0.05
-        series = UpstreamSeries(trial.time[kept], probe[kept])
-    if kind == 'quick':
-        stamps = np.sort(rng.uniform(0.0, trial.time[-1], 5 * probe.size))
-        series = UpstreamSeries(stamps, np.interp(stamps, trial.time, probe))
-    if kind == 'late':
-        series = UpstreamSeries(trial.time, probe, trial.time + 1.0)
+    kept = rng.uniform(size=probe.size) > 0.05
+    stamps = np.sort(rng.uniform(0.0, trial.time[-1], 5 * probe.size))
+    series = {
+        'lost': UpstreamSeries(trial.time[kept], probe[kept]),
+        'quick': UpstreamSeries(stamps, np.interp(stamps, trial.time, probe)),
+        'late': UpstreamSeries(trial.time, probe, trial.time + 1.0),
+    }[kind]
     found, _ = error(trial, {'probe': series})
     assert (found[:2] < [0.2, 0.2]).all() and (found[:2] < 0.35 * without[:2]).all()
 
 
 @pytest.mark.parametrize('kind', ['stuck', 'lying'])
 def test_a_probe_that_is_stuck_or_lies_costs_little_and_serves_again(without, kind):
-    trial, probe, _ = craft_and_probe()
+    trial, probe = craft_and_probe()
     instead = probe[1900] if kind == 'stuck' else craft_and_probe(seed=9)[1]
     seen = np.where((trial.time > 340.0) & (trial.time < 460.0), instead, probe)
     series = {'probe': UpstreamSeries(trial.time, seen)}
@@ -101,9 +86,6 @@ def test_a_probe_that_is_stuck_or_lies_costs_little_and_serves_again(without, ki
 
 
 def test_values_are_those_at_the_rows_stamps_however_the_samples_come():
-    def f(t):
-        return math.sin(0.7 * t)
-
     rows = UpstreamRows(('quick', 'slow', 'late'), 400)
     rows.begin(0.1, True)
     slow = np.cumsum(np.random.default_rng(0).uniform(0.15, 0.35, 200))
@@ -112,7 +94,7 @@ def test_values_are_those_at_the_rows_stamps_however_the_samples_come():
     arriving += [(0.1 * number + 1e-6, '', 0.1 * number) for number in range(200)]
     for _, name, stamp in sorted(arriving):
         if name:
-            rows.take(name, stamp, f(stamp))
+            rows.take(name, stamp, math.sin(0.7 * stamp))
         else:
             rows.append(stamp, 1)
     asked = rows.request(200, 100, 1.0)
@@ -144,13 +126,13 @@ def test_gaps_repetitions_and_samples_out_of_order_are_lost():
 
 @pytest.mark.parametrize('travel', [4.0, 14.0, 24.0])
 def test_the_past_is_as_long_as_the_wave_travels(travel):
-    trial, probe, _ = craft_and_probe(travel=travel)
+    trial, probe = craft_and_probe(travel=travel)
     rows = np.column_stack([trial.roll, np.full((probe.size, 3), math.nan), probe])
     assert travel - 3.0 <= needed_past(rows, STEP, 3.0) <= travel + 3.0
 
 
 def test_channels_are_known_and_their_gain_is_told():
-    trial, probe, _ = craft_and_probe(duration=300.0)
+    trial, probe = craft_and_probe(duration=300.0)
     names = ('probe', 'noise')
     pipeline = ForecastPipeline(PipelineSettings(forecaster=ForecasterSettings(leads=LEADS, upstream=names)))
     with pytest.raises(InputError, match="'prob' is not an upstream channel: the settings have probe, noise"):
