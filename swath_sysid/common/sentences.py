@@ -6,6 +6,8 @@ Values stand in braces by name. A key is a code, or a code and after a colon wha
 import re
 
 SENTENCES = {
+    'absent-term': '{equation} lacks a term that the motion shows ({term}, {stds:.0f} standard deviations from zero), '
+    'which biases its other coefficients: fit an equation that has {term}',
     'absurd-values': 'impossible values were left out ({channels}): check the units in the column names, and look for '
     'damaged packets',
     'absurd-values: run': '{source}: {number} values of {name} beyond {limit:g} were left out: check its unit',
@@ -67,6 +69,7 @@ SENTENCES = {
     'empty-channel: run': '{source}: {name} holds no usable value and is left out',
     'equivalent-linear': 'motion in waves shows only the equivalent linear damping at an amplitude of {amplitude:.2g} '
     'deg, not how damping depends on amplitude: for larger motions record a free decay in still water',
+    'few-samples': 'only {usable:.0%} of the recorded rows have a distinct time: write the time with more digits',
     'forced-motion': '{name} oscillates from start to end (standard deviation {spread}) and never dies out, as in '
     'waves. At sea this gives the natural period, and the damping at its amplitude; for more, record a release in '
     'still water, or give start and end of a decay',
@@ -91,6 +94,8 @@ SENTENCES = {
     'missing',
     'holds-decay': 'this record contains a free decay, which shows more about the hull: identify it as a decay',
     'identical-files': '{path} has the same content as {original} and was left out, because a copy is not a repeat',
+    'implausible-period': 'the natural period came out as {period:.4g} s, more than {longest:g} s: check the unit of '
+    'the time column, which may count milliseconds (time_ms) or samples (time_samples)',
     'inertia-includes-added': 'Iz includes added inertia, which free running cannot separate: give the inertia to see '
     'Nr_dot',
     'invalid-orientation': '{invalid} of {number} quaternions are invalid and were left out: check the sensor driver',
@@ -126,6 +131,8 @@ SENTENCES = {
     'model-doubtful': 'the {axis} model is {verdict}: {sentence}',
     'motion-simplified': 'Nav2 moves a craft along its heading at the commanded speed: this one drifts by up to '
     '{drift:.3g} deg and its speed changes by {change:+.0%} in the hardest turn at the highest speed',
+    'motion-uncertain': 'the record leaves the next release uncertain {size}: add another release, or release from a '
+    'larger angle',
     'no-decay': 'no free decay was found in {name}: it moves by {reach}, but not as a steadily shrinking oscillation '
     'with rest before or after. Record a release in still water until it has died out, or give start and end of a '
     'decay',
@@ -133,6 +140,10 @@ SENTENCES = {
     'no-header-stamps': '{topic} has no header stamps, so times of arrival are used: have the driver stamp its '
     'messages',
     'no-model': '{axis} is forecast without a hull model, until one is identified',
+    'no-period': 'the fit has no natural period of small motions: choose the decay by its start and end, or release '
+    'the craft again in still water',
+    'no-release': 'the craft may have been moved and not released, because {seen}: hold it still at an angle in still '
+    'water, and let it go',
     'no-speed': 'no run contains a speed, so surge is assumed, not identified: add surge_m_s, or position and heading',
     'no-sway': 'no run contains a sway velocity, so sway is assumed, not identified: add sway_m_s, or position and '
     'heading',
@@ -145,6 +156,8 @@ SENTENCES = {
     'numba-disabled': 'NUMBA_DISABLE_JIT is set, so fits take longer than they could; unset it',
     'numba-fails': 'numba is installed but cannot be loaded ({error}), so fits take longer than they could; install '
     'versions of numba and numpy that fit each other, or remove numba',
+    'one-sided': 'the record shows the motion to one side only, so the forecast of a release to the other side may be '
+    'wrong{size}: release the craft from the other side too',
     'one-step-biased': 'the one-step objective is biased under measurement noise, and its damping is too large: use '
     'the simulation objective for a model that forecasts',
     'out-of-order-stamps': '{rows} out of order were left out: split the file if it holds two recordings, or a replay '
@@ -153,6 +166,8 @@ SENTENCES = {
     'outlier': '{name} {value:.3g} was rejected: expected {expected:.3g}',
     'outside-valid-amplitude': '{axis} reaches {reached:.1f} deg, but its model was identified at {largest:.1f} deg '
     'and less, so forecast errors may exceed their intervals; identify again after a release from a larger angle',
+    'poor-fit': '{left:.0%} of the motion is neither explained by the fit nor white noise: release the craft in still '
+    'water, name no equation, or check units, signs and times of the columns and the bounds of the decay',
     'poor-simulation': 'free simulation explains little of the {label} runs ({channels}; r2): look in the pictures for '
     'wind, waves, a wrong thrust or a reversed channel',
     'rate-late': 'the {axis} rate comes {lag:.2f} s after the {axis} angle: have the driver stamp both when they are '

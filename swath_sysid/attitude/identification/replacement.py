@@ -1,6 +1,7 @@
 """Which model of free decays is published: by its verdict, then by the expected error of the next release."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -11,46 +12,32 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.scaling import LOWER, UPPER
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.at_sea import is_at_sea
-from swath_sysid.attitude.identification.fit_quality import ADEQUATE, DOUBTFUL, REJECTED
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE, LEVELS, REJECTED
 from swath_sysid.attitude.identification.identify import Identification
-from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, MotionFit
-from swath_sysid.attitude.identification.problem import Problem, block_means
+from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD
+from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit
 
 BY_CHANCE = 0.01  #: Probability that chance is reported as a changed hull.
-
-_LEVELS = REJECTED, DOUBTFUL, ADEQUATE  #: The worst first.
 
 
 def misfit(problem: Problem, model: DecayModel) -> float:
     """Rms residual of a model on decays, weighted by noise, from its best initial states; infinite if it diverges."""
-    residuals = _residuals(problem, model)
-    return float('inf') if residuals is None else float(np.sqrt(np.mean(residuals**2)))
+    count = sum(values.size for values in _measured(problem))
+    return float(np.sqrt(_least_squares(problem, model.equation, [model], held=True) / count))
 
 
-def _residuals(problem: Problem, model: DecayModel) -> np.ndarray | None:
-    fit = MotionFit(problem.motions, model.equation, problem.scales, problem.noise, model.friction_rate)
-    try:
-        best = fit.refine_states(fit.pack(model.ratios, problem.states))
-        found = np.concatenate(fit.residuals_and_jacobian(best)[0])
-    except (ValueError, np.linalg.LinAlgError):
-        # scipy raises where the motion diverges
-        return None
-    return found if np.isfinite(found).all() else None
-
-
-def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayModel]) -> float:
-    """The least sum of squares of an equation's residuals, started from several hulls."""
-    fit = MotionFit(problem.motions, equation, problem.scales, problem.noise, problem.friction_rate)
-    bounds = LOWER[equation.indices], UPPER[equation.indices]
-    found = []
+def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayModel], held: bool = False) -> float:
+    """The least sum of squares of residuals, started from several hulls, whose ratios may be held."""
+    fit, found = motion_fit(problem, equation), [float('inf')]
     for model in starts:
-        try:
+        # scipy raises where the motion diverges
+        with suppress(ValueError, np.linalg.LinAlgError):
             parameters = fit.refine_states(fit.pack(model.ratios, problem.states))
-            found.append(fit.refine(parameters, *bounds)[1])
-        except (ValueError, np.linalg.LinAlgError):
-            # as above
-            continue
-    return min(found, default=float('inf')) ** 2 * _count(problem)
+            if not held:
+                parameters, *_ = fit.refine(parameters, LOWER[equation.indices], UPPER[equation.indices])
+            residuals = np.concatenate(fit.residuals_and_jacobian(parameters)[0])
+            found.append(float(np.nan_to_num(residuals @ residuals, nan=np.inf)))
+    return min(found)
 
 
 def has_changed(problem: Problem, before: DecayModel, of_new: Identification, new: Sequence[int]) -> bool:
@@ -60,37 +47,29 @@ def has_changed(problem: Problem, before: DecayModel, of_new: Identification, ne
     of squares differ by a chi-squared variable (Wilks 1938). The excess matters where it exceeds the new fit's motion
     error.
     """
-    problem = _thinned(problem)
-    old = [k for k in range(len(problem.motions)) if k not in new]
+    places = range(len(problem.motions))
     terms = [name for name in TERM_NAMES if name in (*before.equation.terms, *of_new.model.equation.terms)]
     equation, starts = Equation('', tuple(terms)), (before, of_new.model)
-    apart = sum(_least_squares(_part(problem, places), equation, starts) for places in (old, new))
-    lost = _least_squares(problem, equation, starts) - apart
-    variance = apart / _count(problem) * of_new.samples / of_new.effective_samples
+    parts = [_part(problem, each) for each in (places, [k for k in places if k not in new], new)]
+    together, *apart = (_least_squares(part, equation, starts) for part in parts)
+    measured = _measured(parts[0])
+    variance = sum(apart) / sum(values.size for values in measured) * of_new.samples / of_new.effective_samples
     by_chance = variance * chdtri(len(terms), BY_CHANCE)
-    matters = of_new.verdict.motion_error**2 * sum(values.size * np.var(values) for values in _measured(problem))
-    return bool(lost > max(by_chance, matters))
-
-
-def _thinned(problem: Problem) -> Problem:
-    """The problem at the search's density, in which two hulls still differ."""
-    period = 2.0 * np.pi / problem.scales.frequency
-    return replace(problem, motions=tuple(block_means(m, period, SEARCH_STEPS_PER_PERIOD) for m in problem.motions))
+    matters = of_new.verdict.motion_error**2 * sum(values.size * np.var(values) for values in measured)
+    return bool(together - sum(apart) > max(by_chance, matters))
 
 
 def _part(problem: Problem, places: Sequence[int]) -> Problem:
-    motions, states = tuple(problem.motions[k] for k in places), tuple(problem.states[k] for k in places)
-    return replace(problem, motions=motions, states=states)
+    """Some decays of a problem, at the search's density, in which two hulls still differ."""
+    period = 2.0 * np.pi / problem.scales.frequency
+    motions = tuple(block_means(problem.motions[k], period, SEARCH_STEPS_PER_PERIOD) for k in places)
+    return replace(problem, motions=motions, states=tuple(problem.states[k] for k in places))
 
 
 def _measured(problem: Problem) -> list[np.ndarray]:
     """Each measured channel, weighted as its residuals are."""
     angles = [m.angle / problem.noise.angle for m in problem.motions if m.angle is not None]
     return angles + [m.rate / problem.noise.rate for m in problem.motions if m.rate is not None]
-
-
-def _count(problem: Problem) -> int:
-    return sum(values.size for values in _measured(problem))
 
 
 def explains_better(found: Identification, held: DecayModel) -> bool:
@@ -121,7 +100,7 @@ def reason_to_keep(current: IdentifiedModel | None, new: IdentifiedModel, is_con
     if current is None or is_at_sea(current):
         return ''
     held = current.metrics.get('verdict', ADEQUATE)
-    better = _LEVELS.index(level) - _LEVELS.index(held)
+    better = LEVELS.index(level) - LEVELS.index(held)
     if better < 0:
         return f'{verdict_text(new)}; the current model, which is {held}, stays'
     if better > 0 or is_contradicted or motion_error(new) < motion_error(current):
