@@ -21,7 +21,7 @@ from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.pruning import log_evidence, prune
-from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
+from swath_sysid.attitude.identification.scoring import LogPosterior
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.selection import compare, first_part, held_out_error, information_criterion
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -210,20 +210,15 @@ class Regression(LogPosterior):
 
     def __init__(self, equation, truth, samples=40):
         rng = np.random.default_rng(1)
-        self.equation, n = equation, len(equation.terms)
+        n = len(equation.terms)
+        super().__init__(equation, np.zeros(n), np.full(n, 2.0), [name.startswith('b') for name in equation.terms])
         self.slopes = rng.normal(size=(samples, n))
         self.values = self.slopes @ truth + rng.normal(size=samples)
-        self.ratio_prior = np.full(n, 2.0)
-        self.lowest = np.where([name.startswith('b') for name in equation.terms], 0.0, -np.inf)
 
-    def evaluate(self, points):
-        return [self._at(z) for z in points]
-
-    def _at(self, z):
-        e = self.slopes @ z - self.values
-        weight = self.ratio_prior**-2
-        information = self.slopes.T @ self.slopes + np.diag(weight)
-        return Evaluation(z, 0.5 * e @ e + 0.5 * weight @ z**2, self.slopes.T @ e + weight * z, information)
+    def likelihoods(self, points):
+        for z in points:
+            e = self.slopes @ z - self.values
+            yield 0.5 * e @ e, self.slopes.T @ e, self.slopes.T @ self.slopes
 
     def optimum(self):
         n = len(self.equation.terms)

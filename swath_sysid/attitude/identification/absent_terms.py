@@ -3,7 +3,7 @@
 A likelihood-ratio test of the equation against one with every other term (Wilks 1938).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +14,9 @@ from swath_sysid.attitude.hull.terms import DAMPING_NAMES
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.problem import Problem, motion_fit
-from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
-from swath_sysid.attitude.identification.residual_posterior import residual_posterior
+from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR, weak_prior
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
+from swath_sysid.common.covariance import sandwich_covariance
 
 CHANCE = 0.001  #: Probability that the likelihood ratio calls a complete equation incomplete.
 SMOOTH_TERMS = (*DAMPING_NAMES[1:], 'r2', 'r3')
@@ -39,6 +39,42 @@ def suits_likelihood(problem: Problem, equation: Equation) -> bool:
     """
     both = all(m.angle is not None and m.rate is not None for m in problem.motions)
     return both and 'b0' not in equation.terms
+
+
+class ResidualPosterior(LogPosterior):
+    """Negative log posterior of an equation's dimensionless ratios and the initial states of records.
+
+    Parameters are those of `MotionFit.pack`. The noise is that of the residuals at parameters ``about``, of which N are
+    equivalent to n independent ones and weighted by n / N. States have the prior of a linear term: rates alone say
+    nothing of the trim.
+    """
+
+    def __init__(self, problem: Problem, equation: Equation, about: np.ndarray) -> None:
+        self._fit = motion_fit(problem, equation)
+        residuals, jacobians = self._fit.residuals_and_jacobian(about)
+        independent = sandwich_covariance(residuals, jacobians, problem.shortest_memory).effective_samples
+        self._variance = sum(float(r @ r) for r in residuals) / independent
+        std = weak_prior(equation, problem.decayed_to)
+        states = about.size - std.size
+        super().__init__(
+            equation,
+            np.r_[[float(name in ('r1', 's1')) for name in equation.terms], np.zeros(states)],
+            np.r_[std, np.full(states, LINEAR_PRIOR)],
+            [name in DAMPING_NAMES for name in equation.terms],
+        )
+
+    def likelihoods(self, points: np.ndarray) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
+        """That of the residuals at points (P, p)."""
+        for z in points:
+            e, slopes = (np.concatenate(each) for each in self._fit.residuals_and_jacobian(z))
+            yield 0.5 * float(e @ e) / self._variance, slopes.T @ e / self._variance, slopes.T @ slopes / self._variance
+
+
+def residual_posterior(problem: Problem, equation: Equation, start: np.ndarray) -> tuple[ResidualPosterior, Evaluation]:
+    """The posterior whose noise is what its optimum leaves, and that optimum, from parameters (p,)."""
+    (first,) = ResidualPosterior(problem, equation, start).minimise([start]) or (None,)
+    found = ResidualPosterior(problem, equation, start if first is None else first.z)
+    return found, (found.minimise([start if first is None else first.z]) or found.evaluate([start]))[0]
 
 
 def basin_likelihood(

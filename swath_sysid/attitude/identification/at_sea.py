@@ -5,7 +5,7 @@ that of the vertical acceleration times a power of frequency, or JONSWAP (Hassel
 The result is the linear hull at amplitude sqrt(2) std: one record does not show how damping depends on amplitude.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -49,11 +49,13 @@ HULL_PRIORS = {
 _FREQUENCY, _DAMPING, _QUADRATIC, _EVEN, _CUBIC, _LEVEL = range(len(HULL_PRIORS))
 _NONLINEAR = slice(_QUADRATIC, _LEVEL)
 
-#: Log peak frequency over that of the spectrum, log of JONSWAP's peakedness less one (with less than its mean, 3.3, a
-#: hull near resonance takes part of the sea's peak for its own), tail.
-JONSWAP_PRIORS = (0.0, 0.5), (np.log(2.3), 1.0), (3.0, 2.0)
-HEAVE_PRIORS = ((0.0, 1.0),)  #: Power of the frequency.
-FLOOR_PRIOR = -7.0, 2.0  #: Log floor over the sea's peak.
+#: Of the sea's shape, the log of the floor over its peak last. JONSWAP: log peak frequency over that of the spectrum,
+#: log of its peakedness less one (with less than its mean, 3.3, a hull near resonance takes part of the sea's peak for
+#: its own), tail; the measured heave: power of the frequency.
+SEA_PRIORS = {
+    'jonswap': ((0.0, 0.5), (np.log(2.3), 1.0), (3.0, 2.0), (-7.0, 2.0)),
+    'heave': ((0.0, 1.0), (-7.0, 2.0)),
+}
 
 #: The measured heave spectrum is used unless its misfit is this many times that of JONSWAP.
 HEAVE_PREFERRED = 1.5
@@ -131,6 +133,14 @@ class AtSeaIdentification:
             found.append(Advice.of('sea-not-fitted', misfit=self.misfit))
         return tuple(found)
 
+    def gain_over(self, model: DecayModel) -> float:
+        """Rise of the log-likelihood from a linear model to this one, to second order.
+
+        Twice that is chi-squared with two degrees of freedom if the model is true (Wald 1943).
+        """
+        away = np.array([model.terms[name] - value for name, value in self.model.terms.items()])
+        return 0.5 * float(away @ np.linalg.solve(self.covariance, away))
+
     def identified_model(self, provenance: dict) -> IdentifiedModel:
         """The content of a model file; ``provenance`` is the caller's record of the sources, and gets `AT_SEA`."""
         metrics = {
@@ -176,40 +186,6 @@ def identify_at_sea(
     or cannot be used, and `Cancelled`.
     """
     motion = motion.between(start, end)
-    fit, optima = _best_fit(motion, heave, progress, should_cancel)
-    return _identification(motion, fit, optima, not searched and bool(find_decays(motion)))
-
-
-def gain_over(
-    model: DecayModel, motion: AxisMotion, heave: Heave | None = None, *, should_cancel: ShouldCancel | None = None
-) -> float:
-    """Rise of a record's log-likelihood when the hull is fitted to it instead of given by a linear model.
-
-    Twice that is chi-squared with two degrees of freedom if the model is true (Wilks 1938), after division by the fit's
-    `inflation`.
-    """
-    fit, (free, *_) = _best_fit(motion, heave, None, should_cancel)
-    starts = fit.starts()
-    for start in starts:
-        start[[_FREQUENCY, _DAMPING]] = np.log([model.natural_frequency, max(model.damping_ratio, 1e-4)])
-    held = np.isin(np.arange(free.z.size), (_FREQUENCY, _DAMPING))
-    given = min(each.cost for each in fit.search_each(starts, [held] * len(starts)))
-    return float((given - free.cost) / fit.inflation(free))
-
-
-def excitation_spectrum(frequency: np.ndarray, peak: Any, peakedness: Any, tail: Any) -> np.ndarray:
-    """JONSWAP (Hasselmann et al. 1973) with a tail frequency^-tail, one at its peak; frequency (B,) and peak in rad/s.
-
-    The tail is 5 where the moment follows wave height, 1 where it follows wave slope in deep water.
-    """
-    u = frequency / peak
-    width = np.where(u <= 1.0, 0.07, 0.09)
-    log_peak = np.log(peakedness) * (np.exp(-0.5 * ((u - 1.0) / width) ** 2) - 1.0)
-    return np.exp(log_peak - tail * np.log(u) - 1.25 * (u**-4 - 1.0))
-
-
-def _best_fit(motion: AxisMotion, heave: Heave | None, progress: Progress | None, should_cancel: ShouldCancel | None):
-    """The likelihood with the sea that is to be used, and its optima, the best first."""
     report = progress or (lambda share: None)
     sea = sea_of(motion)
     fit = SeaPosterior(sea, None, should_cancel)
@@ -222,7 +198,18 @@ def _best_fit(motion: AxisMotion, heave: Heave | None, progress: Progress | None
         if seen.deviance(found[0]) <= HEAVE_PREFERRED * max(1.0, fit.deviance(optima[0])):
             fit, optima = seen, found
     report(1.0)
-    return fit, optima
+    return _identification(motion, fit, optima, not searched and bool(find_decays(motion)))
+
+
+def excitation_spectrum(frequency: np.ndarray, peak: Any, peakedness: Any, tail: Any) -> np.ndarray:
+    """JONSWAP (Hasselmann et al. 1973) with a tail frequency^-tail, one at its peak; frequency (B,) and peak in rad/s.
+
+    The tail is 5 where the moment follows wave height, 1 where it follows wave slope in deep water.
+    """
+    u = frequency / peak
+    width = np.where(u <= 1.0, 0.07, 0.09)
+    log_peak = np.log(peakedness) * (np.exp(-0.5 * ((u - 1.0) / width) ** 2) - 1.0)
+    return np.exp(log_peak - tail * np.log(u) - 1.25 * (u**-4 - 1.0))
 
 
 def sea_of(motion: AxisMotion) -> SeaMotion:
@@ -249,25 +236,17 @@ class SeaPosterior(LogPosterior):
     `HULL_PRIORS` and of the sea's shape, the floor last.
     """
 
-    equation = EQUATIONS['linear']
-
     def __init__(
         self, sea: SeaMotion, shown: np.ndarray | None = None, should_cancel: Callable[[], bool] | None = None
     ) -> None:
         self.sea, self.spectra, self._should_cancel = sea, term_spectra(sea), should_cancel
         self.noise = sea.noise(self.spectra.frequency)
         self._shown = None if shown is None else shown / shown.max()
-        of_sea = JONSWAP_PRIORS if shown is None else HEAVE_PRIORS
-        self._mean, std = np.array([*HULL_PRIORS.values(), *of_sea, FLOOR_PRIOR]).T
-        self._weight = std**-2
+        self.name = 'jonswap' if shown is None else 'heave'  #: Source of the sea's spectrum.
         self._in_peaks = [_FREQUENCY, *([len(HULL_PRIORS)] if shown is None else [])]
-        self._mean[self._in_peaks] += np.log(sea.peak)
-        self.lowest = np.full(std.size, -np.inf)
-
-    @property
-    def name(self) -> str:
-        """Source of the sea's spectrum."""
-        return 'jonswap' if self._shown is None else 'heave'
+        mean, std = np.array([*HULL_PRIORS.values(), *SEA_PRIORS[self.name]]).T
+        mean[self._in_peaks] += np.log(sea.peak)
+        super().__init__(EQUATIONS['linear'], mean, std)
 
     def _waves(self, shape: np.ndarray):
         """Spectrum (P, B) of the sea of P shapes, one about its peak."""
@@ -292,41 +271,33 @@ class SeaPosterior(LogPosterior):
         given = np.exp(points[:, [_LEVEL]]) * self._waves(points[:, len(HULL_PRIORS) :])
         return needed, given + stiffness * self.noise, stiffness
 
-    def evaluate(self, points: Sequence[np.ndarray]) -> list[Evaluation]:
-        """The posterior and its derivatives at some points (p,), all at once."""
+    def likelihoods(self, points: np.ndarray) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
+        """Whittle's, at points (P, p), all at once."""
         if self._should_cancel is not None and self._should_cancel():
             raise Cancelled
-        steps = PERTURBATION * np.vstack([np.zeros(self._mean.size), np.eye(self._mean.size)])
-        with np.errstate(all='ignore'):
-            moved = np.array(points)[:, None] + steps
-            parts = self.parts(moved.reshape(-1, self._mean.size))
-            return [
-                self._evaluation(z, *each)
-                for z, *each in zip(points, *(np.split(part, len(points)) for part in parts), strict=True)
-            ]
-
-    def _evaluation(self, z: np.ndarray, needed: np.ndarray, given: np.ndarray, stiffness: np.ndarray):
-        counts = self.spectra.counts
-        # the bands are those of the measured angle: the change of variables to the moment is the stiffness
-        logs = np.log(given / stiffness), np.log(needed / given)
-        ratio = needed[0] / given[0]
-        by_given, by_ratio = ((log[1:] - log[0]) / PERTURBATION for log in logs)
-        cost = float(counts @ (logs[0][0] + ratio) + 0.5 * self._weight @ (z - self._mean) ** 2)
-        gradient = (by_given + ratio * by_ratio) @ counts + self._weight * (z - self._mean)
-        # a nonlinear term has nothing in common with the sea that the hull needs otherwise: it adds to it
-        by_ratio[_NONLINEAR] = 0.0
-        information = (by_ratio * counts) @ by_ratio.T + np.diag(self._weight)
-        units = self._weights(z[None])[0, [1, 2, 2]]
-        added = np.tensordot(2.0 * counts / given[0], self.spectra.matrices[:, 3:, 3:], 1)
-        information[_NONLINEAR, _NONLINEAR] += added * np.outer(units, units)
-        return Evaluation(z, cost if np.isfinite(cost) else np.inf, gradient, information)
+        size, counts = self.mean.size, self.spectra.counts
+        moved = points[:, None] + PERTURBATION * np.vstack([np.zeros(size), np.eye(size)])
+        parts = (np.split(part, len(points)) for part in self.parts(moved.reshape(-1, size)))
+        for z, needed, given, stiffness in zip(points, *parts, strict=True):
+            # the bands are those of the measured angle: the change of variables to the moment is the stiffness
+            logs = np.log(given / stiffness), np.log(needed / given)
+            ratio = needed[0] / given[0]
+            by_given, by_ratio = ((log[1:] - log[0]) / PERTURBATION for log in logs)
+            cost, gradient = float(counts @ (logs[0][0] + ratio)), (by_given + ratio * by_ratio) @ counts
+            # a nonlinear term has nothing in common with the sea that the hull needs otherwise: it adds to it
+            by_ratio[_NONLINEAR] = 0.0
+            information = (by_ratio * counts) @ by_ratio.T
+            units = self._weights(z[None])[0, [1, 2, 2]]
+            added = np.tensordot(2.0 * counts / given[0], self.spectra.matrices[:, 3:, 3:], 1)
+            information[_NONLINEAR, _NONLINEAR] += added * np.outer(units, units)
+            yield cost, gradient, information
 
     def starts(self) -> list[np.ndarray]:
         """Parameters (p,) of hulls and seas of several frequencies, with the level that suits them."""
         found = []
         for of_hull in np.geomspace(0.5, 5.6, 8):
             for of_sea in (0.7, 1.0, 1.4) if self._shown is None else (None,):
-                start = self._mean.copy()
+                start = self.mean.copy()
                 start[self._in_peaks] += np.log([of_hull, *([of_sea] if of_sea else [])])
                 needed, given, _ = self.parts(start[None])
                 weight = self.spectra.counts * self.spectra.angle

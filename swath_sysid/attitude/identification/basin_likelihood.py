@@ -99,50 +99,37 @@ class BasinLikelihood(LogPosterior):
         friction_rate: float,
         ratio_prior: np.ndarray | float = LINEAR_PRIOR,
     ) -> None:
-        self.equation = equation
-        self.ratio_prior = np.broadcast_to(ratio_prior, len(equation.terms))
         self._records = [blocked(m, scales.frequency) for m in motions]
         self._active = equation.active
         self._names = equation.terms
         self._terms = equation.indices
         self._friction_rate = friction_rate
         self._ratio_units = scales.ratio_units[self._terms]
-        self._bounded = np.array([name in DAMPING_NAMES for name in equation.terms])
         amplitude, rate = scales.amplitude, scales.rate
-        angle_noise = _white([m.angle for m in motions], MIN_NOISE * amplitude)
-        rate_noise = _white([m.rate for m in motions], MIN_NOISE * rate)
-        self._floor = MODEL_FLOOR * np.array(
-            [
-                max((float(np.std(v)) for v in channel if v is not None), default=0.0)
-                for channel in ([m.angle for m in motions], [m.rate for m in motions])
-            ]
+        angles, rates = (
+            [v for v in each if v is not None] for each in zip(*((m.angle, m.rate) for m in motions), strict=True)
         )
-        period = 2.0 * np.pi / scales.frequency
+        white = _white(angles, MIN_NOISE * amplitude), _white(rates, MIN_NOISE * rate)
+        self._floor = MODEL_FLOOR * np.array([max(map(np.std, each), default=0.0) for each in (angles, rates)])
+        w, period = scales.frequency, 2.0 * np.pi / scales.frequency
         self._basin_units = np.array(
-            [
-                scales.frequency * rate,
-                scales.frequency,
-                1.0,
-                1.0,
-                angle_noise,
-                rate_noise,
-                angle_noise,
-                period,
-                rate_noise,
-                period,
-                amplitude / np.sqrt(period),
-            ]
+            [w * rate, w, 1.0, 1.0, *white, white[0], period, white[1], period, amplitude / np.sqrt(period)]
         )
         self._state_units = np.array([amplitude, rate, amplitude])
         n, m = self._terms.size, len(self._records)
         expected = np.array([1.0 if name in ('r1', 's1') else 0.0 for name in equation.terms])
-        self._prior_mean = np.concatenate([expected, [m for _, m, _ in BASIN_PRIORS], self._first_states(states)])
+        _, means, stds = zip(*BASIN_PRIORS, strict=True)
         # states about the first estimates by the first amplitude: the same for every equation that is compared
-        self._prior_std = np.concatenate([self.ratio_prior, [s for _, _, s in BASIN_PRIORS], np.ones(3 * m)])
+        super().__init__(
+            equation,
+            np.concatenate([expected, means, self._first_states(states)]),
+            np.concatenate([np.broadcast_to(ratio_prior, n), stds, np.ones(3 * m)]),
+            [name in DAMPING_NAMES for name in equation.terms],
+        )
         self._shared = n + len(BASIN_PRIORS)
         self._disturbance = np.array([n, n + 1])  # level and frequency
-        self.lowest = np.full(self._prior_mean.size, -np.inf)
-        self.lowest[:n][self._bounded] = 0.0
+        others = np.setdiff1d(np.arange(self.mean.size), self._disturbance)
+        self._others = np.ix_(others, others)
 
     @property
     def term_count(self) -> int:
@@ -157,7 +144,7 @@ class BasinLikelihood(LogPosterior):
         for coloured noise of the sensors.
         """
         n = self.term_count
-        z = self._prior_mean.copy()
+        z = self.mean.copy()
         z[:n] = ratios[self._terms] / self._ratio_units
         z[n] = np.log(level)
         stiffness = restoring_slope(0.0, ratios, self._active)
@@ -181,49 +168,33 @@ class BasinLikelihood(LogPosterior):
         n, shared = self.term_count, self._shared
         ratios = np.zeros((*z.shape[:-1], len(TERM_NAMES)))
         ratios[..., self._terms] = z[..., :n] * self._ratio_units
-        mean = self._prior_mean[n:shared]
+        mean = self.mean[n:shared]
         basin = np.exp(mean + LOG_LIMITS * np.tanh((z[..., n:shared] - mean) / LOG_LIMITS))
         shape = basin[..., 2:4]
         shape[...] = LARGEST_SHAPE * shape / (LARGEST_SHAPE + shape)
         states = z[..., shared:].reshape(*z.shape[:-1], -1, 3) * self._state_units
         return ratios, basin * self._basin_units, states
 
-    def _innovations_of(self, index: int, points: np.ndarray):
-        """Of a record, at B points, shape (2, 2 N, B)."""
-        record = self._records[index]
-        ratios, basin, states = self.unpack(points)
-        hulls = Hulls(ratios.T, self._active, self._friction_rate)
-        found = innovations(hulls, basin.T, states[:, index].T, BIAS_PRIOR, self._floor, record)
-        return found.reshape(2, -1, len(points))
-
-    def evaluate(self, points: Sequence[np.ndarray] | np.ndarray) -> list[Evaluation]:
-        """The posterior and its derivatives at some points, all in one pass of the filter.
-
-        Args:
-            points: sequence of (p,); parameters, dimensionless, as `start` gives them.
-        """
-        weight = self._prior_std**-2
-        costs = [0.5 * float(weight @ (z - self._prior_mean) ** 2) for z in points]
-        gradients = [weight * (z - self._prior_mean) for z in points]
-        informations = [np.diag(weight) for _ in points]
+    def likelihoods(self, points: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """At points (P, p), all in one pass of the filter."""
+        count, size = points.shape
+        costs, gradients, informations = [0.0] * count, np.zeros((count, size)), np.zeros((count, size, size))
         shared = np.arange(self._shared)
-        for index in range(len(self._records)):
+        for index, record in enumerate(self._records):
             places = np.concatenate([shared, self._shared + 3 * index + np.arange(3)])
-            moved = np.repeat(np.array(points)[:, None], places.size + 1, axis=1)
+            moved = np.repeat(points[:, None], places.size + 1, axis=1)
             moved[:, 1 + np.arange(places.size), places] += PERTURBATION
-            found = self._innovations_of(index, moved.reshape(-1, moved.shape[-1]))
-            for k, own in enumerate(np.split(found, len(points), axis=-1)):
+            ratios, basin, states = self.unpack(moved.reshape(-1, size))
+            hulls = Hulls(ratios.T, self._active, self._friction_rate)
+            found = innovations(hulls, basin.T, states[:, index].T, BIAS_PRIOR, self._floor, record)
+            for k, own in enumerate(np.split(found.reshape(2, -1, len(ratios)), count, axis=-1)):
                 e, s = own[..., 0]
-                with np.errstate(all='ignore'):
-                    slopes = (own[..., 1:] - own[..., :1]) / PERTURBATION
-                    by_e, by_s = slopes[0].T / np.sqrt(s), slopes[1].T / (np.sqrt(2.0) * s)
-                    costs[k] += 0.5 * float(np.sum(np.log(s) + e * e / s))
-                    gradients[k][places] += by_e @ (e / np.sqrt(s)) + by_s @ ((1.0 - e * e / s) / np.sqrt(2.0))
-                    informations[k][np.ix_(places, places)] += by_e @ by_e.T + by_s @ by_s.T
-        return [
-            Evaluation(z, cost if np.isfinite(cost) else np.inf, gradient, information)
-            for z, cost, gradient, information in zip(points, costs, gradients, informations, strict=True)
-        ]
+                slopes = (own[..., 1:] - own[..., :1]) / PERTURBATION
+                by_e, by_s = slopes[0].T / np.sqrt(s), slopes[1].T / (np.sqrt(2.0) * s)
+                costs[k] += 0.5 * float(np.sum(np.log(s) + e * e / s))
+                gradients[k][places] += by_e @ (e / np.sqrt(s)) + by_s @ ((1.0 - e * e / s) / np.sqrt(2.0))
+                informations[k][np.ix_(places, places)] += by_e @ by_e.T + by_s @ by_s.T
+        return list(zip(costs, gradients, informations, strict=True))
 
     def is_upright(self, point: Evaluation) -> bool:
         """Whether the craft returns to its upright position."""
@@ -231,7 +202,7 @@ class BasinLikelihood(LogPosterior):
 
     def starts(self, ratios: np.ndarray, states: Sequence[InitialState]) -> list[np.ndarray]:
         """Parameters of given ratios (9,) and states, and of a linear hull, in quiet and in moving basins."""
-        linear = self._prior_mean[: self.term_count].copy()
+        linear = self.mean[: self.term_count].copy()
         if 'b1' in self._names:
             linear[self._names.index('b1')] = 1.0
         starts = [self.start(ratios, level, states) for level in STARTING_LEVELS[:2]]
@@ -242,69 +213,55 @@ class BasinLikelihood(LogPosterior):
         return starts
 
     def described(self, optima: Sequence[Evaluation]) -> BasinFit:
-        """The mean of the posterior about some optima, the most likely first, and how well it is known."""
-        n, units = self.term_count, self._ratio_units
-        z, covariance = self._posterior(optima)
-        ratios, basin, _ = self.unpack(z)
-        trim_std = float(np.sqrt(np.mean(np.diag(covariance)[self._shared + 2 :: 3]))) * self._state_units[2]
-        return BasinFit(ratios, covariance[:n, :n] * np.outer(units, units), basin, trim_std)
+        """The mean of the posterior about some optima, the most likely first, and how well it is known.
 
-    def _posterior(self, optima: Sequence[Evaluation]):
-        """Mean (p,) and covariance of the parameters: a mixture over levels and frequencies of the disturbance.
-
-        Few records determine both, and what the ratios are and how well they are known changes with them: a moment at
-        resonance moves the craft as another stiffness would. For each pair the other parameters have the probability of
-        a Gaussian of its height and covariance (Rue, Martino and Chopin 2009).
+        A mixture over levels and frequencies of the disturbance: few records determine both, and what the ratios are
+        and how well they are known changes with them, since a moment at resonance moves the craft as another stiffness
+        would. For each pair the other parameters have the probability of a Gaussian of its height and covariance (Rue,
+        Martino and Chopin 2009).
         """
-        others = np.setdiff1d(np.arange(self._prior_mean.size), self._disturbance)
-        nodes = self._over_disturbances(optima)
-        heights = np.array([self._height(each) for each in nodes])
-        weights = np.exp(heights - heights.max())
+        heights, nodes = zip(*self._over_disturbances(optima), strict=True)
+        weights = np.exp(np.array(heights) - max(heights))
         weights /= weights.sum()
         points = np.array([each.z for each in nodes])
         mean = weights @ points
         covariance = (weights * (points - mean).T) @ (points - mean)
-        block = np.ix_(others, others)
-        covariance[block] += sum(w * np.linalg.inv(e.information[block]) for w, e in zip(weights, nodes, strict=True))
-        return mean, covariance
+        others = self._others
+        covariance[others] += sum(w * np.linalg.inv(e.information[others]) for w, e in zip(weights, nodes, strict=True))
+        n, units = self.term_count, self._ratio_units
+        trim_std = float(np.sqrt(np.mean(np.diag(covariance)[self._shared + 2 :: 3]))) * self._state_units[2]
+        ratios, basin, _ = self.unpack(mean)
+        return BasinFit(ratios, covariance[:n, :n] * np.outer(units, units), basin, trim_std)
 
     def _over_disturbances(self, optima: Sequence[Evaluation]):
-        """The optima at fixed levels and frequencies of the disturbance, from some optima on while they are likely."""
-        frontier = {self._nearest(optimum): optimum for optimum in reversed(optima)}
-        nodes: dict[tuple[int, ...], Evaluation] = {}
-        likely = -np.inf
+        """Log probability, but for what all share, and optimum at each of `DISTURBANCES`, from some optima on."""
+        frontier = {
+            tuple(int(np.argmin(np.abs(g - v))) for g, v in zip(DISTURBANCES, o.z[self._disturbance], strict=True)): o
+            for o in reversed(optima)
+        }
+        nodes: dict[tuple[int, ...], tuple[float, Evaluation]] = {}
+        tried = set(frontier)
         while frontier:
-            found = self._at_disturbances(frontier)
+            held = np.isin(np.arange(self.mean.size), self._disturbance)
+            points = [start.z.copy() for start in frontier.values()]
+            for point, cell in zip(points, frontier, strict=True):
+                point[held] = [grid[k] for grid, k in zip(DISTURBANCES, cell, strict=True)]
+            found = {
+                cell: (-e.cost - 0.5 * np.linalg.slogdet(e.information[self._others])[1], e)
+                for cell, e in zip(frontier, self.search_each(points, [held] * len(points)), strict=True)
+                if e.is_finite
+            }
             nodes |= found
-            heights = {cell: self._height(node) for cell, node in found.items() if node.is_finite}
-            likely = max([likely, *heights.values()])
+            likely = max((height for height, _ in nodes.values()), default=-np.inf)
             frontier = {
-                neighbour: nodes[cell]
-                for cell, height in heights.items()
+                neighbour: optimum
+                for cell, (height, optimum) in found.items()
                 if height > likely - UNLIKELY
                 for neighbour in _neighbours(cell)
-                if neighbour not in nodes
+                if neighbour not in tried
             }
-        return [node for node in nodes.values() if node.is_finite] or list(optima[:1])
-
-    def _nearest(self, point: Evaluation):
-        """The cell of the grid of `DISTURBANCES` that is nearest to a point."""
-        own = point.z[self._disturbance]
-        return tuple(int(np.argmin(np.abs(grid - value))) for grid, value in zip(DISTURBANCES, own, strict=True))
-
-    def _at_disturbances(self, starts: dict[tuple[int, ...], Evaluation]):
-        """The optimum at each cell of the grid, from where it is to start."""
-        held = np.isin(np.arange(self._prior_mean.size), self._disturbance)
-        points = [start.z.copy() for start in starts.values()]
-        for point, cell in zip(points, starts, strict=True):
-            point[held] = [grid[k] for grid, k in zip(DISTURBANCES, cell, strict=True)]
-        found = self.search_each(points, [held] * len(points))
-        return dict(zip(starts, found, strict=True))
-
-    def _height(self, node: Evaluation):
-        """Logarithm of the probability of a level and a frequency, but for what is the same for all."""
-        others = np.setdiff1d(np.arange(node.z.size), self._disturbance)
-        return -node.cost - 0.5 * np.linalg.slogdet(node.information[np.ix_(others, others)])[1]
+            tried |= frontier.keys()
+        return list(nodes.values()) or [(0.0, optima[0])]
 
 
 def _neighbours(cell: tuple[int, ...]):
@@ -321,6 +278,5 @@ def interval(value: float, std: float, bounded: bool) -> tuple[float, float]:
     return value - NORMAL * std, value + NORMAL * std
 
 
-def _white(channels: Sequence[np.ndarray | None], least: float):
-    measured = [white_noise(c) for c in channels if c is not None]
-    return max(float(np.median(measured)) if measured else 0.0, least)
+def _white(channels: Sequence[np.ndarray], least: float):
+    return max(float(np.median([white_noise(c) for c in channels])) if channels else 0.0, least)

@@ -8,12 +8,11 @@ import numpy as np
 from swath_sysid.attitude.hull.catalogue import GENERAL_HULL, composed
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.identified_model import HullPosterior
-from swath_sysid.attitude.identification.absent_terms import basin_likelihood, suits_likelihood
+from swath_sysid.attitude.identification.absent_terms import basin_likelihood, residual_posterior, suits_likelihood
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.attitude.identification.pruning import prune, weak_prior
-from swath_sysid.attitude.identification.residual_posterior import residual_posterior
 
 
 @dataclass(frozen=True)

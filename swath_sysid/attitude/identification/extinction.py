@@ -15,7 +15,7 @@ from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY, inertia_f
 from swath_sysid.attitude.identification.one_step import with_angle_and_rate
 from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.attitude.motion.turning_points import TurningPoints, find_turning_points
+from swath_sysid.attitude.motion.turning_points import find_turning_points
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
 
@@ -77,14 +77,10 @@ def measured_peaks(motion: AxisMotion, period: float) -> Peaks:
     """
     angle, _ = with_angle_and_rate(motion)
     rough = find_turning_points(motion, period)
-    times = rough.time if motion.angle is not None else _zeros_between(rough)
+    # between the turning points of its rate the angle turns
+    times = rough.time if motion.angle is not None else 0.5 * (rough.time[1:] + rough.time[:-1])
     found = [_vertex(motion.time, angle, at, PEAK_WINDOW * period) for at in times]
     return Peaks(*np.array([vertex for vertex in found if vertex is not None]).reshape(-1, 2).T)
-
-
-def _zeros_between(rate_turns: TurningPoints):
-    """Times at which the angle turns: half way between the turning points of its rate."""
-    return 0.5 * (rate_turns.time[1:] + rate_turns.time[:-1])
 
 
 def _vertex(time: np.ndarray, angle: np.ndarray, at: float, reach: float):

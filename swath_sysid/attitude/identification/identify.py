@@ -58,7 +58,6 @@ HORIZON_GROWTH = 2.5
 CURVE_POINTS = 40
 #: Relative; basin motion does not change the natural period by more, but a missing term does.
 MAX_PERIOD_CHANGE = 0.25
-ONE_STEP_BIASED = Advice.of('one-step-biased')
 
 
 @dataclass(frozen=True)
@@ -170,7 +169,7 @@ class Identification:
         # which damping terms few cycles show has been decided where the hull was pruned
         decided = () if self.posterior is None else ('too-few-cycles',)
         found = tuple(each for each in self.problem.advice if each.code not in decided)
-        return (*found, ONE_STEP_BIASED) if self.objective == 'one-step' else found
+        return (*found, Advice.of('one-step-biased')) if self.objective == 'one-step' else found
 
     @cached_property
     def bands(self) -> AmplitudeBands:

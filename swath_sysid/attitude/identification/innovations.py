@@ -34,19 +34,8 @@ SUBSTEPS = 2  #: Runge-Kutta steps in a block: quadratic damping bends where the
 #: Places of the basin's and the sensor's parameters: the disturbance's standard deviation, rad/s^2, frequency, rad/s,
 #: damping ratio and spread; white noise of a reading, rad and rad/s; standard deviation and memory, s, of the coloured
 #: noise of either; drift of the trim, rad in the square root of a second.
-(
-    LEVEL,
-    FREQUENCY,
-    DAMPING,
-    SPREAD,
-    ANGLE_WHITE,
-    RATE_WHITE,
-    ANGLE_COLOUR,
-    ANGLE_MEMORY,
-    RATE_COLOUR,
-    RATE_MEMORY,
-    DRIFT,
-) = range(11)
+LEVEL, FREQUENCY, DAMPING, SPREAD, ANGLE_WHITE, RATE_WHITE = range(6)
+ANGLE_COLOUR, ANGLE_MEMORY, RATE_COLOUR, RATE_MEMORY, DRIFT = range(6, 11)
 
 
 class Hulls(NamedTuple):

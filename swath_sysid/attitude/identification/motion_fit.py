@@ -97,7 +97,7 @@ class MotionFit:
             simulated = self._simulate(x, rate, ratios)
             for index, state in enumerate(states):
                 columns = slice(index * population, (index + 1) * population)
-                for residual in self._channel_residuals(index, simulated, columns, state.trim):
+                for residual, _ in self._channel_residuals(index, simulated, columns, state.trim):
                     total += np.einsum('np,np->p', residual, residual)
                     count += len(residual)
             values = np.sqrt(total / count)
@@ -126,10 +126,7 @@ class MotionFit:
             for index in range(records):
                 columns = slice(base[index], base[index] + copies)
                 trim = own[index, 2] * self._state_units[2]
-                trim_slopes = self._channel_trim_slopes(index)
-                for values, trim_slope in zip(
-                    self._channel_residuals(index, simulated, columns, trim), trim_slopes, strict=True
-                ):
+                for values, trim_slope in self._channel_residuals(index, simulated, columns, trim):
                     jacobian = np.zeros((len(values), parameters.size))
                     slopes = (values[:, 1:] - values[:, :1]) / PERTURBATION
                     place = n + 3 * index
@@ -217,21 +214,12 @@ class MotionFit:
         )
 
     def _channel_residuals(self, index: int, simulated: tuple[np.ndarray, ...], columns: slice, trim: float):
-        """Weighted residuals, shape (N, P), of the measured channels of a record: angle, rate."""
-        motion = self._motions[index]
+        """Weighted residuals (N, P) of a record's channels, angle before rate, and their slopes by the trim."""
+        motion, noise = self._motions[index], self._noise
         before, weights, _ = self._places[index]
         angles, rates, accelerations = (values[:, columns] for values in simulated)
-        residuals = []
         if motion.angle is not None:
             found = interpolate(angles, rates, before, weights)
-            residuals.append((found - (motion.angle - trim)[:, None]) / self._noise.angle)
+            yield (found - (motion.angle - trim)[:, None]) / noise.angle, self._state_units[2] / noise.angle
         if motion.rate is not None:
-            found = interpolate(rates, accelerations, before, weights)
-            residuals.append((found - motion.rate[:, None]) / self._noise.rate)
-        return residuals
-
-    def _channel_trim_slopes(self, index: int):
-        """Derivatives of each channel's residuals by the dimensionless trim."""
-        motion = self._motions[index]
-        angle = [self._state_units[2] / self._noise.angle] if motion.angle is not None else []
-        return angle + ([0.0] if motion.rate is not None else [])
+            yield (interpolate(rates, accelerations, before, weights) - motion.rate[:, None]) / noise.rate, 0.0

@@ -18,9 +18,6 @@ from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 
 #: Standard deviation, dimensionless, of a linear term before the record is seen: beyond any craft's.
 LINEAR_PRIOR = float(UPPER[TERM_INDEX['b1']])
-#: Of a nonlinear one, in parts of the linear restoring moment at the largest amplitude: critical damping makes twice
-#: that moment.
-RESTORING_PRIOR, DAMPING_PRIOR = 1.0, 2.0
 LINEAR = 'b1', 'r1'  #: Terms that stay.
 
 
@@ -33,24 +30,16 @@ class Pruned:
 
 
 def weak_prior(equation: Equation, decayed_to: float) -> np.ndarray:
-    """Standard deviations (n,) of the dimensionless ratios of an equation before the record is seen.
+    """Standard deviations (n,) of the dimensionless ratios of an equation's terms before the record is seen.
 
-    Args:
-        equation: Whose terms they are of.
-        decayed_to: Smallest amplitude seen over the largest.
+    ``decayed_to`` is the smallest amplitude seen over the largest. Critical damping makes twice the restoring moment.
     """
     special = {'b0': decayed_to, 'b1': LINEAR_PRIOR, 'r1': LINEAR_PRIOR}
-    usual = {True: DAMPING_PRIOR, False: RESTORING_PRIOR}
-    return np.array([special.get(name, usual[name in DAMPING_NAMES]) for name in equation.terms])
+    return np.array([special.get(name, 2.0 if name in DAMPING_NAMES else 1.0) for name in equation.terms])
 
 
 def prune(posterior: LogPosterior, complete: Evaluation) -> Pruned:
-    """Leave out the terms without which the evidence rises.
-
-    Args:
-        posterior: Of every term, with `weak_prior`.
-        complete: Its optimum.
-    """
+    """Leave out the terms without which the evidence rises, from a posterior of every term and its optimum."""
     terms = posterior.equation.terms
     stays = np.array([name in LINEAR for name in terms])
     kept, best = np.ones(len(terms), dtype=bool), complete
@@ -72,13 +61,7 @@ def prune(posterior: LogPosterior, complete: Evaluation) -> Pruned:
 
 
 def log_evidence(posterior: LogPosterior, optimum: Evaluation, kept: np.ndarray) -> float:
-    """Logarithm of the evidence of a hull but for what is the same in every hull of a record.
-
-    Args:
-        posterior: Of every term.
-        optimum: Of the kept terms.
-        kept: (n,); mask.
-    """
+    """Logarithm of the evidence of a hull's kept terms (n,) but for what is the same in every hull of a record."""
     if not optimum.is_finite:
         return -np.inf
     free = np.flatnonzero(_free(kept, optimum))

@@ -7,8 +7,7 @@ either.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
@@ -17,8 +16,6 @@ from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.at_sea import (
     PERIOD_USABLE,
-    AtSeaIdentification,
-    gain_over,
     identify_at_sea,
     is_at_sea,
 )
@@ -121,14 +118,6 @@ class RefitOutcome:
         return '; '.join(clauses) or 'no axis that is identified has moved: see the parameter axes'
 
 
-class Seen(NamedTuple):
-    """The motion of one axis in the windows of a request."""
-
-    decays: tuple[LiveDecay, ...]
-    newest: MotionTable
-    trial: Trial  #: Of the newest window.
-
-
 def refit(
     request: RefitRequest, *, progress: Progress | None = None, should_cancel: ShouldCancel | None = None
 ) -> RefitOutcome:
@@ -137,7 +126,8 @@ def refit(
     What cannot be fitted is reported in its verdict. Raises `InputError` for an empty window, and `Cancelled`.
     """
     trials = [checked_trial(table) for table in request.windows]
-    axes = _axes_to_fit(request)
+    noticed = {table.noticed.axis for table in request.windows if table.noticed is not None}
+    axes = [axis for axis in request.settings.axes if request.is_asked or not noticed or axis in noticed]
     verdicts = []
     for index, axis in enumerate(axes):
 
@@ -146,18 +136,12 @@ def refit(
                 progress((index + share) / len(axes))
 
         try:
-            seen = Seen(_decays_seen(axis, request, trials), request.windows[-1], trials[-1])
-            verdicts.append(_refit_axis(axis, seen, request, report, should_cancel))
+            decays = _decays_seen(axis, request, trials)
+            verdicts.append(_refit_axis(trials[-1], axis, decays, request, report, should_cancel))
         except InputError as error:
             verdicts.append(AxisVerdict(axis, None, f'not fitted, {error}'))
         report(1.0)
     return RefitOutcome(tuple(verdicts))
-
-
-def _axes_to_fit(request: RefitRequest) -> tuple[str, ...]:
-    noticed = {table.noticed.axis for table in request.windows if table.noticed is not None}
-    only_noticed = not request.is_asked and noticed
-    return tuple(axis for axis in request.settings.axes if axis in noticed or not only_noticed)
 
 
 def _decays_seen(axis: str, request: RefitRequest, trials: list[Trial]) -> tuple[LiveDecay, ...]:
@@ -170,15 +154,26 @@ def _decays_seen(axis: str, request: RefitRequest, trials: list[Trial]) -> tuple
 
 
 def _refit_axis(
-    axis: str, seen: Seen, request: RefitRequest, progress: Progress, should_cancel: ShouldCancel | None
+    trial: Trial,
+    axis: str,
+    seen: Sequence[LiveDecay],
+    request: RefitRequest,
+    progress: Progress,
+    should_cancel: ShouldCancel | None,
 ) -> AxisVerdict:
+    """Of one axis; ``trial`` is the newest window's, ``seen`` are the decays of all."""
+
+    def fit(decays: Sequence[LiveDecay], done: float):
+        settings, report = request.settings.identification, lambda share: progress(done + 0.5 * share)
+        return identify_problem(joint_problem(decays), settings, progress=report, should_cancel=should_cancel)
+
     held = request.held.get(axis, HeldDecays())
     # a window that starts amid an oscillation holds the tail of a release that is held already
-    old, new = held.with_new([each for each in seen.decays if each.has_begun or not held.decays])
-    if not seen.decays:
-        absence = explain_absence(seen.trial.axis(axis))
+    old, new = held.with_new([each for each in seen if each.has_begun or not held.decays])
+    if not seen:
+        absence = explain_absence(trial.axis(axis))
         if absence.code == FORCED_MOTION:
-            return _refit_at_sea(axis, seen, request, progress, should_cancel)
+            return _refit_at_sea(trial, axis, request, progress, should_cancel)
         if not held.decays or not request.is_asked:
             return AxisVerdict(axis, None, f'not fitted, {absence.message}', is_absent=True)
     if not new and not request.is_asked:
@@ -186,27 +181,16 @@ def _refit_axis(
     decays = newest((*old, *new))
     new = tuple(each for each in decays if each in new)
     changed, of_new = False, None
-    fit = partial(_identified, settings=request.settings.identification, should_cancel=should_cancel)
     if 0 < len(new) < len(decays) and held.model is not None:
-        of_new = fit(new, progress=lambda share: progress(0.5 * share))
+        of_new = fit(new, 0.0)
         places = [decays.index(each) for each in new]
         changed = of_new.verdict.level != REJECTED and has_changed(joint_problem(decays), held.model, of_new, places)
     if of_new is not None and changed and of_new.verdict.level == ADEQUATE:
         found, fitted = of_new, new
     else:
-        found, fitted = fit(decays, progress=lambda share: progress(0.5 + 0.5 * share)), decays
+        found, fitted = fit(decays, 0.5), decays
     verdict = _judged(axis, found, fitted, changed, held, request)
-    return replace(verdict, estimate=_period_at_reference(of_new or found, seen.newest) if new else None)
-
-
-def _identified(
-    decays: tuple[LiveDecay, ...],
-    *,
-    settings: IdentificationSettings,
-    progress: Progress,
-    should_cancel: ShouldCancel | None,
-) -> Identification:
-    return identify_problem(joint_problem(decays), settings, progress=progress, should_cancel=should_cancel)
+    return replace(verdict, estimate=_period_at_reference(of_new or found, request.windows[-1]) if new else None)
 
 
 def _judged(
@@ -251,11 +235,11 @@ def _period_at_reference(found: Identification, table: MotionTable) -> PeriodEst
 
 
 def _refit_at_sea(
-    axis: str, seen: Seen, request: RefitRequest, progress: Progress, should_cancel: ShouldCancel | None
+    trial: Trial, axis: str, request: RefitRequest, progress: Progress, should_cancel: ShouldCancel | None
 ) -> AxisVerdict:
-    motion, heave = seen.trial.axis(axis), heave_of(seen.trial)
+    motion, newest_window = trial.axis(axis), request.windows[-1]
     try:
-        found = identify_at_sea(motion, heave, searched=True, progress=progress, should_cancel=should_cancel)
+        found = identify_at_sea(motion, heave_of(trial), searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
         raise InputError(
             f'{error}; the window is as long as window_s of imu_buffer: raise it where more is needed, as in '
@@ -263,9 +247,12 @@ def _refit_at_sea(
         ) from error
     estimate = None
     if found.has_period:
-        begin, end = seen.newest.rows[[0, -1], 0].tolist()
+        begin, end = newest_window.rows[[0, -1], 0].tolist()
         estimate = PeriodEstimate(begin, end, found.natural_period, found.natural_period_std, found.amplitude)
-    summary = _at_sea_text(found)
+    summary = (
+        f'at sea, equivalent linear at {np.degrees(found.amplitude):.2g} deg: period {found.natural_period:.3f} +- '
+        f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
+    )
     held, better, refusal = request.current.get(axis), '', ''
     if not found.is_usable:
         refusal = 'this sea does not determine the hull'
@@ -273,21 +260,14 @@ def _refit_at_sea(
         refusal = f'the model of the free decay stays, {_equivalent_text(held, found.amplitude)}'
     elif held is not None:
         # twice, as in `explains_better`: both are uncertain
-        gain = gain_over(held.model, motion, heave, should_cancel=should_cancel)
+        gain = found.gain_over(held.model)
         better = f', log-likelihood {gain:.0f} higher'
         if gain < chdtri(2, BY_CHANCE):
             refusal = 'the current model explains the window as well'
     if refusal:
         return AxisVerdict(axis, None, f'not published, {refusal} ({summary})', estimate=estimate)
-    provenance = {'software': request.software, 'sources': [window_source(seen.newest, request.source)]}
+    provenance = {'software': request.software, 'sources': [window_source(newest_window, request.source)]}
     return AxisVerdict(axis, found.identified_model(provenance), f'{summary}{better}', estimate=estimate)
-
-
-def _at_sea_text(found: AtSeaIdentification) -> str:
-    return (
-        f'at sea, equivalent linear at {np.degrees(found.amplitude):.2g} deg: period {found.natural_period:.3f} +- '
-        f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
-    )
 
 
 def _equivalent_text(held: IdentifiedModel, amplitude: float):

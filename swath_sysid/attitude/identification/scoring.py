@@ -7,7 +7,7 @@ With a_k = d e_k / d z and b_k = d s_k / d z of innovations e_k and their varian
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,15 +39,38 @@ class Evaluation:
 
 
 class LogPosterior(ABC):
-    """A negative log posterior whose first parameters are the dimensionless ratios of an equation's terms."""
+    """A negative log posterior whose first parameters are the dimensionless ratios of an equation's terms.
 
-    equation: Equation
-    ratio_prior: np.ndarray  #: (n,); standard deviations, about zero but for the linear stiffness about one.
-    lowest: np.ndarray  #: (p,); bounds from below.
+    The prior is Gaussian, with ``mean`` and ``std`` (p,); ``bounded`` are those of the first parameters that are not
+    negative.
+    """
+
+    def __init__(self, equation: Equation, mean: np.ndarray, std: np.ndarray, bounded: Sequence[bool] = ()) -> None:
+        self.equation, self.mean, self._weight = equation, mean, std**-2.0
+        self.ratio_prior = std[: len(equation.terms)]  #: (n,)
+        self.lowest = np.full(mean.size, -np.inf)  #: (p,); bounds from below.
+        self.lowest[: len(bounded)][np.array(bounded, dtype=bool)] = 0.0
 
     @abstractmethod
+    def likelihoods(self, points: np.ndarray) -> Iterable[tuple[float, np.ndarray, np.ndarray]]:
+        """The negative log likelihood at points (P, p), its gradient and its information."""
+
     def evaluate(self, points: Sequence[np.ndarray]) -> list[Evaluation]:
         """The posterior and its derivatives at some points (p,)."""
+        found = []
+        with np.errstate(all='ignore'):
+            for z, (cost, gradient, information) in zip(points, self.likelihoods(np.array(points)), strict=True):
+                pull = self._weight * (z - self.mean)
+                cost += 0.5 * float(pull @ (z - self.mean))
+                found.append(
+                    Evaluation(
+                        z,
+                        cost if np.isfinite(cost) else np.inf,
+                        gradient + pull,
+                        information + np.diag(self._weight),
+                    )
+                )
+        return found
 
     def is_upright(self, point: Evaluation) -> bool:
         """Whether the craft returns to its upright position."""

@@ -62,36 +62,22 @@ def amplitude_bands(
 
     Those of a pruned hull come from the posterior of every term, about which its own curves are off by what was pruned.
     """
-    curves = amplitude_curves(model.ratios, amplitude, model.friction_rate)
+
+    def curves_of(ratios: np.ndarray):
+        found = amplitude_curves(ratios, amplitude, model.friction_rate)
+        return found, np.array([found.frequency, found.damping_ratio])
+
+    curves, own = curves_of(model.ratios)
     known = posterior or HullPosterior(model.equation, model.ratios[model.equation.indices], covariance)
     complete = np.zeros(len(TERM_NAMES))
     complete[known.equation.indices] = known.ratios
-    mean = amplitude_curves(complete, amplitude, model.friction_rate)
     slopes = []
     for index, spread in zip(known.equation.indices, np.sqrt(np.diag(known.covariance)), strict=True):
-        step = RELATIVE_STEP * max(abs(complete[index]), spread) or RELATIVE_STEP
-        sides = []
-        for sign in (1.0, -1.0):
-            ratios = complete.copy()
-            ratios[index] += sign * step
-            sides.append(amplitude_curves(ratios, amplitude, model.friction_rate))
-        slopes.append(
-            [
-                (sides[0].frequency - sides[1].frequency) / (2 * step),
-                (sides[0].damping_ratio - sides[1].damping_ratio) / (2 * step),
-            ]
-        )
-    frequency, damping = (_spread(each, known.covariance) for each in np.moveaxis(np.array(slopes), 1, 0))
-    return AmplitudeBands(
-        curves,
-        np.hypot(frequency, mean.frequency - curves.frequency),
-        np.hypot(damping, mean.damping_ratio - curves.damping_ratio),
-    )
-
-
-def _spread(slopes: np.ndarray, covariance: np.ndarray):
-    """Standard deviation (A,) of a quantity with slopes (n, A), by the delta method."""
-    return np.sqrt(np.maximum(np.einsum('ia,ij,ja->a', slopes, covariance, slopes), 0.0))
+        step = np.zeros(complete.size)
+        step[index] = RELATIVE_STEP * max(abs(complete[index]), spread) or RELATIVE_STEP
+        slopes.append((curves_of(complete + step)[1] - curves_of(complete - step)[1]) / (2 * step[index]))
+    variance = np.einsum('ika,ij,jka->ka', slopes, known.covariance, slopes)
+    return AmplitudeBands(curves, *np.hypot(np.sqrt(np.maximum(variance, 0.0)), curves_of(complete)[1] - own))
 
 
 def release_error(model: DecayModel, posterior: HullPosterior, trim_std: float, start: float, scales: Scales) -> float:
