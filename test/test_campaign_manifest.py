@@ -1,6 +1,13 @@
-"""Manifests: five lines for a folder, and every fault named with its entry."""
+"""Manifests: a few lines for a folder, and every fault named with its entry; the store of results."""
 
+import math
+import subprocess
+import sys
+
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from swath_sysid.campaign.manifest import (
     new_manifest,
@@ -9,6 +16,7 @@ from swath_sysid.campaign.manifest import (
     read_manifest,
     write_new_manifest,
 )
+from swath_sysid.campaign.result_store import ResultStore, key_of
 from swath_sysid.common.errors import InputError
 
 NAMES = [f'pitch_{angle}deg_repeat{repeat}.csv' for angle in ('3', '8.4') for repeat in (1, 2)]
@@ -29,10 +37,11 @@ def read(folder, text):
     return read_manifest(path)
 
 
-def test_five_lines_for_a_folder(folder):
+def test_six_lines_for_a_folder(folder):
     entry = "trials: [{pattern: 'pitch_{angle}deg_repeat{repeat}.csv', draft_factor: 0.9}]\n"
-    found = read(folder, 'craft: {name: model, draft_m: 0.15}\naxis: pitch\n' + entry)
+    found = read(folder, 'craft: {name: model, draft_m: 0.15}\naxis: pitch\nobjectives: [one-step]\n' + entry)
     assert found.faults == () and found.title == 'model' and found.craft.draft_m == 0.15
+    assert found.objectives == ('simulation', 'one-step')
     told = sorted((t.path.name, t.axis, t.loading, t.initial_angle_deg, t.repeat) for t in found.trials)
     assert told == [
         (name, 'pitch', ('draft_factor', 0.9), angle, repeat)
@@ -108,11 +117,6 @@ def test_what_concerns_all_trials_stops_at_once_with_its_keys(folder, text, word
     assert words in str(caught.value)
 
 
-def test_the_simulation_objective_is_never_left_out(folder):
-    found = read(folder, 'axis: pitch\nobjectives: [one-step]\ntrials: [{file: pitch_3deg_repeat1.csv}]\n')
-    assert found.objectives == ('simulation', 'one-step')
-
-
 def test_a_new_manifest_reads_back(folder):
     for name in ('odd one.csv', 'single 8deg 0.25m.csv'):
         (folder / name).write_text('')
@@ -147,21 +151,69 @@ def test_patterns_are_told_from_names(name, pattern):
 
 
 def test_what_was_tried_in_which_water(folder):
-    found = read(
-        folder,
-        (
-            'craft: {name: model, gm_transverse_m: 0.05, water_temperature_c: -1, appendages: bilge keels, basin: '
-            'long}\naxis: roll\n'
-            'uncertainty: {mass: 0.01}\n'
-            'predictions:\n'
-            '  - {method: Ikeda, amplitude_deg: 5, damping_ratio: 0.06}\n'
-            'trials:\n'
-            '  - {file: pitch_3deg_repeat1.csv, speed_m_s: 1.5, mass_kg: 30, gm_m: 0.04, inertia_kg_m2: 2}\n'
-        ),
+    text = (
+        'craft: {name: model, gm_transverse_m: 0.05, water_temperature_c: -1, appendages: bilge keels, basin: long}\n'
+        'axis: roll\nuncertainty: {mass: 0.01}\n'
+        'predictions: [{method: Ikeda, amplitude_deg: 5, damping_ratio: 0.06}]\n'
+        'trials: [{file: pitch_3deg_repeat1.csv, speed_m_s: 1.5, mass_kg: 30, gm_m: 0.04, inertia_kg_m2: 2}]\n'
     )
+    found = read(folder, text)
     assert found.faults == ()
     assert (found.craft.gm_transverse_m, found.craft.water_temperature_c, found.craft.basin) == (0.05, -1.0, 'long')
     assert found.uncertainty.mass == 0.01
     assert (found.predictions[0].method, found.predictions[0].damping_ratio) == ('Ikeda', 0.06)
     (trial,) = found.trials
     assert (trial.speed_m_s, trial.mass_kg, trial.gm_m, trial.inertia_kg_m2) == (1.5, 30.0, 0.04, 2.0)
+
+
+@pytest.fixture
+def store(tmp_path):
+    return ResultStore(tmp_path / 'results')
+
+
+def test_results_come_back_bit_by_bit(store):
+    values = np.random.default_rng(1).normal(size=100) * 10.0 ** np.arange(-50, 50)
+    result = {'values': values.tolist(), 'none': None, 'words': 'ψ', 'inf': math.inf}
+    store.put('ab' * 32, result)
+    assert store.get('ab' * 32) == result
+    store.put('cd' * 32, [math.nan])
+    assert math.isnan(store.get('cd' * 32)[0])
+
+
+def test_what_is_not_there_or_torn_is_none_and_leftovers_of_a_killed_process_are_cleared(store, tmp_path):
+    assert store.get('00' * 32) is None
+    store.put('00' * 32, [1, 2, 3])
+    (file,) = (tmp_path / 'results').rglob('*.json')
+    file.write_text('[1, 2')
+    assert store.get('00' * 32) is None
+    store.put('ab' * 32, [1])
+    leftover = tmp_path / 'results' / 'ab' / '.writing-xyz'
+    leftover.mkdir()
+    (leftover / 'half.json').write_text('[1')
+    with store.locked():
+        assert not leftover.exists()
+    assert store.get('ab' * 32) == [1]
+
+
+def test_one_process_at_a_time_in_a_folder_that_can_be_made(store, tmp_path):
+    code = (
+        'import sys\nfrom swath_sysid.campaign.result_store import ResultStore\n'
+        'with ResultStore(sys.argv[1]).locked(): print("alone")\n'
+    )
+    command = [sys.executable, '-c', code, str(tmp_path / 'results')]
+    with store.locked():
+        assert 'another campaign is writing' in subprocess.run(command, capture_output=True, text=True).stderr
+    assert subprocess.run(command, capture_output=True, text=True).stdout == 'alone\n'
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(InputError, match='cannot make the folder'):
+        ResultStore(tmp_path / 'file' / 'results')
+
+
+@given(st.lists(st.one_of(st.text(), st.floats(allow_nan=False), st.integers(), st.none()), min_size=1), st.data())
+def test_a_key_tells_whatever_differs(parts, data):
+    other = list(parts)
+    index = data.draw(st.integers(0, len(parts) - 1))
+    other[index] = (parts[index], 'more')
+    assert key_of(*parts) == key_of(*parts)
+    assert key_of(*parts) != key_of(*other)
+    assert key_of({'b': 1, 'a': parts}) == key_of({'a': parts, 'b': 1})
