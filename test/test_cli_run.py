@@ -1,10 +1,15 @@
-"""The verb run: what it hands to ROS, and what it says where there is none."""
+"""The verb run: what it hands to ROS, what it says where there is none, and a signal while it starts."""
 
 import argparse
+import functools
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
+from package_process import environment
 
 from swath_sysid.cli import page, run
 from swath_sysid.cli.flags import add_arguments
@@ -26,15 +31,9 @@ def test_what_is_asked_for_is_handed_on_and_nothing_else(tmp_path, monkeypatch):
     ros = "--params-file p.yaml -p model_path:='m.yaml' -r __ns:=/craft -r imu/data:=/sensor/imu -p use_sim_time:=true"
     given = '-p seed:=2 --log-level warn'
     assert run.ros_arguments(parsed(*f'{words} --ros-args {given}'.split())) == f'{ros} {given}'.split()
-
-
-def test_a_path_stays_text_for_the_node_that_reads_it():
-    """ROS takes values for YAML: 12 would be a number, and what follows a # a comment."""
+    # ROS takes values for YAML: 12 would be a number, and what follows a # a comment
     arguments = parsed('--only', 'manoeuvring_predictor', '--model', "o'brien's boat #2.yaml")
     assert run.ros_arguments(arguments) == ['-p', "model_file:='o''brien''s boat #2.yaml'"]
-
-
-def test_a_model_for_a_node_that_reads_none_is_refused():
     with pytest.raises(InputError, match='predictor reads no model file'):
         run.ros_arguments(parsed('--only', 'predictor', '--model', 'm.yaml'))
 
@@ -63,7 +62,10 @@ def test_the_simulated_craft_beside_the_nodes_is_their_sensor():
     assert command[-len(given.split()) :] == given.split()
 
 
-def test_without_ros_it_says_what_to_install(monkeypatch):
+def test_without_ros_or_the_extra_of_the_page_it_says_what_to_install(monkeypatch):
+    monkeypatch.setattr('swath_sysid.page.server.ui', None)
+    with pytest.raises(InputError, match=r'pip install swath_sysid\[page\]'):
+        page.run(argparse.Namespace())
     monkeypatch.setitem(sys.modules, 'rclpy', None)
     with pytest.raises(InputError, match=r'pip install swath_sysid\[ros\], or source a ROS 2 installation'):
         run.run(parsed())
@@ -93,21 +95,17 @@ def test_wrong_arguments_are_one_sentence_and_exit_code_2(capfd):
 
 
 @pytest.mark.parametrize('node', [(), ('--only', 'manoeuvring_predictor')])
-def test_a_model_that_is_none_is_refused_before_anything_starts(node, tmp_path):
-    (tmp_path / 'none.yaml').write_text('roll: 1')
-    for name in (tmp_path / 'none.yaml', '/dev/null'):
-        with pytest.raises(InputError):
-            run.ros_arguments(parsed(*node, '--model', str(name)))
+def test_files_that_are_none_are_refused_before_anything_starts(node, tmp_path):
+    (tmp_path / 'none.yaml').write_text('imu_buffer: [oops')
+    for flag, name in (
+        ('--model', tmp_path / 'none.yaml'),
+        ('--model', '/dev/null'),
+        ('--params-file', tmp_path / 'none.yaml'),
+        ('--params-file', tmp_path / 'absent.yaml'),
+    ):
+        with pytest.raises(InputError, match=str(name)):
+            run.ros_arguments(parsed(*node, flag, str(name)))
     assert run.ros_arguments(parsed(*node, '--model', str(tmp_path / 'later.yaml')))
-
-
-def test_a_parameter_file_that_is_none_is_refused_before_ros_sees_it(tmp_path):
-    path = tmp_path / 'p.yaml'
-    with pytest.raises(InputError, match='no file|cannot read|not found'):
-        run.ros_arguments(parsed('--params-file', str(path)))
-    path.write_text('imu_buffer: [oops')
-    with pytest.raises(InputError, match='p.yaml'):
-        run.ros_arguments(parsed('--params-file', str(path)))
 
 
 def test_the_page_beside_the_nodes_hears_the_same_names(monkeypatch):
@@ -122,7 +120,46 @@ def test_whoever_comes_from_elsewhere_is_asked_for_a_token():
         assert len(page.token_for(host, given)) == length
 
 
-def test_without_its_extra_the_page_says_what_to_install(monkeypatch):
-    monkeypatch.setattr('swath_sysid.page.server.ui', None)
-    with pytest.raises(InputError, match=r'pip install swath_sysid\[page\]'):
-        page.run(argparse.Namespace())
+def started(*arguments):
+    """As the console script, but says when it begins; SIGINT is ignored as in the background of a shell."""
+    program = "from swath_sysid.start import command_line; print('begun', flush=True); raise SystemExit(command_line())"
+    pipes = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE, 'text': True}
+    command = [sys.executable, '-c', program, *arguments]
+    ignoring = functools.partial(signal.signal, signal.SIGINT, signal.SIG_IGN)
+    return subprocess.Popen(command, env=environment(), preexec_fn=ignoring, **pipes)
+
+
+def interrupted(process, after, number=signal.SIGINT):
+    """Exit code and output of a process that gets a signal so many seconds after its first instant."""
+    assert process.stdout.readline() == 'begun\n'
+    time.sleep(after)
+    process.send_signal(number)
+    try:
+        out, error = process.communicate(timeout=90.0)
+    finally:
+        process.kill()
+    return process.returncode, out + error
+
+
+@pytest.mark.parametrize(
+    ('number', 'after'),
+    [(signal.SIGINT, 0.02), (signal.SIGINT, 0.3), (signal.SIGINT, 1.0), (signal.SIGTERM, 0.1), (signal.SIGTERM, 0.6)],
+)
+def test_a_tool_that_is_interrupted_at_its_start_ends_with_130(number, after, tmp_path):
+    process = started('campaign', str(tmp_path / 'missing.yaml'), '--output', str(tmp_path))
+    code, told = interrupted(process, after, number)
+    assert 'Traceback' not in told and 'Exception ignored' not in told
+    # it may have come to its own end before, and said so; the interpreter's very last moments know no handlers
+    assert code == 130 or (code in (2, -number) and 'cannot read the manifest' in told), told
+
+
+@pytest.mark.parametrize(
+    ('number', 'words'),
+    [(signal.SIGINT, '--only predictor --ros-args -r __ns:=/early'), (signal.SIGTERM, '--namespace early')],
+)
+@pytest.mark.parametrize('after', [0.02, 0.3, 0.8])
+def test_nodes_that_are_interrupted_at_their_start_end_with_0(after, number, words):
+    pytest.importorskip('rclpy', reason='nodes need ROS 2')
+    code, told = interrupted(started('run', *words.split()), after, number)
+    assert 'Traceback' not in told and 'Exception ignored' not in told
+    assert code == 0, told

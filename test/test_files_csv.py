@@ -7,7 +7,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.attitude.motion.attitude import euler_rates
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.cli import sources
 from swath_sysid.cli.main import main
@@ -15,7 +14,6 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats import tables
 from swath_sysid.formats.columns import plain_name
 from swath_sysid.formats.csv_trials import read_csv, write_csv
-from swath_sysid.formats.reading import read_trial
 
 
 def codes(trial):
@@ -63,24 +61,11 @@ def test_units_and_spellings_of_channels(tmp_path, name, scale, channel):
     assert trial.advice == ()
 
 
-def test_body_rates_become_euler_rates(tmp_path):
-    values = [TIME, ROLL, 2 * ROLL, 3 * ROLL, 4 * ROLL, 5 * ROLL]
-    trial = read_csv(
-        written(tmp_path, lines('time_s,roll_rad,pitch_rad,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s', *values))
-    )
-    expected = euler_rates(trial.roll, trial.pitch, 3 * ROLL, 4 * ROLL, 5 * ROLL)
-    assert np.allclose(trial.roll_rate, expected[0], atol=1e-8)
-    assert np.allclose(trial.pitch_rate, expected[1], atol=1e-8)
-
-
-def test_quaternion_columns(tmp_path):
+def test_quaternions_and_times_of_the_epoch(tmp_path):
     rows = ''.join(f'{t},{x},0,0,{w}\n' for t, x, w in zip(TIME, np.sin(ROLL / 2), np.cos(ROLL / 2), strict=True))
     trial = read_csv(written(tmp_path, 'time_s,orientation.x,orientation.y,orientation.z,orientation.w\n' + rows))
     assert np.allclose(trial.roll, ROLL)
     assert np.allclose(trial.pitch, 0)
-
-
-def test_epoch_times_count_from_the_first_sample(tmp_path):
     rows = ''.join(f'{1700000000 + at // 10},{at % 10 * 100_000_000},{ROLL[at]}\n' for at in range(20))
     trial = read_csv(written(tmp_path, 'sec,nanosec,roll_rad\n' + rows))
     assert np.allclose(trial.time, TIME, atol=1e-12)
@@ -170,27 +155,18 @@ def test_column_without_unit_is_told_or_refused(tmp_path):
             read_csv(written(tmp_path, lines(header, TIME, ROLL)))
 
 
+def rows_of(cells):
+    rows = (b';'.join(cells[at : at + 3]) for at in range(0, len(cells), 3))
+    return b'\n'.join([b'time_s;roll_rad;gyro_x_deg_s', *rows])
+
+
+WORDS = st.sampled_from([*'\n\n\r \t', *'time_s roll_rad , ; 0 1 2.5 - x " # nan inf 1e999 1,5'.split()])
+CELLS = st.sampled_from([b'1', b'2.5', b'', b'nan', b'x', b'1e400', b'3,4', b'\xff'])
+TEXTS = st.one_of(st.text(max_size=300), st.lists(WORDS, max_size=150).map(''.join)).map(str.encode)
+
+
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    content=st.one_of(
-        st.binary(max_size=300),
-        st.text(max_size=300).map(str.encode),
-        st.lists(
-            st.sampled_from([*'\n\n\r \t', *'time_s roll_rad , ; 0 1 2.5 - x " # nan inf 1e999 1,5'.split()]),
-            max_size=150,
-        )
-        .map(''.join)
-        .map(str.encode),
-        st.lists(
-            st.sampled_from([b'1', b'2.5', b'', b'nan', b'x', b'1e400', b'3,4', b'\xff']), min_size=24, max_size=80
-        ).map(
-            lambda cells: (
-                b'time_s;roll_rad;gyro_x_deg_s\n'
-                + b'\n'.join(b';'.join(cells[at : at + 3]) for at in range(0, len(cells), 3))
-            )
-        ),
-    )
-)
+@given(content=st.one_of(st.binary(max_size=300), TEXTS, st.lists(CELLS, min_size=24, max_size=80).map(rows_of)))
 def test_any_content_gives_a_trial_or_one_sentence(tmp_path, content):
     try:
         trial = read_csv(written(tmp_path, content))
@@ -258,13 +234,10 @@ def test_corrupt_packet_of_oahu_is_left_out_and_told(data_folder):
 
 
 def test_a_file_says_how_its_sensor_is_mounted(tmp_path):
-    """A craft in waves whose sensor hangs upside down: named, then mended by the line that the sentence asks for."""
     time = np.arange(0.0, 30.0, 0.05)
     roll, pitch = 0.1 * np.sin(time), 0.05 * np.sin(1.3 * time)
-    rows = np.column_stack([time, (roll + 2 * np.pi) % (2 * np.pi) - np.pi, pitch])
-    path = tmp_path / 'hanging.csv'
-    table = 'time_s,roll_rad,pitch_rad\n' + '\n'.join(','.join(map(repr, row)) for row in rows.tolist()) + '\n'
-    path.write_text(table)
+    table = lines('time_s,roll_rad,pitch_rad', time, (roll + 2 * np.pi) % (2 * np.pi) - np.pi, pitch)
+    path = written(tmp_path, table)
     (told,) = read_csv(path).advice
     assert told.code == 'sensor-turned' and 'mounting_deg to [180, 0, 0]' in told.message
     path.write_text('# mounting_deg: [180, 0, 0]\n' + table)
@@ -289,15 +262,14 @@ def test_a_file_says_how_its_sensor_is_mounted(tmp_path):
 def test_dates_are_a_time(tmp_path, form, name):
     seconds = 0.02 * np.arange(500)
     roll = 5.0 * np.sin(2.0 * seconds)
-    path = tmp_path / 'dates.csv'
     rows = [f'{angle:.6f},{form.format(second)},1' for second, angle in zip(seconds, roll, strict=True)]
-    path.write_text(f'roll_deg,{name},count\n' + '\n'.join(rows) + '\n')
-    trial = read_trial(path)
+    path = written(tmp_path, '\n'.join([f'roll_deg,{name},count', *rows]))
+    trial = read_csv(path)
     assert trial.time == pytest.approx(seconds, abs=1e-6)
     assert np.degrees(trial.roll) == pytest.approx(roll, abs=1e-6) and trial.advice == ()
     # one that is damaged costs its row
     path.write_text(path.read_text().replace(rows[250], rows[250].replace('05', 'xx', 1)))
-    trial = read_trial(path)
+    trial = read_csv(path)
     assert trial.time.size == 499 and [each.code for each in trial.advice][:2] == ['text-in-numbers', 'missing-stamps']
 
 
@@ -310,11 +282,8 @@ def test_dates_are_a_time(tmp_path, form, name):
     ],
 )
 def test_a_time_that_cannot_be_gets_its_sentence(tmp_path, head, stamps, words):
-    path = tmp_path / 'a.csv'
-    roll = 5.0 * np.sin(0.03 * np.arange(500))
-    path.write_text(head + '\n' + '\n'.join(f'{a:.4f},{b:.4f}' for a, b in zip(stamps, roll, strict=True)))
     with pytest.raises(InputError, match=words):
-        read_trial(path)
+        read_csv(written(tmp_path, lines(head, stamps, 5.0 * np.sin(0.03 * np.arange(500)))))
 
 
 def test_the_reading_of_a_long_record_is_shown_at_once(tmp_path, capsys, monkeypatch):
@@ -337,3 +306,5 @@ def test_a_slip_in_the_name_of_a_column_is_reported(tmp_path, header, meant):
     trial = read_csv(written(tmp_path, lines(header, TIME, 50 * ROLL, ROLL)))
     assert codes(trial) == (['columns-misspelt'] if meant else [])
     assert meant is None or f"'{header.split(',')[2]}': did you mean {meant}?" in trial.advice[0].message
+    with pytest.raises(InputError, match="'rol_deg': did you mean roll_deg"):
+        read_csv(written(tmp_path, lines('time_s,rol_deg', TIME, ROLL)))

@@ -11,8 +11,6 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
 
-CIRCLE = ('--hull', 'wamv-vrx-old', '--test', 'turning-circle')
-
 
 @pytest.fixture(scope='module')
 def measured(tmp_path_factory):
@@ -22,8 +20,8 @@ def measured(tmp_path_factory):
         command = ['simulate', '--hull', 'swath-pitch', '--initial-angle-deg', '6', '--output', str(folder / name)]
         assert main(command) == 0
     assert main(['identify', str(folder / 'trial.csv'), '--output', str(folder / 'model.yaml')]) == 0
-    manoeuvre = folder / 'run.csv'
-    assert main(['manoeuvre', 'simulate', *CIRCLE, '--output', str(manoeuvre)]) == 0
+    circle = ['--hull', 'wamv-vrx-old', '--test', 'turning-circle', '--output', str(folder / 'run.csv')]
+    assert main(['manoeuvre', 'simulate', *circle]) == 0
     return folder
 
 
@@ -129,14 +127,44 @@ def test_folders_that_may_not_be_written_to_are_refused(tmp_path):
 def test_what_is_harmless_passes(tmp_path):
     (tmp_path / 'old.yaml').write_text('format: swath_sysid model\n')
     (tmp_path / 'trial.csv').write_text('time_s,roll_rad\n0,0\n')
-    check_outputs(
-        [
-            Output('--output', tmp_path / 'old.yaml'),
-            Output('--plot', tmp_path / 'new.png', endings=('png',)),
-            Output('--report', tmp_path / 'a' / 'b', is_folder=True),
-            Output('--none', None),
-        ],
-        [tmp_path / 'trial.csv', None],
-    )
+    plot = Output('--plot', tmp_path / 'new.png', endings=('png',))
+    report = Output('--report', tmp_path / 'a' / 'b', is_folder=True)
+    old, none = Output('--output', tmp_path / 'old.yaml'), Output('--none', None)
+    check_outputs([old, plot, report, none], [tmp_path / 'trial.csv', None])
     check_outputs([Output('--output', tmp_path / 'trial.csv', is_recording=True)])
     refuse_inputs_among([tmp_path / 'tables'], [tmp_path / 'trial.csv'])
+
+
+def test_file_takes_its_name_only_when_whole(tmp_path):
+    target = tmp_path / 'model.yaml'
+    target.write_text('old')
+    with replacing(target) as temporary:
+        temporary.write_text('new')
+        assert target.read_text() == 'old'
+        assert temporary.name == target.name
+    assert target.read_text() == 'new'
+    assert os.listdir(tmp_path) == ['model.yaml']
+
+
+@pytest.mark.parametrize('place', ['absent/model.yaml', 'file/model.yaml', ''])
+def test_a_place_or_a_block_that_writes_nothing_is_one_sentence(tmp_path, place, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'file').touch()
+    with pytest.raises(InputError), replacing(place) as temporary:
+        temporary.write_text('')
+    with pytest.raises(InputError, match='cannot write'), replacing(tmp_path / 'a.csv'):
+        pass
+
+
+@pytest.mark.parametrize(
+    ('failure', 'told'),
+    [(KeyboardInterrupt(), KeyboardInterrupt), (OSError(28, 'No space left on device'), InputError)],
+)
+def test_failure_leaves_all_as_it_was(tmp_path, failure, told):
+    target = tmp_path / 'model.yaml'
+    target.write_text('old')
+    with pytest.raises(told, match='No space left' if told is InputError else None), replacing(target) as temporary:
+        temporary.write_text('half')
+        raise failure
+    assert target.read_text() == 'old'
+    assert os.listdir(tmp_path) == ['model.yaml']

@@ -1,6 +1,8 @@
 """Whatever a file is, it is read for what it is, or refused in one sentence."""
 
+import contextlib
 import gzip
+import hashlib
 import os
 import sqlite3
 import zipfile
@@ -15,9 +17,14 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import write_imu_bag
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial, source_hash
+from swath_sysid.share import share_folder
 
 TIME = 0.01 * np.arange(300)
 TRIAL = Trial(time=TIME, roll=0.1 * np.sin(TIME), pitch=0 * TIME)
+RECORDS = share_folder() / 'records'
+SOURCES = {'morro_buoy': 'waves/morro_buoy.csv', 'kvlcc2_roll_decay': 'decay/kvlcc2/run2_0kn.csv'}
+#: samples of the source to one of ours
+EVERY = {'morro_buoy': 1, 'kvlcc2_roll_decay': 4}
 MTI = 'PacketCounter\tSampleTimeFine\tRoll\n' + ''.join(f'{n}\t{100 * n}\t{n % 7}\n' for n in range(50))
 
 
@@ -68,26 +75,23 @@ def test_what_cannot_be_read_is_one_sentence(tmp_path, name, content, said):
 
 
 def test_other_things_in_the_way(tmp_path):
-    with pytest.raises(InputError, match='file not found'):
-        read_trial(tmp_path / 'absent.csv')
-    with pytest.raises(InputError, match='folder without a rosbag2 bag'):
-        read_trial(tmp_path)
     with zipfile.ZipFile(tmp_path / 'a.xlsx', 'w') as archive:
         archive.writestr('sheet', 'x')
-    with pytest.raises(InputError, match='spreadsheet'):
-        read_trial(tmp_path / 'a.xlsx')
-    connection = sqlite3.connect(tmp_path / 'other.db')
-    connection.execute('CREATE TABLE notes (text)')
-    connection.commit()
-    connection.close()
-    with pytest.raises(InputError, match='damaged'):
-        read_trial(tmp_path / 'other.db')
+    with contextlib.closing(sqlite3.connect(tmp_path / 'other.db')) as connection:
+        connection.execute('CREATE TABLE notes (text)')
+        connection.commit()
     os.mkfifo(tmp_path / 'pipe')
-    with pytest.raises(InputError, match='not a regular file'):
-        read_trial(tmp_path / 'pipe')
     write_csv(tmp_path / 'a.csv', TRIAL)
-    with pytest.raises(InputError, match='so it has no topic /imu'):
-        read_trial(tmp_path / 'a.csv', topic='/imu')
+    for name, topic, said in (
+        ('absent.csv', None, 'file not found'),
+        ('', None, 'folder without a rosbag2 bag'),
+        ('a.xlsx', None, 'spreadsheet'),
+        ('other.db', None, 'damaged'),
+        ('pipe', None, 'not a regular file'),
+        ('a.csv', '/imu', 'so it has no topic /imu'),
+    ):
+        with pytest.raises(InputError, match=said):
+            read_trial(tmp_path / name, topic=topic)
 
 
 def test_kilohertz_are_read_and_megahertz_are_another_unit(tmp_path):
@@ -117,8 +121,6 @@ def test_any_file_gives_a_trial_or_one_sentence(tmp_path, start, rest):
 
 
 def test_hash_is_that_of_the_content(tmp_path):
-    import hashlib
-
     path = tmp_path / 'a.csv'
     path.write_bytes(b'abc' * 1_000_000)
     assert source_hash(path) == hashlib.sha256(path.read_bytes()).hexdigest()
@@ -130,3 +132,30 @@ def test_hash_is_that_of_the_content(tmp_path):
     assert source_hash(tmp_path / 'bag') != before
     with pytest.raises(InputError):
         source_hash(tmp_path / 'absent')
+
+
+def test_the_records_of_the_package_are_small_and_each_is_named_with_its_licence():
+    assert sum(path.stat().st_size for path in RECORDS.iterdir()) < 1_000_000
+    notice = (RECORDS / 'NOTICE').read_text(encoding='utf-8')
+    names = {f'{name}.{ending}' for name in SOURCES for ending in ('csv', 'mcap')}
+    assert {path.name for path in RECORDS.iterdir()} == names | {'NOTICE'}
+    assert all(name in notice for name in names)
+    for licence in ('Copyright © 2021, Battelle', 'Simplified BSD', '(c) 2020, Martin Alexandersson', 'MIT License'):
+        assert licence in notice
+
+
+@pytest.mark.parametrize('name', SOURCES)
+def test_the_bag_holds_what_the_table_holds(name):
+    table, bag = (read_trial(RECORDS / f'{name}.{ending}') for ending in ('csv', 'mcap'))
+    assert list(bag.channels) == list(table.channels)
+    np.testing.assert_allclose(bag.time - bag.time[0], table.time - table.time[0], atol=1e-9)
+    for channel, values in table.channels.items():
+        np.testing.assert_allclose(bag.channels[channel], values, atol=1e-9)
+
+
+@pytest.mark.parametrize('name', SOURCES)
+def test_the_records_of_the_package_are_the_measured_ones(name, data_folder):
+    source = read_trial(data_folder / SOURCES[name], frame='frd' if name == 'morro_buoy' else None)
+    ours = read_trial(RECORDS / f'{name}.csv')
+    for channel, values in ours.channels.items():
+        assert np.array_equal(values, source.channels[channel][:: EVERY[name]][: values.size], equal_nan=True)

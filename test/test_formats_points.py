@@ -23,6 +23,9 @@ PLACE = (2.5, -0.5, 1.0)
 STAMP_NS = 1_700_000_000_250_000_000
 ROLL, PITCH, ROLL_RATE, PITCH_RATE = np.array([[0.1, -0.2], [-0.05, 0.12], [0.2, 0.1], [-0.1, 0.3]])
 
+SPREAD = np.tile(np.eye(2), (2, 1, 1))
+AXES = {'roll': AxisForecast(ROLL, ROLL_RATE, SPREAD), 'pitch': AxisForecast(PITCH, PITCH_RATE, SPREAD)}
+
 
 @pytest.fixture(scope='module')
 def messages():
@@ -33,12 +36,8 @@ def messages():
     )
     root = rng.normal(size=(2, 9, 9)) * 0.05
     covariance = root @ root.transpose(0, 2, 1)
-    axes = {
-        'roll': AxisForecast(ROLL, ROLL_RATE, np.tile(np.eye(2), (2, 1, 1))),
-        'pitch': AxisForecast(PITCH, PITCH_RATE, np.tile(np.eye(2), (2, 1, 1))),
-    }
     points = {'bow': point_motion(PLACE, (0.0, 0.0), motion, covariance)}
-    forecast = Forecast(0.0, LEADS, axes, quiescence=0.8, calm=CalmWindow(0.5, 2.25, 0.93), points=points)
+    forecast = Forecast(0.0, LEADS, AXES, quiescence=0.8, calm=CalmWindow(0.5, 2.25, 0.93), points=points)
     step = PipelineStep(used=True, forecast=forecast, horizon=forecast, stamp_ns=STAMP_NS)
     sent = dict(ForecastMessages('craft').of(step))
     return {topic: typestore().deserialize_cdr(raw, type_of(topic)) for topic, raw in sent.items()}, points['bow']
@@ -107,13 +106,8 @@ def test_points_are_parameters(tmp_path):
 
 
 def test_predicted_frames_have_names_of_their_own(messages):
-    """Now is what forecast/next says, without the heading; the lead is turned as forecast, never base_link."""
     heading, now = 1.2, (0.15, -0.04)
-    axes = {
-        axis: AxisForecast(angle, angle, np.tile(np.eye(2), (2, 1, 1)))
-        for axis, angle in (('roll', ROLL), ('pitch', PITCH))
-    }
-    forecast = Forecast(0.0, LEADS, axes, points={'sensor': replace(messages[1], place=(0.0, 0.0, 0.0))})
+    forecast = Forecast(0.0, LEADS, AXES, points={'sensor': replace(messages[1], place=(0.0, 0.0, 0.0))})
     held = {axis: (angle, *4 * (0.0,)) for axis, angle in zip(('roll', 'pitch'), now, strict=True)}
     following = attitude_forecast(STAMP_NS, 0.1, held, heading, 0.0)
     step = PipelineStep(used=True, next=following, forecast=forecast, stamp_ns=STAMP_NS, heading=(heading, 0.0))

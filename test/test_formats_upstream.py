@@ -1,4 +1,4 @@
-"""Upstream channels of tables and bags, and on the command line."""
+"""Upstream channels of tables and bags, and on the command line; which topics are recorded, and when replayed."""
 
 import json
 
@@ -9,11 +9,20 @@ from swath_sysid.attitude.motion.attitude import quaternion
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bag_replay import ReplaySettings, Timeline
 from swath_sysid.formats.bags import imu_values
 from swath_sysid.formats.messages import ImuMessage, header, make, serialised
 from swath_sysid.formats.output_bag import writing_bag
+from swath_sysid.formats.recording import is_ours
 from swath_sysid.formats.tables import write_table
-from swath_sysid.formats.topics import IMU
+from swath_sysid.formats.topics import (
+    ACCELERATION,
+    IMU,
+    ODOMETRY,
+    TRAJECTORY,
+    point_acceleration_topic,
+    point_lead_topic,
+)
 from swath_sysid.formats.upstream import channels_of, field_value, kind_of, read_upstream, stamp_of
 
 FLOAT, RANGE, POINT = 'std_msgs/msg/Float64', 'sensor_msgs/msg/Range', 'geometry_msgs/msg/PointStamped'
@@ -58,23 +67,21 @@ def test_any_column_is_read_at_its_own_times(table):
     assert read_upstream(table, []) == {}
 
 
-def test_a_column_that_is_not_there_is_answered_with_those_that_are(table):
-    with pytest.raises(InputError, match=': choose one of these$') as refused:
-        read_upstream(table, ['sonar'])
-    assert '--column' not in str(refused.value)
-
-
 @pytest.mark.parametrize(
     ('names', 'said'),
     [
-        (['sonar'], "no column 'sonar' for an upstream channel; found time_s, roll_rad, Bow sonar"),
+        (
+            ['sonar'],
+            "no column 'sonar' for an upstream channel; found time_s, roll_rad, Bow sonar.*: choose one of these$",
+        ),
         (['roll_rad', 'roll_rad'], "'roll_rad' is given twice"),
         (['empty'], "holds no number in its column 'empty'"),
     ],
 )
 def test_a_column_that_is_not_there_is_one_sentence_and_exit_code_2(table, capsys, names, said):
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=said) as refused:
         read_upstream(table, names)
+    assert '--column' not in str(refused.value)
     for verb, further in (('forecast', []), ('play-through', ['--output', str(table.with_suffix('.mcap'))])):
         flags = [word for name in names for word in ('--upstream', name)]
         assert main([verb, str(table), *flags, *further]) == 2
@@ -145,3 +152,38 @@ def test_play_through_reads_the_parameter(bag, tmp_path):
         words = ['play-through', str(bag), '--topic', '/imu/data', '--params', str(params)]
         told.append(main([*words, '--output', str(tmp_path / 'out.mcap')]))
     assert told == [0, 2]
+
+
+@pytest.mark.parametrize('namespace', ['', '/fleet/boat_2'])
+@pytest.mark.parametrize(
+    'topic, kind, taken',
+    [
+        ('imu/data', IMU, True),
+        ('forecast/lead_0_5s', IMU, True),
+        ('forecast/horizon', TRAJECTORY, True),
+        ('forecast/horizon', IMU, False),
+        ('identifier/progress', 'std_msgs/msg/Float32', True),
+        (point_lead_topic('bow', 2.0), ODOMETRY, True),
+        (point_acceleration_topic('bow', 2.0), ACCELERATION, True),
+        ('imu/data_raw', IMU, False),
+        ('odometry', ODOMETRY, False),
+    ],
+)
+def test_topics_of_the_contract_are_recorded(namespace, topic, kind, taken):
+    assert is_ours(f'{namespace}/{topic}', [kind]) == taken
+    assert not is_ours(f'{namespace}/{topic}', [kind, 'std_msgs/msg/String'])
+
+
+@pytest.mark.parametrize('rate', [0.5, 1.0, 20.0])
+def test_bag_time_is_the_inverse_of_wall_time(rate):
+    timeline = Timeline(begun=100.0, first_ns=1_700_000_000_000_000_000, rate=rate)
+    later = timeline.first_ns + 3_000_000_000
+    assert timeline.wall_time(timeline.first_ns) == 100.0
+    assert timeline.wall_time(later) == pytest.approx(100.0 + 3.0 / rate)
+    assert timeline.bag_time(timeline.wall_time(later)) == pytest.approx(later, abs=2000)
+
+
+@pytest.mark.parametrize('settings', [{'rate': 0.0}, {'rate': float('nan')}, {'wait': -1.0}, {'listeners': -1}])
+def test_settings_that_cannot_be_are_refused(settings):
+    with pytest.raises(InputError, match='must'):
+        ReplaySettings(**settings)

@@ -1,6 +1,7 @@
-"""The package as a whole: its manifest, what it installs, and which room may use what."""
+"""The package as a whole: its manifest, what it installs, which room may use what, and what a release has beside."""
 
 import ast
+import contextlib
 import functools
 import json
 import os
@@ -12,9 +13,11 @@ import sys
 import tomllib
 import types
 from pathlib import Path
+from unittest.mock import patch
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 
 import swath_sysid
 from swath_sysid.common.errors import InputError
@@ -25,6 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'swath_sysid'
 MODULES = sorted(PACKAGE.rglob('*.py'))
 
+#: of what is imported; every one exists on Ubuntu 24.04
 ROSDEP_KEYS = {
     'filterpy': 'python3-filterpy-pip',
     'markdown_it': 'python3-rich',  # which needs it, on PyPI and on Ubuntu
@@ -35,11 +39,8 @@ ROSDEP_KEYS = {
     'scipy': 'python3-scipy',
     'yaml': 'python3-yaml',
 }
-"""rosdep keys of what is imported; every one exists on Ubuntu 24.04."""
-
 DISTRIBUTIONS = {'yaml': 'PyYAML'}
-"""Names on PyPI that differ from the imported name."""
-
+#: imports that may fail, and the extra that installs them
 OPTIONAL = {
     'numba': 'fast',
     'dask': 'cluster',
@@ -47,34 +48,13 @@ OPTIONAL = {
     **dict.fromkeys(('h5py', 'nptdms', 'openpyxl', 'pyarrow'), 'tank'),
     **dict.fromkeys(('fastapi', 'nicegui', 'uvicorn'), 'page'),
 }
-"""Imports that may fail, and the extra that installs them; Ubuntu 24.04 has no numba, rosdep no distributed and no
-nicegui, which brings fastapi and uvicorn. A record in a format of data acquisition needs the library of that format."""
-
-ROS_PACKAGES = {
-    'ament_index_python',
-    'builtin_interfaces',
-    'diagnostic_msgs',
-    'geometry_msgs',
-    'launch',
-    'launch_ros',
-    'nav_msgs',
-    'rcl_interfaces',
-    'rclpy',
-    'rosgraph_msgs',
-    'rosidl_runtime_py',
-    'sensor_msgs',
-    'std_msgs',
-    'std_srvs',
-    'tf2_msgs',
-    'trajectory_msgs',
-}
+ROS_PACKAGES = set(
+    'ament_index_python builtin_interfaces diagnostic_msgs geometry_msgs launch launch_ros nav_msgs rcl_interfaces '
+    'rclpy rosgraph_msgs rosidl_runtime_py sensor_msgs std_msgs std_srvs tf2_msgs trajectory_msgs'.split()
+)
 
 NODE_VERBS = {'demo', 'page', 'record', 'replay', 'run'}
-"""Verbs that start nodes; play_through does the same without them."""
-
 WINGS = ('attitude', 'manoeuvring')
-"""Two crafts' motions with the same inner order; they meet in pipeline, campaign, formats and above only."""
-
 INNER_ORDER = ('motion', 'hull', 'identification', 'prediction')
 PURE_ROOMS = ('common', *(f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER), 'pipeline')
 FLAGLESS_ROOMS = ('common', *WINGS, 'pipeline', 'formats', 'campaign')
@@ -102,23 +82,18 @@ MAY_IMPORT = {
     'nodes': CORE | {'formats', 'page'},
     'cli': CORE | {'formats', 'campaign', 'report', 'page', 'nodes'},
 }
-"""Data flows down this list, imports go up it."""
-
 IMPURE_MODULES = {'logging', 'random', 'rich', 'time'}
-IMPURE_CALLS = {
-    'print',
-    'input',
-    'warnings.warn',
-    'datetime.now',
-    'datetime.utcnow',
-    'datetime.today',
-    'date.today',
-}
-"""What logs, prints, sleeps or reads a clock; compared with the end of the called name."""
+#: compared with the end of the called name
+IMPURE_CALLS = set('print input warnings.warn datetime.now datetime.utcnow datetime.today date.today'.split())
+
+
+def text_of(name):
+    """That of a file of the repository."""
+    return (ROOT / name).read_text(encoding='utf-8')
 
 
 def room_of(path):
-    """The room, or the module directly inside the package, that a file belongs to: ``'attitude/hull'``, ``'cli'``."""
+    """That of a file: ``'attitude/hull'``, ``'cli'``."""
     return room_at(path.relative_to(PACKAGE).with_suffix('').parts)
 
 
@@ -129,7 +104,6 @@ def room_at(parts):
 
 @functools.cache
 def tree_of(path):
-    """The syntax tree of a module."""
     return ast.parse(path.read_text(encoding='utf-8'), str(path))
 
 
@@ -159,7 +133,6 @@ def calls_of(path):
 
 @pytest.fixture(scope='module')
 def manifest():
-    """The root element of package.xml."""
     return ElementTree.parse(ROOT / 'package.xml').getroot()
 
 
@@ -170,30 +143,24 @@ def setup_arguments():
     stand_in = types.ModuleType('setuptools')
     stand_in.setup = lambda **arguments: captured.update(arguments)
     stand_in.find_packages = lambda **arguments: arguments['include']
-    original, folder = sys.modules.get('setuptools'), os.getcwd()
-    try:
-        sys.modules['setuptools'] = stand_in
-        os.chdir(ROOT)
+    with patch.dict(sys.modules, setuptools=stand_in), contextlib.chdir(ROOT):
         runpy.run_path('setup.py')
-    finally:
-        os.chdir(folder)
-        del sys.modules['setuptools']
-        if original is not None:
-            sys.modules['setuptools'] = original
     return captured
 
 
 def requirement_names(requirements):
-    """Distribution names without versions and extras."""
     return {re.match(r'[\w.-]+', requirement).group() for requirement in requirements}
 
 
 def test_manifest_names_an_ament_python_package_of_one_version(manifest, setup_arguments):
     named = [manifest.findtext(name) for name in ('name', 'export/build_type', 'license')]
     assert (manifest.get('format'), *named) == ('3', PACKAGE.name, 'ament_python', 'Apache-2.0')
-    assert 'Apache License' in (ROOT / manifest.find('license').get('file')).read_text(encoding='utf-8')
+    assert 'Apache License' in text_of(manifest.find('license').get('file'))
     assert re.fullmatch(r'\d+\.\d+\.\d+', manifest.findtext('version'))
     assert swath_sysid.__version__ == manifest.findtext('version') == setup_arguments['version']
+    urls = manifest.findall('url')
+    assert {url.get('type') for url in urls} == {'website', 'repository', 'bugtracker'}
+    assert all(url.text.startswith('https://') for url in urls)
 
 
 def test_both_manifests_cover_every_import(manifest, setup_arguments):
@@ -206,15 +173,11 @@ def test_both_manifests_cover_every_import(manifest, setup_arguments):
 
 
 def test_test_dependencies_are_declared(manifest, setup_arguments):
-    """What tests import beyond the package's own needs is in both manifests; plugins do not show as imports."""
     imported = set().union(*(outside_imports(path) for path in (ROOT / 'test').rglob('*.py')))
     ours = {path.stem for path in (ROOT / 'test').rglob('*.py')}
     extra = imported - set(ROSDEP_KEYS) - ROS_PACKAGES - set(OPTIONAL) - ours
     assert {f'python3-{name}' for name in extra} <= {element.text for element in manifest.findall('test_depend')}
     assert extra <= requirement_names(setup_arguments['extras_require']['test'])
-
-
-def test_optional_imports_have_an_extra(setup_arguments):
     assert set(OPTIONAL.values()) <= {extra for extra, needs in setup_arguments['extras_require'].items() if needs}
 
 
@@ -241,7 +204,6 @@ def test_imports_go_up_the_layers_only():
 
 
 def test_all_but_the_nodes_import_without_ros_and_numba():
-    """Where neither is installed, everything that starts no node still runs."""
     names = [
         '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__')
         for path in MODULES
@@ -258,7 +220,6 @@ for name in {names}:
 
 
 def test_the_core_is_pure():
-    """Time, seeds and randomness come in as arguments, results and warnings go out as values."""
     offenders = []
     for path in (path for path in MODULES if room_of(path) in PURE_ROOMS):
         wrong = {name.split('.')[0] for name in imports_of(path)} & IMPURE_MODULES
@@ -291,7 +252,7 @@ def test_ros2_run_finds_every_node_after_pip_and_colcon():
     assert set(scripts) == {*NODES, 'swath-sysid'}
     assert all(os.access(path, os.X_OK) for path in scripts.values())
     assert scripts['swath-sysid'].read_text(encoding='utf-8').endswith('/../../bin/swath-sysid" "$@"\n')
-    assert (ROOT / 'setup.cfg').read_text(encoding='utf-8').count(f'$base/lib/{PACKAGE.name}\n') == 2
+    assert text_of('setup.cfg').count(f'$base/lib/{PACKAGE.name}\n') == 2
 
 
 def echo_beside(folder):
@@ -329,24 +290,16 @@ def test_every_data_file_inside_the_package_is_packaged(setup_arguments):
     files = {path for path in PACKAGE.rglob('*') if path.is_file() and '__pycache__' not in path.parts}
     assert files - set(MODULES) == packaged
     assert [path for path in MODULES if not (path.parent / '__init__.py').is_file()] == []
-
-
-def test_configuration_of_the_build_stays_out_of_pyproject():
-    """With a [project] table `colcon build --symlink-install` silently makes no executables."""
-    assert [path for path in MODULES if not (path.parent / '__init__.py').is_file()] == []
-    assert set(tomllib.loads((ROOT / 'pyproject.toml').read_text(encoding='utf-8'))) == {'build-system', 'tool'}
-
-
-def test_the_users_path_gets_the_command_line_only(setup_arguments):
-    """Names such as identifier are too general for it."""
-    assert setup_arguments['entry_points']['console_scripts'] == ['swath-sysid = swath_sysid.start:command_line']
+    # with a [project] table `colcon build --symlink-install` silently makes no executables
+    assert set(tomllib.loads(text_of('pyproject.toml'))) == {'build-system', 'tool'}
 
 
 def test_colcon_puts_the_command_line_and_nothing_else_on_the_path(setup_arguments, tmp_path):
-    """Everything is where `ros2 run` looks, not in bin/: a hook makes `swath-sysid` a command all the same."""
+    """Names such as identifier are too general for it: the nodes are where `ros2 run` looks, not in bin/."""
+    assert setup_arguments['entry_points']['console_scripts'] == ['swath-sysid = swath_sysid.start:command_line']
     files = setup_arguments['data_files']
     installed = {f'{target}/{Path(source).name}': source for target, sources in files for source in sources}
-    (hook,) = json.loads((ROOT / 'colcon.pkg').read_text(encoding='utf-8'))['hooks']
+    (hook,) = json.loads(text_of('colcon.pkg'))['hooks']
     action, variable, folder = (ROOT / installed[hook]).read_text(encoding='utf-8').strip().split(';')
     assert (action, variable) == ('prepend-non-duplicate', 'PATH')
     assert [name for name in installed if name.startswith(f'{folder}/')] == [f'{folder}/swath-sysid']
@@ -381,3 +334,36 @@ def test_the_share_folder_of_an_installation_and_of_a_checkout(tmp_path):
     # as colcon build --symlink-install lays it out: the module's real place is the checkout
     (tmp_path / PACKAGE.name).symlink_to(PACKAGE)
     assert share_folder(tmp_path / PACKAGE.name / 'share.py') == share_folder() == ROOT
+
+
+def test_citation_and_changelog_are_of_this_version():
+    citation = yaml.safe_load(text_of('CITATION.cff'))
+    assert {'cff-version', 'message', 'title', 'authors'} <= set(citation)
+    assert (citation['version'], citation['license']) == (swath_sysid.__version__, 'Apache-2.0')
+    # REP 132 asks for sections called ``Forthcoming`` or ``1.2.3 (2027-01-31)``, newest first
+    lines = text_of('CHANGELOG.rst').splitlines()
+    assert lines[1] == 'Changelog for package swath_sysid'
+    headings = [lines[k - 1] for k, line in enumerate(lines) if k > 2 and re.fullmatch('-{3,}', line)]
+    assert headings
+    released = [re.fullmatch(r'(\d+\.\d+\.\d+) \(\d{4}-\d\d-\d\d\)', heading) for heading in headings]
+    assert all(released[1:]) and (released[0] or headings[0] == 'Forthcoming')
+    prepared = re.search(r'Prepared as (\S+),', text_of('CHANGELOG.rst'))
+    newest = (released[0] or prepared).group(1)
+    assert newest == swath_sysid.__version__
+
+
+def test_every_placeholder_is_listed_for_the_owner():
+    read_by_users = 'CITATION.cff SECURITY.md QUALITY_DECLARATION.md CHANGELOG.rst package.xml setup.py'.split()
+    listed = text_of('docs/releasing.md').split('## A release')[0]
+    holding = [name for name in read_by_users if 'swath-sysid.example' in text_of(name)]
+    assert holding == [name for name in read_by_users if f'`{name}`' in listed.split('Beside these')[0]]
+
+
+def test_the_hosted_ci_runs_both_pythons_and_a_jazzy_container():
+    jobs = yaml.safe_load(text_of('.github/workflows/ci.yml'))['jobs']
+    assert jobs['pip']['strategy']['matrix']['python'] == ['3.11', '3.12']
+    assert jobs['colcon']['container'].startswith('ros:jazzy')
+    for job in jobs.values():
+        for step in job['steps']:
+            if 'run' in step:
+                subprocess.run(['bash', '-n'], input=step['run'], text=True, check=True)

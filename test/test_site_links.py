@@ -1,27 +1,33 @@
-"""No dead link, without the network: files, headings, and what the pages name of the repository."""
+"""README and site say what is true: links, what they name of the repository, command lines, explained names."""
 
 import ast
 import re
+import runpy
+import shlex
 import unicodedata
 
 import pytest
 from markdown_it import MarkdownIt
-from site_pages import PAGES, ROOT
+from site_pages import PAGES, ROOT, command_lines
+
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.identification.search import PRESETS
+from swath_sysid.cli.main import VERBS, build_parser
+from swath_sysid.common.sentences import SENTENCES, reasons_table
+from swath_sysid.formats.topics import LEADS, MANOEUVRING_LEADS, TYPES
+from swath_sysid.nodes.parameters.table import NODES, table_of
 
 OTHERS = ('CONTRIBUTING.md', 'QUALITY_DECLARATION.md', 'SECURITY.md')
 TEXTS = PAGES | {name: (ROOT / name).read_text(encoding='utf-8') for name in OTHERS}
 IGNORED = {line.strip('/') for line in (ROOT / '.gitignore').read_text(encoding='utf-8').split()}
-FOLDERS = tuple(
-    f'{path.name}/'
-    for path in ROOT.iterdir()
-    if path.is_dir() and not path.name.startswith('.') and path.name not in IGNORED
-)
-"""Of the checkout, not those that a run makes."""
-
+IN_ROOT = [path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith('.')]
+FOLDERS = tuple(f'{name}/' for name in IN_ROOT if name not in IGNORED)
+#: written when the site is built, or by the commands of a page
 MADE = ('docs/generated/', 'examples/swath-pitch/out', 'examples/swath-pitch/trials')
-"""Written when the site is built, or by the commands of a page."""
-
 PATH = re.compile(r'(?<![\w/.$)-])((?:\w[\w.-]*/)+[\w.*-]*)')
+
+
+SITE = '\n'.join(PAGES.values())
 
 
 def tokens_of(text):
@@ -73,3 +79,29 @@ def test_what_is_named_of_the_repository_is_there(page):
 def test_the_readme_links_every_page_of_the_site():
     linked = {token.attrs.get('href') for token in tokens_of(TEXTS['README.md'])}
     assert [page for page in PAGES if page not in ('README.md', 'docs/index.md') and page not in linked] == []
+
+
+@pytest.mark.parametrize('line', command_lines())
+def test_every_command_line_is_one(line):
+    words = shlex.split(line.removesuffix('&'))[1:]
+    build_parser(words[0]).parse_args(words)
+
+
+def test_every_verb_hull_preset_and_topic_is_explained():
+    names = (*VERBS, *PUBLISHED_HULLS, *PRESETS, *TYPES, LEADS, MANOEUVRING_LEADS)
+    assert [name for name in names if name not in SITE] == []
+    assert set(re.findall(r'`swath-sysid ([a-z-]+)', SITE)) <= set(VERBS)
+    assert set(VERBS) - {line.split()[1] for line in command_lines()} <= {'compare', 'scale', 'demo'}
+
+
+def test_generated_pages_are_those_of_the_code(tmp_path):
+    (tmp_path / 'conf.py').write_text((ROOT / 'docs' / 'conf.py').read_text(encoding='utf-8'), encoding='utf-8')
+    runpy.run_path(str(tmp_path / 'conf.py'))
+    written = {path.name: path.read_text(encoding='utf-8') for path in (tmp_path / 'generated').rglob('*.*')}
+    for node in NODES:
+        assert all(f'| `{parameter.name}` |' in written['parameters.md'] for parameter in table_of(node))
+    assert all(f'\n## {verb}\n' in written['commands.md'] for verb in VERBS)
+    assert written['counted.md'] == reasons_table()
+    rows = written['warnings.md'].splitlines()
+    assert all(any(row.startswith(f'| `{key.partition(":")[0]}` |') for row in rows) for key in SENTENCES)
+    assert '{' not in written['warnings.md']
