@@ -158,7 +158,8 @@ def contradictions_in(
     """
     if time.size < MIN_BINS:
         return ()
-    interval = float(np.median(np.diff(time)))
+    # a damaged interval may be so small that the window would hold infinitely many samples
+    interval = max(float(np.median(np.diff(time))), 1e-9)
     size = max(WINDOW_BINS * samples_a_bin(interval), round(WINDOW / interval))
     starts = range(0, max(time.size - size // 2, 1), size // 2)
     judgements = []
