@@ -10,13 +10,11 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_to_yaml
 from swath_sysid.formats.model_file import model_to_yaml
 
-ALIASES = '\n'.join(
-    ['a0: &a0 [x, x, x, x, x, x, x, x, x]', *(f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, 12))]
-)
+DEEPER = [f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, 12)]
+ALIASES = '\n'.join(['a0: &a0 [x, x, x, x, x, x, x, x, x]', *DEEPER])
 
 
 def attitude_text():
-    """A model file of one axis."""
     model = PUBLISHED_HULLS['swath-pitch'].model.with_trim(0.01)
     covariance = np.diag([1e-4, 1e-2, 1e-3, 1.0, 400.0])
     identified = IdentifiedModel(model, covariance, 2e-5, (0.01, 0.1), {'r2': 0.999}, {'seed': 1})
@@ -24,7 +22,6 @@ def attitude_text():
 
 
 def manoeuvring_text():
-    """A model file of a manoeuvring craft."""
     return manoeuvring_to_yaml(identified())
 
 

@@ -15,8 +15,8 @@ from swath_sysid.page.live_record import LiveRecord
 from swath_sysid.pipeline.forecast_health import installation_report
 from swath_sysid.pipeline.health import BufferHealth, IdentifierHealth, Report, StreamHealth
 
+#: s between the diagnostics, and between looks at the guide
 REPORT_S = 0.5
-"""s between the diagnostics, and between looks at the guide."""
 
 
 class TankSide:
@@ -25,7 +25,7 @@ class TankSide:
     def __init__(self, axis='pitch', installation=None, rate=25.0, auto_identify=True):
         self.rate = rate
         installation = installation or Installation()
-        self.clock = 0.0
+        self.clock = self._next_report = 0.0
         self.record, self.guide = LiveRecord(), BringUp(axis)
         self.guidances = []
         # of the equation by which `imu_stream` makes its releases
@@ -37,7 +37,6 @@ class TankSide:
         self._stream = StreamHealth('/imu/data')
         self._buffer, self._identifier = BufferHealth('/imu/data', self._window), IdentifierHealth()
         self._rng = np.random.default_rng(1)
-        self._next_report = 0.0
         self.record.install(installation)
 
     def send(self, duration, motion=lambda t: {}, wrong=lambda each: each):
@@ -53,15 +52,12 @@ class TankSide:
             self._report_when_due()
 
     def silence(self, duration):
-        """Time passes without a sample."""
         end = self.clock + duration
         while self.clock < end:
             self.clock += REPORT_S
             self._report_when_due()
 
     def release(self, amplitude_deg=5.0, axis='pitch', damping=0.08, hold=1.0, duration=25.0, **others):
-        """Push, hold and let go."""
-
         def motion(t):
             angle, rate = released(t, 2.0 + hold, np.radians(amplitude_deg), damping=damping, hold=hold)
             return {axis: angle, f'{axis}_rate': rate}
@@ -94,7 +90,6 @@ class TankSide:
             self.identify(finished.table)
 
     def identify(self, table=None):
-        """What the identifier does with a window."""
         self._identifier.begin()
         outcome = refit(self.refitter.request(table or self._window.table(), is_asked=table is None))
         is_published = self.refitter.take(outcome)
@@ -104,6 +99,7 @@ class TankSide:
 
     def reports(self):
         """The diagnostics of now, by node."""
+        undone = {'rollbacks_undone': self.steps_forward}
         return {
             'predictor': [
                 self._stream.report(self.clock, self.stamp_ns, self._window.counts, self._stream.received),
@@ -111,11 +107,7 @@ class TankSide:
                 Report('forecast', 0, 'forecasting'),
             ],
             'imu_buffer': self._buffer.reports(self.clock, self.stamp_ns),
-            'identifier': [
-                self._identifier.report(
-                    self.refitter.described, self.steps_back, False, {'rollbacks_undone': self.steps_forward}
-                )
-            ],
+            'identifier': [self._identifier.report(self.refitter.described, self.steps_back, False, undone)],
         }
 
     def _report_when_due(self):
@@ -129,5 +121,4 @@ class TankSide:
         self.guidances.append(self.look())
 
     def look(self):
-        """Where the guide stands now."""
         return self.guide.look(self.record.facts(self.guide.axis, self.clock))

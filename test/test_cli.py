@@ -1,15 +1,20 @@
-"""The command line: what it prints, what it writes, and how it answers bad input."""
+"""The command line: what it prints, what it writes, its help, and how it answers bad input."""
 
 import json
 import re
+import shlex
+import subprocess
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from swath_sysid.attitude.hull.catalogue import EQUATIONS
-from swath_sysid.cli import replay
-from swath_sysid.cli.main import VERBS, main
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.cli.flags import table_of_verbs
+from swath_sysid.cli.main import VERBS, build_parser, main, module_of
 from swath_sysid.common.sentences import FLAGS, with_flags
+from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.share import share_folder
@@ -42,12 +47,6 @@ def last_line(text):
     return text.strip().splitlines()[-1]
 
 
-def test_the_bare_command_names_the_verbs(capsys):
-    with pytest.raises(SystemExit):
-        main([])
-    assert set(VERBS) <= set(capsys.readouterr().out.split())
-
-
 def test_identify_prints_one_json_object(trial_file, capsys):
     assert main(['identify', str(trial_file), '--axis', 'pitch', '--equation', 'swath-pitch-2', '--json']) == 0
     found = json.loads(capsys.readouterr().out)
@@ -72,12 +71,10 @@ def test_identify_writes_model_and_picture_and_says_the_published_form(trial_fil
     identified = read_model(model)['pitch']
     assert identified.model.terms['r1'] == pytest.approx(10.12, rel=0.02)
     (source,) = identified.provenance['sources']
-    assert source['file'] == str(trial_file)
-    assert len(source['sha256']) == 64
+    assert source['file'] == str(trial_file) and len(source['sha256']) == 64
     assert picture.read_bytes().startswith(b'\x89PNG')
-    assert (
-        main(['simulate', '--model', str(model), '--initial-angle-deg', '3', '--output', str(tmp_path / 'a.csv')]) == 0
-    )
+    again = ['simulate', '--model', str(model), '--initial-angle-deg', '3', '--output', str(tmp_path / 'a.csv')]
+    assert main(again) == 0
     assert 'true ratios b1' in capsys.readouterr().out
 
 
@@ -111,9 +108,7 @@ def test_inspect_names_the_decay(trial_file, tmp_path, capsys):
     picture = tmp_path / 'record.png'
     assert main(['inspect', str(trial_file), '--plot', str(picture)]) == 0
     words = capsys.readouterr().out
-    assert '400 samples' in words
-    assert '25.0 Hz' in words
-    assert 'pitch decay' in words
+    assert [part for part in ('400 samples', '25.0 Hz', 'pitch decay') if part not in words] == []
     assert picture.stat().st_size > 10_000
     assert main(['inspect', str(trial_file), '--json']) == 0
     found = json.loads(capsys.readouterr().out)
@@ -121,85 +116,61 @@ def test_inspect_names_the_decay(trial_file, tmp_path, capsys):
     assert decay['start_s'] == pytest.approx(1.1, abs=0.2)
 
 
-@pytest.mark.parametrize('ending', ['csv', 'mcap', 'db3'])
-def test_simulated_trials_read_back(ending, tmp_path):
-    path = tmp_path / f'trial.{ending}'
-    command = ['simulate', '--hull', 'swath-roll', '--initial-angle-deg', '3', '--noise', 'none', '--output', str(path)]
-    assert main([*command, '--duration', '5', '--rate', '50', '--trim-deg', '0.5']) == 0
-    roll = read_trial(path).axis('roll')
-    assert roll.size == 250
-    assert np.degrees(roll.angle[0]) == pytest.approx(3.5)
-
-
-@pytest.mark.parametrize('name', EQUATIONS)
-def test_every_equation_can_be_simulated_and_identified(name, tmp_path, capsys):
-    path = tmp_path / 'trial.csv'
-    release = ['--equation', name, '--initial-angle-deg', '2', '--rate', '50', '--noise', 'none']
-    assert main(['simulate', *release, '--output', str(path)]) == 0
-    named = ['--equation', name, '--objective', 'one-step', '--generations', '20', '--json']
-    assert main(['identify', str(path), *named]) == 0
-    assert json.loads(capsys.readouterr().out.partition('\n')[2])['equation'] == name
-
-
 def test_simulate_with_given_ratios(tmp_path, capsys):
-    command = ['simulate', '--equation', 'b1|r1', '--initial-angle-deg', '5', '--output', str(tmp_path / 'a.csv')]
-    assert main([*command, '--ratio', 'b1=0.4', '--ratio', 'r1=9', '--axis', 'roll']) == 0
-    assert 'of roll, b1|r1, true ratios b1 0.4, r1 9' in capsys.readouterr().out
-    assert main([*command, '--ratio', 'b1=0.4']) == 2
-    assert 'give --ratio r1=VALUE too' in capsys.readouterr().err
-
-
-RAMP = [(k / 100, 1.0) for k in range(2000)]
-
-
-def bad_files(folder):
-    """Name to file of everything that is not a trial."""
-    wave = [(k / 10, 5 * np.sin(k / 10) + 4 * np.sin(0.83 * k / 10 + 1)) for k in range(6000)]
-    (folder / 'folder').mkdir()
-    (folder / 'empty.csv').touch()
-    (folder / 'text.txt').write_text('the quick brown fox\njumps over\n')
-    (folder / 'binary.csv').write_bytes(bytes(range(256)) * 40)
-    table(folder / 'nan.csv', 'time_s,roll_deg', [(k / 100, 'nan') for k in range(500)])
-    table(folder / 'two.csv', 'time_s,roll_deg', RAMP[:2])
-    table(folder / 'constant.csv', 'time_s,roll_deg', RAMP)
-    table(folder / 'waves.csv', 'time_s,roll_deg', wave)
-    table(folder / 'other.csv', 'zeit,winkel', RAMP)
-    return sorted(folder.iterdir())
+    words = f'simulate --equation b1|r1 --ratio b1=0.4 --ratio r1=9 --axis roll --output {tmp_path}/a.db3'
+    motion = '--initial-angle-deg 3 --noise none --duration 5 --rate 50 --trim-deg 0.5'
+    assert main([*words.split(), *motion.split(), '--json']) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert (made['axis'], made['ratios'], made['samples']) == ('roll', {'b1': 0.4, 'r1': 9.0}, 250)
+    roll = read_trial(tmp_path / 'a.db3').axis('roll')
+    assert roll.size == 250 and np.degrees(roll.angle[0]) == pytest.approx(3.5)
 
 
 @pytest.mark.parametrize('verb', ['identify', 'compare'])
-def test_bad_files_are_answered_with_one_sentence(verb, tmp_path, capsys):
-    for path in [*bad_files(tmp_path), tmp_path / 'absent.csv']:
+def test_records_without_a_decay_are_answered_with_one_sentence(verb, tmp_path, capsys):
+    """Files that are no records are those of test_files_reading.py and test_files_malformed.py."""
+    wave = [(k / 10, 5 * np.sin(k / 10) + 4 * np.sin(0.83 * k / 10 + 1)) for k in range(6000)]
+    constant = [(k / 100, 1.0) for k in range(2000)]
+    paths = [table(tmp_path / f'{k}.csv', 'time_s,roll_deg', rows) for k, rows in enumerate((wave, constant))]
+    for path in [*paths, tmp_path / 'absent.csv']:
         assert main([verb, str(path)]) == 2, path
         error = capsys.readouterr().err
-        assert last_line(error).startswith(f'swath-sysid {verb}: '), path
-        assert 'Traceback' not in error
+        assert last_line(error).startswith(f'swath-sysid {verb}: ') and 'Traceback' not in error
+
+
+RELEASE = 'simulate --output a.csv --initial-angle-deg 3 '
 
 
 @pytest.mark.parametrize(
-    ('options', 'words'),
+    ('words', 'sentence'),
     [
-        (['--axis', 'yaw'], "no axis 'yaw'"),
-        (['--equation', 'swath-pitch-99'], "no equation 'swath-pitch-99'"),
-        (['--generations', '-3'], '--generations: cannot be -3: give 0 to 100000'),
-        (['--generations', 'x'], "'x' is not a whole number"),
-        (['--population', '1'], 'population must be a whole number from 8'),
-        (['--seed', '-1'], 'cannot be -1: give 0 to 2147483647'),
-        (['--start', '9', '--end', '3'], 'start must lie before the end'),
-        (['--start', '100'], 'the record runs from'),
-        (['--start', 'nan'], 'nan'),
-        (['--search', 'pso', '--preset', 'swath-roll'], 'genetic algorithm'),
-        (['--mass', '30'], 'give both --mass and --metacentric-height'),
-        (['--inertia', '-1'], 'greater than zero'),
-        (['--plot', 'fit.bmp'], '.png'),
-        (['--output', 'absent/model.yaml'], 'cannot write'),
-        (['--topic', '/imu'], 'has no topic'),
+        ('identify TRIAL --axis yaw', "no axis 'yaw'"),
+        ('identify TRIAL --equation swath-pitch-99', "no equation 'swath-pitch-99'"),
+        ('identify TRIAL --generations -3', '--generations: cannot be -3: give 0 to 100000'),
+        ('identify TRIAL --generations x', "'x' is not a whole number"),
+        ('identify TRIAL --population 1', 'population must be a whole number from 8'),
+        ('identify TRIAL --seed -1', 'cannot be -1: give 0 to 2147483647'),
+        ('identify TRIAL --start 9 --end 3', 'start must lie before the end'),
+        ('identify TRIAL --start 100', 'the record runs from'),
+        ('identify TRIAL --start nan', 'nan'),
+        ('identify TRIAL --search pso --preset swath-roll', 'genetic algorithm'),
+        ('identify TRIAL --mass 30', 'give both --mass and --metacentric-height'),
+        ('identify TRIAL --inertia -1', 'greater than zero'),
+        (RELEASE + '--hull titanic', "no hull 'titanic'"),
+        (RELEASE + '--hull swath-roll --initial-angle-deg -30', 'does not return'),
+        (RELEASE + '--hull swath-roll --rate 0', 'greater than zero'),
+        (RELEASE + '--hull swath-roll --duration 1e9', 'cannot be simulated'),
+        (RELEASE + '--hull swath-roll --rate-noise -1', 'noise cannot be negative'),
+        (RELEASE + '--hull swath-roll --ratio b1=2', '--ratio goes with --equation'),
+        (RELEASE + '--equation linear --ratio b1:2', 'is not NAME=VALUE'),
+        (RELEASE + '--equation b1|r1 --axis roll --ratio b1=0.4', 'give --ratio r1=VALUE too'),
+        (RELEASE + '--model absent.yaml', 'cannot read the model file'),
     ],
 )
-def test_bad_options_are_answered_with_one_sentence(options, words, trial_file, tmp_path, monkeypatch, capsys):
+def test_bad_options_are_answered_with_one_sentence(words, sentence, trial_file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(['identify', str(trial_file), *options]) == 2
-    assert words in last_line(capsys.readouterr().err)
+    assert main([str(trial_file) if word == 'TRIAL' else word for word in words.split()]) == 2
+    assert sentence in last_line(capsys.readouterr().err)
     assert not list(tmp_path.iterdir())
 
 
@@ -214,45 +185,6 @@ def test_flags_that_advice_is_given_exist(capsys):
     assert with_flags('spikes', 'look again') == 'look again'
 
 
-class StoppedReplay:
-    """A node that notes what is asked of it."""
-
-    advice, unknown_types, outlets, sent = (), (), {'/imu/data': None}, 0
-
-    def __init__(self):
-        self.asked = []
-
-    def __getattr__(self, name):
-        return lambda *_: self.asked.append(name) or 0
-
-
-@pytest.mark.parametrize('is_stopped', [False, True])
-def test_a_replay_that_is_stopped_does_not_wait_for_its_messages(is_stopped):
-    node = StoppedReplay()
-    replay._play(node, 1, lambda: is_stopped)
-    assert ('wait_until_received' in node.asked) is not is_stopped and node.asked[-1] == 'destroy_node'
-
-
-@pytest.mark.parametrize(
-    ('options', 'words'),
-    [
-        (['--hull', 'titanic', '--initial-angle-deg', '5'], "no hull 'titanic'"),
-        (['--hull', 'swath-roll', '--initial-angle-deg', '-30'], 'does not return'),
-        (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--rate', '0'], 'greater than zero'),
-        (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--duration', '1e9'], 'cannot be simulated'),
-        (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--rate-noise', '-1'], 'noise cannot be negative'),
-        (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--ratio', 'b1=2'], '--ratio goes with --equation'),
-        (['--equation', 'linear', '--initial-angle-deg', '3', '--ratio', 'b1:2'], 'is not NAME=VALUE'),
-        (['--model', 'absent.yaml', '--initial-angle-deg', '3'], 'cannot read the model file'),
-    ],
-)
-def test_what_cannot_be_simulated_is_said(options, words, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(['simulate', *options, '--output', 'a.csv']) == 2
-    assert words in last_line(capsys.readouterr().err)
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize('verb', ['identify', 'compare', 'forecast'])
 def test_a_record_that_contradicts_itself_is_refused_with_its_cure(verb, trial_file, tmp_path, capsys):
     wrong = tmp_path / 'wrong.csv'
@@ -261,6 +193,12 @@ def test_a_record_that_contradicts_itself_is_refused_with_its_cure(verb, trial_f
     told = capsys.readouterr().err
     assert 'times the derivative of the pitch angle' in told and 'Traceback' not in told
     assert not (tmp_path / 'm.yaml').exists()
+    if verb == 'identify':
+        wrong.write_text(trial_file.read_text().replace('# frame: flu', '# frame: frd'))
+        assert main(['inspect', str(wrong), '--json']) == 0
+        (told,) = json.loads(capsys.readouterr().out)['warnings']
+        assert told['code'] == 'axes-of-sensor' and 'set frame to flu' in told['message']
+        assert main(['identify', str(wrong), '--frame', 'flu']) == 0
 
 
 def test_a_forecast_of_slow_samples_says_which_leads_were_not_measured(tmp_path, capsys):
@@ -287,10 +225,122 @@ def test_inspect_promises_of_waves_what_identify_keeps(options, code, capsys):
         assert capsys.readouterr().err.partition(': ')[2].strip() in told
 
 
-def test_inspect_tells_what_contradicts_itself(trial_file, tmp_path, capsys):
-    wrong = tmp_path / 'wrong.csv'
-    wrong.write_text(trial_file.read_text().replace('# frame: flu', '# frame: frd'))
-    assert main(['inspect', str(wrong), '--json']) == 0
-    (told,) = json.loads(capsys.readouterr().out)['warnings']
-    assert told['code'] == 'axes-of-sensor' and 'set frame to flu' in told['message']
-    assert main(['identify', str(wrong), '--frame', 'flu']) == 0
+@pytest.mark.parametrize('verb', VERBS)
+def test_the_examples_of_a_verb_are_in_its_help_and_are_accepted(verb, capsys):
+    parser = build_parser(verb)
+    examples = table_of_verbs()[verb]['examples']
+    for line in examples:
+        assert parser.parse_args(shlex.split(line)).verb == verb
+    with pytest.raises(SystemExit) as end:
+        main([verb, '--help'])
+    shown = capsys.readouterr().out
+    assert end.value.code == 0 and 'usage: swath-sysid' in shown and callable(module_of(verb).run)
+    assert all(f'  swath-sysid {line}\n' in shown for line in examples)
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        ('identfy x.csv', "there is no verb 'identfy' (did you mean identify?)"),
+        ('manoeuvre simulat', "there is no task 'simulat' (did you mean simulate?)"),
+        ('identify x.csv --axs roll', "there is no argument '--axs' (did you mean --axis?)"),
+        ('forecast x.csv --axis rol', "there is no --axis 'rol' (did you mean roll?): choose from roll, pitch"),
+        ('forecast x.csv --leads -1,2', '--leads: cannot be -1'),
+        ('simulate --hull swath-roll --output', '--output needs a value'),
+        ('manoeuvre simulate --hull wamv-vrx-old --test turning-circle --noise 1', '--noise needs 2 values'),
+        ('identify', 'these are missing: TRIAL'),
+    ],
+)
+def test_a_slip_is_one_sentence_that_says_what_is_meant(words, said, capsys):
+    assert main(shlex.split(words)) == 2
+    told = capsys.readouterr().err
+    assert said in told and told.count('\n') == 1
+
+
+def test_bash_completes_verbs_flags_choices_and_leaves_files_to_the_shell(tmp_path, capsys):
+    assert main(['--completion']) == 0
+    (tmp_path / 'script').write_text(capsys.readouterr().out)
+    for line, completed in (
+        ('swath-sysid ide', ['identify']),
+        ('swath-sysid identify --ob', ['--objective']),
+        ('swath-sysid identify --objective one', ['one-step']),
+        ('swath-sysid manoeuvre sim', ['simulate']),
+        ('swath-sysid identify record', []),
+    ):
+        words = line.split()
+        set_up = f'. ./script; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _swath_sysid; '
+        ask = set_up + 'printf "%s\\n" "${COMPREPLY[@]}"'
+        done = subprocess.run(['bash', '-c', ask], cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert done.stdout.split() == completed and not done.stderr
+
+
+def test_run_lists_every_topic_and_service_of_the_policy_with_its_type(capsys):
+    assert main(['run', '--list']) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert all('/msg/' in line[-1] or '/srv/' in line[-1] for line in lines)
+    policy = ElementTree.parse(share_folder() / 'config' / 'sros2_policy.xml')
+    of_ros = ('/parameter_events', '/rosout', '/clock', 'parameter', 'get_type_description')
+    expected = {
+        (profile.get('node'), item.text.replace('~', profile.get('node')))
+        for profile in policy.iter('profile')
+        for item in profile.iter()
+        if item.tag in ('topic', 'service') and not any(part in item.text for part in of_ros)
+    }
+    assert {(line[0], line[-2]) for line in lines} == expected
+
+
+BEARING = np.radians(30.0)
+
+
+def one_wave(duration, length=60.0, height=1.0):
+    """A craft that lies on a long wave of nearly one frequency, from abaft the port bow."""
+    time = np.arange(0.0, duration, 0.1)
+    w = np.sqrt(2.0 * np.pi * STANDARD_GRAVITY / length) * np.array([0.97, 1.0, 1.03])[:, None]
+    number, phase = w**2 / STANDARD_GRAVITY, np.array([0.1, 2.0, 4.0])[:, None]
+    size = 0.5 * height * np.array([0.3, 0.6, 0.3])[:, None]
+    swing = w * time + phase
+    slope = (number * size * np.cos(swing)).sum(axis=0)
+    slope_rate = -(number * w * size * np.sin(swing)).sum(axis=0)
+    up = STANDARD_GRAVITY - (w**2 * size * np.sin(swing)).sum(axis=0)
+    roll, pitch = np.sin(BEARING) * slope, -np.cos(BEARING) * slope
+    force = [-np.sin(pitch) * up, np.sin(roll) * np.cos(pitch) * up, np.cos(roll) * np.cos(pitch) * up]
+    trial = Trial(time, roll, pitch, np.sin(BEARING) * slope_rate, -np.cos(BEARING) * slope_rate, *force)
+    return trial, 4.0 * np.sqrt(0.5 * (size**2).sum()), 2.0 * np.pi / w[1, 0]
+
+
+@pytest.fixture(scope='module')
+def record(tmp_path_factory):
+    path = tmp_path_factory.mktemp('sea') / 'wave.csv'
+    trial, height, period = one_wave(900.0)
+    write_csv(path, trial)
+    return path, height, period
+
+
+def test_a_known_wave_is_told_as_json_and_drawn(record, tmp_path, capsys):
+    path, height, period = record
+    assert main(['sea', str(path), '--json', '--plot', str(tmp_path / 'sea.png')]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told['significant_height_m'] == pytest.approx(height, rel=0.02)
+    assert told['mean_period_s'] == pytest.approx(period, rel=0.01)
+    assert told['peak_period_interval_s'][0] <= period <= told['peak_period_interval_s'][1]
+    assert np.degrees(told['axis_rad']) == pytest.approx(30.0, abs=2.0)
+    assert (tmp_path / 'sea.png').stat().st_size > 10_000
+
+
+def test_words_say_what_it_is_and_what_it_is_not(record, capsys):
+    assert main(['sea', str(record[0]), '--start', '100', '--end', '500']) == 0
+    told = capsys.readouterr().out
+    words = '7 min', 'significant height', '30 ±', 'to port of the bow', 'at the sensor', 'encounter', 'not a wave buoy'
+    assert [part for part in words if part not in told] == []
+
+
+def test_what_shows_no_sea_is_refused(record, tmp_path, capsys):
+    trial, *_ = one_wave(400.0)
+    write_csv(tmp_path / 'angles.csv', Trial(trial.time, trial.roll, trial.pitch))
+    for path, options, words in (
+        (record[0], ['--end', '120'], 'too few waves'),
+        (record[0], ['--start', '1000'], 'no two samples'),
+        (tmp_path / 'angles.csv', [], 'holds no accel_x'),
+    ):
+        assert main(['sea', str(path), *options]) == 2
+        assert words in capsys.readouterr().err

@@ -55,11 +55,15 @@ def test_what_cannot_be_simulated_is_refused_before_anything_starts(words, sente
     assert sentence in told and 'Traceback' not in told
 
 
-def test_the_simulated_craft_beside_the_nodes_is_their_sensor():
+def test_the_simulated_craft_and_the_page_beside_the_nodes_hear_the_same_names(monkeypatch):
     words = '--simulate swath-pitch --sea 0.3 --namespace craft --imu-topic /sensor/imu'
     (command,) = run.processes_beside(parsed(*words.split()))
     given = '-p hull:=swath-pitch -p sea_deg:=0.3 -r __ns:=/craft -r imu/data:=/sensor/imu'
     assert command[-len(given.split()) :] == given.split()
+    monkeypatch.setattr('swath_sysid.page.server.check_installed', lambda: None)
+    command = run.page_command(parsed('--page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu'))
+    assert command[3:] == ['page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu']
+    assert run.page_command(parsed('--page', '--simulate', 'swath-pitch'))[-2:] == ['--axis', 'pitch']
 
 
 def test_without_ros_or_the_extra_of_the_page_it_says_what_to_install(monkeypatch):
@@ -108,13 +112,6 @@ def test_files_that_are_none_are_refused_before_anything_starts(node, tmp_path):
     assert run.ros_arguments(parsed(*node, '--model', str(tmp_path / 'later.yaml')))
 
 
-def test_the_page_beside_the_nodes_hears_the_same_names(monkeypatch):
-    monkeypatch.setattr('swath_sysid.page.server.check_installed', lambda: None)
-    command = run.page_command(parsed('--page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu'))
-    assert command[3:] == ['page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu']
-    assert run.page_command(parsed('--page', '--simulate', 'swath-pitch'))[-2:] == ['--axis', 'pitch']
-
-
 def test_whoever_comes_from_elsewhere_is_asked_for_a_token():
     for host, given, length in (('localhost', '', 0), ('localhost', 'mine', 4), ('0.0.0.0', '', 16)):
         assert len(page.token_for(host, given)) == length
@@ -129,37 +126,33 @@ def started(*arguments):
     return subprocess.Popen(command, env=environment(), preexec_fn=ignoring, **pipes)
 
 
-def interrupted(process, after, number=signal.SIGINT):
-    """Exit code and output of a process that gets a signal so many seconds after its first instant."""
+@pytest.mark.parametrize(
+    ('words', 'number', 'after'),
+    [
+        ('campaign missing.yaml --output .', signal.SIGINT, 0.02),
+        ('campaign missing.yaml --output .', signal.SIGINT, 0.3),
+        ('campaign missing.yaml --output .', signal.SIGINT, 1.0),
+        ('campaign missing.yaml --output .', signal.SIGTERM, 0.1),
+        ('campaign missing.yaml --output .', signal.SIGTERM, 0.6),
+        ('run --only predictor --ros-args -r __ns:=/early', signal.SIGINT, 0.02),
+        ('run --only predictor --ros-args -r __ns:=/early', signal.SIGINT, 0.8),
+        ('run --namespace early', signal.SIGTERM, 0.02),
+        ('run --namespace early', signal.SIGTERM, 0.3),
+    ],
+)
+def test_a_tool_interrupted_at_its_start_ends_with_130_and_nodes_with_0(words, number, after, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    if words.startswith('run'):
+        pytest.importorskip('rclpy', reason='nodes need ROS 2')
+    process = started(*words.split())
     assert process.stdout.readline() == 'begun\n'
     time.sleep(after)
     process.send_signal(number)
     try:
-        out, error = process.communicate(timeout=90.0)
+        told = ''.join(process.communicate(timeout=90.0))
     finally:
         process.kill()
-    return process.returncode, out + error
-
-
-@pytest.mark.parametrize(
-    ('number', 'after'),
-    [(signal.SIGINT, 0.02), (signal.SIGINT, 0.3), (signal.SIGINT, 1.0), (signal.SIGTERM, 0.1), (signal.SIGTERM, 0.6)],
-)
-def test_a_tool_that_is_interrupted_at_its_start_ends_with_130(number, after, tmp_path):
-    process = started('campaign', str(tmp_path / 'missing.yaml'), '--output', str(tmp_path))
-    code, told = interrupted(process, after, number)
     assert 'Traceback' not in told and 'Exception ignored' not in told
-    # it may have come to its own end before, and said so; the interpreter's very last moments know no handlers
-    assert code == 130 or (code in (2, -number) and 'cannot read the manifest' in told), told
-
-
-@pytest.mark.parametrize(
-    ('number', 'words'),
-    [(signal.SIGINT, '--only predictor --ros-args -r __ns:=/early'), (signal.SIGTERM, '--namespace early')],
-)
-@pytest.mark.parametrize('after', [0.02, 0.3, 0.8])
-def test_nodes_that_are_interrupted_at_their_start_end_with_0(after, number, words):
-    pytest.importorskip('rclpy', reason='nodes need ROS 2')
-    code, told = interrupted(started('run', *words.split()), after, number)
-    assert 'Traceback' not in told and 'Exception ignored' not in told
-    assert code == 0, told
+    # a tool may have come to its own end before, and said so; the interpreter's very last moments know no handlers
+    ended = process.returncode in (2, -number) and 'cannot read the manifest' in told
+    assert process.returncode == (0 if words.startswith('run') else 130) or ended, told

@@ -7,7 +7,6 @@ import time
 from dataclasses import replace
 from math import radians
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,18 +21,10 @@ from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import model_from_yaml, read_model
-from swath_sysid.pipeline.demonstration import (
-    UNAWARE,
-    Demonstration,
-    LeadForecasts,
-    Verdict,
-    verdict_of,
-    without_model,
-)
+from swath_sysid.pipeline.demonstration import UNAWARE, Demonstration, LeadForecasts, Verdict, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
-from swath_sysid.share import share_folder
 
 PATIENCE, ATTEMPTS = 600.0, 4
 ROLL = hull_named('swath-roll').model
@@ -42,7 +33,6 @@ TIME = np.arange(0.0, 30.0, 0.02)
 
 
 def readings_of(craft, count):
-    """So many readings of a craft, as arrays by name."""
     taken = [craft.next_reading() for _ in range(count)]
     return {name: np.array([getattr(r, name) for r in taken]) for name in ('roll', 'pitch', 'roll_rate', 'force')}
 
@@ -63,16 +53,12 @@ def test_the_craft_rests_until_it_is_released_and_then_decays_as_its_hull():
     np.testing.assert_allclose(free['roll'], expected[1:], atol=1e-6)
 
 
-def test_the_craft_goes_on_beyond_what_was_simulated_at_once(monkeypatch):
+def test_the_craft_goes_on_beyond_what_was_simulated_at_once_and_is_released_from_wherever_it_is(monkeypatch):
     monkeypatch.setattr('swath_sysid.attitude.hull.simulated_craft.FREE_SPAN', 1.0)
     craft = SimulatedCraft(CraftSettings(ROLL, radians(6.0), noise=SILENT))
     readings_of(craft, round(100 * craft.release()))
     expected, _ = simulate(ROLL, radians(6.0), 0.0, np.arange(501) / 100.0)
     np.testing.assert_allclose(readings_of(craft, 500)['roll'], expected[1:], atol=1e-5)
-
-
-def test_the_craft_is_released_from_wherever_it_is():
-    craft = SimulatedCraft(CraftSettings(ROLL, radians(5.0), noise=SILENT))
     readings_of(craft, round(100 * craft.release()) + 70)
     before = craft.next_reading().roll
     craft.release()
@@ -89,7 +75,7 @@ def test_waves_move_the_craft_as_told_and_a_release_decays_into_the_motion_of_an
     assert np.abs(found - expected)[-1200:].max() < radians(0.05)
 
 
-def test_noise_is_as_told_and_of_its_seed():
+def test_noise_is_as_told_and_of_its_seed_and_a_craft_that_would_capsize_is_refused():
     noise = SensorNoise(0.001, 0.01, 0.05)
     settings = CraftSettings(ROLL, radians(5.0), noise=noise, seed=4)
     one, same, other = (readings_of(SimulatedCraft(s), 4000) for s in (settings, settings, replace(settings, seed=5)))
@@ -97,44 +83,31 @@ def test_noise_is_as_told_and_of_its_seed():
     assert one['pitch'].std() == pytest.approx(0.001, rel=0.1)
     assert one['roll_rate'].std() == pytest.approx(0.01, rel=0.1)
     assert one['force'].mean(axis=0) == pytest.approx([0.0, 0.0, 9.81], abs=0.01)
-
-
-def test_a_craft_that_would_capsize_is_refused():
     with pytest.raises(InputError, match='does not return from -10 deg'):
         CraftSettings(ROLL, radians(-10.0))
     assert all(returns(hull.model, radians(5.0)) for hull in PUBLISHED_HULLS.values())
 
 
-def swing(time, release, period=2.5, angle=0.1):
-    """A craft held until its release, then swinging."""
-    since = np.maximum(time - release, 0.0)
-    return angle * np.exp(-0.2 * since) * np.cos(2 * np.pi * since / period)
+def swing(release):
+    """A craft held until its release, then swinging with a period of 2.5 s."""
+    since = np.maximum(TIME - release, 0.0)
+    return 0.1 * np.exp(-0.2 * since) * np.cos(2 * np.pi * since / 2.5)
 
 
 def demonstration(error_before, error_after, error_constant):
     """Two releases whose forecasts miss by given amounts, rad, one way and the other."""
-    time = TIME
-    angle = np.where(time < 12.0, swing(time, 4.0), swing(time, 16.0))
+    angle = np.where(TIME < 12.0, swing(4.0), swing(16.0))
     made = np.arange(0.0, 30.0, 0.1)
 
-    def forecasts(lead, before, after):
-        target = made + lead
-        truth = np.interp(target, time, angle)
+    def forecasts(before, after):
         missed = np.where(made < 12.0, before, after) * (-1.0) ** np.arange(made.size)
-        return LeadForecasts(lead, target, truth + missed, np.full(made.size, 0.01))
+        return tuple(
+            LeadForecasts(lead, made + lead, np.interp(made + lead, TIME, angle) + missed, np.full(made.size, 0.01))
+            for lead in (0.5, 2.5)
+        )
 
-    return Demonstration(
-        'roll',
-        'swath-roll',
-        0.1,
-        2.49,
-        time,
-        angle,
-        (4.0, 16.0),
-        11.0,
-        tuple(forecasts(lead, error_before, error_after) for lead in (0.5, 2.5)),
-        tuple(forecasts(lead, error_constant, error_constant) for lead in (0.5, 2.5)),
-    )
+    both = forecasts(error_before, error_after), forecasts(error_constant, error_constant)
+    return Demonstration('roll', 'swath-roll', 0.1, 2.49, TIME, angle, (4.0, 16.0), 11.0, *both)
 
 
 def test_errors_are_scored_over_each_release():
@@ -161,61 +134,37 @@ def test_the_verdict_needs_both_figures():
     assert not verdict_of(cut).is_good
 
 
-def test_without_a_model_is_the_predictor_core_alone():
+def test_the_constant_model_is_the_predictor_core_alone():
     readings, settings = list(decay_stream(duration=3.0, release=1.0, axis='roll')), PipelineSettings()
-    found = without_model(readings, 'roll', settings)
     pipeline = ForecastPipeline(settings)
     issued = [lead for reading in readings for lead in pipeline.add(reading).attitudes() if lead[0] == 0.5]
-    assert [row[0] for row in found[0.5]] == [forecast.stamp_ns for _, forecast in issued]
-    assert all(row[2] > 0.0 for row in found[0.5])
+    found = without_model(readings, 'roll', settings)[0.5]
+    assert [row[0] for row in found] == [forecast.stamp_ns for _, forecast in issued]
+    assert all(row[2] > 0.0 for row in found)
 
 
-def test_the_picture_shows_all_leads(tmp_path):
+def test_the_picture_is_drawn(tmp_path):
     shown = demonstration(0.2, 0.004, 0.05)
-    figure = demo_figure(shown, verdict_of(shown))
-    panels = [axes for part in figure.subfigs for axes in part.axes]
-    titles = [axes.get_title().splitlines()[0] for axes in panels[1:]]
-    assert titles == ['0.5 s ahead (0.2 period)', '2.5 s ahead (1 period)']
-    assert verdict_of(shown).lead == 2.5
-    save_figure(figure, tmp_path / 'demo.png')
+    save_figure(demo_figure(shown, verdict_of(shown)), tmp_path / 'demo.png')
     assert imread(tmp_path / 'demo.png').std() > 0.05
 
 
-@pytest.mark.parametrize(
-    ('words', 'sentence'),
-    [
-        (['--hull', 'titanic'], "no hull 'titanic'"),
-        (['--hull', 'swath-roll', '--axis', 'pitch'], 'is a hull in roll'),
-        (['--domain', '300'], 'must lie between'),
-        (['--seed', '-1'], 'cannot be -1'),
-    ],
-)
-def test_mistakes_are_told_before_anything_starts(words, sentence, tmp_path, monkeypatch, capsys):
+def test_mistakes_are_told_before_anything_starts(tmp_path, monkeypatch, capsys):
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
     monkeypatch.chdir(tmp_path)
-    assert main(['demo', *words]) == 2
-    assert sentence in capsys.readouterr().err
+    for words, sentence in (
+        ('--hull titanic', "no hull 'titanic'"),
+        ('--hull swath-roll --axis pitch', 'is a hull in roll'),
+        ('--domain 300', 'must lie between'),
+        ('--seed -1', 'cannot be -1'),
+    ):
+        assert main(['demo', *words.split()]) == 2
+        assert sentence in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
+def test_without_ros_the_measured_sea_is_offered(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, 'rclpy', None)
-    words = []
-    row = [0.25, 0.5, 0.75, 1.0]
-    scores = SimpleNamespace(
-        nrmse={'forecast': row, 'mean': row[::-1]}, best=('mean',) * 4, coverage=np.full((4, 3), 0.9)
-    )
-    monkeypatch.setattr(
-        'swath_sysid.cli.demo.forecast.scored',
-        lambda arguments: words.append(vars(arguments)) or SimpleNamespace(leads=row, axes={'roll': scores}),
-    )
-    assert main(['demo', '--only', 'sea', '--output', str(tmp_path / 'out')]) == 0
-    (given,) = words
-    assert Path(given['record']) == share_folder() / 'records' / 'morro_buoy.csv'
-    assert given['plot'] == str(tmp_path / 'out' / 'sea.png')
-    said = capsys.readouterr().out
-    assert f'swath-sysid forecast {given["record"]} --leads 0.5,1,2,3 --warmup 180' in said
-    assert len(said.splitlines()) < 18 and '1.000 │ 0.750' in said
     assert main(['demo', '--output', str(tmp_path)]) == 2
     assert 'needs none: --only sea' in capsys.readouterr().err
 
@@ -260,11 +209,11 @@ def test_a_craft_to_try_is_identified_in_waves_and_its_bag_replays(tmp_path):
     [(['--only', 'release'], signal.SIGINT, 'ready:'), ([], signal.SIGTERM, 'loading the filters')],
 )
 def test_a_signal_ends_the_demonstration_and_its_processes(tmp_path, words, number, awaited):
-    """While the nodes run, and while the sea is forecast beside them."""
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
     demo = command_line('demo', *words, '--output', tmp_path)
     deadline = time.monotonic() + PATIENCE
-    while awaited not in (log := _read(tmp_path / 'demo.log')) and 'model' not in log:
+    log = tmp_path / 'demo.log'
+    while not log.exists() or not any(word in log.read_text() for word in (awaited, 'model')):
         assert time.monotonic() < deadline and demo.poll() is None
         time.sleep(0.1)
     from live_bench import children
@@ -275,8 +224,4 @@ def test_a_signal_ends_the_demonstration_and_its_processes(tmp_path, words, numb
     told, _ = demo.communicate(timeout=PATIENCE)
     assert demo.returncode == 130, told
     assert [pid for pid in started if Path(f'/proc/{pid}').exists()] == []
-    assert 'Traceback' not in _read(tmp_path / 'demo.log')
-
-
-def _read(path):
-    return path.read_text() if path.exists() else ''
+    assert 'Traceback' not in log.read_text()

@@ -21,10 +21,10 @@ from site_pages import PAGES, ROOT, blocks_of
 from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.cli.main import main
 
+#: s; only a failure waits for it
 PATIENCE = 600.0
-"""s; only a failure waits for it."""
-
 IN_THE_BOX = ('config', 'examples', 'records')
+#: pages that begin with a file from another page, and say so
 NEEDS = {
     'docs/howto/bags.md': 'docs/tutorials/first_record.md',
     'docs/howto/export.md': 'docs/tutorials/manoeuvring.md',
@@ -32,19 +32,15 @@ NEEDS = {
     'docs/howto/reading_the_report.md': 'docs/tutorials/tank_trial.md',
     'docs/howto/score.md': 'docs/tutorials/first_record.md',
 }
-"""Pages that begin with a file from another page, and say so."""
-
 INSTALLS = 'installs; the stages of .ci/run install by pip and by colcon'
 ROS_APT = 'needs what comes with ROS 2 from apt only'
+#: by page and by how the block begins, with the reason; nothing else is left out
 NOT_RUN = {
-    'README.md': {
-        'make demo': '.ci/run runs make demo and make test',
-        'pip install': INSTALLS,
-    },
+    'README.md': {'make demo': '.ci/run runs make demo and make test', 'pip install': INSTALLS},
     'docs/howto/controllers.md': {
         'python examples/landing.py morro_buoy.csv --frame frd --figure landing.png --live': (
-            'takes minutes: test_examples_landing_live.py decides landings by what the node publishes'
-        ),
+            'takes minutes: test_examples_controllers.py decides landings by what the node publishes'
+        )
     },
     'docs/howto/drivers.md': {'IMU_TOPIC=': 'needs a Docker daemon'},
     'docs/howto/layouts.md': {'swath-sysid run': 'frames need tf2_msgs, which is not on PyPI', 'rviz2': ROS_APT},
@@ -64,8 +60,7 @@ NOT_RUN = {
     'docs/releasing.md': {'docker build': 'needs a Docker daemon'},
     'docs/tutorials/manoeuvring.md': {'bash examples/': 'takes a minute; the page runs what it calls, one by one'},
 }
-"""By page and by how the block begins, with the reason; nothing else is left out."""
-
+PIPES = {'stdout': subprocess.PIPE, 'stderr': subprocess.STDOUT, 'text': True}
 LANGUAGES = {'bash', 'text', 'yaml', 'python'}
 NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 
@@ -101,15 +96,7 @@ def command_of(block):
 @contextlib.contextmanager
 def beside(block, folder):
     """What a block starts, until Ctrl-C ends it, from when it has said its first word."""
-    process = subprocess.Popen(
-        command_of(block),
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    )
+    process = subprocess.Popen(command_of(block), cwd=folder, env=environment(), start_new_session=True, **PIPES)
     try:
         said = process.stdout.readline()
         assert process.poll() is None, f'{block.text}{said}{process.stdout.read()}'
@@ -124,7 +111,6 @@ def beside(block, folder):
 
 
 def push_until_there_is_a_model(folder):
-    """What the reader does on the page."""
     from live_bench import Bench
 
     bench = Bench()
@@ -139,16 +125,16 @@ def push_until_there_is_a_model(folder):
         bench.close()
 
 
+#: by page, what its reader does before the blocks that run alone
 BY_HAND = {'docs/tutorials/first_live_model.md': push_until_there_is_a_model}
-"""By page, what its reader does before the blocks that run alone."""
 
 
 @functools.cache
-def carried_out(page):
+def carried_out(page, base):
     """The folder in which the commands of a page have run, after those of the page that it needs."""
-    folder = Path(tempfile.mkdtemp(prefix='site', dir=os.environ['PYTEST_CURRENT_FOLDER']))
+    folder = Path(tempfile.mkdtemp(prefix='site', dir=base))
     if page in NEEDS:
-        shutil.copytree(carried_out(NEEDS[page]), folder, dirs_exist_ok=True, symlinks=True)
+        shutil.copytree(carried_out(NEEDS[page], base), folder, dirs_exist_ok=True, symlinks=True)
     else:
         for name in IN_THE_BOX:
             shutil.copytree(ROOT / name, folder / name)
@@ -165,16 +151,8 @@ def carried_out(page):
                 if block.manner == 'alone':
                     BY_HAND.get(page, lambda folder: None)(folder)
                     running.close()
-                done = subprocess.run(
-                    command_of(block),
-                    cwd=folder,
-                    env=environment(),
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.STDOUT,
-                    text=True,
-                    timeout=PATIENCE,
-                )
+                given = {'stdin': subprocess.DEVNULL, 'timeout': PATIENCE, **PIPES}
+                done = subprocess.run(command_of(block), cwd=folder, env=environment(), **given)
                 assert done.returncode == 0, f'{block.text}{done.stdout}'
                 printed += done.stdout
     return folder
@@ -191,23 +169,18 @@ def assert_printed(text, printed):
         assert any(numbers[0] == pytest.approx(found, rel=0.01) for found in numbers[1:]), f'not printed: {line}'
 
 
-@pytest.fixture(autouse=True)
-def folders_are_removed(tmp_path_factory, monkeypatch):
-    monkeypatch.setenv('PYTEST_CURRENT_FOLDER', str(tmp_path_factory.getbasetemp()))
-
-
 @pytest.mark.dds
 @pytest.mark.slow
 @pytest.mark.timeout(3.0 * PATIENCE)
 @pytest.mark.parametrize(
     'page', [page if page in QUICK else pytest.param(page, marks=pytest.mark.long) for page in PAGES_RUN]
 )
-def test_the_commands_of_a_page_run(page):
+def test_the_commands_of_a_page_run(page, tmp_path_factory):
     if any(block.manner == 'stays' for block in blocks_run(page)):
         pytest.importorskip('rclpy')
     if '--page' in ''.join(block.text for block in blocks_run(page)):
         pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
-    carried_out(page)
+    carried_out(page, tmp_path_factory.getbasetemp())
 
 
 def test_the_commands_of_the_readme_are_run_by_other_pages():
@@ -233,17 +206,14 @@ def is_a_manifest(text, folder):
     assert len(manifest.trials) == 1 and not manifest.faults
 
 
-def is_a_sea_state(text, folder):
-    """By the names of ``sea --json``."""
+def is_a_sea_state(text, _):
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         main(['sea', str(ROOT / 'records' / 'morro_buoy.csv'), '--json'])
-    sea = json.loads(printed.getvalue())
     beside = {'stamp_ns', 'is_known', 'reason', 'remarks'}
-    assert beside < set(yaml.safe_load(text)) <= beside | set(sea)
+    assert beside < set(yaml.safe_load(text)) <= beside | set(json.loads(printed.getvalue()))
 
 
-def is_a_parameter_file(text, folder):
-    """As every ROS node reads it."""
+def is_a_parameter_file(text, _):
     assert all(set(values) == {'ros__parameters'} for values in yaml.safe_load(text).values())
 
 

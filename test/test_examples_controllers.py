@@ -1,25 +1,26 @@
 """The examples of controllers, on a short simulated record: what they compute, and that the forecast helps."""
 
 import importlib
+import os
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
+import yaml
 from scipy.stats import norm
 
-from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.reading import read_trial
+from swath_sysid.share import share_folder
 
 WARMUP = 240.0
 
 
 @pytest.fixture(scope='module', autouse=True)
 def path_to_examples():
-    """The folder of the examples, from which each imports what they share."""
-    folder = str(Path(__file__).resolve().parents[1] / 'examples')
-    sys.path.insert(0, folder)
-    yield
-    sys.path.remove(folder)
+    with patch.object(sys, 'path', [str(Path(__file__).resolve().parents[1] / 'examples'), *sys.path]):
+        yield
 
 
 @pytest.fixture(scope='module')
@@ -30,17 +31,6 @@ def trial(path_to_examples):
 @pytest.fixture(scope='module')
 def voyage(trial):
     return importlib.import_module('craft_in_waves').sail(trial, WARMUP)
-
-
-def test_a_voyage_holds_what_came(trial, voyage):
-    assert voyage.stamps[0] == pytest.approx(WARMUP, abs=0.2)
-    # the truth of vertical motion ends half a minute before the record does
-    assert 384.0 < voyage.stamps[-1] <= 387.0
-    came = voyage.truth(voyage.stamps + 0.2)
-    assert came[:, 3] == pytest.approx(np.interp(voyage.stamps + 0.2, trial.time, trial.roll))
-    mean, covariance = voyage.at_lead(0.2)
-    assert np.std(mean[:, 1] - came[:, 1]) < 0.2 * np.std(came[:, 1])
-    assert covariance.shape == (*mean.shape, 7)
 
 
 def test_more_landings_succeed_by_the_forecast(voyage):
@@ -59,7 +49,7 @@ def test_the_probability_of_keeping_limits_is_that_of_a_normal_forecast():
     assert found[0] == pytest.approx(np.prod(edges[0] - edges[1]), abs=0.01)
 
 
-def test_the_actuator_follows_through_the_inverse_of_its_lag():
+def test_the_actuator_follows_through_the_inverse_of_its_lag_and_integration_is_exact():
     gangway = importlib.import_module('gangway')
     time = gangway.STEP * np.arange(300)
     ahead = [np.sin(time + gangway.STEP * k) for k in (gangway.DELAY, gangway.DELAY + 1)]
@@ -67,23 +57,16 @@ def test_the_actuator_follows_through_the_inverse_of_its_lag():
     assert np.abs(left).max() < 1e-3
     raw = (np.sin(time) - gangway.follow(np.sin(time)))[30:]
     assert np.abs(raw).max() > 0.4
-
-
-def test_accelerations_are_integrated_exactly_where_they_change_linearly():
-    gangway = importlib.import_module('gangway')
+    # accelerations that change linearly are integrated exactly
     time = gangway.STEP * np.arange(4)
     found = gangway.integrated_twice(np.array([0.5]), np.array([-0.2]), (0.3 + 2.0 * time)[None])
     np.testing.assert_allclose(found[0], 0.5 - 0.2 * time + 0.15 * time**2 + time**3 / 3.0, rtol=1e-12)
 
 
-def test_a_gangway_is_stiller_with_the_forecast(voyage):
-    gangway = importlib.import_module('gangway')
+def test_a_gangway_is_stiller_and_a_winch_gains_with_the_forecast(voyage):
+    gangway, mpc = importlib.import_module('gangway'), importlib.import_module('mpc')
     for left in gangway.residual_variances(gangway.hold(voyage)).values():
         assert left['forecast'] < 0.1 * left['constant rate'] < left['raw']
-
-
-def test_a_winch_plans_within_its_limits_and_gains_by_the_horizon(voyage):
-    mpc = importlib.import_module('mpc')
     planned = mpc.plan(0.0, np.full(mpc.STEPS, 5.0), np.ones(mpc.STEPS))
     assert planned == pytest.approx(np.full(mpc.STEPS, -mpc.LARGEST))
     _, speeds = mpc.control(voyage)
@@ -92,17 +75,26 @@ def test_a_winch_plans_within_its_limits_and_gains_by_the_horizon(voyage):
     assert rms['forecast'] < 0.7 * rms['persistence'] < rms['(not at all)']
 
 
-@pytest.mark.parametrize('name', ['landing', 'gangway', 'mpc'])
-def test_each_prints_a_table_and_draws_a_figure(name, voyage, tmp_path, capsys, monkeypatch):
-    shared, file = importlib.import_module('craft_in_waves'), tmp_path / 'figure.png'
-    monkeypatch.setattr(shared, 'sail', lambda *_, **__: voyage)
-    assert shared.carry_out('', importlib.import_module(name).demonstrate, ['--figure', str(file)]) == 0
-    assert 'forecast' in capsys.readouterr().out and file.stat().st_size > 10_000
-
-
-def test_a_record_that_cannot_be_used_is_refused(trial, tmp_path, capsys):
-    short = tmp_path / 'short.csv'
-    write_csv(short, trial.between(None, 50.0))
-    shared = importlib.import_module('craft_in_waves')
-    assert shared.carry_out('', None, [str(short), '--figure', str(tmp_path / 'a.png')]) == 2
-    assert 'without a gap' in capsys.readouterr().err
+@pytest.mark.long
+@pytest.mark.dds
+def test_landings_are_decided_by_what_the_running_node_publishes(tmp_path, monkeypatch):
+    """That the node publishes what play-through computes is shown by test_nodes_replay.py."""
+    pytest.importorskip('rclpy')
+    for name in ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'PYTHONPATH'):
+        monkeypatch.setenv(name, os.environ.get(name, ''))
+    landing, landing_live = importlib.import_module('landing'), importlib.import_module('landing_live')
+    content = yaml.safe_load(landing.PARAMETERS.read_text(encoding='utf-8'))
+    cheap = {'waves_first_fit_s': 170.0, 'waves_refit_interval_s': 60.0, 'forecast_rate_hz': 5.0}
+    content['/**/predictor']['ros__parameters'] |= cheap
+    parameters = tmp_path / 'landing.yaml'
+    parameters.write_text(yaml.safe_dump(content), encoding='utf-8')
+    trial = read_trial(share_folder() / 'records' / 'morro_buoy.csv', frame='frd').between(None, 197.0)
+    live = landing_live.hear(trial, 1000.0, parameters, landing.DESCENTS, int(os.environ['ROS_DOMAIN_ID'] or 0))
+    for lead, heard in live.at_lead.items():
+        stamps = sorted(heard.keys() & live.calm.keys())
+        assert len(stamps) > 100
+        calm, mean, covariance = (
+            np.array(each) for each in zip(*((live.calm[at], *heard[at]) for at in stamps), strict=True)
+        )
+        for method, when in landing.decisions(calm, mean, covariance, lead).items():
+            assert method == 'window of calm' or 0.1 < when.mean() < 0.3

@@ -193,6 +193,10 @@ def test_fossens_matrices_come_back_to_the_craft_cubic_terms_and_all(
     said = exported(capsys, *words)
     assert json.loads(exported(capsys, *words, '--json').out)['text'] == said.out
     assert said.err == ''
+    ending = {'python': 'py', 'matlab': 'm'}[language]
+    exported(capsys, *words[:3], '--output', str(tmp_path / f'otter.{ending}'))
+    of_the_file = {'py': 'import numpy', 'm': 'function [nu_dot, M, C, D, tau] = otter(nu, port, starboard)'}[ending]
+    assert of_the_file in (tmp_path / f'otter.{ending}').read_text()
     acceleration, nu, step = craft_of(said.out), np.zeros(3), 0.05
     for _ in range(round(duration / step)):
         nu = nu + step * acceleration(nu + 0.5 * step * acceleration(nu, port, starboard), port, starboard)
@@ -200,14 +204,6 @@ def test_fossens_matrices_come_back_to_the_craft_cubic_terms_and_all(
     assert mirrored == pytest.approx(last_of(model, port, starboard, duration), rel=0.005, abs=1e-3)
     still = acceleration(np.zeros(3), -100.0, -100.0)[0] * (180.0 + 20.0)
     assert still == pytest.approx(-2.0 - 0.9 * 2.0 * 0.7 * 250.0 * 0.4**1.3)
-
-
-def test_the_language_follows_the_output_and_the_function_its_file(tmp_path, capsys):
-    source = written(tmp_path / 'm.yaml', NEW)
-    exported(capsys, source, '--to', 'fossen', '--output', str(tmp_path / 'otter.m'))
-    assert (tmp_path / 'otter.m').read_text().startswith('function [nu_dot, M, C, D, tau] = otter(nu, port, starboard)')
-    exported(capsys, source, '--to', 'fossen', '--output', str(tmp_path / 'otter.py'))
-    assert 'import numpy' in (tmp_path / 'otter.py').read_text()
 
 
 def test_what_a_target_drops_is_said_in_the_file_and_on_the_terminal(tmp_path, capsys):

@@ -4,8 +4,6 @@ import shutil
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -45,7 +43,6 @@ def imu(at, frame_id='imu', stamp=None, absent=''):
 
 
 def write_bag(folder, messages, storage='mcap', compression=None, extra=()):
-    """A bag of (topic, time of arrival, message or bytes), as a recorder writes it."""
     writer = Writer(folder, version=9, storage_plugin=STORAGES[storage])
     if compression:
         writer.set_compression(compression, CompressionFormat.ZSTD)
@@ -84,9 +81,9 @@ def test_bag_folder(tmp_path, storage, compression):
     assert trial.source == f'{tmp_path / "bag"} /imu/data'
 
 
-@pytest.mark.parametrize('storage,ending', [('sqlite3', '.db3'), ('mcap', '.mcap')])
+@pytest.mark.parametrize('storage, ending', [('sqlite3', 'db3'), ('mcap', 'mcap')])
 def test_storage_file_alone_whatever_its_name(tmp_path, storage, ending):
-    file = next(write_bag(tmp_path / 'bag', plain_messages(), storage).glob(f'*{ending}'))
+    file = next(write_bag(tmp_path / 'bag', plain_messages(), storage).glob(f'*.{ending}'))
     assert_right(read_bag(file))
     file = file.rename(tmp_path / 'renamed.bin')
     assert is_bag(file)
@@ -239,30 +236,6 @@ def test_split_bag_with_a_lost_part(tmp_path):
     (folder / 'bag_0.mcap').write_bytes(b'lost')
     trial = read_bag(folder)
     assert trial.time.size == 100 and codes(trial) == ['damaged-bag', 'damaged-bag']
-
-
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=st.data())
-@pytest.mark.parametrize('storage', STORAGES)
-def test_broken_bytes_give_a_trial_or_one_sentence(tmp_path, storage, data):
-    folder = tmp_path / 'bag'
-    if not folder.exists():
-        write_bag(folder, plain_messages(), storage)
-    file = next(file for file in folder.iterdir() if file.suffix in bags.STORAGES)
-    content = bytearray(file.read_bytes())
-    # mostly where the structure is: the beginning and the end
-    span = data.draw(st.sampled_from([64, 8192, len(content)]))
-    places = st.integers(0, span - 1).map(lambda at: at if data.draw(st.booleans()) else len(content) - 1 - at)
-    for at in data.draw(st.lists(places, min_size=1, max_size=8)):
-        content[at] = data.draw(st.integers(0, 255))
-    broken = tmp_path / f'broken{file.suffix}'
-    broken.write_bytes(content)
-    try:
-        trial = read_bag(broken)
-    except InputError as error:
-        assert '\n' not in str(error)
-    else:
-        assert trial.axes and np.all(np.diff(trial.time) > 0)
 
 
 def written_trial():

@@ -20,9 +20,8 @@ from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_
 def example():
     model = PUBLISHED_HULLS['swath-pitch'].model.with_trim(0.01)
     covariance = np.diag([1e-4, 1e-2, 1e-3, 1.0, 400.0])
-    return IdentifiedModel(
-        model, covariance, 2e-5, (0.01, 0.1), {'r2': 0.999}, {'seed': 1, 'sources': [{'file': 'a.csv'}]}
-    )
+    provenance = {'seed': 1, 'sources': [{'file': 'a.csv'}]}
+    return IdentifiedModel(model, covariance, 2e-5, (0.01, 0.1), {'r2': 0.999}, provenance)
 
 
 def edited(change):
@@ -50,12 +49,15 @@ def test_round_trip_is_exact(values, root, trim, friction_rate, trim_std, larges
     assert model_from_yaml(model_to_yaml({'roll': identified}))['roll'] == identified
 
 
-def test_the_posterior_of_every_term_is_kept():
+def test_the_posterior_of_every_term_is_kept_in_a_file_of_both_axes(tmp_path):
     equation = Equation('general', ('b1', 'b2', 'b3', 'r1', 'r2', 'r3'))
     root = np.random.default_rng(1).standard_normal((6, 6))
     posterior = HullPosterior(equation, np.arange(1.0, 7.0), root @ root.T)
-    identified = replace(example(), posterior=posterior)
-    assert model_from_yaml(model_to_yaml({'pitch': identified}))['pitch'] == identified
+    roll = IdentifiedModel.exactly(PUBLISHED_HULLS['swath-roll'].model)
+    models = {'pitch': replace(example(), posterior=posterior), 'roll': roll}
+    write_model(tmp_path / 'model.yaml', models)
+    assert read_model(tmp_path / 'model.yaml') == models
+    assert list(tmp_path.iterdir()) == [tmp_path / 'model.yaml']
     with pytest.raises(InputError, match='shape'):
         HullPosterior(equation, np.ones(5), np.eye(6))
 
@@ -70,19 +72,10 @@ def test_a_variance_that_is_not_known_stays_so():
 
 def test_rows_of_the_covariance_are_those_of_the_file():
     def reversed_order(content, axis):
-        names = list(axis['ratios'])[::-1]
-        axis['ratios'] = {name: axis['ratios'][name] for name in names}
+        axis['ratios'] = dict(reversed(axis['ratios'].items()))
         axis['covariance'] = [row[::-1] for row in axis['covariance'][::-1]]
 
     assert model_from_yaml(edited(reversed_order))['pitch'] == example()
-
-
-def test_file_of_both_axes(tmp_path):
-    models = {'pitch': example(), 'roll': IdentifiedModel.exactly(PUBLISHED_HULLS['swath-roll'].model)}
-    path = tmp_path / 'model.yaml'
-    write_model(path, models)
-    assert read_model(path) == models
-    assert list(tmp_path.iterdir()) == [path]
 
 
 #: Beside those of hostile_models.py.

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.io import savemat
+from test_files_tank import COLUMNS, PACKED, WRITERS
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
@@ -104,20 +106,73 @@ def test_kilohertz_are_read_and_megahertz_are_another_unit(tmp_path):
     write_csv(tmp_path / 'a.csv', Trial(time=1e-6 * np.arange(5000), roll=np.full(5000, 0.1)))
     with pytest.raises(InputError, match='more often than any sensor'):
         read_trial(tmp_path / 'a.csv')
+    savemat(tmp_path / 'a.mat', {'fs': 1e308, 'roll_rad': TRIAL.roll})
+    with pytest.raises(InputError, match='more often than any sensor'):
+        read_trial(tmp_path / 'a.mat')
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    start=st.sampled_from([b'', b'\x89MCAP0\r\n', b'SQLite format 3\0', b'// ', b'time_s,roll_rad\n', b'\xef\xbb\xbf']),
-    rest=st.binary(max_size=400),
-)
-def test_any_file_gives_a_trial_or_one_sentence(tmp_path, start, rest):
-    path = tmp_path / 'any'
-    path.write_bytes(start + rest)
+def trial_or_sentence(path):
     try:
-        assert read_trial(path).axes
+        trial = read_trial(path)
     except InputError as error:
         assert '\n' not in str(error)
+    else:
+        assert trial.axes and np.all(np.diff(trial.time) > 0)
+
+
+def table_of(header, *cells):
+    """Tables with these cells, in rows as long as the header."""
+    mark = '\t' if '\t' in header else ';'
+    columns = header.count(mark) + 1
+    lists = st.lists(st.sampled_from(cells), max_size=120)
+    rows = lists.map(lambda found: [mark.join(found[at : at + columns]) for at in range(0, len(found), columns)])
+    return rows.map(lambda found: '\n'.join([header, *found]).encode('latin-1'))
+
+
+STARTS = [b'', b'\x89MCAP0\r\n', b'SQLite format 3\0', b'// ', b'time_s,roll_rad\n', b'\xef\xbb\xbf']
+WORDS = st.sampled_from([*'\n\n\r \t', *'time_s roll_rad , ; 0 1 2.5 - x " # nan inf 1e999 1,5'.split()])
+CONTENTS = {
+    'bytes': st.builds(lambda start, rest: start + rest, st.sampled_from(STARTS), st.binary(max_size=400)),
+    'text': st.one_of(st.text(max_size=300), st.lists(WORDS, max_size=150).map(''.join)).map(str.encode),
+    'table': table_of('time_s;roll_rad;gyro_x_deg_s', '1', '2.5', '', 'nan', 'x', '1e400', '3,4', '\u00ff'),
+    'MTi': table_of(
+        '// Update Rate: 100.0Hz\nPacketCounter\tSampleTimeFine\tRoll\tGyr_X',
+        '',
+        '0',
+        '65535',
+        '1.5',
+        'x',
+        '-',
+        'nan',
+        '1e30',
+    ),
+}
+ANY = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@pytest.mark.parametrize('kind', CONTENTS)
+@ANY
+@given(data=st.data())
+def test_any_content_gives_a_trial_or_one_sentence(tmp_path, kind, data):
+    (tmp_path / 'any').write_bytes(data.draw(CONTENTS[kind]))
+    trial_or_sentence(tmp_path / 'any')
+
+
+# not struct.mat: SciPy's reader of uncompressed MAT files crashes over some damaged tags
+@pytest.mark.parametrize('name', ['a.mcap', 'a.db3', *(name for name in PACKED if name != 'struct.mat')])
+@ANY
+@given(data=st.data())
+def test_damaged_bytes_give_a_trial_or_one_sentence(tmp_path, name, data):
+    whole, path = tmp_path / f'whole_{name}', tmp_path / name
+    if not whole.exists():
+        WRITERS.get(name, lambda path, _: write_imu_bag(path, TRIAL))(whole, COLUMNS)
+    content = bytearray(whole.read_bytes())
+    # mostly where the structure is: the beginning and the end
+    span = data.draw(st.sampled_from([64, min(8192, len(content)), len(content)]))
+    for at in data.draw(st.lists(st.integers(-span, span - 1), min_size=1, max_size=8)):
+        content[at] = data.draw(st.integers(0, 255))
+    path.write_bytes(content)
+    trial_or_sentence(path)
 
 
 def test_hash_is_that_of_the_content(tmp_path):

@@ -13,7 +13,6 @@ from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import untrusted_yaml
-from swath_sysid.formats.input_files import shown
 from swath_sysid.formats.manoeuvring_model_file import (
     manoeuvring_from_yaml,
     manoeuvring_to_yaml,
@@ -22,14 +21,13 @@ from swath_sysid.formats.manoeuvring_model_file import (
 from swath_sysid.formats.model_file import description_from_yaml, model_to_yaml, read_model
 from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT, dumped, plain_content, text_of
 
-TEXTS = 400
 READERS = {'attitude': description_from_yaml, 'manoeuvring': manoeuvring_from_yaml}
 VALID = {'attitude': attitude_text(), 'manoeuvring': manoeuvring_text()}
 HOSTILE = {'attitude': attitude_texts(), 'manoeuvring': manoeuvring_texts()}
 CASES = [(kind, name) for kind, texts in HOSTILE.items() for name in texts]
 
+#: characters; a sentence may list the names there are, and shows at most 80 of a value
 LONGEST_SENTENCE = 600
-"""Characters: a sentence may list the names there are, and shows at most 80 of a value."""
 
 
 def refusal(read, text):
@@ -68,20 +66,9 @@ def test_every_verb_refuses_a_deep_file(words, tmp_path, capsys):
     assert not (tmp_path / 'out.csv').exists()
 
 
-# --- by the thousand
-
-NUMBERS = st.one_of(
-    st.floats(),
-    st.integers(-(10**50), 10**50),
-    st.sampled_from(['1e999', '-0', '1_0', '0x10', '.5', '12:30:00']),
-)
 SCALARS = st.one_of(
-    NUMBERS,
-    st.none(),
-    st.booleans(),
-    st.text(max_size=30),
-    st.dates(),
-    st.binary(max_size=20),
+    st.none() | st.booleans() | st.text(max_size=30) | st.dates() | st.binary(max_size=20),
+    st.floats() | st.integers(-(10**50), 10**50) | st.sampled_from(['1e999', '-0', '1_0', '0x10', '.5', '12:30:00']),
     st.sampled_from(['.nan', '-.inf', '!!int x', '&a b', '*a', '~', '<<', '2024-13-45', "'", '"', '{', '[', '%']),
 )
 
@@ -126,7 +113,7 @@ def texts_for(kind):
     return st.one_of(mutated(VALID[kind]), mutated(VALID[kind]), structures(), st.text(), marks)
 
 
-EVERY_TEXT = settings(max_examples=TEXTS, deadline=None, suppress_health_check=list(HealthCheck))
+EVERY_TEXT = settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
 WRITERS = {
     'attitude': lambda found: model_to_yaml(found[0]) if found[0] and not found[1] else None,
     'manoeuvring': manoeuvring_to_yaml,
@@ -186,13 +173,11 @@ trials:
     'old, new, words',
     [
         ('generations: 20', 'generations: abc', 'search: generations must be a whole number from 1 to 100000'),
-        ('seed: 1', 'seed: -1', 'search: seed must be a whole number from 0'),
         ('seed: 1', 'seed: {}', 'one value is expected'),
         ('seed: 1', 'seed: !!python/name:os.system x', 'tag'),
         ('draft_m: 0.15', 'draft_m: 1.0e+300', 'draft_m must be at most 1e+09'),
         ('start_s: 0.5', 'start_s: .inf', 'not a finite number'),
         ('title: Pitch', f'title: {"x" * 5000}', 'is not a name'),
-        ('file: pitch_3deg.csv', f'file: {"x" * 900}', 'file not found'),
         ('title: Pitch', f'title: {"[" * 5000}', 'deep'),
     ],
 )
@@ -208,9 +193,6 @@ def test_a_wrong_manifest_is_named_at_once(old, new, words, tmp_path):
     assert all(len(sentence) < LONGEST_SENTENCE and '\n' not in sentence for sentence in sentences)
 
 
-# --- the entrance itself
-
-
 def test_plain_data_are_read_as_they_are():
     text = 'a: [1, -2, 3.5, 1e-5, .5, true, no, null, ~, "1", on]\nb: {c: 2024-12-24, d: 12:30:00, e: 0x10, f: ""}\n'
     assert plain_content(text, 'it') == {
@@ -224,14 +206,12 @@ def test_plain_data_are_read_as_they_are():
 
 words = st.text(st.characters(codec='utf-8'), max_size=20)
 plain_data = st.recursive(
-    st.one_of(
-        st.none(),
-        st.booleans(),
-        st.integers(-(10**38), 10**38),
-        words,
-        st.floats(allow_nan=False, allow_infinity=False),
-        st.sampled_from(['1e5', '1e-5', '.nan', 'yes', '2024-12-24', '010', '~', '9' * 64, '12e4' * 16, '=', '<<']),
-    ),
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**38), 10**38)
+    | words
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.sampled_from(['1e5', '1e-5', '.nan', 'yes', '2024-12-24', '010', '~', '9' * 64, '12e4' * 16, '=', '<<']),
     lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(words, inner, max_size=4)),
     max_leaves=20,
 )
@@ -260,12 +240,6 @@ def test_pure_python_reads_as_the_library_does(monkeypatch):
     by_library = outcomes()
     monkeypatch.setattr(untrusted_yaml, '_PARSER', yaml.SafeLoader)
     assert outcomes() == by_library
-
-
-def test_values_are_shown_on_one_short_line():
-    assert shown('a\n b') == 'a b'
-    assert len(shown('x' * 1_000_000)) == 80 and shown('x' * 100).endswith('...')
-    assert len(shown([['deep'] * 1000] * 1000)) <= 80
 
 
 def test_files_that_are_none(tmp_path):

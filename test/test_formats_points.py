@@ -93,7 +93,6 @@ def test_points_are_parameters(tmp_path):
     settings = pipeline_settings(values_from_file(path, 'predictor')).forecaster
     assert [(point.name, point.place) for point in settings.points] == [('bow', (2.5, 0.0, 0.5))]
     assert settings.quiescence.points[0].vertical_velocity == 0.5
-
     for text in (
         'points: [bow, bow]',
         'points: [bow], points.bow: [1.0]',

@@ -23,7 +23,7 @@ from swath_sysid.formats.topics import (
     point_acceleration_topic,
     point_lead_topic,
 )
-from swath_sysid.formats.upstream import channels_of, field_value, kind_of, read_upstream, stamp_of
+from swath_sysid.formats.upstream import channels_of, field_value, kind_of, read_upstream
 
 FLOAT, RANGE, POINT = 'std_msgs/msg/Float64', 'sensor_msgs/msg/Range', 'geometry_msgs/msg/PointStamped'
 TIME = 100.0 + 0.1 * np.arange(1200)
@@ -112,28 +112,15 @@ def test_topics_are_read_by_header_stamps_or_by_arrival(bag, tmp_path, capsys):
     assert main(words) == 0 and output.exists()
 
 
-def test_fields_of_messages():
-    assert channels_of('a', FLOAT) == {'a': 'data'} and channels_of('a', POINT) == {'a': 'z'}
-    assert channels_of('a:x', POINT) == {'a:x': 'x'}
-    for entry, kind in (('a:y', FLOAT), ('a', 'std_msgs/msg/String')):
-        with pytest.raises(InputError, match=f"'{entry}' is no upstream channel"):
-            channels_of(entry, kind)
-    point = make(POINT, header(5_000_000_001, 'buoy'), (1.0, 2.0, 3.0))
-    assert [field_value(point, POINT, each) for each in 'xyz'] == [1.0, 2.0, 3.0] and stamp_of(point) == 5_000_000_001
-    assert stamp_of(make(FLOAT, 1.0)) is None and field_value(make(FLOAT, 1.5), FLOAT, 'data') == 1.5
-    assert field_value(make(RANGE, header(0, ''), 0, 0.1, 0.2, 9.0, 4.5, 0.0), RANGE, 'range') == 4.5
-    turned = [float(part) for part in quaternion(0.2, -0.1, 1.0)]
+def test_the_fields_and_types_of_messages():
+    with pytest.raises(InputError, match="'a:y' is no upstream channel"):
+        channels_of('a:y', FLOAT)
+    turned = tuple(float(part) for part in quaternion(0.2, -0.1, 1.0))
     vector, nine = (0.0, 0.0, 9.0), np.zeros(9)
-    imu = make(IMU, header(1, ''), tuple(turned), nine, vector, nine, vector, nine)
-    assert field_value(imu, IMU, 'roll') == pytest.approx(0.2) and field_value(imu, IMU, 'pitch') == pytest.approx(-0.1)
+    imu = make(IMU, header(1, ''), turned, nine, vector, nine, vector, nine)
+    assert [field_value(imu, IMU, field) for field in ('roll', 'pitch')] == pytest.approx([0.2, -0.1])
     assert field_value(imu, IMU, 'vertical_acceleration') == pytest.approx(9.0 * np.cos(0.2) * np.cos(0.1) - 9.80665)
-
-
-def test_the_type_of_a_topic_is_that_published_or_that_with_the_field():
-    assert kind_of('a', []) is None
     assert [kind_of(f'a:{field}', []) for field in ('data', 'range', 'x', 'pitch')] == [FLOAT, RANGE, POINT, IMU]
-    assert kind_of('a', [POINT]) == kind_of('a:roll', ['other/msg/Type', POINT]) == POINT
-    assert kind_of('a:data', ['std_msgs/msg/String']) == 'std_msgs/msg/String'
     with pytest.raises(InputError, match='no type has a field depth: choose of data, range'):
         kind_of('a:depth', [])
 
@@ -143,15 +130,6 @@ def test_an_imu_without_orientation_is_lost():
     for unknown, turned in ((-1.0, (0.0, 0.0, 0.0, 1.0)), (0.0, (np.nan, 0.0, 0.0, 1.0))):
         imu = make(IMU, header(1, ''), turned, np.array([unknown, *nine[1:]]), vector, nine, vector, nine)
         assert all(np.isnan(field_value(imu, IMU, field)) for field in ('roll', 'pitch', 'vertical_acceleration'))
-
-
-def test_play_through_reads_the_parameter(bag, tmp_path):
-    params, told = tmp_path / 'params.yaml', []
-    for topic in ('/wave', '/waves'):
-        params.write_text(f"predictor: {{ros__parameters: {{upstream: ['{topic}:data']}}}}")
-        words = ['play-through', str(bag), '--topic', '/imu/data', '--params', str(params)]
-        told.append(main([*words, '--output', str(tmp_path / 'out.mcap')]))
-    assert told == [0, 2]
 
 
 @pytest.mark.parametrize('namespace', ['', '/fleet/boat_2'])

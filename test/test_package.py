@@ -1,4 +1,4 @@
-"""The package as a whole: its manifest, what it installs, which room may use what, and what a release has beside."""
+"""The package as a whole: what it installs, which room may use what, its release, and its files for other programs."""
 
 import ast
 import contextlib
@@ -20,25 +20,26 @@ import pytest
 import yaml
 
 import swath_sysid
+from swath_sysid.cli.main import build_parser
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.parameters.table import NODES
+from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, frame_at, lead_topic
+from swath_sysid.nodes.parameters.files import values_from_file
+from swath_sysid.nodes.parameters.imu_buffer import window_settings
+from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.parameters.table import NODES, defaults
 from swath_sysid.share import share_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'swath_sysid'
 MODULES = sorted(PACKAGE.rglob('*.py'))
 
-#: of what is imported; every one exists on Ubuntu 24.04
-ROSDEP_KEYS = {
+#: of what is imported; every one exists on Ubuntu 24.04, where python3-rich brings markdown_it
+ROSDEP_KEYS = {name: f'python3-{name}' for name in ('matplotlib', 'numpy', 'rich', 'scipy', 'yaml')} | {
     'filterpy': 'python3-filterpy-pip',
-    'markdown_it': 'python3-rich',  # which needs it, on PyPI and on Ubuntu
-    'matplotlib': 'python3-matplotlib',
-    'numpy': 'python3-numpy',
-    'rich': 'python3-rich',
+    'markdown_it': 'python3-rich',
     'rosbags': 'python3-rosbags-pip',
-    'scipy': 'python3-scipy',
-    'yaml': 'python3-yaml',
 }
+
 DISTRIBUTIONS = {'yaml': 'PyYAML'}
 #: imports that may fail, and the extra that installs them
 OPTIONAL = {
@@ -56,6 +57,7 @@ ROS_PACKAGES = set(
 NODE_VERBS = {'demo', 'page', 'record', 'replay', 'run'}
 WINGS = ('attitude', 'manoeuvring')
 INNER_ORDER = ('motion', 'hull', 'identification', 'prediction')
+ABOVE = {room: INNER_ORDER[:level] for level, room in enumerate(INNER_ORDER)}
 PURE_ROOMS = ('common', *(f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER), 'pipeline')
 FLAGLESS_ROOMS = ('common', *WINGS, 'pipeline', 'formats', 'campaign')
 OF_OTHER_COMMANDS = {
@@ -69,11 +71,7 @@ MAY_IMPORT = {
     'common': set(),
     'share': {'common'},
     'start': set(),
-    **{
-        f'{wing}/{room}': BASE | {f'{wing}/{above}' for above in INNER_ORDER[:level]}
-        for wing in WINGS
-        for level, room in enumerate(INNER_ORDER)
-    },
+    **{f'{wing}/{room}': BASE | {f'{wing}/{above}' for above in ABOVE[room]} for wing in WINGS for room in INNER_ORDER},
     'pipeline': CORE,
     'formats': CORE,
     'campaign': CORE | {'formats'},
@@ -109,14 +107,10 @@ def tree_of(path):
 
 @functools.cache
 def imports_of(path):
-    """Every module that a file imports, wherever in the file: ``{dotted name}``."""
     nodes = [node for node in ast.walk(tree_of(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
     assert not any(getattr(node, 'level', 0) for node in nodes), f'{path} imports by a relative name'
-    return {
-        f'{node.module}.{alias.name}' if isinstance(node, ast.ImportFrom) else alias.name
-        for node in nodes
-        for alias in node.names
-    }
+    pairs = [(getattr(node, 'module', None), alias.name) for node in nodes for alias in node.names]
+    return {f'{module}.{name}' if module else name for module, name in pairs}
 
 
 def outside_imports(path):
@@ -181,15 +175,14 @@ def test_test_dependencies_are_declared(manifest, setup_arguments):
     assert set(OPTIONAL.values()) <= {extra for extra, needs in setup_arguments['extras_require'].items() if needs}
 
 
+def without_ros():
+    """The modules that start no node."""
+    of_nodes = {f'cli/{verb}' for verb in NODE_VERBS}
+    return [path for path in MODULES if room_of(path) != 'nodes' and f'{path.parent.name}/{path.stem}' not in of_nodes]
+
+
 def test_only_nodes_and_their_verbs_import_ros():
-    offenders = {
-        str(path.relative_to(ROOT)): sorted(outside_imports(path) & ROS_PACKAGES)
-        for path in MODULES
-        if outside_imports(path) & ROS_PACKAGES
-        and room_of(path) != 'nodes'
-        and not (room_of(path) == 'cli' and path.stem in NODE_VERBS)
-    }
-    assert offenders == {}
+    assert [path for path in without_ros() if outside_imports(path) & ROS_PACKAGES] == []
 
 
 def test_imports_go_up_the_layers_only():
@@ -204,11 +197,8 @@ def test_imports_go_up_the_layers_only():
 
 
 def test_all_but_the_nodes_import_without_ros_and_numba():
-    names = [
-        '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__')
-        for path in MODULES
-        if room_of(path) != 'nodes' and not (room_of(path) == 'cli' and path.stem in NODE_VERBS)
-    ]
+    parts = [path.relative_to(ROOT).with_suffix('').parts for path in without_ros()]
+    names = ['.'.join(each).removesuffix('.__init__') for each in parts]
     code = f"""
 import importlib, sys
 sys.modules.update(dict.fromkeys({sorted(ROS_PACKAGES | set(OPTIONAL))}))
@@ -232,7 +222,6 @@ def test_the_core_is_pure():
 
 
 def test_flags_of_the_command_line_stay_there():
-    """Advice below it is neutral: `common.sentences.FLAGS` adds the flags."""
     offenders = [
         (str(path.relative_to(PACKAGE)), node.value)
         for path in MODULES
@@ -245,7 +234,6 @@ def test_flags_of_the_command_line_stay_there():
 
 
 def test_ros2_run_finds_every_node_after_pip_and_colcon():
-    """The scripts of the nodes start the command line beside them: pip's script, or colcon's console script."""
     texts = {path.stem: path.read_text(encoding='utf-8') for path in (PACKAGE / 'nodes').glob('*.py')}
     assert {name for name, text in texts.items() if '\ndef main(' in text} == {*NODES, 'all_in_one'}
     scripts = {path.name: path for path in (ROOT / 'scripts').iterdir()}
@@ -352,18 +340,51 @@ def test_citation_and_changelog_are_of_this_version():
     assert newest == swath_sysid.__version__
 
 
-def test_every_placeholder_is_listed_for_the_owner():
-    read_by_users = 'CITATION.cff SECURITY.md QUALITY_DECLARATION.md CHANGELOG.rst package.xml setup.py'.split()
-    listed = text_of('docs/releasing.md').split('## A release')[0]
-    holding = [name for name in read_by_users if 'swath-sysid.example' in text_of(name)]
-    assert holding == [name for name in read_by_users if f'`{name}`' in listed.split('Beside these')[0]]
+CONFIG = share_folder() / 'config'
+LEADS = [f'/{lead_topic(lead)}' for lead in defaults('predictor')['leads_s']]
+NAMES = ('imu/data', 'model/description', 'model/coefficients', 'identifier/progress', NEXT_TOPIC, HORIZON_TOPIC)
+OURS = {f'/{name}' for name in NAMES} | set(LEADS)
 
 
-def test_the_hosted_ci_runs_both_pythons_and_a_jazzy_container():
-    jobs = yaml.safe_load(text_of('.github/workflows/ci.yml'))['jobs']
-    assert jobs['pip']['strategy']['matrix']['python'] == ['3.11', '3.12']
-    assert jobs['colcon']['container'].startswith('ros:jazzy')
-    for job in jobs.values():
-        for step in job['steps']:
-            if 'run' in step:
-                subprocess.run(['bash', '-n'], input=step['run'], text=True, check=True)
+def test_layouts_draw_our_topics_by_header_stamp():
+    """Else a forecast would be drawn when it was made, not over the moment it is for."""
+    plotjuggler, foxglove = text_of('config/plotjuggler_layout.xml'), text_of('config/foxglove_layout.json')
+    for text in (plotjuggler, foxglove):
+        named = {f'/{each}' for each in re.findall(r'/(?:degrees/)?((?:imu|forecast|model|identifier)/\w+)', text)}
+        assert {'/imu/data', f'/{NEXT_TOPIC}', *LEADS} <= named <= OURS
+    assert '<use_header_stamp value="true" />' in plotjuggler
+    paths = [path for panel in json.loads(foxglove)['configById'].values() for path in panel.get('paths', [])]
+    methods = {path['timestampMethod'] for path in paths if path['value'].startswith('/degrees')}
+    assert methods == {'headerStamp'}
+    scripts = [script['sourceCode'] for script in json.loads(foxglove)['userNodes'].values()]
+    assert scripts and all(re.search(r'inputs = \["(.+?)"\](.|\n)*output = "/degrees\1"', each) for each in scripts)
+
+
+def test_rviz_shows_the_frames_that_predictor_publishes():
+    layout = yaml.safe_load((CONFIG / 'forecast.rviz').read_text(encoding='utf-8'))['Visualization Manager']
+    shown = {display['Reference Frame'] for display in layout['Displays'] if 'Reference Frame' in display}
+    assert shown == {'base_link_level', 'base_link_now', frame_at('base_link', 1.0)}
+    assert layout['Global Options']['Fixed Frame'] == 'base_link_level'
+    assert 1.0 in defaults('predictor')['leads_s']
+
+
+@pytest.mark.parametrize('path', sorted((CONFIG / 'drivers').glob('*.yaml')), ids=lambda path: path.stem)
+def test_the_parameters_for_a_driver_are_read_and_its_command_is_one(path):
+    text = path.read_text(encoding='utf-8')
+    axes = {values_from_file(path, node)['frame'] for node in ('imu_buffer', 'predictor')}
+    assert len(axes) == 1 and {'flu': 'forward-left-up', 'frd': 'forward-right-down'}[axes.pop()] in text
+    (command,) = re.findall(r'^# swath-sysid (.*)$', text, re.MULTILINE)
+    given = build_parser('run').parse_args(command.split())
+    assert f'Topic {given.imu_topic}' in text and ROOT / given.params_file == path
+    window_settings(values_from_file(path, 'imu_buffer'))
+    pipeline_settings(values_from_file(path, 'predictor'))
+
+
+def test_the_compose_file_runs_commands_that_exist():
+    services = yaml.safe_load((ROOT / 'compose.yaml').read_text(encoding='utf-8'))['services']
+    for service in services.values():
+        words = re.sub(r'\$\{\w+:-([^}]*)\}', r'\1', service['command']).split()
+        given = vars(build_parser(words[0]).parse_args(words))
+        assert service['network_mode'] == service['ipc'] == 'host'
+        if given.get('params_file'):
+            assert (CONFIG / given['params_file'].removeprefix('/config/')).is_file()

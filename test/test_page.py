@@ -29,10 +29,8 @@ TOKEN = 'a-token-of-the-test'
 
 
 class SteppedState(PageState):
-    """The view is made when the test says so."""
-
     def refresh(self):
-        pass
+        """The view is made when the test says so."""
 
 
 class Tank(TankSide):
@@ -52,14 +50,8 @@ class Tank(TankSide):
 
     def look(self):
         leads = range(0, 5_000_000_000, 100_000_000)
-        self.record.add_horizon(
-            horizon_of(
-                self.stamp_ns,
-                list(leads),
-                ['roll', 'roll_std', 'pitch', 'pitch_std'],
-                [0.0, 0.01, 0.01, 0.02] * len(leads),
-            )
-        )
+        names, values = ['roll', 'roll_std', 'pitch', 'pitch_std'], [0.0, 0.01, 0.01, 0.02] * len(leads)
+        self.record.add_horizon(horizon_of(self.stamp_ns, list(leads), names, values))
         self.description = model_to_yaml(self.record.models) if self.record.models else ''
         PageState.refresh(self.state)
         return self.state.view.guidance
@@ -92,12 +84,6 @@ class Screen:
             .filter(b => getComputedStyle(b).visibility === 'visible').map(b => b.dataset.action)"""
         return self.driver.execute_script(script)
 
-    def labels(self):
-        """The labels of the buttons that are shown."""
-        script = """return [...document.querySelectorAll('main .q-btn')]
-            .filter(b => getComputedStyle(b).visibility === 'visible').map(b => b.innerText)"""
-        return self.driver.execute_script(script)
-
     def wait_for_reason(self, name, words):
         """Wait until the tooltip of a button that cannot be pressed says why; that of another may still fade."""
         button = self.driver.find_element('css selector', f'[data-name={name}]')
@@ -110,11 +96,9 @@ class Screen:
         script = f"const b = document.querySelector('[data-name={name}]:enabled'); b?.click(); return b !== null"
         wait_until(lambda: self.driver.execute_script(script), lambda: f'{name} cannot be pressed')
 
-    def resize(self, width, height=1400):
-        self.driver.execute_cdp_cmd(
-            'Emulation.setDeviceMetricsOverride',
-            {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600},
-        )
+    def resize(self, width):
+        metrics = {'width': width, 'height': 1400, 'deviceScaleFactor': 1, 'mobile': width < 600}
+        self.driver.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', metrics)
 
 
 @pytest.fixture(scope='module')
@@ -122,10 +106,8 @@ def address(tmp_path_factory):
     """A served page; its tank."""
     tank = Tank(tmp_path_factory.mktemp('page'))
     # the clock of the page is that of the tank
-    with (
-        patch('swath_sysid.page.state.monotonic', lambda: tank.clock),
-        served(tank.state, '127.0.0.1', 0, TOKEN) as url,
-    ):
+    clock = patch('swath_sysid.page.state.monotonic', lambda: tank.clock)
+    with clock, served(tank.state, '127.0.0.1', 0, TOKEN) as url:
         yield url, tank
 
 
@@ -159,7 +141,6 @@ def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
     tank.start_again()
     tank.send(REST_S)
     tank.release(5.0)
-    screen.wait_for('2.6')
     screen.wait_for('1 release: 2.6', 'model')
     screen.wait_for('model off by 0.0', 'release')
     screen.wait_for('deg: next release within', 'releases')
@@ -169,11 +150,10 @@ def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
     tank.send(7.0)
     screen.wait_for('Accepted: 2.6')
     assert screen.loud() == ['save'] and tank.pressed == ['accept']
-    assert screen.labels().count('Save') == 1
 
 
 @needs_chromium
-def test_buttons_reach_the_nodes_and_save_a_model(screen):
+def test_buttons_reach_the_nodes_and_a_rollback_keeps_a_copy(screen):
     tank = screen.tank
     screen.press('restart')
     tank.start_again()
@@ -182,50 +162,17 @@ def test_buttons_reach_the_nodes_and_save_a_model(screen):
     screen.wait_for('Now push')
     screen.wait_for_reason('save', 'no model yet')
     assert screen.loud() == []
-    tank.record.can_push = True
-    tank.send(1.0)
-    wait_until(lambda: screen.loud() == ['push'], screen.loud)
-    tank.record.can_push = False
     tank.release(5.0)
     screen.wait_for('2.6')
-    screen.press('identify')
-    screen.press('save')
-    saved = wait_until(lambda: list(tank.folder.glob('model_*.yaml')), lambda: 'no model was saved')
-    assert tank.pressed == ['identify']
-    assert model_from_yaml(saved[0].read_text()).keys() == {'pitch'}
-    tank.look()
-    screen.wait_for('saved', 'answers')
-
-
-@needs_chromium
-def test_a_silent_sensor_is_shown_with_its_cure(screen):
-    screen.tank.start_again()
-    screen.tank.send(REST_S)
-    screen.tank.silence(4.0)
-    screen.wait_for('silence: ', 'cure')
-    assert 'check its driver and cable' in screen.text('cure')
-
-
-@needs_chromium
-def test_a_rollback_keeps_a_copy_and_can_be_undone(screen):
-    tank = screen.tank
-    tank.start_again()
-    tank.send(REST_S)
-    tank.release(5.0)
     tank.steps_back = 1
     tank.send(1.0)
-    for path in tank.folder.glob('model_*.yaml'):
-        path.unlink()
-    tank.pressed.clear()
     screen.press('rollback')
     wait_until(lambda: tank.pressed == ['rollback'], lambda: tank.pressed)
     screen.wait_for_reason('undo_rollback', 'nothing was rolled back')
-    tank.steps_forward = 1
-    tank.send(1.0)
-    screen.press('undo_rollback')
-    wait_until(lambda: tank.pressed == ['rollback', 'undo_rollback'], lambda: tank.pressed)
     (saved,) = tank.folder.glob('model_*.yaml')
     assert model_from_yaml(saved.read_text()).keys() == {'pitch'}
+    tank.look()
+    screen.wait_for('saved', 'answers')
 
 
 @needs_chromium

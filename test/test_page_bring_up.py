@@ -7,19 +7,8 @@ import pytest
 from tank_side import TankSide
 
 from swath_sysid.attitude.motion.sensor_mount import Installation
-from swath_sysid.page.bring_up import (
-    CONNECT,
-    DECAY,
-    IDENTIFY,
-    JUDGE,
-    PUSH,
-    REST,
-    SENSOR,
-    BringUp,
-    Facts,
-    judgement,
-)
-from swath_sysid.page.model_words import gain, of_axis, reference
+from swath_sysid.page.bring_up import CONNECT, DECAY, IDENTIFY, JUDGE, PUSH, REST, SENSOR, BringUp, Facts, judgement
+from swath_sysid.page.model_words import gain, reference
 from swath_sysid.page.state import refusals
 from swath_sysid.pipeline.health import Report
 
@@ -35,14 +24,11 @@ def identified():
     return tank
 
 
-def test_the_steps_come_in_their_order(identified):
+def test_the_steps_come_in_their_order_and_the_bands_hold_the_truth(identified):
     steps = list(dict.fromkeys(guidance.step for guidance in identified.guidances))
     assert steps == [SENSOR, REST, PUSH, DECAY, JUDGE] or steps == [SENSOR, REST, PUSH, DECAY, IDENTIFY, JUDGE]
     assert identified.faults == {}
-
-
-def test_period_and_damping_hold_the_truth_in_their_bands(identified):
-    """The motion is that of a linear hull: of 2.6 s undamped period and damping ratio 0.08."""
+    # the motion is that of a linear hull: of 2.6 s undamped period and damping ratio 0.08
     _, bands = reference(identified.record.models['pitch'])
     frequency, damping = 2.0 * np.pi / 2.6, 0.08
     assert abs(bands.curves.frequency[0] - frequency) < 4.0 * bands.frequency_std[0] < 0.1
@@ -118,20 +104,11 @@ def waves(t):
 
 def wrongly(wrong):
     """The whole bring-up with a sensor that is wrong in this way."""
-
-    def play(tank):
-        tank.send(REST_S, wrong=wrong)
-        tank.release(5.0, wrong=wrong)
-
-    return play
+    return lambda tank: (tank.send(REST_S, wrong=wrong), tank.release(5.0, wrong=wrong))
 
 
 def rest_then(play):
-    def both(tank):
-        tank.send(REST_S)
-        play(tank)
-
-    return both
+    return lambda tank: (tank.send(REST_S), play(tank))
 
 
 def release(**how):
@@ -166,34 +143,20 @@ def test_every_fault_is_named_with_its_cure(fault):
     play(tank)
     assert code in tank.faults, [guidance.sentence for guidance in tank.guidances[-3:]]
     guidance = tank.faults[code][0]
-    assert guidance.step == step
-    assert cure in guidance.cure
+    assert guidance.step == step and cure in guidance.cure
     # nothing else is blamed before
     assert list(tank.faults)[0] == code
-    two_lines_of_a_phone = 76
-    assert max(len(guidance.sentence) for guidance in tank.guidances) <= two_lines_of_a_phone
+    # two lines of a phone
+    assert max(len(guidance.sentence) for guidance in tank.guidances) <= 76
 
 
-def test_a_simulated_craft_is_released_by_the_page():
+def test_a_simulated_craft_is_released_by_the_page_and_after_a_fault_the_next_push_is_judged_by_itself():
     tank = TankSide()
     tank.record.can_push = True
     tank.send(REST_S)
     assert tank.guidances[-1].action == 'push' and 'press Push and release' in tank.guidances[-1].sentence
     tank.release(5.0, damping=0.95)
     assert (tank.guidances[-1].fault, tank.guidances[-1].action) == ('no-decay', 'push')
-
-
-def test_the_other_axis_is_not_spoken_of():
-    assert of_axis('pitch: adequate; roll: no free decay', 'pitch') == 'adequate'
-    assert of_axis('pitch: not fitted, no motion', 'roll') == 'no free decay in roll'
-    assert of_axis('cancelled', 'roll') == 'cancelled'
-
-
-def test_after_a_fault_the_next_push_is_judged_by_itself():
-    tank = TankSide()
-    tank.send(REST_S)
-    tank.release(5.0, damping=0.95)
-    assert tank.guidances[-1].fault == 'no-decay' and 'once more' in tank.guidances[-1].sentence
     tank.release(5.0)
     assert tank.guidances[-1].step == JUDGE and tank.guidances[-1].fault != 'no-decay'
 

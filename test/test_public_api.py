@@ -7,6 +7,7 @@ import json
 import re
 from pathlib import Path
 
+import matplotlib.pyplot
 import pytest
 from hostile_models import manoeuvring_text
 from test_light import loaded_by
@@ -24,7 +25,6 @@ DOCUMENTED = re.findall(r'^\.\. auto(?:class|function):: swath_sysid\.(.+)$', '\
 
 @pytest.fixture(scope='module')
 def folder_of_examples(tmp_path_factory):
-    """What the commands on the page write: two runs of the programme, and a model."""
     folder = tmp_path_factory.mktemp('examples')
     (folder / 'runs').mkdir()
     craft = preset('wamv-vrx-new')
@@ -37,7 +37,6 @@ def folder_of_examples(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def first_lines():
-    """What the page's own examples define, for those of the names."""
     names = {}
     example = doctest.DocTestParser().get_doctest(PAGE, names, 'docs/api.rst', None, 0)
     assert doctest.DocTestRunner().run(example, clear_globs=False).failed == 0
@@ -72,21 +71,13 @@ def test_the_page_of_reference_lists_the_public_names_and_what_they_give():
         assert getattr(importlib.import_module(f'swath_sysid.{module}'), result).__doc__
 
 
-def test_type_checkers_see_the_public_names_too():
+def test_type_checkers_see_the_public_names_too_and_importing_the_package_loads_none_of_it():
     text = Path(swath_sysid.__file__).read_text(encoding='utf-8')
-    assert sorted(re.findall(r'^    from swath_sysid\.\S+ import (\w+) as \1$', text, re.MULTILINE)) == sorted(
-        swath_sysid.__all__
-    )
-
-
-def test_importing_the_package_loads_none_of_it():
-    """Every process of ours imports it first, the command line's help among them."""
+    for_checkers = re.findall(r'^    from swath_sysid\.\S+ import (\w+) as \1$', text, re.MULTILINE)
+    assert sorted(for_checkers) == sorted(swath_sysid.__all__)
     loaded = loaded_by('swath_sysid')
     assert {name for name in loaded if name.startswith('swath_sysid.')} == set()
     assert loaded & {'numpy', 'typing', 'dataclasses', 'inspect'} <= loaded_by('os')
-
-
-def test_a_name_that_there_is_not_is_reported_as_python_does():
     assert set(swath_sysid.__all__) < set(dir(swath_sysid))
     with pytest.raises(AttributeError, match="module 'swath_sysid' has no attribute 'forcast'"):
         _ = swath_sysid.forcast
@@ -94,14 +85,10 @@ def test_a_name_that_there_is_not_is_reported_as_python_does():
 
 @pytest.mark.long
 def test_the_notebook_runs(monkeypatch, capsys):
-    import matplotlib
-
-    matplotlib.use('Agg')
     drawn = []
     monkeypatch.setattr('matplotlib.pyplot.show', lambda: drawn.append(len(matplotlib.pyplot.gca().lines)))
     cells = json.loads((ROOT / 'examples' / 'first_forecast.ipynb').read_text(encoding='utf-8'))['cells']
-    code = [''.join(cell['source']) for cell in cells if cell['cell_type'] == 'code']
-    names = {}
+    code, names = [''.join(cell['source']) for cell in cells if cell['cell_type'] == 'code'], {}
     for cell in code:
         exec(cell, names)
         matplotlib.pyplot.close('all')
