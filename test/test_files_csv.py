@@ -70,16 +70,6 @@ def test_quaternions_and_times_of_the_epoch(tmp_path):
     assert np.allclose(trial.time, TIME, atol=1e-6)
 
 
-@pytest.mark.parametrize('mark', [',', ';', '\t', ' '])
-@pytest.mark.parametrize('end', ['\n', '\r\n', '\r'])
-def test_delimiters_and_line_ends(tmp_path, mark, end):
-    text = lines(f'time_s{mark}roll_rad', TIME, ROLL, mark=mark).replace('\n', end)
-    for form in {text, text if mark == ',' else text.replace('.', ',')}:
-        trial = read_csv(written(tmp_path, form))
-        assert np.allclose(trial.time, TIME) and np.allclose(trial.roll, ROLL)
-        assert trial.advice == ()
-
-
 @pytest.mark.parametrize('mark', [',', ' '])
 def test_names_in_a_comment_as_savetxt_writes_them(tmp_path, mark):
     np.savetxt(tmp_path / 'saved.txt', np.column_stack([TIME, ROLL]), header=f'time_s{mark}roll_rad')

@@ -169,30 +169,6 @@ trials:
 """
 
 
-@pytest.mark.parametrize(
-    'old, new, words',
-    [
-        ('generations: 20', 'generations: abc', 'search: generations must be a whole number from 1 to 100000'),
-        ('seed: 1', 'seed: {}', 'one value is expected'),
-        ('seed: 1', 'seed: !!python/name:os.system x', 'tag'),
-        ('draft_m: 0.15', 'draft_m: 1.0e+300', 'draft_m must be at most 1e+09'),
-        ('start_s: 0.5', 'start_s: .inf', 'not a finite number'),
-        ('title: Pitch', f'title: {"x" * 5000}', 'is not a name'),
-        ('title: Pitch', f'title: {"[" * 5000}', 'deep'),
-    ],
-)
-def test_a_wrong_manifest_is_named_at_once(old, new, words, tmp_path):
-    (tmp_path / 'pitch_3deg.csv').write_text('')
-    path = tmp_path / 'campaign.yaml'
-    path.write_text(MANIFEST.replace(old, new))
-    try:
-        sentences = read_manifest(path).faults
-    except InputError as error:
-        sentences = [str(error)]
-    assert any(words in sentence for sentence in sentences), sentences
-    assert all(len(sentence) < LONGEST_SENTENCE and '\n' not in sentence for sentence in sentences)
-
-
 def test_plain_data_are_read_as_they_are():
     text = 'a: [1, -2, 3.5, 1e-5, .5, true, no, null, ~, "1", on]\nb: {c: 2024-12-24, d: 12:30:00, e: 0x10, f: ""}\n'
     assert plain_content(text, 'it') == {

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from tank_side import TankSide
 
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.page.bring_up import CONNECT, DECAY, IDENTIFY, JUDGE, PUSH, REST, SENSOR, BringUp, Facts, judgement
 from swath_sysid.page.model_words import gain, reference
 from swath_sysid.page.state import refusals
@@ -78,10 +77,6 @@ def turned_over(each):
     return each._replace(orientation=(w, z, -y, -x), rates=(p, -q, -r), force=(0.0, 0.0, -9.81))
 
 
-def rates_times(factor):
-    return lambda each: each._replace(rates=tuple(factor * value for value in each.rates))
-
-
 def repeating(first):
     kept = []
 
@@ -117,11 +112,8 @@ def release(**how):
 
 FAULTS = {
     # what is wrong: (how the tank is made, what happens, code, step, what the cure must name)
-    'frame': ({'installation': Installation('frd')}, release(), 'axes-of-sensor', SENSOR, 'set frame to flu'),
     'upside down': ({}, wrongly(turned_over), 'sensor-turned', SENSOR, 'set mounting_deg to [180, 0, 0]'),
     'g for m/s^2': ({}, wrongly(in_g), 'accelerations-in-g', SENSOR, 'they are in g'),
-    'deg/s for rad/s': ({}, wrongly(rates_times(57.29578)), 'rate-unit', SENSOR, 'deg/s where rad/s is expected'),
-    'rates reversed': ({}, wrongly(rates_times(-1.0)), 'rate-sign', SENSOR, 'with the opposite sign'),
     'frozen': ({}, wrongly(repeating(300)), 'sensor-frozen', SENSOR, 'restart its driver'),
     'never heard': ({}, lambda tank: tank.silence(8.0), 'no-sensor', SENSOR, 'check that the sensor publishes there'),
     'silence': ({'rate': 50.0}, rest_then(lambda tank: tank.silence(4.0)), 'silence', SENSOR, 'driver and cable'),
