@@ -268,8 +268,8 @@ SENTENCES = {
     'too strongly for more, choose an equation with linear damping',
     'too-few-waves': 'the {axis} holds {duration:.0f} s of motion in waves, whose spectrum peaks at {period:.3g} s: '
     'too few waves to separate hull and sea: record at least {needed:.0f} s, better three times as long',
-    'too-few-waves: samples': 'the {axis} has only {samples} samples there: give at least 10 minutes of motion in '
-    'waves',
+    'too-few-waves: samples': 'the {axis} has only {samples} samples without a pause: give at least 10 minutes of '
+    'motion in waves',
     'too-small': 'the decay starts with an amplitude of only {size:.2g} {unit}, where friction and the basin dominate '
     'the damping: release from 3 deg or more',
     'too-small: record': '{name} hardly moves ({reach} peak to peak): release the craft from 3 deg or more, and check '

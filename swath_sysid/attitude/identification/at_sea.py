@@ -214,9 +214,6 @@ def excitation_spectrum(frequency: np.ndarray, peak: Any, peakedness: Any, tail:
 
 def sea_of(motion: AxisMotion) -> SeaMotion:
     """The motion in waves, with enough of them to separate hull and sea."""
-    if motion.size < 64:
-        short = Advice.of('too-few-waves: samples', axis=motion.axis, samples=motion.size)
-        raise InputError(short.message, short.code)
     sea = sea_motion(motion)
     period = 2.0 * np.pi / sea.peak
     # one at each end is left out
@@ -308,7 +305,7 @@ class SeaPosterior(LogPosterior):
     def hull(self, z: np.ndarray) -> np.ndarray:
         """Ratios (9,) of the nonlinear hull about its angle of rest."""
         _, b, r, quadratic, even, cubic = self._weights(z[None])[0]
-        s, q, x = self.sea.angle_std, self.sea.rate_std, self.sea.angle
+        s, q, x = self.sea.angle.std(), self.sea.rate.std(), self.sea.angle
         mean = -even * s - cubic * np.mean(x**3) / s**2
         restoring = np.polynomial.Polynomial([mean, r - 3.0 * cubic, even / s, cubic / s**2])
         rest = 0.0
@@ -326,7 +323,7 @@ class SeaPosterior(LogPosterior):
 
     def estimate(self, z: np.ndarray) -> np.ndarray:
         """Logarithms of natural frequency, rad/s, and damping ratio at the record's amplitude."""
-        curves = amplitude_curves(self.hull(z), np.array([np.sqrt(2.0) * self.sea.angle_std]), 1e-6)
+        curves = amplitude_curves(self.hull(z), np.array([np.sqrt(2.0) * self.sea.angle.std()]), 1e-6)
         frequency, damping = float(curves.frequency[0]), float(curves.damping_ratio[0])
         # without a closed orbit of that size, what remains is the Gaussian linearisation
         is_known = np.isfinite(frequency) and damping > 0.0
@@ -382,7 +379,7 @@ def _identification(motion: AxisMotion, fit: SeaPosterior, optima: Sequence[Eval
     fitted = _fitted_spectra(fit, best)
     band = np.gradient(spectra.frequency)
     variance = float(band @ spectra.angle)
-    amplitude = np.sqrt(2.0) * sea.angle_std
+    amplitude = np.sqrt(2.0) * sea.angle.std()
     # variance of a variance: 2 pi / T int S^2 (one-sided), of a mean: pi / T S(0)
     amplitude_std = 0.5 * amplitude * np.sqrt(2.0 * np.pi / sea.duration * (band @ spectra.angle**2)) / variance
     trim_std = np.sqrt(np.pi / sea.duration * np.median(spectra.angle[spectra.frequency < 0.5 * sea.peak]))

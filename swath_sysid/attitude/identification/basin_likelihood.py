@@ -101,7 +101,6 @@ class BasinLikelihood(LogPosterior):
     ) -> None:
         self._records = [blocked(m, scales.frequency) for m in motions]
         self._active = equation.active
-        self._names = equation.terms
         self._terms = equation.indices
         self._friction_rate = friction_rate
         self._ratio_units = scales.ratio_units[self._terms]
@@ -131,11 +130,6 @@ class BasinLikelihood(LogPosterior):
         others = np.setdiff1d(np.arange(self.mean.size), self._disturbance)
         self._others = np.ix_(others, others)
 
-    @property
-    def term_count(self) -> int:
-        """Number of ratios, n."""
-        return self._terms.size
-
     def start(self, ratios: np.ndarray, level: float, states: Sequence[InitialState] | None = None) -> np.ndarray:
         """Parameters (n + 11 + 3 M,) of given ratios (9,), the rest at its prior mean.
 
@@ -143,7 +137,7 @@ class BasinLikelihood(LogPosterior):
         The disturbance begins at the frequency of those ratios, where it does most: from elsewhere its motion is taken
         for coloured noise of the sensors.
         """
-        n = self.term_count
+        n = self._terms.size
         z = self.mean.copy()
         z[:n] = ratios[self._terms] / self._ratio_units
         z[n] = np.log(level)
@@ -165,7 +159,7 @@ class BasinLikelihood(LogPosterior):
 
     def unpack(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Ratios (9,), basin parameters (11,) and initial states (M, 3) of parameters, or of B of them."""
-        n, shared = self.term_count, self._shared
+        n, shared = self._terms.size, self._shared
         ratios = np.zeros((*z.shape[:-1], len(TERM_NAMES)))
         ratios[..., self._terms] = z[..., :n] * self._ratio_units
         mean = self.mean[n:shared]
@@ -202,9 +196,9 @@ class BasinLikelihood(LogPosterior):
 
     def starts(self, ratios: np.ndarray, states: Sequence[InitialState]) -> list[np.ndarray]:
         """Parameters of given ratios (9,) and states, and of a linear hull, in quiet and in moving basins."""
-        linear = self.mean[: self.term_count].copy()
-        if 'b1' in self._names:
-            linear[self._names.index('b1')] = 1.0
+        linear = self.mean[: self._terms.size].copy()
+        if 'b1' in self.equation.terms:
+            linear[self.equation.terms.index('b1')] = 1.0
         starts = [self.start(ratios, level, states) for level in STARTING_LEVELS[:2]]
         for level in STARTING_LEVELS[1:]:
             start = self.start(ratios, level, states)
@@ -228,7 +222,7 @@ class BasinLikelihood(LogPosterior):
         covariance = (weights * (points - mean).T) @ (points - mean)
         others = self._others
         covariance[others] += sum(w * np.linalg.inv(e.information[others]) for w, e in zip(weights, nodes, strict=True))
-        n, units = self.term_count, self._ratio_units
+        n, units = self._terms.size, self._ratio_units
         trim_std = float(np.sqrt(np.mean(np.diag(covariance)[self._shared + 2 :: 3]))) * self._state_units[2]
         ratios, basin, _ = self.unpack(mean)
         return BasinFit(ratios, covariance[:n, :n] * np.outer(units, units), basin, trim_std)

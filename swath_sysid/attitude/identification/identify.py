@@ -12,17 +12,16 @@ from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.scaling import LOWER, UPPER
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
-from swath_sysid.attitude.identification.absent_terms import (
-    SMOOTH_TERMS,
+from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
+from swath_sysid.attitude.identification.fit_quality import Verdict, judge
+from swath_sysid.attitude.identification.hull_terms import (
     AbsentTerm,
+    FittedHull,
     absent_by_residuals,
     basin_fit,
-    lacking,
+    pruned_hull,
     suits_likelihood,
 )
-from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
-from swath_sysid.attitude.identification.default_hull import FittedHull, pruned_hull
-from swath_sysid.attitude.identification.fit_quality import CHANCE_STDS, Verdict, judge
 from swath_sysid.attitude.identification.motion_fit import (
     SEARCH_STEPS_PER_PERIOD,
     STARTING_TOLERANCE,
@@ -56,8 +55,6 @@ OBJECTIVES = ('simulation', 'one-step')
 SEARCH_PERIODS = 6.0
 HORIZON_GROWTH = 2.5
 CURVE_POINTS = 40
-#: Relative; basin motion does not change the natural period by more, but a missing term does.
-MAX_PERIOD_CHANGE = 0.25
 
 
 @dataclass(frozen=True)
@@ -358,38 +355,20 @@ def refit_from(
 def refined_in_basin(found: Identification) -> Identification:
     """A least-squares identification refined, where it suits, by the likelihood that includes the basin's motion.
 
-    Least squares stays where the equation lacks a term, whose effect the likelihood would attribute to basin motion;
-    where the natural period leaves that of least squares; and where the simulated motion diverges.
+    Least squares stays where the equation lacks a term, whose effect the likelihood would attribute to basin motion,
+    and where the simulated motion diverges.
     """
+    problem, equation, start = found.problem, found.model.equation, (found.model.ratios, found.states)
     if found.objective == 'one-step':
         return found
-    problem, equation, ratios = found.problem, found.model.equation, found.model.ratios
-    states = found.states
-    basin, absent = (
-        basin_fit(problem, equation, ratios, states) if suits_likelihood(problem, equation) else (None, None)
-    )
-    if basin is None:
-        return replace(found, absent_term=absent_by_residuals(problem, equation, ratios, states))
-    fit = motion_fit(problem, equation)
-    parameters = fit.pack(basin.ratios, states)
-    if not fit.returns(parameters):
-        return replace(found, absent_term=absent)
-    hull = FittedHull(equation, fit.refine_states(parameters), basin)
-    refined = identification_of(problem, found.settings, found.search, hull)
-    moved = bool(lacking(equation, SMOOTH_TERMS)) and _has_left(refined, found)
-    if moved and absent is None:
-        absent = absent_by_residuals(problem, equation, ratios, states)
-    best = refined if absent is None and not moved else found
-    return replace(best, objective_value=found.objective_value, absent_term=absent)
-
-
-def _has_left(refined: Identification, found: Identification):
-    """Whether the likelihood's natural period differs from that of least squares and from that of the oscillation."""
-    if any(found.model.terms[n] < CHANCE_STDS * found.std[n] for n in ('r1', 's1') if n in found.std):
-        return False
-    seen = 2.0 * np.pi / found.problem.scales.frequency
-    change = [abs(refined.model.natural_period / period - 1.0) for period in (found.model.natural_period, seen)]
-    return min(change) > MAX_PERIOD_CHANGE
+    fitted = basin_fit(problem, equation, *start) if suits_likelihood(problem, equation) else None
+    if not isinstance(fitted, BasinFit):
+        return replace(found, absent_term=fitted or absent_by_residuals(problem, equation, *start))
+    parameters = motion_fit(problem, equation).settled(fitted.ratios, found.states)
+    if parameters is None:
+        return found
+    refined = identification_of(problem, found.settings, found.search, FittedHull(equation, parameters, fitted))
+    return replace(refined, objective_value=found.objective_value)
 
 
 def _space(problem: Problem, equation: Equation, settings: IdentificationSettings):
@@ -469,7 +448,7 @@ def identification_of(
     ratios, states = fit.unpack(hull.parameters)
     residuals, jacobians = fit.residuals_and_jacobian(hull.parameters)
     sandwich = sandwich_covariance(residuals, jacobians, problem.shortest_memory)
-    n, units = fit.term_count, problem.scales.ratio_units[equation.indices]
+    n, units = len(equation.terms), problem.scales.ratio_units[equation.indices]
     covariance = sandwich.matrix[:n, :n] * np.outer(units, units)
     trim_std = float(np.sqrt(np.mean(np.diag(sandwich.matrix)[n + 2 :: 3]))) * problem.scales.amplitude
     if hull.basin is not None:

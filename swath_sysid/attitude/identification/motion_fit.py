@@ -21,7 +21,6 @@ PERTURBATION = 1e-6
 TOLERANCE = 1e-11
 STARTING_TOLERANCE = 1e-5  #: Of what another search goes on from.
 BOUND_MARGIN = 1e-9
-MAX_EVALUATIONS = 100
 
 
 @dataclass(frozen=True)
@@ -68,11 +67,6 @@ class MotionFit:
         self._places = [places_in_steps(m.time - m.time[0], self._step) for m in motions]
         self._steps = max(steps for _, _, steps in self._places)
 
-    @property
-    def term_count(self) -> int:
-        """Number of ratios, n."""
-        return len(self._terms)
-
     def pack(self, ratios: np.ndarray, states: Sequence[InitialState]) -> np.ndarray:
         """Parameter vector, dimensionless, of ratios (9,) and the initial states, shape (n + 3 M,)."""
         own = [np.array([s.x, s.rate, s.trim]) / self._state_units for s in states]
@@ -81,8 +75,8 @@ class MotionFit:
     def unpack(self, parameters: np.ndarray) -> tuple[np.ndarray, tuple[InitialState, ...]]:
         """Ratios (9,) and initial states of a parameter vector."""
         ratios = np.zeros(len(TERM_NAMES))
-        ratios[self._terms] = parameters[: self.term_count] * self._units
-        own = parameters[self.term_count :].reshape(-1, 3) * self._state_units
+        ratios[self._terms] = parameters[: len(self._terms)] * self._units
+        own = parameters[len(self._terms) :].reshape(-1, 3) * self._state_units
         return ratios, tuple(InitialState(*row) for row in own.tolist())
 
     def objective_of_population(self, candidates: np.ndarray, states: Sequence[InitialState]) -> np.ndarray:
@@ -108,7 +102,7 @@ class MotionFit:
 
         By forward differences in one simulation, at dimensionless parameters (n + 3 M,) of `pack`.
         """
-        n, records = self.term_count, len(self._motions)
+        n, records = len(self._terms), len(self._motions)
         copies = n + 3
         ratios = np.zeros((len(TERM_NAMES), copies * records))
         ratios[self._terms] = (parameters[:n] * self._units)[:, None]
@@ -144,7 +138,7 @@ class MotionFit:
 
         Bounds (n,) are of the dimensionless ratios; states are free. ``tolerance`` is relative.
         """
-        free = np.full(parameters.size - self.term_count, np.inf)
+        free = np.full(parameters.size - len(self._terms), np.inf)
         bounds = (np.concatenate([lower, -free]), np.concatenate([upper, free]))
         start = np.clip(parameters, bounds[0] + BOUND_MARGIN, bounds[1] - BOUND_MARGIN)
         found = self._least_squares(start, np.arange(parameters.size), bounds, tolerance)
@@ -153,7 +147,7 @@ class MotionFit:
 
     def refine_states(self, parameters: np.ndarray) -> np.ndarray:
         """The parameters (n + 3 M,) with their initial states refined and their ratios kept."""
-        states = np.arange(self.term_count, parameters.size)
+        states = np.arange(len(self._terms), parameters.size)
         refined = parameters.copy()
         refined[states] = self._least_squares(parameters, states, (-np.inf, np.inf), TOLERANCE).x
         return refined
@@ -175,9 +169,11 @@ class MotionFit:
                 for k, (state, (before, weights, _)) in enumerate(zip(states, self._places, strict=True))
             )
 
-    def returns(self, parameters: np.ndarray) -> bool:
-        """Whether the simulated motion does not run away."""
-        return all(np.isfinite(channel).all() for pair in self.simulated(parameters) for channel in pair)
+    def settled(self, ratios: np.ndarray, states: Sequence[InitialState]) -> np.ndarray | None:
+        """Parameters of ratios (9,) with the states refined from given ones; None where the motion runs away."""
+        parameters = self.pack(ratios, states)
+        simulated = np.concatenate([channel for pair in self.simulated(parameters) for channel in pair])
+        return self.refine_states(parameters) if np.isfinite(simulated).all() else None
 
     def _least_squares(self, parameters: np.ndarray, chosen: np.ndarray, bounds: tuple, tolerance: float):
         """scipy's least squares over the chosen parameters; one simulation gives residuals and Jacobian."""
@@ -205,7 +201,6 @@ class MotionFit:
             ftol=tolerance,
             xtol=tolerance,
             gtol=tolerance,
-            max_nfev=MAX_EVALUATIONS,
         )
 
     def _simulate(self, x: np.ndarray, rate: np.ndarray, ratios: np.ndarray):

@@ -19,8 +19,7 @@ CONVERGED = 0.003  #: Decrease of the negative log likelihood that a further ste
 NEAR = 10.0  #: Decrease that a step promises from which the curvature is learned.
 #: Of the expected information along any direction, taken for the curvature of a step where less was learned.
 LEAST_SHARE = 0.1
-SAME_MODE = 0.5  #: Standard deviations of each ratio within which two optima are one;
-SAME_COST = 1.0  #: negative log posterior above an optimum from which a search that passes it may still go elsewhere.
+SAME_MODE = 0.5  #: Standard deviations of each ratio within which two optima are one.
 
 
 @dataclass(frozen=True)
@@ -118,8 +117,8 @@ class LogPosterior(ABC):
         return [found[k] for k in sorted(found)]
 
     def _is_at(self, point: Evaluation, optimum: Evaluation) -> bool:
-        """Whether a point is one that an optimum stands for: hardly less likely, and the same ratios."""
-        if not (optimum.is_finite and optimum.cost <= point.cost < optimum.cost + SAME_COST):
+        """Whether a point is one that an optimum stands for: not more likely, and the same ratios."""
+        if not (optimum.is_finite and optimum.cost <= point.cost < np.inf):
             return False
         n = len(self.equation.terms)
         std = np.sqrt(np.diag(np.linalg.inv(optimum.information)))
@@ -130,13 +129,8 @@ def scoring(z: np.ndarray, low: np.ndarray, high: np.ndarray) -> Generator[np.nd
     """Fisher's scoring with Levenberg's damping, within bounds: yields points, is sent the `Evaluation` of each.
 
     Near the optimum it learns from the gradients what of the curvature is not expected of the model but of this record
-    (Dennis, Gay and Welsch 1981): without that its steps overshoot there, and it ends slowly.
-
-    Args:
-        z, low, high: (p,); where it begins, and the bounds.
-
-    Returns:
-        The best.
+    (Dennis, Gay and Welsch 1981): without that its steps overshoot there, and it ends slowly. Begins at ``z`` (p,) and
+    returns the best.
     """
     best = yield z
     if not best.is_finite:

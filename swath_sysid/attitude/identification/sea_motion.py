@@ -11,6 +11,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
+from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 TAPERS = 5
@@ -51,16 +52,6 @@ class SeaMotion:
     def duration(self) -> float:
         """s."""
         return self.interval * self.angle.size
-
-    @property
-    def angle_std(self) -> float:
-        """rad."""
-        return float(self.angle.std())
-
-    @property
-    def rate_std(self) -> float:
-        """rad/s."""
-        return float(self.rate.std())
 
     def noise(self, frequency: np.ndarray) -> np.ndarray:
         """Spectral density of the noise in ``angle``, rad^2 s."""
@@ -111,11 +102,10 @@ def sea_motion(motion: AxisMotion) -> SeaMotion:
 
     Raises `InputError` where the axis does not move, or is sampled too slowly for its motion.
     """
-    piece = max(split_at_pauses(motion), key=lambda part: part.duration)
+    piece = motion if motion.size < 64 else max(split_at_pauses(motion), key=lambda part: part.duration)
     if piece.size < 64:
-        raise InputError(
-            f'the {motion.axis} has only {piece.size} samples without a pause: record at least 10 minutes in waves'
-        )
+        short = Advice.of('too-few-waves: samples', axis=motion.axis, samples=piece.size)
+        raise InputError(short.message, short.code)
     interval = piece.duration / (piece.size - 1)
     even = piece.time[0] + interval * np.arange(piece.size)
     frequency = 2.0 * np.pi * np.fft.rfftfreq(piece.size, interval)
@@ -239,7 +229,7 @@ def tapered_spectrum(values: np.ndarray, interval: float) -> tuple[np.ndarray, n
 
 def term_spectra(sea: SeaMotion) -> TermSpectra:
     """Cross spectra of the terms of a hull's equation."""
-    x, w, s, q = sea.angle, sea.rate, sea.angle_std, sea.rate_std
+    x, w, s, q = sea.angle, sea.rate, sea.angle.std(), sea.rate.std()
     columns = np.stack(
         [
             sea.acceleration,

@@ -1,6 +1,7 @@
-"""Which likelihood suits some records, and the term that an equation lacks and their motion shows.
+"""Which likelihood suits some records, and the terms of a hull that they show.
 
-A likelihood-ratio test of the equation against one with every other term (Wilks 1938).
+A named equation is tested against one with every other term by the likelihood ratio (Wilks 1938); where none is named,
+the general hull is pruned.
 """
 
 from collections.abc import Iterator, Sequence
@@ -9,12 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
+from swath_sysid.attitude.hull.catalogue import GENERAL_HULL, composed
 from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.problem import Problem, motion_fit
-from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR, weak_prior
+from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR, prune, weak_prior
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.common.covariance import sandwich_covariance
 
@@ -28,6 +31,16 @@ class AbsentTerm:
 
     name: str
     significance: float  #: Root of twice the gain in log-likelihood by all that it lacks.
+
+
+@dataclass(frozen=True)
+class FittedHull:
+    """An equation fitted to some records."""
+
+    equation: Equation
+    parameters: np.ndarray  #: Of `MotionFit`, dimensionless.
+    basin: BasinFit | None = None  #: None where least squares has found it.
+    posterior: HullPosterior | None = None  #: Of every term; None where the equation was named.
 
 
 def suits_likelihood(problem: Problem, equation: Equation) -> bool:
@@ -108,10 +121,10 @@ def absent_by_residuals(
 
 def basin_fit(
     problem: Problem, equation: Equation, ratios: np.ndarray, states: Sequence[InitialState]
-) -> tuple[BasinFit | None, AbsentTerm | None]:
-    """The likelihood's optimum, started from ratios (9,) and states, and the term whose absence it shows.
+) -> BasinFit | AbsentTerm | None:
+    """The likelihood's optimum, started from ratios (9,) and states, or the term whose absence it shows.
 
-    The equation has no dry friction. The optimum is None where the motion diverges.
+    The equation has no dry friction. None where the motion diverges.
     """
     likelihood, added = basin_likelihood(problem, equation), lacking(equation, SMOOTH_TERMS)
     optima, absent = likelihood.minimise(likelihood.starts(ratios, states)), None
@@ -126,7 +139,7 @@ def basin_fit(
             # what is missing may have been a better optimum of the equation itself
             optima = likelihood.minimise([optima[0].z, complete[0].z[own]])
             absent = _shown(richer, complete[0], optima[0], added)
-    return (likelihood.described(optima) if optima else None), absent
+    return absent or (likelihood.described(optima) if optima else None)
 
 
 def _with_terms(equation: Equation, names: Sequence[str]):
@@ -145,3 +158,48 @@ def _shown(posterior: LogPosterior, complete: Evaluation, without: Evaluation, a
     alone = posterior.search_each([np.where(stays, 0.0, complete.z) for stays in held], list(held))
     best = min(range(len(added)), key=lambda place: alone[place].cost)
     return AbsentTerm(added[best], float(np.sqrt(2.0 * gain)))
+
+
+def pruned_hull(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]) -> FittedHull:
+    """Prune the general hull by the likelihood that suits the records, from least-squares ratios (9,) and states."""
+    found = _by_basin(problem, ratios, states) if suits_likelihood(problem, GENERAL_HULL) else None
+    return found or _by_residuals(problem, ratios, states)
+
+
+def _by_basin(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]):
+    """None where the likelihood's motion, unlike the filter's, runs away."""
+    general = basin_likelihood(problem, GENERAL_HULL, weak_prior(GENERAL_HULL, problem.decayed_to))
+    optima = general.minimise(general.starts(ratios, states))
+    if not optima:
+        return None
+    pruned = prune(general, optima[0])
+    equation = _kept(GENERAL_HULL, pruned.kept)
+    left, _, _ = general.unpack(pruned.optimum.z)
+    parameters = motion_fit(problem, equation).settled(left, states)
+    if parameters is None:
+        return None
+    every = general.described(general.minimise([*(each.z for each in optima), pruned.optimum.z]))
+    posterior = HullPosterior(GENERAL_HULL, every.ratios[GENERAL_HULL.indices], every.covariance)
+    basin = replace(every, ratios=left, covariance=every.covariance[np.ix_(pruned.kept, pruned.kept)])
+    return FittedHull(equation, parameters, basin, posterior)
+
+
+def _by_residuals(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]):
+    """By least squares, with dry friction among the terms."""
+    general = composed(('b0', *GENERAL_HULL.terms))
+    likelihood, complete = residual_posterior(problem, general, motion_fit(problem, general).pack(ratios, states))
+    pruned = prune(likelihood, complete)
+    # what has no friction is smooth for whoever uses the posterior
+    known = np.r_[pruned.kept[0], np.ones(complete.z.size - 1, dtype=bool)]
+    (every,) = likelihood.search_each([pruned.optimum.z], [~known])
+    equation = _kept(general, known[: pruned.kept.size])
+    units = problem.scales.ratio_units[equation.indices]
+    n = units.size
+    covariance = np.linalg.inv(every.information[np.ix_(known, known)])[:n, :n] * np.outer(units, units)
+    posterior = HullPosterior(equation, every.z[known][:n] * units, covariance)
+    rest = np.ones(complete.z.size - pruned.kept.size, dtype=bool)
+    return FittedHull(_kept(general, pruned.kept), pruned.optimum.z[np.r_[pruned.kept, rest]], None, posterior)
+
+
+def _kept(equation: Equation, kept: np.ndarray):
+    return composed([name for name, stays in zip(equation.terms, kept, strict=True) if stays])
