@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swath_sysid.attitude.hull.catalogue import composed, hull_named
+from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, measured_states, next_step
 from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings
@@ -22,7 +21,6 @@ from swath_sysid.campaign.evaluation import (
     Record,
     best_repeats,
     beyond_noise,
-    common_equation,
     fit_one,
     fit_together,
     joint_problem,
@@ -33,7 +31,6 @@ from swath_sysid.campaign.evaluation import (
     settle,
     spread_of_repeats,
     tied_best,
-    with_open_choice,
 )
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
@@ -196,21 +193,3 @@ def test_spread_between_repeats(fits):
     assert by_name['r1'].spread == pytest.approx(abs(values[0] - values[1]) / math.sqrt(2.0))
     assert by_name['natural_period_s'].mean == pytest.approx(HULL.natural_period, rel=0.03)
     assert 0.0 < by_name['damping_ratio'].stated < 0.05
-
-
-def test_the_hull_of_all_drafts_has_the_terms_of_each(fits):
-    linear, two, one = fits[0]
-    assert common_equation([linear, of_terms(two, 'b1', 'b2', 'r1', 'r3')], True) == 'b1,b2|r1,r3'
-    rubbing = of_terms(linear, 'b0', 'b1', 'r1')
-    assert common_equation([rubbing], True) == 'b0,b1|r1' and common_equation([rubbing], False) == 'b1|r1'
-    equation = one.model.equation
-    posterior = HullPosterior(equation, one.model.ratios[equation.indices], one.covariance)
-    pruned = replace(two, posterior=posterior)
-    assert with_open_choice([two], pruned) == (pruned,)
-    (open_choice,) = with_open_choice([one], pruned)
-    assert open_choice.model is one.model and open_choice.posterior is posterior
-    assert kept(pruned.plain(), pruned.problem, pruned.settings).posterior == posterior
-
-
-def of_terms(fit, *terms):
-    return replace(fit, model=DecayModel.from_terms(composed(terms), dict.fromkeys(terms, 1.0), axis='pitch'))
