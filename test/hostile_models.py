@@ -65,7 +65,6 @@ def of_any_kind(text):
 
 
 def attitude_texts():
-    """Texts that are not attitude models: name to the text and a word of the sentence."""
     text = attitude_text()
     edited = editor(text)
     return {
@@ -99,7 +98,6 @@ def attitude_texts():
 
 
 def manoeuvring_texts():
-    """Texts that are not manoeuvring models: name to the text and a word of the sentence."""
     text = manoeuvring_text()
     edited = editor(text)
     return {

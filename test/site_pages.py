@@ -7,15 +7,14 @@ from pathlib import Path
 from markdown_it import MarkdownIt
 
 ROOT = Path(__file__).resolve().parents[1]
+#: text by name; what is written when the site is built is not among them
 PAGES = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding='utf-8')
     for path in [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
     if 'generated' not in path.parts
 }
-"""Text by name; what is written when the site is built is not among them."""
-
+#: names that stand for the user's own, and what the shell puts in
 EXAMPLE = re.compile(r'[A-Z]{3,}|\.\.\.|\$')
-"""Names that stand for the user's own, and what the shell puts in."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,6 @@ class Block:
 
 
 def blocks_of(page):
-    """Its blocks, in order; no directives."""
     tokens = [token for token in MarkdownIt().parse(PAGES[page]) if token.type in ('fence', 'code_block')]
     words = [(token.info.partition(' '), token.content) for token in tokens]
     return [Block(language, manner.strip(), text) for (language, _, manner), text in words if '{' not in language]

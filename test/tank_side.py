@@ -70,7 +70,6 @@ class TankSide:
 
     @property
     def faults(self):
-        """Code to the guidances that named it."""
         found = {}
         for guidance in self.guidances:
             if guidance.fault:
@@ -98,7 +97,6 @@ class TankSide:
             self.record.set_models(self.refitter.models)
 
     def reports(self):
-        """The diagnostics of now, by node."""
         undone = {'rollbacks_undone': self.steps_forward}
         return {
             'predictor': [

@@ -26,7 +26,6 @@ ONE = 'trials: [{file: pitch_3deg_repeat1.csv}]\n'
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder of named files; a manifest does not look into them."""
     for name in NAMES:
         (tmp_path / name).write_text('time_s,pitch_deg\n')
     return tmp_path

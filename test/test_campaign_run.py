@@ -98,7 +98,6 @@ def tables_of(outcome):
 
 @pytest.fixture(scope='module')
 def done(trials, tmp_path_factory):
-    """The campaign worked off and reported: outcome and folder."""
     output = tmp_path_factory.mktemp('done')
     outcome = work_off(trials, output)
     write_report(outcome, output, 1.0)

@@ -55,7 +55,6 @@ def settled(problem, fits):
 
 
 def fitted(problem, names):
-    """Fits of one problem with every equation, settled."""
     each = [replace(SIMULATION, equation=name) for name in names]
     return settled(problem, [kept(fit_one(problem, settings), problem, settings) for settings in each])
 
@@ -80,7 +79,6 @@ def fits(records):
 
 
 def with_terms(fit, **terms):
-    """The same fit with other ratios."""
     model = fit.model
     return replace(fit, model=DecayModel.from_terms(model.equation, model.terms | terms, trim=model.trim, axis='pitch'))
 

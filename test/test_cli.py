@@ -34,7 +34,6 @@ def trial_file(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def dense_file(tmp_path_factory):
-    """Of enough samples for an equation to be told from another."""
     return released(tmp_path_factory.mktemp('dense'), '--rate', '50')
 
 

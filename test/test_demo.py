@@ -172,7 +172,6 @@ def test_without_ros_the_measured_sea_is_offered(tmp_path, monkeypatch, capsys):
 @pytest.mark.long
 @pytest.mark.dds
 def test_a_craft_to_try_is_identified_in_waves_and_its_bag_replays(tmp_path):
-    """As a user would: ``run --simulate`` and ``record`` as processes, a release by the service, then the bag."""
     pytest.importorskip('rclpy', reason='running nodes needs ROS 2')
     from bag_messages import decoded
     from live_bench import Bench, stop

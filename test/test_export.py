@@ -103,8 +103,8 @@ def thrusts_of_crossed(port, starboard):
 
 
 INPUTS = pytest.mark.parametrize('port, starboard', [(150.0, 150.0), (220.0, 90.0), (60.0, 200.0)])
+#: s; inertia and added mass show in the first, damping in the second
 DURATIONS = pytest.mark.parametrize('duration', [TRANSIENT, STEADY])
-"""s; inertia and added mass show in the first, damping in the second."""
 
 
 @DURATIONS

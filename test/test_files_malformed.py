@@ -40,7 +40,6 @@ def table(columns=COLUMNS, names=NAMES, mark=',', end='\n', write=repr):
 
 
 def with_cells(column, rows, cell):
-    """The table with other text in some cells."""
     lines = table().decode().split('\n')
     for row in rows:
         cells = lines[row + 1].split(',')
@@ -144,7 +143,6 @@ def zipped(content):
 
 
 def bags(mcap, sqlite):
-    """Name to content of bags with something wrong."""
     rng = random.Random(2)
     for kind, whole in (('mcap', mcap), ('db3', sqlite)):
         size = len(whole)
@@ -167,7 +165,6 @@ def bags(mcap, sqlite):
 
 @pytest.fixture(scope='module')
 def malformed(tmp_path_factory):
-    """Name to path of all of them."""
     folder = tmp_path_factory.mktemp('malformed')
     for ending in ('mcap', 'db3'):
         write_imu_bag(folder / f'whole.{ending}', TRUTH)

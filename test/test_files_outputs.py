@@ -14,7 +14,6 @@ from swath_sysid.formats.outputs import Output, check_outputs
 
 @pytest.fixture(scope='module')
 def measured(tmp_path_factory):
-    """A folder with a measurement in every form, and a model."""
     folder = tmp_path_factory.mktemp('measured')
     for name in ('trial.csv', 'trial.mcap', 'bag'):
         command = ['simulate', '--hull', 'swath-pitch', '--initial-angle-deg', '6', '--output', str(folder / name)]

@@ -31,7 +31,6 @@ LONGEST_SENTENCE = 600
 
 
 def refusal(read, text):
-    """The one sentence about a text that is not a model."""
     with pytest.raises(InputError) as caught:
         read(text, 'the model')
     sentence = str(caught.value)
@@ -97,7 +96,6 @@ def mutated(draw, text):
 
 
 def structures():
-    """YAML of random structure, some of whose names are those of a model."""
     names = st.one_of(st.sampled_from(['format', 'axes', 'pitch', 'ratios', 'b1', 'value']), st.text(max_size=5))
     plain = st.recursive(
         st.one_of(st.floats(), st.integers(), st.none(), st.booleans(), st.text(max_size=10), st.dates()),

@@ -29,7 +29,6 @@ AXES = {'roll': AxisForecast(ROLL, ROLL_RATE, SPREAD), 'pitch': AxisForecast(PIT
 
 @pytest.fixture(scope='module')
 def messages():
-    """By topic, of one step with a point called bow and a window of calm."""
     rng = np.random.default_rng(4)
     motion = np.column_stack(
         [[0.4, 0.1], [0.3, -0.6], [0.1, 0.5], [0.0, 0.1], [0.2, 0.0], ROLL, PITCH, ROLL_RATE, PITCH_RATE]

@@ -86,7 +86,6 @@ IMPURE_CALLS = set('print input warnings.warn datetime.now datetime.utcnow datet
 
 
 def text_of(name):
-    """That of a file of the repository."""
     return (ROOT / name).read_text(encoding='utf-8')
 
 
@@ -176,7 +175,6 @@ def test_test_dependencies_are_declared(manifest, setup_arguments):
 
 
 def without_ros():
-    """The modules that start no node."""
     of_nodes = {f'cli/{verb}' for verb in NODE_VERBS}
     return [path for path in MODULES if room_of(path) != 'nodes' and f'{path.parent.name}/{path.stem}' not in of_nodes]
 

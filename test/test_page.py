@@ -79,7 +79,6 @@ class Screen:
         wait_until(lambda: words in self.text(name), lambda: f'{name} shows {self.text(name)!r}, not {words!r}')
 
     def loud(self):
-        """The actions of the buttons that stand out."""
         script = """return [...document.querySelectorAll('main .q-btn.bg-primary')]
             .filter(b => getComputedStyle(b).visibility === 'visible').map(b => b.dataset.action)"""
         return self.driver.execute_script(script)
@@ -103,7 +102,6 @@ class Screen:
 
 @pytest.fixture(scope='module')
 def address(tmp_path_factory):
-    """A served page; its tank."""
     tank = Tank(tmp_path_factory.mktemp('page'))
     # the clock of the page is that of the tank
     clock = patch('swath_sysid.page.state.monotonic', lambda: tank.clock)

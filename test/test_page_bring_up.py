@@ -16,7 +16,6 @@ REST_S = 20.0
 
 @pytest.fixture(scope='module')
 def identified():
-    """A craft that was at rest, released and identified."""
     tank = TankSide()
     tank.send(REST_S)
     tank.release(5.0)

@@ -16,7 +16,6 @@ def decaying(duration=30.0, rate_hz=50.0):
 
 
 def shaded(axes):
-    """Left and right edges of the spans, in data coordinates."""
     paths = [span.get_patch_transform().transform_path(span.get_path()) for span in axes.patches]
     return [(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in paths]
 

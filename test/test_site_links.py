@@ -31,14 +31,12 @@ SITE = '\n'.join(PAGES.values())
 
 
 def tokens_of(text):
-    """All tokens, those inside of paragraphs too."""
     for token in MarkdownIt().enable('table').parse(text):
         yield token
         yield from token.children or ()
 
 
 def anchors_of(text):
-    """Those that GitHub and MyST give the headings."""
     tokens = list(MarkdownIt().parse(text))
     titles = [after.content for token, after in zip(tokens, tokens[1:], strict=False) if token.type == 'heading_open']
     return {re.sub(r'[^\w\- ]', '', unicodedata.normalize('NFC', title.lower())).replace(' ', '-') for title in titles}
