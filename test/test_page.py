@@ -2,7 +2,6 @@
 
 import shutil
 import threading
-import time
 import urllib.error
 import urllib.request
 from unittest.mock import patch
@@ -12,6 +11,7 @@ import pytest
 pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
 webdriver = pytest.importorskip('selenium.webdriver', reason='driving a browser needs selenium: pip install selenium')
 
+from package_process import wait_for  # noqa: E402
 from tank_side import TankSide  # noqa: E402
 from test_page_bring_up import REST_S  # noqa: E402
 
@@ -24,7 +24,6 @@ CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 needs_chromium = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason='no chromium with its driver: apt install chromium chromium-driver'
 )
-PATIENCE = 60.0
 TOKEN = 'a-token-of-the-test'
 
 
@@ -60,14 +59,6 @@ class Tank(TankSide):
         TankSide.__init__(self, rate=50.0)
 
 
-def wait_until(condition, what):
-    end = time.monotonic() + PATIENCE
-    while not (found := condition()):
-        assert time.monotonic() < end, what()
-        time.sleep(0.05)
-    return found
-
-
 class Screen:
     def __init__(self, driver, tank):
         self.driver, self.tank = driver, tank
@@ -76,7 +67,7 @@ class Screen:
         return self.driver.execute_script(f"return document.querySelector('[data-name={name}]')?.innerText ?? ''")
 
     def wait_for(self, words, name='sentence'):
-        wait_until(lambda: words in self.text(name), lambda: f'{name} shows {self.text(name)!r}, not {words!r}')
+        wait_for(lambda: words in self.text(name), f'{words!r} in {name}')
 
     def loud(self):
         script = """return [...document.querySelectorAll('main .q-btn.bg-primary')]
@@ -89,11 +80,11 @@ class Screen:
         assert not button.is_enabled()
         webdriver.ActionChains(self.driver).move_to_element(button.find_element('xpath', '..')).perform()
         script = "return [...document.querySelectorAll('.q-tooltip')].map(each => each.innerText).join()"
-        wait_until(lambda: words in self.driver.execute_script(script), lambda: f'no tooltip with {words!r}')
+        wait_for(lambda: words in self.driver.execute_script(script), f'tooltip with {words!r}')
 
     def press(self, name):
         script = f"const b = document.querySelector('[data-name={name}]:enabled'); b?.click(); return b !== null"
-        wait_until(lambda: self.driver.execute_script(script), lambda: f'{name} cannot be pressed')
+        wait_for(lambda: self.driver.execute_script(script), f'button {name} that can be pressed')
 
     def resize(self, width):
         metrics = {'width': width, 'height': 1400, 'deviceScaleFactor': 1, 'mobile': width < 600}
@@ -165,7 +156,7 @@ def test_buttons_reach_the_nodes_and_a_rollback_keeps_a_copy(screen):
     tank.steps_back = 1
     tank.send(1.0)
     screen.press('rollback')
-    wait_until(lambda: tank.pressed == ['rollback'], lambda: tank.pressed)
+    wait_for(lambda: tank.pressed == ['rollback'], 'rollback')
     screen.wait_for_reason('undo_rollback', 'nothing was rolled back')
     (saved,) = tank.folder.glob('model_*.yaml')
     assert model_from_yaml(saved.read_text()).keys() == {'pitch'}
@@ -192,8 +183,8 @@ def test_without_the_token_nothing_is_shown(address):
     url, _ = address
     for wrong in (url.partition('?')[0], url.replace(TOKEN, 'another')):
         with pytest.raises(urllib.error.HTTPError, match='403'):
-            urllib.request.urlopen(wrong, timeout=PATIENCE)
-    with urllib.request.urlopen(url, timeout=PATIENCE) as answer:
+            urllib.request.urlopen(wrong, timeout=60.0)
+    with urllib.request.urlopen(url, timeout=60.0) as answer:
         assert answer.status == 200 and TOKEN in answer.headers['set-cookie']
 
 
