@@ -83,10 +83,6 @@ def test_remarks(tmp_path):
     assert trial.initial_angle == pytest.approx(np.radians(6))
     assert np.allclose(trial.pitch, -ROLL)
     assert np.allclose(read_csv(trial.source, frame='flu').pitch, ROLL)
-    with pytest.raises(InputError, match='draft_m: deep'):
-        read_csv(written(tmp_path, '# draft_m: deep\n' + lines('time_s,roll_rad', TIME, ROLL)))
-    with pytest.raises(InputError, match="frame 'ned'"):
-        read_csv(written(tmp_path, '# frame: ned\n' + lines('time_s,roll_rad', TIME, ROLL)))
 
 
 @pytest.mark.parametrize('cell,told', [('', []), ('nan', []), ('NA', []), ('ERR', ['text-in-numbers'])])
@@ -117,18 +113,27 @@ def test_line_numbers_hold_across_blocks(tmp_path, monkeypatch):
     assert "'broken' in line 31" in trial.advice[0].message
 
 
-def test_column_without_unit_is_told_or_refused(tmp_path):
-    trial = read_csv(written(tmp_path, lines('time_s,roll_rad,pitch', TIME, ROLL, ROLL)))
-    assert trial.pitch is None
-    assert codes(trial) == ['unit-missing']
-    for header, told in (
+@pytest.mark.parametrize(
+    ('head', 'words'),
+    [
+        ('# draft_m: deep\ntime_s,roll_rad', 'draft_m: deep'),
+        ('# frame: ned\ntime_s,roll_rad', "frame 'ned'"),
+        ('# mounting_deg: upside down\ntime_s,roll_rad', 'angles'),
+        ('# mounting_deg: 180\ntime_s,roll_rad', 'angles'),
+        ('# mounting_deg: 180, 0, nan\ntime_s,roll_rad', 'angles'),
+        ('# mounting_deg: 1, 2, 3, 4\ntime_s,roll_rad', 'angles'),
+        ('# sample_rate_hz: -100\ntime_samples,roll_rad', "'sample_rate_hz: -100.0'"),
+        ('# sample_rate_hz: 0\ntime_samples,roll_rad', 'must be greater than zero'),
         ('time_s,roll', 'without a unit'),
         ('time,roll_rad', 'without a unit'),
         ('hour,roll_rad', '(?s)time_ns.*hour, roll_rad'),
         ('time_s,wave', '(?s)roll_rate_rad_s.*time_s, wave'),
-    ):
-        with pytest.raises(InputError, match=told):
-            read_csv(written(tmp_path, lines(header, TIME, ROLL)))
+        ('time_s,rol_deg', "'rol_deg': did you mean roll_deg"),
+    ],
+)
+def test_heads_that_are_refused(tmp_path, head, words):
+    with pytest.raises(InputError, match=words):
+        read_csv(written(tmp_path, lines(head, TIME, ROLL)))
 
 
 def test_trial_comes_back_exactly(tmp_path):
@@ -198,10 +203,6 @@ def test_a_file_says_how_its_sensor_is_mounted(tmp_path):
     path.write_text('# mounting_deg: [180, 0, 0]\n' + table)
     trial = read_csv(path)
     assert trial.advice == () and np.allclose(trial.roll, roll) and np.allclose(trial.pitch, pitch)
-    for none in ('upside down', '180', '180, 0, nan', '1, 2, 3, 4'):
-        path.write_text(f'# mounting_deg: {none}\n{table}')
-        with pytest.raises(InputError, match='angles'):
-            read_csv(path)
 
 
 @pytest.mark.parametrize(
@@ -228,23 +229,12 @@ def test_dates_are_a_time(tmp_path, form, name):
     assert trial.time.size == 499 and [each.code for each in trial.advice][:2] == ['text-in-numbers', 'missing-stamps']
 
 
-@pytest.mark.parametrize(
-    ('head', 'stamps', 'words'),
-    [
-        ('time_s,roll_deg', 10.0 - 0.01 * np.arange(500), 'backwards, from 10 to 5.01 s'),
-        ('# sample_rate_hz: -100\ntime_samples,roll_deg', np.arange(500), "'sample_rate_hz: -100.0'"),
-        ('# sample_rate_hz: 0\ntime_samples,roll_deg', np.arange(500), 'must be greater than zero'),
-    ],
-)
-def test_a_time_that_cannot_be_gets_its_sentence(tmp_path, head, stamps, words):
-    with pytest.raises(InputError, match=words):
-        read_csv(written(tmp_path, lines(head, stamps, 5.0 * np.sin(0.03 * np.arange(500)))))
-
-
-def test_a_slip_in_the_name_of_a_column_is_reported(tmp_path):
+def test_a_slip_in_a_name_a_column_without_a_unit_and_a_time_that_runs_backwards_are_reported(tmp_path):
     for name, meant in (('rol_rate_deg_s', 'roll_rate_deg_s'), ('gyro_x_rads', 'gyro_x_rad_s'), ('roll_deg_raw', None)):
         trial = read_csv(written(tmp_path, lines(f'time_s,roll_deg,{name}', TIME, 50 * ROLL, ROLL)))
         assert codes(trial) == (['columns-misspelt'] if meant else [])
         assert meant is None or f"'{name}': did you mean {meant}?" in trial.advice[0].message
-    with pytest.raises(InputError, match="'rol_deg': did you mean roll_deg"):
-        read_csv(written(tmp_path, lines('time_s,rol_deg', TIME, ROLL)))
+    trial = read_csv(written(tmp_path, lines('time_s,roll_rad,pitch', TIME, ROLL, ROLL)))
+    assert trial.pitch is None and codes(trial) == ['unit-missing']
+    with pytest.raises(InputError, match='backwards, from 1.9 to 0 s'):
+        read_csv(written(tmp_path, lines('time_s,roll_rad', TIME[::-1], ROLL)))
