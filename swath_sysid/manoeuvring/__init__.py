@@ -1,4 +1,1 @@
-"""Surge, sway and yaw of twin-thruster craft: measured, modelled, identified, forecast.
-
-The second wing, with the inner order of attitude; neither imports the other.
-"""
+"""Surge, sway and yaw of twin-thruster craft: measured, modelled, identified, forecast."""

@@ -1,4 +1,1 @@
-"""The manoeuvring models: derivatives, thrust, simulation, standard manoeuvres, stability.
-
-Nothing here is fitted.
-"""
+"""The manoeuvring models: derivatives, thrust, simulation, standard manoeuvres, stability."""

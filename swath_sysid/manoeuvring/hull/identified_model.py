@@ -19,12 +19,9 @@ class ForecastNoise:
     thrust_time: float  #: Mean time for which thrusts are held, s.
     sensors: np.ndarray  #: (4,); Of speeds, yaw rate, heading, position; m/s, rad/s, rad, m.
     leads: np.ndarray = field(default_factory=lambda: np.array([1.0]))  #: (L,); s.
-    #: (6, L); Factors on the standard deviations of surge, sway, yaw rate, heading, x and y, for calibrated intervals.
+    #: (6, L); Factors on the standard deviations of surge, sway, yaw rate, heading, x and y, for calibrated intervals;
+    #: linear between the leads and constant beyond them.
     scale: np.ndarray = field(default_factory=lambda: np.ones((6, 1)))
-
-    def scale_at(self, lead: float) -> np.ndarray:
-        """Scale at a lead, shape (6,), linear between the leads and constant beyond them."""
-        return np.array([np.interp(lead, self.leads, row) for row in self.scale])
 
 
 @dataclass(frozen=True)

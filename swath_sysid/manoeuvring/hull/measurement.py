@@ -30,9 +30,7 @@ def recorded_heading(heading: Numbers, p: np.ndarray) -> Numbers:
 def recorded_speeds(
     u: Numbers, v: Numbers, r: Numbers, heading: Numbers, current: Sequence | np.ndarray, p: np.ndarray
 ) -> tuple[Numbers, Numbers]:
-    """Recorded surge and sway over ground, m/s, for u, v, r of the origin through the water and a recorded heading,
-    rad. The current is east and north, m/s; parameters ``p`` are (n, ...).
-    """
+    """Recorded surge and sway over ground, m/s, of u, v, r of the origin through the water; ``p`` is (n, ...)."""
     surge, sway = turned(u - r * p[SENSOR_Y], v + r * p[SENSOR_X], deviation(heading, p))
     along, across = turned(current[0], current[1], heading)
     return surge + along, sway + across
@@ -41,9 +39,7 @@ def recorded_speeds(
 def through_water(
     surge: Numbers, sway: Numbers, r: Numbers, heading: Numbers, current: Sequence | np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """u and v of the origin through the water, m/s: the inverse of `recorded_speeds`. An unmeasured speed (NaN) stays
-    NaN and counts as zero in the other.
-    """
+    """The inverse of `recorded_speeds`; an unmeasured speed (NaN) stays NaN and counts as zero in the other."""
     along, across = turned(current[0], current[1], heading)
     u, v = turned(np.nan_to_num(surge - along), np.nan_to_num(sway - across), -deviation(heading, p))
     r = np.nan_to_num(r)

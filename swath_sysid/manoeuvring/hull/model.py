@@ -6,13 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swath_sysid.common.errors import InputError, check_choice
-from swath_sysid.manoeuvring.hull.terms import (
-    INDEX,
-    NAMES,
-    NEUTRAL,
-    Numbers,
-    accelerations,
-)
+from swath_sysid.manoeuvring.hull import terms
+from swath_sysid.manoeuvring.hull.terms import NEUTRAL, Numbers
 from swath_sysid.manoeuvring.motion.trial import FORCE, INPUTS
 
 DIFFERENCE = 1e-5  #: m/s and rad/s, of numerical derivatives.
@@ -33,17 +28,19 @@ class ManoeuvringModel:
         check_choice(self.thrust_input, INPUTS, 'thrust input')
         values = np.asarray(self.values, dtype=float)
         if values.shape != NEUTRAL.shape or not np.all(np.isfinite(values)):
-            raise InputError(f'a manoeuvring model needs {len(NAMES)} finite values: give each parameter a number')
+            raise InputError(
+                f'a manoeuvring model needs {len(terms.NAMES)} finite values: give each parameter a number'
+            )
         if self['m'] - self['Xu_dot'] <= 0 or self['m'] - self['Yv_dot'] <= 0 or self['Iz'] - self['Nr_dot'] <= 0:
             raise InputError('mass and inertia, added mass included, must be positive: added mass is negative or zero')
 
     def __getitem__(self, name: str):
-        return float(self.values[INDEX[name]])
+        return float(self.values[terms.INDEX[name]])
 
     @property
     def terms(self) -> tuple[str, ...]:
         """Names of the parameters that differ from neutral, in catalogue order."""
-        return tuple(n for n, used in zip(NAMES, self.values != NEUTRAL, strict=True) if used)
+        return tuple(n for n, used in zip(terms.NAMES, self.values != NEUTRAL, strict=True) if used)
 
     def with_values(self, **values: float) -> 'ManoeuvringModel':
         """The model with some parameters changed."""
@@ -53,7 +50,7 @@ class ManoeuvringModel:
         self, u: Numbers, v: Numbers, r: Numbers, port: Numbers, starboard: Numbers
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """du/dt, dv/dt, dr/dt under acting thrusts in N; scalars or arrays of shape (P,)."""
-        return accelerations(u, v, r, port, starboard, self.values)
+        return terms.accelerations(u, v, r, port, starboard, self.values)
 
     def jacobian(self, u: float, v: float, r: float, port: Numbers = 0.0, starboard: Numbers = 0.0) -> np.ndarray:
         """Derivatives of the accelerations by u, v and r, shape (3, 3), by central differences."""
@@ -63,19 +60,17 @@ class ManoeuvringModel:
 def parameter_values(values: Mapping[str, float], base: np.ndarray = NEUTRAL) -> np.ndarray:
     """A full parameter vector, shape (n,), from some values by name."""
     for name in values:
-        check_choice(name, NAMES, 'manoeuvring parameter')
+        check_choice(name, terms.NAMES, 'manoeuvring parameter')
     full = np.array(base, dtype=float)
     for name, value in values.items():
-        full[INDEX[name]] = value
+        full[terms.INDEX[name]] = value
     return full
 
 
 def jacobians(p: np.ndarray, states: np.ndarray, port: Numbers = 0.0, starboard: Numbers = 0.0) -> np.ndarray:
-    """Derivatives of the accelerations by u, v and r, shape (C, 3, 3), by central differences, of C craft with
-    parameters (n, C) in states (3, C) under acting thrusts, N.
-    """
+    """Derivatives of the accelerations by u, v and r, (C, 3, 3), of craft with parameters (n, C) in states (3, C)."""
     sides = []
     for step in (DIFFERENCE, -DIFFERENCE):
         moved = (states + step * move[:, None] for move in np.eye(3))
-        sides.append(np.array([accelerations(u, v, r, port, starboard, p) for u, v, r in moved]))
+        sides.append(np.array([terms.accelerations(u, v, r, port, starboard, p) for u, v, r in moved]))
     return (sides[0] - sides[1]).transpose(2, 1, 0) / (2.0 * DIFFERENCE)

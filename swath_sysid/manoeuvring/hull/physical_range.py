@@ -7,26 +7,19 @@ from swath_sysid.manoeuvring.hull.terms import IZ, NR_DOT, NV_DOT, PARAMETERS, X
 LARGEST = 1e12  #: Of any mass, inertia or derivative, SI units; the largest ships approach it.
 
 _RANGES = {
-    'm': (1e-3, LARGEST),
-    'Iz': (1e-3, LARGEST),
-    'gain': (1e-6, 1e9),
+    **dict.fromkeys(('m', 'Iz'), (1e-3, LARGEST)),
+    **dict.fromkeys(('gain', 'full_input'), (1e-6, 1e9)),
+    **dict.fromkeys(('exponent', 'reverse_exponent_ratio'), (0.1, 10.0)),
+    **dict.fromkeys(('lag', 'delay'), (0.0, 60.0)),
+    **dict.fromkeys(('deviation_B', 'deviation_C'), (-1.0, 1.0)),
+    **dict.fromkeys(('sensor_x', 'sensor_y', 'x_G'), (-1e3, 1e3)),
     'reverse_ratio': (1e-3, 10.0),
     'dead_band': (0.0, 0.95),
-    'exponent': (0.1, 10.0),
     'balance': (-0.99, 0.99),
     'advance': (0.0, 10.0),
-    'lag': (0.0, 60.0),
-    'delay': (0.0, 60.0),
     'deduction': (-1.0, 0.99),
     'lever': (1e-3, 1000.0),
     'moment_factor': (-0.99, 10.0),
-    'full_input': (1e-6, 1e9),
-    'reverse_exponent_ratio': (0.1, 10.0),
-    'deviation_B': (-1.0, 1.0),
-    'deviation_C': (-1.0, 1.0),
-    'sensor_x': (-1e3, 1e3),
-    'sensor_y': (-1e3, 1e3),
-    'x_G': (-1e3, 1e3),
 }
 
 #: Least and largest value of each parameter.

@@ -76,9 +76,8 @@ def _steps(model: ManoeuvringModel, stages: Sequence[tuple[float, float, float]]
 
 
 def _zigzag(model: ManoeuvringModel, base: float, difference: float, angle: float) -> Manoeuvre:
-    full = model.largest_input
+    full, turn = model.largest_input, 1.0
     craft = SteeredCraft(model, base * full)
-    turn = 1.0
     while craft.time < 90.0:
         craft.advance((base + turn * difference) * full, (base - turn * difference) * full)
         if -turn * craft.heading >= angle:

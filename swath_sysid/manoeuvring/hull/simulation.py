@@ -1,6 +1,6 @@
 """Simulation of manoeuvres: one craft, or many windows of many candidates at once."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,41 +19,27 @@ UNDISTURBED = np.zeros((3, 1))
 
 
 @accelerated
-def _slopes(
-    u: np.ndarray,
-    v: np.ndarray,
-    r: np.ndarray,
-    left: np.ndarray,
-    right: np.ndarray,
-    push: np.ndarray,
-    p: np.ndarray,
-):
+def _slopes(u: Numbers, v: Numbers, r: Numbers, left: Numbers, right: Numbers, push: np.ndarray, p: np.ndarray):
     du, dv, dr = _accelerations(u, v, r, left, right, p)
     return du + push[0], dv + push[1], dr + push[2]
 
 
 @accelerated
 def runge_kutta_columns(
-    state: np.ndarray,
-    port: np.ndarray,
-    starboard: np.ndarray,
-    push: np.ndarray,
-    p: np.ndarray,
-    step: float,
-    substeps: int,
+    state: np.ndarray, thrust: np.ndarray, push: np.ndarray, p: np.ndarray, step: float, substeps: int
 ) -> np.ndarray:
     """States (S + 1, 3, C) of C craft with parameters (n, C), by the classical Runge-Kutta scheme from (3, C); not
-    finite after divergence. Thrusts (S, C), N, are held over each step, s; ``push``, (3, C) or (3, 1), adds
+    finite after divergence. Thrusts (2, S, C), N, are held over each step, s; ``push``, (3, C) or (3, 1), adds
     accelerations of u, v, r.
     """
-    steps = port.shape[0]
+    steps = thrust.shape[1]
     states = np.empty((steps + 1, 3, state.shape[1]))
     states[0] = state
     h = step / substeps
     half, sixth = 0.5 * h, h / 6.0
     u, v, r = state[0].copy(), state[1].copy(), state[2].copy()
     for k in range(steps):
-        left, right = port[k], starboard[k]
+        left, right = thrust[0, k], thrust[1, k]
         for _ in range(substeps):
             u1, v1, r1 = _slopes(u, v, r, left, right, push, p)
             u2, v2, r2 = _slopes(u + half * u1, v + half * v1, r + half * r1, left, right, push, p)
@@ -64,6 +50,13 @@ def runge_kutta_columns(
             r = r + sixth * (r1 + 2.0 * (r2 + r3) + r4)
         states[k + 1, 0], states[k + 1, 1], states[k + 1, 2] = u, v, r
     return states
+
+
+@np.errstate(over='ignore', invalid='ignore')
+def states_under(p: np.ndarray, state: np.ndarray, thrust: np.ndarray, step: float, substeps: int) -> np.ndarray:
+    """`runge_kutta_columns` of undisturbed craft that share their parameters (n,)."""
+    columns = np.repeat(p[:, None], state.shape[1], axis=1)
+    return runge_kutta_columns(state, np.ascontiguousarray(thrust), UNDISTURBED, columns, step, substeps)
 
 
 @dataclass(frozen=True)
@@ -98,21 +91,13 @@ def simulate(
     """
     port, starboard = np.asarray(port, dtype=float), np.asarray(starboard, dtype=float)
     thrust = acting_thrust(port, starboard, model.values, step)
-    substeps = substeps_for(model, step, state, thrust)
+    before = np.array(state, dtype=float)[:, None]
+    substeps = substeps_for(model, step, state, np.max(np.abs(thrust), initial=0.0))
+    motion = states_under(model.values, before, thrust[:, :, None], step, substeps)[:, :, 0].T
+    drift = model.current if current is None else current
     with np.errstate(over='ignore', invalid='ignore'):
-        states = runge_kutta_columns(
-            np.array(state, dtype=float)[:, None],
-            np.ascontiguousarray(thrust[0][:, None]),
-            np.ascontiguousarray(thrust[1][:, None]),
-            UNDISTURBED,
-            model.values[:, None],
-            step,
-            substeps,
-        )[:, :, 0]
-        drift = model.current if current is None else current
-        u, v, r = states.T
-        pose = track(u, v, r, step, heading, position, drift)
-        return manoeuvre_of(step, (u, v, r), pose, (port, starboard), drift)
+        pose = track(motion, step, heading, position, drift)
+        return manoeuvre_of(step, motion, pose, (port, starboard), drift)
 
 
 def manoeuvre_of(
@@ -130,15 +115,14 @@ def manoeuvre_of(
 
 
 def track(
-    u: np.ndarray,
-    v: np.ndarray,
-    r: np.ndarray,
+    motion: Sequence | np.ndarray,
     step: float,
     heading: Numbers,
     position: Sequence | np.ndarray,
     current: Sequence | np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Heading and position by the trapezoidal rule along the first axis of u, v, r, in their shape."""
+    u, v, r = motion
     psi = heading + _integral(r, step)
     x = position[0] + _integral(u * np.cos(psi) - v * np.sin(psi) + current[0], step)
     y = position[1] + _integral(u * np.sin(psi) + v * np.cos(psi) + current[1], step)
@@ -152,9 +136,7 @@ def moved(
     step: float,
     current: Sequence | np.ndarray,
 ) -> np.ndarray:
-    """Change of heading, x and y over one step by the rule of `track`, shape (3,) or (3, C). Given u, v, r at both
-    ends, numbers or (C,), and the heading at the start, rad.
-    """
+    """Change of heading, x and y, (3,) or (3, C), by the rule of `track`, from u, v, r before and after a step."""
     half = 0.5 * step
     turn = half * (before[2] + after[2])
     east, north = (step * speed for speed in current)
@@ -165,28 +147,27 @@ def moved(
 
 
 def substeps_for(
-    model: ManoeuvringModel,
-    step: float,
-    state: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
-    thrust: Sequence | np.ndarray = ((0.0,), (0.0,)),
+    model: ManoeuvringModel, step: float, state: Sequence[float] | np.ndarray, largest_thrust: float
 ) -> int:
-    """Runge-Kutta steps within a step, 1 to 50, that the fastest damping needs at this state and at the speed of the
-    largest thrust.
-    """
-    most = float(max(np.max(np.abs(t)) for t in thrust)) if len(thrust[0]) else 0.0
-    fastest = steady_speed(model, 2.0 * most)
+    """Runge-Kutta steps within a step, 1 to 50, that the fastest damping needs at a state and at full speed."""
+    fastest = steady_speed(model, 2.0 * float(largest_thrust))
     speeds = {float(state[0]), fastest, -fastest}
     rate = max(np.max(np.abs(np.linalg.eigvals(model.jacobian(u, state[1], state[2])))) for u in speeds)
     return int(np.clip(np.ceil(step * rate / STABLE_STEP), 1, 50))
 
 
 def steady_speed(model: ManoeuvringModel, total_thrust: float) -> float:
-    """Speed on a straight course at which the hull resists a total thrust, m/s, at most 30; by bisection."""
-    low, high = 0.0, 30.0
+    """Speed on a straight course at which the hull resists a total thrust, m/s, at most 30."""
+    half = 0.5 * total_thrust
+    return balance(lambda u: model.accelerations(u, 0.0, 0.0, half, half)[0], 30.0)
+
+
+def balance(push: Callable[[float], Numbers], most: float) -> float:
+    """The least motion, up to a largest, that is no longer accelerated; by bisection."""
+    low, high = 0.0, most
     for _ in range(60):
         middle = 0.5 * (low + high)
-        push = model.accelerations(middle, 0.0, 0.0, 0.5 * total_thrust, 0.5 * total_thrust)[0]
-        low, high = (middle, high) if push > 0.0 else (low, middle)
+        low, high = (middle, high) if push(middle) > 0.0 else (low, middle)
     return low
 
 

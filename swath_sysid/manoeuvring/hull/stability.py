@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, jacobians
-from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, steady_speed, substeps_for
+from swath_sysid.manoeuvring.hull.simulation import balance, states_under, steady_speed, substeps_for
 from swath_sysid.manoeuvring.hull.terms import ADVANCE, DEDUCTION, XU_DOT, M, accelerations
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.motion.trial import STEP
@@ -59,9 +59,7 @@ def straight_speeds(region: Region) -> np.ndarray:
 
 
 def growth_rates(p: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-    """Largest real part of the eigenvalues of small motions about steady straight courses, 1/s, shape (S, K); negative
-    decays. For K candidates with parameters (n, K), at speeds (S,), m/s.
-    """
+    """Largest real part, 1/s, (S, K), of eigenvalues about straight courses at speeds (S,), m/s, of craft (n, K)."""
     count, candidates = speeds.size, p.shape[1]
     columns = np.tile(p, count)
     u = np.repeat(speeds, candidates)
@@ -78,38 +76,15 @@ def growth_rates(p: np.ndarray, speeds: np.ndarray) -> np.ndarray:
 def _largest_excess(model: ManoeuvringModel, region: Region):
     port, starboard = np.meshgrid(*2 * [np.linspace(region.least_input, region.most_input, LEVELS)])
     held = np.abs(starboard - port) <= region.largest_difference * (1.0 + 1e-9)
-    inputs = np.stack([port[held], starboard[held]])
-    thrust = np.array(
-        [[side[-1] for side in acting_thrust(np.full(2, a), np.full(2, b), model.values, STEP)] for a, b in inputs.T]
-    ).T
-    starts = np.array(
-        [
-            [u, v, r]
-            for u in (region.slowest, region.fastest)
-            for v, r in (
-                (0.0, 0.0),
-                (region.largest_sway, region.largest_yaw_rate),
-                (region.largest_sway, -region.largest_yaw_rate),
-            )
-        ]
-    ).T
+    inputs = zip(port[held], starboard[held], strict=True)
+    thrust = np.array([acting_thrust(np.full(2, a), np.full(2, b), model.values, STEP)[:, -1] for a, b in inputs]).T
+    speeds, sway, rate = (region.slowest, region.fastest), region.largest_sway, region.largest_yaw_rate
+    starts = np.array([[u, v, r] for u in speeds for v, r in ((0.0, 0.0), (sway, rate), (sway, -rate))]).T
     state = np.repeat(starts, thrust.shape[1], axis=1)
-    columns = np.tile(thrust, starts.shape[1])
-    steps = int(DURATION / STEP)
-    port, starboard = (np.ascontiguousarray(np.broadcast_to(side, (steps, side.size))) for side in columns)
-    substeps = substeps_for(model, STEP, (region.fastest, 0.0, region.largest_yaw_rate), thrust)
-    with np.errstate(over='ignore', invalid='ignore'):
-        states = runge_kutta_columns(
-            state,
-            port,
-            starboard,
-            UNDISTURBED,
-            np.repeat(model.values[:, None], columns.shape[1], axis=1),
-            STEP,
-            substeps,
-        )
-    limits = _limits(model, region, thrust)
-    share = np.max(np.abs(states), axis=(0, 2)) / limits
+    substeps = substeps_for(model, STEP, (region.fastest, 0.0, rate), np.max(np.abs(thrust)))
+    held_for_long = np.tile(thrust[:, None], (1, int(DURATION / STEP), starts.shape[1]))
+    states = states_under(model.values, state, held_for_long, STEP, substeps)
+    share = np.max(np.abs(states), axis=(0, 2)) / _limits(model, region, thrust)
     return float(np.max(share)) if np.all(np.isfinite(share)) else float('inf')
 
 
@@ -119,15 +94,6 @@ def _limits(model: ManoeuvringModel, region: Region, thrust: np.ndarray):
     speed = max(abs(region.slowest), region.fastest, ahead, 0.1)
     seen = max(region.largest_yaw_rate, 0.05)
     # manoeuvres are shorter than this check: inputs held for long may rightly turn a craft faster than was seen
-    turning = float(np.clip(_steady_yaw_rate(model, float(np.max(np.abs(thrust[1] - thrust[0])))), seen, 2.0 * seen))
-    return np.array([speed, max(region.largest_sway, 0.7 * speed), turning])
-
-
-def _steady_yaw_rate(model: ManoeuvringModel, difference: float):
-    """Yaw rate at which the hull's damping alone resists a difference of the thrusts, rad/s, at most 10."""
-    low, high = 0.0, 10.0
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        push = model.accelerations(0.0, 0.0, middle, -0.5 * difference, 0.5 * difference)[2]
-        low, high = (middle, high) if push > 0.0 else (low, middle)
-    return low
+    half = 0.5 * float(np.max(np.abs(thrust[1] - thrust[0])))
+    turning = balance(lambda r: model.accelerations(0.0, 0.0, r, -half, half)[2], 10.0)
+    return np.array([speed, max(region.largest_sway, 0.7 * speed), float(np.clip(turning, seen, 2.0 * seen))])

@@ -49,10 +49,7 @@ def _inputs(model: ManoeuvringModel, settings: DriveSettings, turn: float = 1.0)
 
 def turning_circle(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Advance, transfer, tactical and steady diameter, m, of a turn after a straight approach."""
-    still = _still(model)
-    base = settings.base * model.largest_input
-    craft = SteeredCraft(still, base)
-    craft.hold(base, base, APPROACH)
+    craft = _approaching(model, settings.base)
     begin = len(craft.manoeuvre().time) - 1
     port, starboard = _inputs(model, settings)
     while abs(craft.heading) < math.radians(720.0) and craft.time < LONGEST:
@@ -62,32 +59,27 @@ def turning_circle(model: ManoeuvringModel, settings: DriveSettings) -> Manoeuvr
     turned = side * (run.heading[begin:] - run.heading[begin])
     ahead, aside = run.x[begin:] - run.x[begin], side * (run.y[begin:] - run.y[begin])
     time = run.time[begin:] - run.time[begin]
-    speed = np.hypot(run.u, run.v)
     last = turned > turned[-1] - 2.0 * math.pi
-    steady = float('nan')
-    if turned[-1] > 3.0 * math.pi:
-        steady = float(2.0 * np.mean(speed[begin:][last]) / np.mean(np.abs(run.yaw_rate[begin:][last])))
+    u, v, rate = (each[begin:][last] for each in (run.u, run.v, run.yaw_rate))
+    speed = float(np.mean(np.hypot(u, v)))
     numbers = {
         'approach_speed_m_s': float(run.u[begin]),
         'advance_m': _when(turned, math.pi / 2, ahead),
         'transfer_m': _when(turned, math.pi / 2, aside),
         'tactical_diameter_m': _when(turned, math.pi, aside),
-        'steady_diameter_m': steady,
+        'steady_diameter_m': 2.0 * speed / float(np.mean(np.abs(rate))) if turned[-1] > 3.0 * math.pi else math.nan,
         'time_to_90deg_s': _when(turned, math.pi / 2, time),
         'time_to_180deg_s': _when(turned, math.pi, time),
-        'steady_speed_m_s': float(np.mean(speed[begin:][last])),
-        'steady_yaw_rate_deg_s': float(np.degrees(np.mean(run.yaw_rate[begin:][last]))),
-        'drift_angle_deg': float(np.degrees(np.mean(np.arctan2(-run.v[begin:][last], run.u[begin:][last])))),
+        'steady_speed_m_s': speed,
+        'steady_yaw_rate_deg_s': float(np.degrees(np.mean(rate))),
+        'drift_angle_deg': float(np.degrees(np.mean(np.arctan2(-v, u)))),
     }
     return ManoeuvringTest('turning-circle', run, numbers, {})
 
 
 def zigzag(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Overshoots, deg, and period, s, of a zig-zag."""
-    still = _still(model)
-    base = settings.base * model.largest_input
-    craft = SteeredCraft(still, base)
-    craft.hold(base, base, APPROACH)
+    craft = _approaching(model, settings.base)
     turn = 1.0
     ends: list[float] = []
     forward = -1.0 if settings.difference > 0 else 1.0
@@ -138,9 +130,7 @@ def speed_test(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringT
 
 def crash_stop(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Distance and time from full ahead to a stop under full astern; the base input is not used."""
-    full = model.largest_input
-    craft = SteeredCraft(_still(model), full)
-    craft.hold(full, full, APPROACH)
+    full, craft = model.largest_input, _approaching(model, 1.0)
     begin = len(craft.manoeuvre().time) - 1
     speed = craft.u
     while craft.u > 0.0 and craft.time < LONGEST:
@@ -180,13 +170,8 @@ def spiral(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     return ManoeuvringTest('spiral', craft.manoeuvre(), numbers, {'difference': difference, 'yaw_rate_deg_s': rates})
 
 
-TESTS = {
-    'turning-circle': turning_circle,
-    'zigzag': zigzag,
-    'speed': speed_test,
-    'crash-stop': crash_stop,
-    'spiral': spiral,
-}
+_TESTS = turning_circle, zigzag, speed_test, crash_stop, spiral
+TESTS = dict(zip(('turning-circle', 'zigzag', 'speed', 'crash-stop', 'spiral'), _TESTS, strict=True))
 
 
 def run_test(name: str, model: ManoeuvringModel, settings: DriveSettings | None = None) -> ManoeuvringTest:
@@ -197,6 +182,13 @@ def run_test(name: str, model: ManoeuvringModel, settings: DriveSettings | None 
 
 def _still(model: ManoeuvringModel):
     return replace(model, current=(0.0, 0.0))
+
+
+def _approaching(model: ManoeuvringModel, share: float):
+    """A craft after a steady approach in still water under a share of the largest input."""
+    craft = SteeredCraft(_still(model), share * model.largest_input)
+    craft.hold(share * model.largest_input, share * model.largest_input, APPROACH)
+    return craft
 
 
 def _hold_until_steady(craft: SteeredCraft, port: float, starboard: float, longest: float = 120.0):

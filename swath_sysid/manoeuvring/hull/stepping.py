@@ -2,16 +2,8 @@
 
 import numpy as np
 
+from swath_sysid.manoeuvring.hull import simulation
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
-from swath_sysid.manoeuvring.hull.simulation import (
-    UNDISTURBED,
-    Manoeuvre,
-    manoeuvre_of,
-    moved,
-    runge_kutta_columns,
-    steady_speed,
-    substeps_for,
-)
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 from swath_sysid.manoeuvring.motion.trial import STEP
 
@@ -23,12 +15,11 @@ class SteeredCraft:
         self.model = model
         self._thrust = ThrustMemory(model.values, first_input)
         push = float(np.sum(self._thrust.advance(-STEP, STEP)))
-        speed = steady_speed(model, push) if push > 0.0 else 0.0
+        speed = simulation.steady_speed(model, push) if push > 0.0 else 0.0
         self._state = np.array([speed, 0.0, 0.0])
         self._pose = np.zeros(3)
         most = max(abs(push), 2.0 * abs(float(thrust_curve(model.largest_input, model.values))))
-        self._substeps = substeps_for(model, STEP, self._state, (np.array([most]), np.array([most])))
-        self._p = model.values[:, None]
+        self._substeps = simulation.substeps_for(model, STEP, self._state, most)
         self._rows = [(*self._state, *self._pose)]
         self._inputs: list[tuple[float, float]] = []
 
@@ -55,12 +46,10 @@ class SteeredCraft:
     def advance(self, port: float, starboard: float) -> None:
         """Hold both inputs over one step."""
         self._thrust.command(self.time, port, starboard)
-        left, right = self._thrust.advance(self.time, STEP)[:, None, None]
-        before = self._state
-        self._state = runge_kutta_columns(before[:, None], left, right, UNDISTURBED, self._p, STEP, self._substeps)[
-            -1, :, 0
-        ]
-        self._pose = self._pose + moved(before, self._state, self._pose[0], STEP, self.model.current)
+        thrust, before = self._thrust.advance(self.time, STEP)[:, None, None], self._state
+        states = simulation.states_under(self.model.values, before[:, None], thrust, STEP, self._substeps)
+        self._state = states[-1, :, 0]
+        self._pose = self._pose + simulation.moved(before, self._state, self._pose[0], STEP, self.model.current)
         self._rows.append((*self._state, *self._pose))
         self._inputs.append((port, starboard))
 
@@ -69,7 +58,7 @@ class SteeredCraft:
         for _ in range(round(duration / STEP)):
             self.advance(port, starboard)
 
-    def manoeuvre(self) -> Manoeuvre:
+    def manoeuvre(self) -> simulation.Manoeuvre:
         """All motion since the start."""
         rows = np.array(self._rows).T
-        return manoeuvre_of(STEP, rows[:3], rows[3:], np.array(self._inputs).T, self.model.current)
+        return simulation.manoeuvre_of(STEP, rows[:3], rows[3:], np.array(self._inputs).T, self.model.current)

@@ -7,20 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import lfilter
 
-from swath_sysid.manoeuvring.hull.terms import (
-    BALANCE,
-    DEAD_BAND,
-    DELAY,
-    EXPONENT,
-    FULL_INPUT,
-    GAIN,
-    LAG,
-    REVERSE_EXPONENT_RATIO,
-    REVERSE_RATIO,
-    Numbers,
-)
+from swath_sysid.manoeuvring.hull import terms
+from swath_sysid.manoeuvring.hull.terms import Numbers
 
-CURVE = (GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, FULL_INPUT, REVERSE_EXPONENT_RATIO)
+_NAMES = 'gain reverse_ratio dead_band exponent full_input reverse_exponent_ratio'
+CURVE = tuple(terms.INDEX[name] for name in _NAMES.split())
 
 
 def thrust_curve(inputs: Numbers | Sequence[float], p: np.ndarray) -> np.ndarray:
@@ -32,10 +23,10 @@ def thrust_curve(inputs: Numbers | Sequence[float], p: np.ndarray) -> np.ndarray
     """
     inputs = np.asarray(inputs)
     astern = inputs < 0.0
-    beyond = np.maximum(np.abs(inputs) / p[FULL_INPUT] - p[DEAD_BAND], 0.0) / (1.0 - p[DEAD_BAND])
-    if p[EXPONENT] != 1.0 or p[REVERSE_EXPONENT_RATIO] != 1.0:
-        beyond = beyond ** (p[EXPONENT] * np.where(astern, p[REVERSE_EXPONENT_RATIO], 1.0))
-    return p[GAIN] * p[FULL_INPUT] * np.where(astern, -p[REVERSE_RATIO], 1.0) * beyond
+    beyond = np.maximum(np.abs(inputs) / p[terms.FULL_INPUT] - p[terms.DEAD_BAND], 0.0) / (1.0 - p[terms.DEAD_BAND])
+    if p[terms.EXPONENT] != 1.0 or p[terms.REVERSE_EXPONENT_RATIO] != 1.0:
+        beyond = beyond ** (p[terms.EXPONENT] * np.where(astern, p[terms.REVERSE_EXPONENT_RATIO], 1.0))
+    return p[terms.GAIN] * p[terms.FULL_INPUT] * np.where(astern, -p[terms.REVERSE_RATIO], 1.0) * beyond
 
 
 def delayed(values: np.ndarray, delay: float, step: float) -> np.ndarray:
@@ -61,13 +52,11 @@ def lagged(values: np.ndarray, lag: float, step: float) -> np.ndarray:
     return values + (state - values) * share
 
 
-def acting_thrust(port: np.ndarray, starboard: np.ndarray, p: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Thrust of both thrusters, N, (N,), mean over each step, s, of inputs (N,) that are held over each step."""
-    left, right = (
-        lagged(delayed(side * thrust_curve(inputs, p), p[DELAY], step), p[LAG], step)
-        for inputs, side in ((port, 1.0 - p[BALANCE]), (starboard, 1.0 + p[BALANCE]))
-    )
-    return left, right
+def acting_thrust(port: np.ndarray, starboard: np.ndarray, p: np.ndarray, step: float) -> np.ndarray:
+    """Thrust of both thrusters, N, (2, N), mean over each step, s, of inputs (N,) that are held over each step."""
+    sides = (port, 1.0 - p[terms.BALANCE]), (starboard, 1.0 + p[terms.BALANCE])
+    held = (side * thrust_curve(inputs, p) for inputs, side in sides)
+    return np.array([lagged(delayed(thrust, p[terms.DELAY], step), p[terms.LAG], step) for thrust in held])
 
 
 class ThrustMemory:
@@ -75,7 +64,7 @@ class ThrustMemory:
 
     def __init__(self, p: np.ndarray, first: float = 0.0):
         self._p = p
-        self._sides = np.array([1.0 - p[BALANCE], 1.0 + p[BALANCE]])
+        self._sides = np.array([1.0 - p[terms.BALANCE], 1.0 + p[terms.BALANCE]])
         self._history = deque([(-math.inf, first, first)])
         self._state: np.ndarray | None = None
 
@@ -104,7 +93,7 @@ class ThrustMemory:
 
     def advance(self, start: float, duration: float) -> np.ndarray:
         """Mean thrust of port and starboard over a step, N, shape (2,)."""
-        begin = start - self._p[DELAY]
+        begin = start - self._p[terms.DELAY]
         end = begin + duration
         while len(self._history) > 1 and self._history[1][0] <= begin:
             self._history.popleft()
@@ -116,7 +105,7 @@ class ThrustMemory:
                 until = since
             if until <= begin:
                 break
-        decay, share = lag_factors(self._p[LAG], duration)
+        decay, share = lag_factors(self._p[terms.LAG], duration)
         before = target if self._state is None else self._state
         self._state = target + (before - target) * decay
         return target + (before - target) * share

@@ -101,11 +101,8 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
     if settings.current == SHARED and 'no heading' in facts:
         raise InputError('a current can be found only where the heading is known: add heading_rad or heading_deg')
     if settings.inertia is not None and 'no lever' in facts:
-        raise InputError(
-            'with a given yaw inertia the yaw rate depends on the lever, half the distance between the '
-            'thrusters: give it too',
-            'lever-assumed',
-        )
+        cause = 'with a given yaw inertia the yaw rate depends on the lever, half the distance between the thrusters'
+        raise InputError(f'{cause}: give it too', 'lever-assumed')
     advice = _advice(runs, settings, facts)
     if not facts & {'X', 'N'}:
         raise InputError('nothing can be identified: ' + '; '.join(a.message for a in advice))
@@ -143,7 +140,7 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
 def seen_region(runs: Sequence[Run]) -> Region:
     """The range of motion and inputs in some runs, without their outermost half percent."""
     surge, sway, rate = (np.concatenate([run.smooth[c] for run in runs]) for c in range(3))
-    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
+    inputs = _inputs(runs)
     difference = np.concatenate([run.starboard - run.port for run in runs])
     return Region(
         slowest=float(np.nanquantile(surge, 0.005)) if np.isfinite(surge).any() else 0.0,
@@ -158,11 +155,10 @@ def seen_region(runs: Sequence[Run]) -> Region:
 
 def _facts(runs: Sequence[Run], settings: ManoeuvringSettings) -> frozenset[str]:
     """What the rules need to know of runs and settings: each fact, or ``no`` and the fact."""
-    speed, sway, rate = _largest_motion(runs)
+    _, sway, rate = _largest_motion(runs)
     total = np.concatenate([run.port + run.starboard for run in runs])
     difference = np.concatenate([run.starboard - run.port for run in runs])
-    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
-    size = max(_largest(total), 1e-12)
+    inputs, size = _inputs(runs), max(_largest(total), 1e-12)
     surges = np.isfinite(np.concatenate([run.smooth[0] for run in runs])).any()
     turns = rate > NO_TURN and _largest(difference) > 0.02 * size
     has_heading = all(run.heading is not None for run in runs)
@@ -232,8 +228,8 @@ _SEARCHED = (
     *_each('Xu Xuu', 'X, any terms'),
     ('Nr', 'N, any terms'),
     *_each('Yv_dot Yv', 'Y, any terms'),
-    *((name, 'one current') for name in CURRENT),
-    *((name, 'current by run, many') for name in CURRENT),
+    *_each(' '.join(CURRENT), 'one current'),
+    *_each(' '.join(CURRENT), 'current by run, many'),
 )
 
 _TENTATIVE = (*_each('lag delay', 'any terms'), ('reverse_ratio', 'any terms, astern'))
@@ -298,8 +294,7 @@ def _stated(runs: Sequence[Run], settings: ManoeuvringSettings, name: str) -> fl
 def _first_guesses(runs: Sequence[Run], settings: ManoeuvringSettings, facts: frozenset[str]) -> dict[str, float]:
     """Known values and first guesses of masses, thrust scale and linear damping, by regression."""
     lever = _stated(runs, settings, 'lever') or WAMV_LEVER
-    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
-    full = 1.0 if 'command' in facts else float(np.max(np.abs(inputs)))
+    full = 1.0 if 'command' in facts else float(np.max(np.abs(_inputs(runs))))
     values = {'lever': lever, 'full_input': full}
     unit = parameter_values(values)
     acting = [acting_thrust(run.port, run.starboard, unit, run.step) for run in runs]
@@ -326,6 +321,10 @@ def _first_guesses(runs: Sequence[Run], settings: ManoeuvringSettings, facts: fr
     return values
 
 
+def _inputs(runs: Sequence[Run]):
+    return np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
+
+
 def _largest_motion(runs: Sequence[Run]) -> tuple[float, float, float]:
     """Largest surge, sway, m/s, and yaw rate, rad/s; zero where not measured."""
     surge, sway, rate = (_largest(np.concatenate([run.smooth[c] for run in runs])) for c in range(3))
@@ -339,9 +338,5 @@ def _largest(values: np.ndarray):
 
 def sensor_noise(runs: Sequence[Run]) -> np.ndarray:
     """White noise of surge, sway and yaw rate, the median of the runs, shape (3,)."""
-    return np.array(
-        [
-            np.median([white_noise(c[np.isfinite(c)]) for c in side])
-            for side in zip(*(r.channels for r in runs), strict=True)
-        ]
-    )
+    by_channel = zip(*(run.channels for run in runs), strict=True)
+    return np.array([np.median([white_noise(c[np.isfinite(c)]) for c in same]) for same in by_channel])

@@ -15,23 +15,10 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
 from swath_sysid.manoeuvring.hull.stability import StabilityCheck, check_stability
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
-from swath_sysid.manoeuvring.identification.assembly import (
-    EQUAL_CURRENTS,
-    Problem,
-    assemble,
-    moving_runs,
-    seen_region,
-    sensor_noise,
-)
+from swath_sysid.manoeuvring.identification import assembly, selection
+from swath_sysid.manoeuvring.identification.assembly import Problem
 from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
-from swath_sysid.manoeuvring.identification.selection import (
-    MADE_STABLE,
-    Fit,
-    at_bound,
-    identified,
-    model_of,
-    shooting_of,
-)
+from swath_sysid.manoeuvring.identification.selection import Fit
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, objective_of_population
 from swath_sysid.manoeuvring.identification.validation import Scores, score
@@ -85,16 +72,9 @@ class ManoeuvringIdentification:
 
     def identified(self, metrics: dict | None = None, provenance: dict | None = None) -> IdentifiedManoeuvringModel:
         """The model with its uncertainty and the noise of its forecasts, intervals not yet calibrated."""
-        return IdentifiedManoeuvringModel(
-            self.model,
-            self.names,
-            self.covariance,
-            self.noise,
-            seen_region(self.identified_on),
-            metrics or {},
-            provenance or {},
-            forecast_noise(self.model, self.identified_on),
-        )
+        measured = self.model, self.names, self.covariance, self.noise, assembly.seen_region(self.identified_on)
+        forecast = forecast_noise(self.model, self.identified_on)
+        return IdentifiedManoeuvringModel(*measured, metrics or {}, provenance or {}, forecast)
 
 
 def identify_manoeuvring(
@@ -142,15 +122,15 @@ def identify_manoeuvring(
             raise Cancelled
 
     note(0.0)
-    kept, advice = moving_runs(runs)
+    kept, advice = assembly.moving_runs(runs)
     if validation is None:
         kept, held_out = split(kept)
     else:
-        held_out, more = moving_runs(validation) if len(validation) else ((), ())
+        held_out, more = assembly.moving_runs(validation) if len(validation) else ((), ())
         advice += more
-    problem = assemble(kept, settings)
+    problem = assembly.assemble(kept, settings)
     start = _searched(problem, settings, lambda share: note(0.05 + 0.3 * share))
-    problem, found = identified(problem, start, settings.window, settings.terms is None, note)
+    problem, found = selection.identified(problem, start, settings.window, settings.terms is None, note)
     outcome = _outcome(problem, found, held_out, settings)
     note(1.0)
     return replace(outcome, advice=advice + outcome.advice)
@@ -160,50 +140,35 @@ def _outcome(
     problem: Problem, found: Fit, held_out: tuple[Run, ...], settings: ManoeuvringSettings
 ) -> ManoeuvringIdentification:
     """What a fit says, with its scores and warnings."""
-    runs, model = problem.runs, model_of(problem, found.names, found.values)
+    runs, model = problem.runs, selection.model_of(problem, found.names, found.values)
     stability = check_stability(model, problem.region)
-    currents = _distinct_currents(model, model.current + found.shooting.hidden.drift.T)
+    currents = model.current + found.shooting.hidden.drift.T
+    if np.max(np.hypot(*(currents - model.current).T), initial=0.0) <= assembly.EQUAL_CURRENTS:
+        currents = np.tile(model.current, (len(currents), 1))
     scores = score(model, runs, settings.window, currents)
     # nothing is fitted to the runs held out, not even their current
     validated = score(model, held_out, settings.window) if held_out else None
     speed = np.nanmedian(np.concatenate([np.abs(run.smooth[0]) for run in runs])) if 'Xu' in found.names else 1.0
     units = PrimeUnits(problem.length, float(max(speed, 0.05)))
     derivatives, more = _derivatives(problem, found, units)
-    removed = ', '.join(name for name, reason in found.rejected.items() if reason == MADE_STABLE)
+    advice = [*(a for run in (*runs, *held_out) for a in run.advice), *problem.advice, *more]
+    removed = ', '.join(name for name, reason in found.rejected.items() if reason == selection.MADE_STABLE)
+    if removed:
+        advice.append(Advice.of('made-stable', removed=removed))
+    if np.any(currents != model.current):
+        strengths = np.hypot(*currents.T)
+        advice.append(Advice.of('current-by-run', least=strengths.min(), most=strengths.max()))
+    advice += _verdicts(stability, problem.largest_growth < 0.0, scores, validated, assembly.sensor_noise(runs))
     assumed = (*(n for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names), *problem.assumed, *settings.fixed)
-    return ManoeuvringIdentification(
-        model,
-        found.names,
-        found.values,
-        found.covariance.matrix,
-        derivatives,
-        {name: model[name] for name in assumed},
-        units,
-        problem.noise,
-        scores,
-        validated,
-        runs,
-        held_out,
-        stability,
-        found.rejected,
-        currents,
-        found.covariance.effective_samples,
-        found.evaluations,
-        (
-            *(a for run in (*runs, *held_out) for a in run.advice),
-            *problem.advice,
-            *more,
-            *((Advice.of('made-stable', removed=removed),) if removed else ()),
-            *_drifts(model, currents),
-            *_verdicts(stability, problem.largest_growth < 0.0, scores, validated, sensor_noise(runs)),
-        ),
-    )
+    fixed = {name: model[name] for name in assumed}
+    fitted = model, found.names, found.values, found.covariance.matrix, derivatives, fixed, units, problem.noise
+    tested = scores, validated, runs, held_out, stability, found.rejected, currents
+    counts = found.covariance.effective_samples, found.evaluations
+    return ManoeuvringIdentification(*fitted, *tested, *counts, tuple(advice))
 
 
 def split(runs: Sequence[Run], share: float = 1.0 / 3.0) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
-    """Runs to identify from, and runs held out, whose motion the others still cover; none is held out of fewer than
-    three.
-    """
+    """Runs to identify from, and runs held out, whose motion the others cover; none is held out of fewer than three."""
     if len(runs) < 3:
         return tuple(runs), ()
     kept = list(range(len(runs)))
@@ -243,7 +208,7 @@ def _searched(problem: Problem, settings: ManoeuvringSettings, note: Callable[[f
     reach = np.maximum(2.0 * np.abs(start), 0.5 * unknowns.units)
     low, high = np.maximum(start - reach, unknowns.lower), np.minimum(start + reach, unknowns.upper)
     budget = GeneticSettings(generations=settings.generations, population=settings.population, patience=5)
-    shooting = shooting_of(problem, settings.window)
+    shooting = selection.shooting_of(problem, settings.window)
     search = GeneticSearch(low, high, budget, settings.seed, [start])
     while not search.should_stop():
         search.tell(objective_of_population(shooting, search.ask()))
@@ -258,7 +223,8 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
     advice = []
 
     def warn(key: str, names: tuple[str, ...], **data: object):
-        advice.append(Advice.of(key, name=names[-1], runs=_separating(*names), **data))
+        runs = ' and '.join(dict.fromkeys(PARAMETERS[INDEX[n]].separated_by for n in names if n in INDEX))
+        advice.append(Advice.of(key, name=names[-1], runs=runs or 'runs in opposite directions', **data))
         for name in names:
             flags[name].append(advice[-1].code)
 
@@ -271,7 +237,7 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
         if name in CURRENT:
             continue
         parameter = PARAMETERS[INDEX[name]]
-        if at_bound(problem, name, value):
+        if selection.at_bound(problem, name, value):
             warn('at-bound', (name,), value=value)
         if not error < UNCERTAIN * max(abs(value), 0.1 * problem.scales.unit(name)):
             warn('uncertain', (name,), value=value, std=error)
@@ -279,28 +245,7 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
             warn('strange-inertia', (name,), apparent=mass - value, mass=mass)
         prime = float(units.to_prime(name, value)) if parameter.kind in HULL else None
         derivatives[name] = Derivative(value, error, prime, parameter.unit, tuple(dict.fromkeys(flags[name])))
-    return derivatives, tuple(advice)
-
-
-def _distinct_currents(model: ManoeuvringModel, currents: np.ndarray):
-    """The currents of the runs, or of the model for all where they hardly differ."""
-    if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > EQUAL_CURRENTS:
-        return currents
-    return np.tile(model.current, (len(currents), 1))
-
-
-def _drifts(model: ManoeuvringModel, currents: np.ndarray):
-    """Advice that each run has its own current."""
-    if np.all(currents == model.current):
-        return ()
-    strength = np.hypot(*currents.T)
-    return (Advice.of('current-by-run', least=strength.min(), most=strength.max()),)
-
-
-def _separating(*names: str):
-    """The manoeuvre that would separate terms."""
-    found = dict.fromkeys(PARAMETERS[INDEX[n]].separated_by for n in names if n in INDEX)
-    return ' and '.join(found) or 'runs in opposite directions'
+    return derivatives, advice
 
 
 def _verdicts(
@@ -309,14 +254,8 @@ def _verdicts(
     """Advice on stability and on the fit of the simulations."""
     advice = []
     if not (keeps_course or stability.stable) and stability.bounded:
-        advice.append(
-            Advice.of(
-                'course-unstable',
-                speed=stability.unstable_speed,
-                growth=stability.largest_growth,
-                time=3.0 / stability.largest_growth,
-            )
-        )
+        growth = stability.largest_growth
+        advice.append(Advice.of('course-unstable', speed=stability.unstable_speed, growth=growth, time=3.0 / growth))
     elif not stability.stable:
         where = '' if np.isnan(stability.unstable_speed) else f' (at {stability.unstable_speed:.2f} m/s)'
         advice.append(Advice.of('unstable', where=where))
@@ -332,4 +271,4 @@ def _verdicts(
         ]
         if low:
             advice.append(Advice.of('poor-simulation', label=label, channels=', '.join(low)))
-    return tuple(advice)
+    return advice

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -87,11 +88,10 @@ def pieces(run: Run) -> list[Run]:
     breaks = places[1:][np.diff(places) * run.step > LONGEST_GAP]
     edges = [places[0], *breaks, places[-1] + 1]
     found: list[Run] = []
-    for begin, end in zip(edges, edges[1:], strict=False):
+    for begin, end in pairwise(edges):
         last = places[places < end][-1] + 1
         count = max(1, round((last - begin) * run.step / PIECE))
-        bounds = np.linspace(begin, last, count + 1).astype(int)
-        for a, b in zip(bounds, bounds[1:], strict=False):
+        for a, b in pairwise(np.linspace(begin, last, count + 1).astype(int)):
             found.append(_part(run, slice(a, b), len(found)))
     return [part for part in found if part.duration >= 0.25 * PIECE]
 
@@ -122,8 +122,7 @@ class ManoeuvreRefitter:
     def __init__(
         self, model: IdentifiedManoeuvringModel | None = None, history: Sequence[IdentifiedManoeuvringModel] = ()
     ):
-        self.model = model
-        self._history = past_of(history)
+        self.model, self._history = model, past_of(history)
 
     def take(self, outcome: ManoeuvreRefitOutcome) -> bool:
         """Accept a refit that found a better model; whether it did."""

@@ -10,15 +10,8 @@ from swath_sysid.common.covariance import ParameterCovariance, sandwich_covarian
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
+from swath_sysid.manoeuvring.identification import held_out
 from swath_sysid.manoeuvring.identification.assembly import EQUAL_CURRENTS, Problem
-from swath_sysid.manoeuvring.identification.held_out import (
-    MIN_GAIN,
-    covariance_over_runs,
-    held_out_costs,
-    helps,
-    values_without_each_part,
-    with_variances_of_at_least,
-)
 from swath_sysid.manoeuvring.identification.shooting import (
     CURRENT,
     MIN_DECAY,
@@ -83,15 +76,13 @@ class Fit:
     @cached_property
     def held_out(self) -> np.ndarray:
         """Misfit of each run under the values fitted without it, shape (K,)."""
-        return held_out_costs(self.shooting, self.without_each_part)
+        return held_out.held_out_costs(self.shooting, self.without_each_part)
 
 
 def identified(
     problem: Problem, start: np.ndarray, window: float, any_terms: bool, note: Callable[[float], object]
 ) -> tuple[Problem, Fit]:
-    """The problem, noise and growth as found, and the fit of the terms worth having, from values (n,) of the unknowns
-    that are always searched; ``any_terms`` may end at no bound.
-    """
+    """The problem, noise and growth as found, and the fit of the terms worth having; ``any_terms`` end at no bound."""
     names = (*problem.free, *problem.tentative)
     values = np.concatenate([start, problem.start(problem.tentative)])
     now = first_fit(problem, shooting_of(problem, window), names, values)
@@ -127,13 +118,9 @@ def model_of(problem: Problem, names: Sequence[str], values: np.ndarray) -> Mano
 def shooting_of(problem: Problem, window: float) -> Shooting:
     """Multiple shooting over the runs of a problem, with its always-free unknowns."""
     windows = cut(problem.runs, window)
-    return in_problem(
-        Shooting(
-            windows, problem.base, problem.unknowns(()), problem.noise, problem.scales.speed, Hidden.measured(windows)
-        ),
-        problem,
-        problem.free,
-    )
+    unknowns, hidden = problem.unknowns(()), Hidden.measured(windows)
+    bare = Shooting(windows, problem.base, unknowns, problem.noise, problem.scales.speed, hidden)
+    return in_problem(bare, problem, problem.free)
 
 
 def in_problem(shooting: Shooting, problem: Problem, names: Sequence[str]) -> Shooting:
@@ -159,36 +146,28 @@ def fit(problem: Problem, shooting: Shooting, names: Sequence[str], values: np.n
         evaluations += found.evaluations
         shooting = weighed(found.shooting, values)
     found = refine(shooting, values, max_evaluations=8)
-    return replace(
-        fit_at(problem, found.shooting, found.values, found.cost), evaluations=evaluations + found.evaluations
-    )
+    evaluations += found.evaluations
+    return replace(fit_at(problem, found.shooting, found.values, found.cost), evaluations=evaluations)
 
 
 def fit_at(problem: Problem, shooting: Shooting, values: np.ndarray, cost: float) -> Fit:
-    """The fit at some values of the unknowns of a shooting, with the covariance by the autocorrelation of the residuals
-    and the scatter of the runs, regularisation left out.
-    """
+    """The fit at some values, its covariance by the autocorrelation of residuals and the scatter of the runs."""
     names = shooting.unknowns.names
     linear = projected(shooting, values, shooting.hidden)[:2]
-    without = values_without_each_part(shooting, values, by_part(shooting, *linear))
+    without = held_out.values_without_each_part(shooting, values, by_part(shooting, *linear))
     left, jacobians = by_channel(shooting, *linear)
     covariance = sandwich_covariance(left, jacobians, MEMORY)
-    return Fit(
-        names,
-        values,
-        cost,
-        shooting,
-        replace(covariance, matrix=covariance_over_runs(without, covariance.matrix)),
-        _is_stable(problem, names, values),
-        without,
-        _inflation(np.concatenate(left), covariance),
-    )
+    check = check_stability(model_of(problem, names, values), problem.region)
+    stable = check.bounded and check.largest_growth < max(problem.largest_growth, 0.0)
+    every = np.clip(np.nan_to_num(np.concatenate(left), nan=1e3), -1e3, 1e3)
+    inflation = max(every.size / max(covariance.effective_samples, 1.0) * float(np.mean(every**2)), 1e-9)
+    covariance = replace(covariance, matrix=held_out.covariance_over_runs(without, covariance.matrix))
+    return Fit(names, values, cost, shooting, covariance, stable, without, inflation)
 
 
 def first_fit(problem: Problem, shooting: Shooting, names: Sequence[str], values: np.ndarray) -> Fit:
-    """The best on runs held out of several starts: few terms, the usual hull terms, or all usual ones with fast or slow
-    sway. Without the usual terms a marginally course-stable hull looks like a much heavier one, and adding them one by
-    one does not lead away from it.
+    """The best on runs held out of several starts. Without the usual terms a marginally course-stable hull looks like
+    a much heavier one, and adding them one by one does not lead away from it.
     """
     found = [fit(problem, shooting, names, values)]
     exchanged = _exchanged(found[0], values)
@@ -205,9 +184,7 @@ def first_fit(problem: Problem, shooting: Shooting, names: Sequence[str], values
 
 
 def _exchanged(found: Fit, start: np.ndarray):
-    """The start with thruster lag and yaw time constant of the hull swapped, where a fit has the lag longer, else None.
-    Yaw responds to the thrusters through both alike.
-    """
+    """The start with thruster lag and yaw time constant swapped where a fit has the lag longer: yaw responds alike."""
     value = dict(zip(found.names, found.values, strict=True))
     if not {'lag', 'Iz', 'Nr'} <= set(value) or value['lag'] <= value['Iz'] / -value['Nr']:
         return None
@@ -224,9 +201,7 @@ def _best(found: Sequence[Fit]):
 def off_course(
     problem: Problem, window: float, names: Sequence[str], values: np.ndarray, kept: Fit
 ) -> tuple[Problem, Fit]:
-    """The problem and fit of a course-unstable craft where its runs show one, else those given. A fit close to the
-    limit of stable courses competes with the best fit, from ``names`` and ``values`` (n,), that is nearly free of it.
-    """
+    """The problem and fit of a course-unstable craft where its runs show one, else those given."""
     growth = check_stability(model_of(problem, kept.names, kept.values), problem.region).largest_growth
     if growth < -PRESSED * MIN_DECAY:
         return problem, kept
@@ -239,9 +214,7 @@ def off_course(
 
 
 def with_noise(problem: Problem, found: Fit) -> Problem:
-    """The problem with the residual noise of a fit, at least `NOISE_FLOOR` of the motion; unmeasured channels keep
-    theirs.
-    """
+    """The problem with the residual noise of a fit, at least `NOISE_FLOOR` of the motion; what is unmeasured stays."""
     residual = channel_residuals(found.shooting, found.values)
     motion = [problem.scales.speed, 0.3 * problem.scales.speed, problem.scales.yaw_rate]
     noise = []
@@ -304,7 +277,7 @@ def _against(names: Sequence[str], more: Fit, fewer: Fit) -> str:
     if gain * 2.0 / more.inflation < 0.5 * _threshold(more, len(names)):
         return NO_GAIN
     of_thrust = all(n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in names)
-    if (of_thrust and gain > MIN_GAIN * misfit) or helps(more.held_out, fewer.held_out):
+    if (of_thrust and gain > held_out.MIN_GAIN * misfit) or held_out.helps(more.held_out, fewer.held_out):
         return ''
     return NOT_HELD_OUT
 
@@ -320,19 +293,14 @@ def pruned(problem: Problem, found: Fit, rule: Callable[[Problem, Fit], tuple[li
         if not places:
             return problem, found
         name = found.names[places[0]]
-        fewer, tried = _fit_without(problem, found, places[0])
+        others = tuple(each for each in found.names if each != name)
+        fewer = without(problem, (name,))
+        tried = fit(fewer, found.shooting, others, np.delete(found.values, places[0]), rounds=1)
         why = reason or ('' if found.stable and not tried.stable else _against((name,), found, tried))
         if why:
             problem, found = fewer, replace(tried, rejected={**found.rejected, name: why})
         else:
             kept.add(name)
-
-
-def _fit_without(problem: Problem, found: Fit, k: int):
-    """Problem and fit without the k-th unknown."""
-    problem = without(problem, found.names[k : k + 1])
-    names = (*found.names[:k], *found.names[k + 1 :])
-    return problem, fit(problem, found.shooting, names, np.delete(found.values, k), rounds=1)
 
 
 def _weak(problem: Problem, found: Fit):
@@ -369,11 +337,9 @@ def with_refused(problem: Problem, found: Fit) -> Fit:
     ]
     if not shifts:
         return found
-    variance = np.diag(found.covariance.matrix) + np.max(np.square(shifts), axis=0)
-    return replace(
-        found,
-        covariance=replace(found.covariance, matrix=with_variances_of_at_least(found.covariance.matrix, variance)),
-    )
+    matrix = found.covariance.matrix
+    wider = held_out.with_variances_of_at_least(matrix, np.diag(matrix) + np.max(np.square(shifts), axis=0))
+    return replace(found, covariance=replace(found.covariance, matrix=wider))
 
 
 def _offers(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
@@ -416,11 +382,6 @@ def _threshold(found: Fit, count: int):
     return count * (np.log(max(found.covariance.effective_samples, 10.0)) + MARGIN)
 
 
-def _inflation(residuals: np.ndarray, covariance: ParameterCovariance):
-    excess = float(np.mean(np.clip(np.nan_to_num(residuals, nan=1e3), -1e3, 1e3) ** 2))
-    return max(residuals.size / max(covariance.effective_samples, 1.0) * excess, 1e-9)
-
-
 def _gain(more: Fit, fewer: Fit):
     """Misfit that more terms explain in all runs, and the misfit without them."""
     misfit = refine(fewer.shooting, fewer.values, max_evaluations=6).cost
@@ -438,15 +399,8 @@ def at_bound(problem: Problem, name: str, value: float) -> bool:
 
 
 def without(problem: Problem, names: Sequence[str]) -> Problem:
-    """The problem with the first guesses of some unknowns at their neutral values, or at the ends of their ranges next
-    to these: some linear damping always stays.
-    """
+    """The problem with first guesses neutral, or at the end of their range next to that: some damping always stays."""
     base = problem.base.copy()
     for name in set(names) & set(INDEX):
         base[INDEX[name]] = np.clip(NEUTRAL[INDEX[name]], *problem.scales.bounds(name))
     return replace(problem, base=base)
-
-
-def _is_stable(problem: Problem, names: Sequence[str], values: np.ndarray):
-    found = check_stability(model_of(problem, names, values), problem.region)
-    return found.bounded and found.largest_growth < max(problem.largest_growth, 0.0)

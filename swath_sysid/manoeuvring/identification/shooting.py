@@ -105,9 +105,7 @@ class Shooting:
 
     @cached_property
     def state_spread(self) -> np.ndarray:
-        """Prior standard deviation of the initial states, (3, W); wide, since current and compass stand between them
-        and what is recorded.
-        """
+        """Prior deviation of the initial states, (3, W); wide, as current and compass come before what is recorded."""
         unknown = np.array([self.speed, SWAY_SHARE * self.speed, 0.3])[:, None]
         return np.where(np.isfinite(self.windows.initial), 10.0 * self.noise[:, None], unknown)
 
@@ -136,17 +134,11 @@ class Shooting:
 def simulate(shooting: Shooting, columns: np.ndarray, states: np.ndarray) -> np.ndarray:
     """States (S + 1, 3, K, W) of K copies of all windows with parameters (n, K), from (3, K, W)."""
     copies, count, parts = columns.shape[1], shooting.windows.count, shooting.parts
-    thrust = np.stack([_thrust(shooting, column) for column in columns.T], axis=2)
+    thrust = np.stack([_thrust(shooting, column) for column in columns.T], axis=2).reshape(2, -1, copies * count)
+    start, p = np.ascontiguousarray(states.reshape(3, -1)), np.repeat(columns, count, axis=1)
+    step, substeps = shooting.windows.step / parts, _substeps(shooting, columns[:, :1])
     with np.errstate(over='ignore', invalid='ignore'):
-        found = runge_kutta_columns(
-            np.ascontiguousarray(states.reshape(3, -1)),
-            thrust[0].reshape(-1, copies * count),
-            thrust[1].reshape(-1, copies * count),
-            UNDISTURBED,
-            np.repeat(columns, count, axis=1),
-            shooting.windows.step / parts,
-            _substeps(shooting, columns[:, :1]),
-        )
+        found = runge_kutta_columns(start, thrust, UNDISTURBED, p, step, substeps)
     return found[::parts].reshape(-1, 3, copies, count)
 
 
@@ -156,12 +148,9 @@ def _thrust(shooting: Shooting, p: np.ndarray):
     if key not in shooting.thrusts:
         if len(shooting.thrusts) > 100:
             shooting.thrusts.clear()
-        acting = [
-            acting_thrust(np.repeat(run.port, parts), np.repeat(run.starboard, parts), p, run.step / parts)
-            for run in shooting.windows.runs
-        ]
-        sides = zip(*acting, strict=True)
-        shooting.thrusts[key] = np.stack([shooting.windows.gather(side, parts) for side in sides])
+        sides = ((np.repeat(run.port, parts), np.repeat(run.starboard, parts)) for run in shooting.windows.runs)
+        acting = [acting_thrust(*side, p, shooting.windows.step / parts) for side in sides]
+        shooting.thrusts[key] = np.stack([shooting.windows.gather(side, parts) for side in zip(*acting, strict=True)])
     return shooting.thrusts[key]
 
 
@@ -175,9 +164,7 @@ def _substeps(shooting: Shooting, p: np.ndarray):
 def misses(
     shooting: Shooting, columns: np.ndarray, currents: np.ndarray, states: np.ndarray, drift: np.ndarray
 ) -> np.ndarray:
-    """Simulated less measured over the noise, shape (K, 3, S + 1, W), zero where nothing was measured. Of K candidates
-    with parameters (n, K), currents (2, K), initial states (3, K, W) and drifts of the runs, (2, R).
-    """
+    """Simulated less measured over the noise, (K, 3, S + 1, W), zero where nothing was measured, of K candidates."""
     water = currents[:, :, None] + (drift @ shooting.member)[:, None]
     with np.errstate(over='ignore', invalid='ignore'):
         u, v, r = np.moveaxis(simulate(shooting, columns, states), 1, 0)
@@ -189,9 +176,7 @@ def misses(
 def linearised(
     shooting: Shooting, values: np.ndarray, hidden: Hidden, by_unknowns: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Weighted residuals (3, S + 1, W), and their derivatives by the initial states, (3, 3, S + 1, W), and where asked
-    by the unknowns, (n, 3, S + 1, W), else (0, ...).
-    """
+    """Weighted residuals (3, S + 1, W), and derivatives by initial states, (3, ...), and unknowns, (n or 0, ...)."""
     unknowns, count = shooting.unknowns, values.size if by_unknowns else 0
     steps = PERTURBATION * unknowns.units[:count]
     # from the side of the range that is open
@@ -255,9 +240,7 @@ class Elimination:
         return np.linalg.inv(matrix + np.eye(2) / self.shooting.drift_spread**2)
 
     def best(self, rows: np.ndarray, pulls: tuple = (0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
-        """Moves of the initial states, (n, 3, W), and drifts, (n, 2, R), that minimise rows (n, 3, S + 1, W), priors
-        included; ``pulls`` are the residuals of these priors.
-        """
+        """Moves of states, (n, 3, W), and drifts, (n, 2, R), that minimise rows and priors with residuals ``pulls``."""
         shooting, (state_pull, drift_pull) = self.shooting, pulls
         moves = self.states_for(rows, state_pull)
         if not shooting.drift_spread:
@@ -308,9 +291,7 @@ def residuals(shooting: Shooting, values: np.ndarray, hidden: Hidden) -> tuple[n
 
 
 def projected(shooting: Shooting, values: np.ndarray, hidden: Hidden) -> tuple[np.ndarray, np.ndarray, list]:
-    """Weighted residuals (3, S + 1, W), their Jacobian (n, 3, S + 1, W) with initial states and drifts eliminated, and
-    that of the priors of these.
-    """
+    """Weighted residuals, their Jacobian (n, 3, S + 1, W) with states and drifts eliminated, and that of the priors."""
     residual, slopes, rows = linearised(shooting, values, hidden, by_unknowns=True)
     solver = Elimination(shooting, slopes)
     best = solver.best(rows)
@@ -361,15 +342,8 @@ def refine(shooting: Shooting, values: np.ndarray, max_evaluations: int = 20) ->
         found = jacobian(shooting, x * units, hidden) * units
         return np.clip(np.nan_to_num(found, posinf=0.0, neginf=0.0), -1e9, 1e9)
 
-    found = minimise(
-        scaled_residuals,
-        scaled_jacobian,
-        values / units,
-        lower / units,
-        upper / units,
-        shooting.hidden,
-        max_evaluations,
-    )
+    bounds = lower / units, upper / units
+    found = minimise(scaled_residuals, scaled_jacobian, values / units, *bounds, shooting.hidden, max_evaluations)
     return ShootingFit(found.x * units, found.cost, found.evaluations, replace(shooting, hidden=found.aside))
 
 
@@ -414,18 +388,12 @@ def by_part(shooting: Shooting, residual: np.ndarray, slopes: np.ndarray) -> lis
 
 
 def free_run_residuals(shooting: Shooting, values_by_part: np.ndarray) -> np.ndarray:
-    """Residuals over the noise, (3, S + 1, W), of free runs from the measured states without drifts, each part with its
-    own values of (K, n).
-    """
+    """Residuals over the noise, (3, S + 1, W), of free runs without drifts, each part with its own values (K, n)."""
     columns, currents = shooting.parameters(values_by_part)
     windows, water = shooting.windows, currents[:, :, None]
     surge, sway, rate = windows.initial
-    start = np.stack(
-        [
-            *through_water(surge, sway, rate, windows.heading[0], water, columns[:, :, None]),
-            np.repeat(rate[None], len(values_by_part), axis=0),
-        ]
-    )
+    speeds = through_water(surge, sway, rate, windows.heading[0], water, columns[:, :, None])
+    start = np.stack([*speeds, np.repeat(rate[None], len(values_by_part), axis=0)])
     start = np.where(np.isfinite(start), start, shooting.hidden.states[:, None])
     found = misses(shooting, columns, currents, start, np.zeros_like(shooting.hidden.drift))
     return np.moveaxis(found[shooting.part_of_window, :, :, np.arange(windows.count)], 0, 2)

@@ -13,7 +13,7 @@ from swath_sysid.manoeuvring.motion.trial import Run
 
 SPAN = 1.0  #: s.
 
-Thrusts = Sequence[tuple[np.ndarray, np.ndarray]]  #: Acting thrust of port and starboard, N, of each run.
+Thrusts = Sequence[np.ndarray]  #: Acting thrust of port and starboard, N, of each run.
 
 
 def _regressed(runs: Sequence[Run], thrusts: Thrusts, series: Callable, signs: Sequence[int]) -> np.ndarray:

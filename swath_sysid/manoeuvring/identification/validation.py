@@ -5,15 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.manoeuvring.hull.measurement import (
-    deviation,
-    recorded_heading,
-    recorded_position,
-    recorded_speeds,
-    through_water,
-)
+from swath_sysid.manoeuvring.hull import measurement
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
-from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, substeps_for, track
+from swath_sysid.manoeuvring.hull.simulation import states_under, substeps_for, track
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.windows import LENGTH, Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
@@ -52,30 +46,24 @@ def simulate_windows(
     length: float = LENGTH,
     currents: np.ndarray | None = None,
 ) -> Simulated:
-    """Simulate every window of some runs, under currents (R, 2), m/s, or the model's, from its smoothed initial state;
-    an unmeasured sway starts from zero.
-    """
+    """Every window of some runs under currents (R, 2), m/s, or the model's; an unmeasured sway starts from zero."""
     windows = cut(runs, length)
     currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)
     current = currents[windows.run_index].T
     acting = [acting_thrust(run.port, run.starboard, model.values, run.step) for run in runs]
-    port, starboard = (windows.gather([a[side] for a in acting]) for side in (0, 1))
+    thrust = np.stack([windows.gather([a[side] for a in acting]) for side in (0, 1)])
     heading = windows.heading
     p = model.values
     surge, sway, rate = windows.initial
-    state = np.stack([*through_water(surge, sway, rate, heading[0], current, p), rate])
-    state = np.nan_to_num(state)
-    substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), (port, starboard))
+    state = np.nan_to_num(np.stack([*measurement.through_water(surge, sway, rate, heading[0], current, p), rate]))
+    substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), np.max(np.abs(thrust)))
     with np.errstate(over='ignore', invalid='ignore'):
-        columns = np.repeat(model.values[:, None], windows.count, axis=1)
-        states = runge_kutta_columns(state, port, starboard, UNDISTURBED, columns, windows.step, substeps)
-        u, v, r = np.moveaxis(states, 1, 0)
-        psi, x, y = track(
-            u, v, r, windows.step, heading[0] - deviation(heading[0], p), np.zeros((2, windows.count)), current
-        )
-        compass = recorded_heading(psi, p)
-        recorded = np.stack([*recorded_speeds(u, v, r, compass, current, p), r], axis=1)
-        place = np.stack(recorded_position(x, y, psi, p))
+        u, v, r = np.moveaxis(states_under(p, state, thrust, windows.step, substeps), 1, 0)
+        course, nowhere = heading[0] - measurement.deviation(heading[0], p), np.zeros((2, windows.count))
+        psi, x, y = track((u, v, r), windows.step, course, nowhere, current)
+        compass = measurement.recorded_heading(psi, p)
+        recorded = np.stack([*measurement.recorded_speeds(u, v, r, compass, current, p), r], axis=1)
+        place = np.stack(measurement.recorded_position(x, y, psi, p))
         start = np.stack([_at_start(windows, name) for name in ('x', 'y')])
         x, y = place - place[:, :1] + start[:, None]
     behind = np.arange(len(psi))[:, None] > windows.steps
@@ -144,7 +132,7 @@ def _reference_track(run: Run):
     if surge is None:
         return heading, None, None
     side = np.zeros_like(surge) if sway is None else sway
-    _, x, y = track(surge, side, np.gradient(heading, run.step), run.step, heading[0], (0.0, 0.0), (0.0, 0.0))
+    _, x, y = track((surge, side, np.gradient(heading, run.step)), run.step, heading[0], (0.0, 0.0), (0.0, 0.0))
     return heading, x, y
 
 
@@ -163,9 +151,5 @@ def _diverged(found: Simulated):
 
 def _at_start(windows: Windows, name: str):
     series = [getattr(run, name) for run in windows.runs]
-    return np.array(
-        [
-            0.0 if series[run] is None else series[run][start]
-            for run, start in zip(windows.run_index, windows.start, strict=True)
-        ]
-    )
+    starts = zip(windows.run_index, windows.start, strict=True)
+    return np.array([0.0 if series[run] is None else series[run][start] for run, start in starts])

@@ -32,9 +32,7 @@ class Windows:
         return self.start.size
 
     def gather(self, series: Sequence[np.ndarray], parts: int = 1) -> np.ndarray:
-        """Values over the parts of the steps of each window, shape (S parts, W), of one series per run; the last value
-        is held.
-        """
+        """One series per run over the parts of the steps of each window, (S parts, W); the last value is held."""
         longest = parts * int(self.steps.max())
         found = np.zeros((longest, self.count))
         places = zip(self.run_index, parts * self.start, parts * self.steps, strict=True)
@@ -45,9 +43,7 @@ class Windows:
 
 
 def cut(runs: Sequence[Run], length: float = LENGTH) -> Windows:
-    """Cut runs of equal step into windows of at most ``length`` and at least `SETTLING` s, none across a gap in the
-    thrust or within `SETTLED` s after one.
-    """
+    """Windows of `SETTLING` s up to ``length``, none across a gap in the thrust or within `SETTLED` s after one."""
     step = runs[0].step
     if any(abs(run.step - step) > 1e-9 for run in runs):
         raise InputError('the runs differ in sample interval: prepare them with one step')
@@ -63,10 +59,8 @@ def cut(runs: Sequence[Run], length: float = LENGTH) -> Windows:
     if not places:
         raise InputError(f'no run holds {SETTLING:.0f} s of motion with known thrust: record longer runs')
     run_index, start, steps = np.array(places).T
-    longest = int(steps.max())
-    measured = np.full((3, longest + 1, len(places)), np.nan)
-    heading = np.zeros((longest + 1, len(places)))
-    initial = np.empty((3, len(places)))
+    shape = int(steps.max()) + 1, len(places)
+    measured, heading, initial = np.full((3, *shape), np.nan), np.zeros(shape), np.empty((3, len(places)))
     for w, (index, begin, count) in enumerate(places):
         run = runs[index]
         span = slice(begin, begin + count + 1)

@@ -54,7 +54,6 @@ def _in_order(trial: ManoeuvringTrial, advice: list[Advice]):
 
 
 def _without_absurd(trial: ManoeuvringTrial, advice: list[Advice]):
-    names = list(trial.measured())
     for name, values in trial.measured().items():
         with np.errstate(invalid='ignore'):
             bad = ~(np.abs(values) <= ABSURD[name])
@@ -62,17 +61,14 @@ def _without_absurd(trial: ManoeuvringTrial, advice: list[Advice]):
             trial = _with(trial, name, None)
             advice.append(Advice.of('empty-channel: run', source=trial.source, name=name))
             continue
-        wild = bad & np.isfinite(values)
-        if wild.any():
-            advice.append(
-                Advice.of(
-                    'absurd-values: run', source=trial.source, number=int(wild.sum()), name=name, limit=ABSURD[name]
-                )
-            )
+        wild = int(np.sum(bad & np.isfinite(values)))
+        if wild:
+            seen = {'source': trial.source, 'number': wild, 'name': name, 'limit': ABSURD[name]}
+            advice.append(Advice.of('absurd-values: run', **seen))
         trial = _with(trial, name, np.where(bad, np.nan, values))
-    rows = np.all([~np.isfinite(getattr(trial, n)) for n in names if getattr(trial, n) is not None], axis=0)
-    if np.sum(rows):
-        advice.append(Advice.of('missing-rows', source=trial.source, number=int(np.sum(rows))))
+    rows = int(np.sum(np.all([~np.isfinite(values) for values in trial.measured().values()], axis=0)))
+    if rows:
+        advice.append(Advice.of('missing-rows', source=trial.source, number=rows))
     return trial
 
 

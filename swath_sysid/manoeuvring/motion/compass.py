@@ -5,9 +5,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.manoeuvring.motion.even import MOVING, even, lowpass, speeds_of_track
+from swath_sysid.manoeuvring.motion.resampling import MOVING, even, lowpass, speeds_of_track
 from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial, turned
 
 MIN_MISALIGNMENT = math.radians(4.0)
@@ -36,17 +37,9 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
     rate = np.concatenate([causes[:, 1] for _, causes, _ in usable])
     if max(np.mean(rate > TURNING), np.mean(rate < -TURNING)) > ONE_SIDED:
         return trials
-    count = sum(len(sway) for sway, _, _ in usable)
-    sway, shared, currents = np.zeros(count), np.zeros((count, 5)), np.zeros((count, 2 * len(usable)))
-    begin = 0
-    for k, (values, causes, course) in enumerate(usable):
-        span = slice(begin, begin + len(values))
-        sway[span], shared[span], currents[span, 2 * k : 2 * k + 2] = values, causes, course
-        begin = span.stop
-    matrix = np.concatenate([shared, currents], axis=1)
-    prior = np.concatenate(
-        [np.zeros(3), np.full(2, USUAL_DEVIATION**-2.0), np.full(currents.shape[1], USUAL_CURRENT**-2.0)]
-    )
+    sway, shared = (np.concatenate([row[k] for row in usable]) for k in (0, 1))
+    matrix = np.concatenate([shared, block_diag(*(course for _, _, course in usable))], axis=1)
+    prior = [0.0] * 3 + [USUAL_DEVIATION**-2.0] * 2 + [USUAL_CURRENT**-2.0] * 2 * len(usable)
     variance = max(float(np.var(sway)), 1e-6)
     for _ in range(3):
         information = matrix.T @ matrix / (variance * REMEMBERED) + np.diag(prior)
@@ -56,15 +49,9 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
     offset, std = float(np.arctan(found[0])), float(np.sqrt(covariance[0, 0]))
     if abs(offset) < max(MIN_MISALIGNMENT, SURE * std):
         return trials
+    found = {'offset': abs(math.degrees(offset)), 'side': 'port' if offset > 0.0 else 'starboard'}
     for item, trial in zip(advice, trials, strict=True):
-        item.append(
-            Advice.of(
-                'compass-misaligned',
-                source=trial.source,
-                offset=abs(math.degrees(offset)),
-                side='port' if offset > 0.0 else 'starboard',
-            )
-        )
+        item.append(Advice.of('compass-misaligned', source=trial.source, **found))
     return [_turned(trial, offset) for trial in trials]
 
 

@@ -1,23 +1,16 @@
 """From trials to runs ready for identification; diagnoses use all trials together."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.motion import resampling
 from swath_sysid.manoeuvring.motion.cleaning import cleaned, without_constant
 from swath_sysid.manoeuvring.motion.compass import aligned
 from swath_sysid.manoeuvring.motion.polarity import set_right
-from swath_sysid.manoeuvring.motion.resampling import (
-    bridged,
-    on_grid,
-    slope,
-    smoothed,
-    thrust_on,
-    unwrapped,
-    without_held,
-)
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, POSE, STEP, ManoeuvringTrial, Run, turned
 
 
@@ -64,14 +57,15 @@ def _run(trial: ManoeuvringTrial, gap_means_zero: bool, step: float, advice: lis
     if count < 20:
         raise InputError(f'{trial.source}: {trial.time[-1] - trial.time[0]:.1f} s are too short: record 30 s or more')
     grid = trial.time[0] + step * np.arange(count)
-    port, starboard, driven = thrust_on(grid, trial, gap_means_zero, advice)
+    port, starboard, driven = resampling.thrust_on(grid, trial, gap_means_zero, advice)
     measured = {}
     for name, values in trial.measured().items():
         if np.isfinite(values).sum() >= 4:
             if name == 'heading':
-                values = unwrapped(values)
-            measured[name] = on_grid(grid, step, trial.time, without_held(name, values, advice, trial.source))
-    pose = {name: bridged(measured[name]) if name in measured else None for name in POSE}
+                values = resampling.unwrapped(values)
+            fresh = resampling.without_held(name, values, advice, trial.source)
+            measured[name] = resampling.on_grid(grid, step, trial.time, fresh)
+    pose: dict[str, Any] = {name: resampling.bridged(measured[name]) if name in measured else None for name in POSE}
     if pose['heading'] is not None:
         pose['heading'] = np.unwrap(pose['heading'])
     _derive_channels(measured, pose, step, advice, trial.source)
@@ -82,41 +76,22 @@ def _run(trial: ManoeuvringTrial, gap_means_zero: bool, step: float, advice: lis
         )
     nothing = np.full(count, np.nan)
     surge, sway, yaw_rate = (measured.get(name, nothing) for name in CHANNELS)
-    smooth = np.stack([smoothed(c, step) for c in (surge, sway, yaw_rate)])
-    return Run(
-        step,
-        grid,
-        port,
-        starboard,
-        driven,
-        surge,
-        sway,
-        yaw_rate,
-        **pose,
-        smooth=smooth,
-        thrust_input=trial.thrust_input,
-        source=trial.source,
-        lever=trial.lever,
-        length=trial.length,
-        advice=tuple(advice),
-    )
+    smooth = np.stack([resampling.smoothed(c, step) for c in (surge, sway, yaw_rate)])
+    same: dict[str, Any] = {name: getattr(trial, name) for name in ('thrust_input', 'source', 'lever', 'length')}
+    same |= pose
+    return Run(step, grid, port, starboard, driven, surge, sway, yaw_rate, smooth=smooth, advice=tuple(advice), **same)
 
 
-def _derive_channels(
-    measured: dict[str, np.ndarray],
-    pose: dict[str, np.ndarray | None],
-    step: float,
-    advice: list[Advice],
-    source: str,
-):
+def _derive_channels(measured: dict, pose: dict, step: float, advice: list[Advice], source: str):
     """Yaw rate from heading, speeds from position and heading, where they were not measured."""
     heading, x, y = (pose[name] for name in POSE)
     if 'yaw_rate' not in measured and heading is not None:
-        measured['yaw_rate'] = slope(heading, step, 1.1)
+        measured['yaw_rate'] = resampling.slope(heading, step, 1.1)
         advice.append(Advice.of('yaw-rate-derived', source=source))
     if heading is None or x is None or y is None or ('surge' in measured and 'sway' in measured):
         return
-    derived = dict(zip(CHANNELS, turned(slope(x, step, 2.1), slope(y, step, 2.1), heading), strict=False))
+    east, north = (resampling.slope(each, step, 2.1) for each in (x, y))
+    derived = dict(zip(CHANNELS, turned(east, north, heading), strict=False))
     missing = [name for name in derived if name not in measured]
     measured.update({name: derived[name] for name in missing})
     advice.append(Advice.of('speed-derived', source=source, missing=' and no '.join(missing)))

@@ -12,7 +12,7 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.motion.even import MOVING, even, lowpass, speeds_of_track
+from swath_sysid.manoeuvring.motion.resampling import MOVING, even, lowpass, speeds_of_track
 from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial
 
 SEEN = 0.5  #: A pooled correlation beyond this, of the wrong sign, shows a reversed channel.

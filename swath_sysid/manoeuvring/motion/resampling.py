@@ -1,15 +1,18 @@
 """Records resampled to even steps: inputs held, fast channels averaged, slow ones at the nearest step; smoothing."""
 
+import math
+
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import savgol_filter
+from scipy.signal import lfilter, savgol_filter
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import bin_means, white_noise
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial, turned
 
 HOLD = 0.5  #: s for which a command holds.
+MOVING = 0.3  #: m/s; above this the course indicates the heading.
 LONGEST_GAP = 1.0  #: s; over longer gaps the thrust is unknown.
 SMOOTHING = 0.4  #: s, width of the Gaussian window.
 NOISY = 0.1  #: Noise of this share of the motion gets the full smoothing.
@@ -20,8 +23,11 @@ def smoothed(values: np.ndarray, step: float, width: float = SMOOTHING) -> np.nd
     known = np.isfinite(values)
     if not known.any():
         return np.full(values.size, np.nan)
-    spacing = values.size / known.sum()
-    sigma = max(width * _noisiness(values[known]) / step, 0.8 * spacing)
+    spacing, motion = values.size / known.sum(), float(np.std(values[known]))
+    # of less noise less smoothing
+    noisy = known.sum() < 8 or motion == 0.0
+    share = 1.0 if noisy else float(np.clip(white_noise(values[known]) / (NOISY * motion), 0.3, 1.0))
+    sigma = max(width * share / step, 0.8 * spacing)
     place = np.arange(values.size, dtype=float)
     filled = np.where(known, values, 0.0)
 
@@ -36,13 +42,6 @@ def smoothed(values: np.ndarray, step: float, width: float = SMOOTHING) -> np.nd
     with np.errstate(invalid='ignore', divide='ignore'):
         fit = np.where(w0 * s2 - s1**2 > 1e-6 * w0, (s2 * y0 - s1 * t1) / (w0 * s2 - s1**2), y0 / w0)
     return np.where(w0 > 1e-3 / spacing, fit, np.nan)
-
-
-def _noisiness(values: np.ndarray):
-    """Share of the full smoothing for the white noise of a channel, 0.3 to 1."""
-    if values.size < 8 or np.std(values) == 0.0:
-        return 1.0
-    return float(np.clip(white_noise(values) / (NOISY * np.std(values)), 0.3, 1.0))
 
 
 def thrust_on(
@@ -133,3 +132,32 @@ def unwrapped(heading: np.ndarray) -> np.ndarray:
     found = np.full(heading.size, np.nan)
     found[known] = np.unwrap(heading[known])
     return found
+
+
+def even(trial: ManoeuvringTrial, *names: str) -> tuple[np.ndarray, list[np.ndarray | None]]:
+    """Channels at even times, s and values, gaps bridged; None where not measured."""
+    time = np.arange(trial.time[0], trial.time[-1], STEP)
+    found: list[np.ndarray | None] = []
+    for name in names:
+        values = getattr(trial, name)
+        known = np.isfinite(values) if values is not None else np.zeros(1, dtype=bool)
+        if known.sum() < 2:
+            found.append(None)
+            continue
+        values = np.unwrap(values[known]) if name == 'heading' else values[known]
+        found.append(np.interp(time, trial.time[known], values))
+    return time, found
+
+
+def speeds_of_track(trial: ManoeuvringTrial) -> tuple[np.ndarray, np.ndarray] | None:
+    """Surge and sway from position and heading, m/s, at even times; None where not measured."""
+    _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
+    if heading is None or x is None or y is None:
+        return None
+    return turned(slope(x, STEP, 3.1), slope(y, STEP, 3.1), heading)
+
+
+def lowpass(values: np.ndarray, tau: float) -> np.ndarray:
+    """First-order low pass with time constant ``tau``, s."""
+    decay = math.exp(-STEP / tau)
+    return lfilter([1.0 - decay], [1.0, -decay], values, zi=[decay * values[0]])[0]

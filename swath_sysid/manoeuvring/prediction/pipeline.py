@@ -15,12 +15,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.hull.stability import Region
-from swath_sysid.manoeuvring.prediction.predictor import (
-    DISTURBANCES,
-    MEASURABLE,
-    ManoeuvreFilter,
-    ManoeuvreFilterSettings,
-)
+from swath_sysid.manoeuvring.prediction import predictor
+from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter, ManoeuvreFilterSettings
 
 LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
 NOT_FINITE, OUTLIER, FOLLOWED, NO_THRUST = 'not-finite', 'outlier', 'sensor-followed', 'no-thrust'
@@ -133,7 +129,7 @@ class ManoeuvreOutlook:
         self._filter = ManoeuvreFilter(identified, self.settings.filter)
         if before.is_started:
             self._filter.x, self._filter.P, self._filter.stamp = before.x.copy(), before.P.copy(), before.stamp
-            self._filter.x[DISTURBANCES] = 0.0
+            self._filter.x[predictor.DISTURBANCES] = 0.0
         if before.thrust.last[0] > -math.inf:
             self._filter.thrust.command(*before.thrust.last)
 
@@ -170,7 +166,7 @@ class ManoeuvreOutlook:
 
     def add_odometry(self, reading: OdometryReading) -> OutlookStep:
         """Add an odometry message, in the order of arrival."""
-        values = {name: getattr(reading, name) for name in MEASURABLE}
+        values = {name: getattr(reading, name) for name in predictor.MEASURABLE}
         if not all(map(math.isfinite, (reading.stamp, *values.values()))):
             self.counts[NOT_FINITE] += 1
             return OutlookStep()
@@ -214,13 +210,9 @@ class ManoeuvreOutlook:
         steps = np.arange(1, int(s.horizon / s.horizon_step + 1e-9) + 1) * s.horizon_step
         at = np.unique(np.concatenate([steps, s.leads]))
         found = self._filter.forecast(at, self._supplied or None)
-        states = [
-            _state_of(*item) for item in zip(found.stamps, found.recorded, found.recorded_covariances, strict=True)
-        ]
-        by_lead = dict(zip(at.tolist(), states, strict=True))
-        return OutlookStep(
-            tuple(by_lead[lead] for lead in map(float, s.leads)), tuple(by_lead[step] for step in steps.tolist())
-        )
+        rows = zip(found.stamps, found.recorded, found.recorded_covariances, strict=True)
+        by_lead = dict(zip(at.tolist(), (_state_of(*row) for row in rows), strict=True))
+        return OutlookStep(*(tuple(by_lead[float(lead)] for lead in leads) for leads in (s.leads, steps)))
 
     def _note(self, advice: Sequence[Advice]):
         for item in advice:
@@ -228,16 +220,7 @@ class ManoeuvreOutlook:
 
 
 def _state_of(stamp: float, recorded: np.ndarray, covariance: np.ndarray):
-    surge, sway, yaw_rate, heading, x, y = map(float, recorded)
     pose, twist = [4, 5, 3], [0, 1, 2]
-    return ManoeuvreState(
-        float(stamp),
-        x,
-        y,
-        heading,
-        surge,
-        sway,
-        yaw_rate,
-        covariance[np.ix_(pose, pose)],
-        covariance[np.ix_(twist, twist)],
-    )
+    covariances = covariance[np.ix_(pose, pose)], covariance[np.ix_(twist, twist)]
+    surge, sway, yaw_rate, heading, x, y = map(float, recorded)
+    return ManoeuvreState(float(stamp), x, y, heading, surge, sway, yaw_rate, *covariances)

@@ -24,14 +24,8 @@ from scipy.special import chdtri
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull import measurement
 from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise, IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.hull.measurement import (
-    deviation,
-    recorded_heading,
-    recorded_position,
-    recorded_speeds,
-    through_water,
-)
 from swath_sysid.manoeuvring.hull.model import DIFFERENCE
 from swath_sysid.manoeuvring.hull.simulation import moved, runge_kutta_columns, substeps_for
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
@@ -71,14 +65,8 @@ class ManoeuvreFilterSettings:
 
     def noise(self, name: str) -> float:
         """Standard deviation of a measurable channel."""
-        return {
-            'surge': self.speed_noise,
-            'sway': self.speed_noise,
-            'yaw_rate': self.yaw_rate_noise,
-            'heading': self.heading_noise,
-            'x': self.position_noise,
-            'y': self.position_noise,
-        }[name]
+        shared = {'surge': 'speed', 'sway': 'speed', 'x': 'position', 'y': 'position'}
+        return float(getattr(self, f'{shared.get(name, name)}_noise'))
 
 
 @dataclass(frozen=True)
@@ -93,9 +81,7 @@ class ManoeuvreForecast:
 
 
 class ManoeuvreFilter:
-    """Extended Kalman filter of surge, sway and yaw without a clock: state ``x`` (13,), covariance ``P``, stamp (NaN
-    before the start).
-    """
+    """Extended Kalman filter without a clock: state ``x`` (13,), covariance ``P``, stamp (NaN before the start)."""
 
     def __init__(self, identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilterSettings | None = None):
         self.model = identified.model
@@ -107,7 +93,7 @@ class ManoeuvreFilter:
         self._walk = _process_intensity(identified, self._noise)
         self._columns = np.repeat(self.model.values[:, None], MOVES.shape[1], axis=1)
         most = abs(float(thrust_curve(self.model.largest_input, self.model.values)))
-        self._substeps = substeps_for(self.model, STEP, thrust=((most,), (most,)))
+        self._substeps = substeps_for(self.model, STEP, np.zeros(3), most)
         self._gate = float(chdtri(1, self.settings.gate_probability))
         self._rejections = dict.fromkeys(MEASURABLE, 0)
 
@@ -120,16 +106,14 @@ class ManoeuvreFilter:
         """Restart from measured surge, sway, yaw_rate, heading, x, y."""
         p, current = self.model.values, self.model.current
         compass = measured.get('heading', 0.0)
-        heading = compass - float(deviation(compass, p))
+        heading = compass - float(measurement.deviation(compass, p))
         r = measured.get('yaw_rate', 0.0)
-        u, v = through_water(measured.get('surge', 0.0), measured.get('sway', 0.0), r, compass, current, p)
-        ahead, aside = recorded_position(0.0, 0.0, heading, p)
+        u, v = measurement.through_water(measured.get('surge', 0.0), measured.get('sway', 0.0), r, compass, current, p)
+        ahead, aside = measurement.recorded_position(0.0, 0.0, heading, p)
         place = measured.get('x', ahead) - ahead, measured.get('y', aside) - aside
         self.x = np.array([u, v, r, heading, *place, *current, *np.zeros(5)])
-        spread = [
-            self.settings.noise(n) if n in measured else unknown
-            for n, unknown in zip(MEASURABLE, (1.0, 0.3, 0.3, 0.01, 0.01, 0.01), strict=True)
-        ]
+        unknown = dict(zip(MEASURABLE, (1.0, 0.3, 0.3, 0.01, 0.01, 0.01), strict=True))
+        spread = [self.settings.noise(name) if name in measured else unknown[name] for name in MEASURABLE]
         self.P = np.diag(np.square([*spread, 0.1, 0.1, *self._noise.disturbance, 0.0, 0.0]))
         self.stamp = stamp
         self._rejections = dict.fromkeys(MEASURABLE, 0)
@@ -161,31 +145,15 @@ class ManoeuvreFilter:
         time = self._noise.disturbance_time[:, None]
         decay = np.exp(-step / time)
         push = states[DISTURBANCES] * (time / step * (1.0 - decay))
-        port, starboard = (thrust[:, None] + states[THRUST_TO_COME])[:, None]
-        motion = runge_kutta_columns(
-            np.ascontiguousarray(states[:3]),
-            port,
-            starboard,
-            push,
-            self._columns,
-            step,
-            self._substeps,
-        )
-        pose = states[HEADING : Y + 1] + moved(motion[0], motion[1], states[HEADING], step, states[EAST : NORTH + 1])
-        return np.concatenate(
-            [
-                motion[-1],
-                pose,
-                states[EAST : NORTH + 1],
-                states[DISTURBANCES] * decay,
-                states[THRUST_TO_COME] * math.exp(-0.5 * step / self._noise.thrust_time),
-            ]
-        )
+        acting = (thrust[:, None] + states[THRUST_TO_COME])[:, None]
+        before, current = np.ascontiguousarray(states[:3]), states[EAST : NORTH + 1]
+        motion = runge_kutta_columns(before, acting, push, self._columns, step, self._substeps)
+        pose = states[HEADING : Y + 1] + moved(motion[0], motion[1], states[HEADING], step, current)
+        to_come = states[THRUST_TO_COME] * math.exp(-0.5 * step / self._noise.thrust_time)
+        return np.concatenate([motion[-1], pose, current, states[DISTURBANCES] * decay, to_come])
 
     def correct(self, name: str, value: float, std: float | None = None) -> tuple[Advice, ...]:
-        """Update with one channel of ``MEASURABLE``, SI (NaN does nothing), and return advice: ``outlier`` where the
-        gate rejected the value, ``sensor-followed`` where it gave in.
-        """
+        """Update with a channel of ``MEASURABLE`` (not with NaN); advice on what the gate rejected or gave in to."""
         if not math.isfinite(value):
             return ()
         place = MEASURABLE.index(name)
@@ -215,17 +183,14 @@ class ManoeuvreFilter:
         """Sensor readings (6, C) of states (13, C)."""
         u, v, r, heading, x, y, east, north = states[:8]
         p = self.model.values
-        compass = recorded_heading(heading, p)
-        return np.stack(
-            [*recorded_speeds(u, v, r, compass, (east, north), p), r, compass, *recorded_position(x, y, heading, p)]
-        )
+        compass = measurement.recorded_heading(heading, p)
+        speeds = measurement.recorded_speeds(u, v, r, compass, (east, north), p)
+        return np.stack([*speeds, r, compass, *measurement.recorded_position(x, y, heading, p)])
 
     def forecast(
         self, leads: Sequence[float] | np.ndarray, future: Sequence[tuple[float, float, float]] | None = None
     ) -> ManoeuvreForecast:
-        """Expected motion at increasing leads, s, under inputs that hold from each lead of ``future`` on, or under the
-        last ones, which grow uncertain. The filter itself does not change.
-        """
+        """Expected motion at increasing leads, s, under inputs from each lead of ``future`` on, or the last ones."""
         ahead = copy(self)
         ahead.thrust = deepcopy(self.thrust)
         begin = self.stamp
@@ -239,7 +204,8 @@ class ManoeuvreFilter:
         for lead in leads:
             ahead._advance(begin + lead, walk)
             recorded = ahead._recorded(ahead.x[:, None] + MOVES)
-            slopes = (recorded[:, 1:] - recorded[:, :1]) / DIFFERENCE * self._noise.scale_at(lead)[:, None]
+            scale = np.array([[np.interp(lead, self._noise.leads, row)] for row in self._noise.scale])
+            slopes = (recorded[:, 1:] - recorded[:, :1]) / DIFFERENCE * scale
             rows.append((ahead.x, ahead.P, recorded[:, 0], slopes @ ahead.P @ slopes.T))
         return ManoeuvreForecast(begin + np.asarray(leads, dtype=float), *map(np.array, zip(*rows, strict=True)))
 
@@ -256,14 +222,8 @@ def _usual_noise(identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilt
     own = np.array([settings.speed_noise, settings.speed_noise, settings.yaw_rate_noise])
     # what the sensors' own noise explains of the residuals needs no disturbance
     left = np.sqrt(np.maximum(identified.noise**2 - own**2, (0.2 * identified.noise) ** 2))
-    return ForecastNoise(
-        left * np.maximum(-np.diag(jacobian), 0.05),
-        np.full(3, LAGS[1]),
-        np.zeros(2),
-        np.zeros((2, 2)),
-        math.inf,
-        np.zeros(4),
-    )
+    disturbance = left * np.maximum(-np.diag(jacobian), 0.05)
+    return ForecastNoise(disturbance, np.full(3, LAGS[1]), np.zeros(2), np.zeros((2, 2)), math.inf, np.zeros(4))
 
 
 def _process_intensity(identified: IdentifiedManoeuvringModel, noise: ForecastNoise):

@@ -40,9 +40,7 @@ class Arx:
     coefficients: np.ndarray  #: (1 + 5 ORDER, 3)
 
     def run(self, past: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-        """Iterate ahead: motion (S, 3) from the past (ORDER, 3), latest last, and inputs (ORDER - 1 + S, 2), port and
-        starboard, past and future.
-        """
+        """Motion (S, 3) after the past (ORDER, 3), latest last, under inputs (ORDER - 1 + S, 2), past and future."""
         ahead = []
         window = np.array(past)
         for k in range(len(inputs) - ORDER + 1):
@@ -116,7 +114,7 @@ def score_forecasts(
 
 
 def _mean(values: np.ndarray):
-    """Mean over the first axis of what is known; NaN where nothing is."""
+    """Mean over the first axis; NaN where nothing is known."""
     count = np.isfinite(values).sum(axis=0)
     return np.where(count, np.nansum(values, axis=0), np.nan) / np.maximum(count, 1)
 
@@ -147,9 +145,7 @@ def filtered(
 def due(
     identified: IdentifiedManoeuvringModel, run: Run, every: float, leads: Sequence[float], held: bool = False
 ) -> Iterator[tuple[int, ManoeuvreFilter, list[int]]]:
-    """`filtered` every so many seconds once the filter has settled, with the places of the leads that the run reaches
-    with known thrust, or where it ``held``.
-    """
+    """`filtered` every so many seconds, with the places of the leads over which thrust is known, or ``held``."""
     inputs = np.stack([run.port, run.starboard])
     places = [round(lead / run.step) for lead in leads]
     first, apart = round(SETTLING / run.step), max(1, round(every / run.step))
@@ -165,9 +161,7 @@ def due(
 def _expected(
     filter_: ManoeuvreFilter, run: Run, k: int, steps: np.ndarray, supplied: bool, arx: Arx | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Forecasts of every method some steps ahead, shape (methods, L, 6), NaN where there is none; and the reach of the
-    model's intervals of surge, sway, yaw rate and heading, shape (L, 4).
-    """
+    """Forecasts of every method, (methods, L, 6), NaN where there is none; reach of the model's intervals, (L, 4)."""
     leads, longest = steps * run.step, int(steps[-1])
     future = None
     if supplied:
