@@ -12,7 +12,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
-from swath_sysid.attitude.motion.segmentation import SMALLEST_DOUBLE_AMPLITUDE, find_decays, keeps_oscillating
+from swath_sysid.attitude.motion.segmentation import SMALLEST_AMPLITUDE, find_decays, keeps_oscillating
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.attitude.motion.window import WindowSettings
@@ -31,7 +31,7 @@ LOWEST_RATE = 8.0  #: Hz; craft roll in 1 s and more, and a period needs some te
 
 REST_S = 6.0  #: s without motion after which a craft is at rest.
 BLOCK_S = 0.5  #: s; rest is judged by means over this time, which average out sensor noise.
-STILL = SMALLEST_DOUBLE_AMPLITUDE['angle']  #: Peak to peak of such means at rest.
+STILL = SMALLEST_AMPLITUDE['angle']  #: Peak to peak of such means at rest.
 SMALLEST_PUSH = WindowSettings.smallest_decay  #: The buffer reports no smaller decay.
 
 #: s without rest after which waves are blamed, and from the end of a decay without an identification.

@@ -17,7 +17,6 @@ GYRO = ('gyro_x', 'gyro_y', 'gyro_z')
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
 EULER_RATES = ('roll_rate', 'pitch_rate', 'yaw_rate')
 
-EVEN_INTERVALS = 0.5, 1.5  #: Median intervals: further apart a sample was lost, nearer stamped by chance.
 STILL_YAW_RATE = 1e-9  #: rad/s: a heading that never turns faster was not measured but filled in.
 
 Readings = dict[str, np.ndarray]
@@ -61,15 +60,11 @@ def assemble_trial(
 
 
 def turn_rate(time: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Rate, rad/s, at which a wrapped yaw or heading, rad, has turned since the sample before, shape (N,).
-
-    NaN at the first sample, and where the interval is far from the median.
-    """
+    """Rate, rad/s, (N,), of a wrapped yaw or heading, rad, since the sample before; NaN where a sample was lost."""
     rate = np.full(time.size, np.nan)
     interval = np.diff(time)
-    usual = np.median(interval)
-    shortest, longest = EVEN_INTERVALS
-    even = (interval > shortest * usual) & (interval < longest * usual)
+    # of two intervals or more a sample was lost, of none it was stamped by chance
+    even = np.rint(interval / np.median(interval)) == 1.0
     rate[1:][even] = (np.remainder(np.diff(yaw) + np.pi, 2 * np.pi) - np.pi)[even] / interval[even]
     return rate
 

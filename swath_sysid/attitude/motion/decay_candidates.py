@@ -6,24 +6,16 @@ quadratic and cubic damping, none negative, the loss per half-cycle never grows.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from statistics import median
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from swath_sysid.attitude.motion import turning_points
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.attitude.motion.turning_points import (
-    EvenSignal,
-    centre_of_decay,
-    even_signal,
-    prominence_of,
-    pyramid,
-    suits,
-    turning_points_of,
-    weighted_median,
-)
+from swath_sysid.attitude.motion.turning_points import EvenSignal
 
 #: Part of the first double amplitude below which a candidate has ended: 1.5 % carries no information.
 FAINTEST_DOUBLE_AMPLITUDE = 0.015
@@ -33,18 +25,14 @@ GROWTH = 0.02  #: Part by which a double amplitude may exceed the last one: ligh
 #: Largest loss of a half-cycle over the usual one: friction keeps it, linear damping lowers it, braking raises it.
 LOSS_GROWTH = 1.5
 
-LOSS_DROP = 0.5  #: Least part of the loss expected with quadratic damping; waves leave less.
 PERIOD_CHANGE = 1.25  #: Ratio by which a period may differ from those before: restoring bends it slowly.
-ASYMMETRY = 2.2  #: Largest ratio of two successive half-cycles: an asymmetric restoring makes them differ.
 BRIDGED_GAP = 0.15  #: Part of a half-cycle that a gap must cover to hide a turning point.
 RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the double amplitude away.
-HOLD_BAND = 0.5  #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest.
 JUMP_PERIODS = 0.05  #: A rise to it faster than the craft oscillates: it was dropped, or the record was cut.
+HOLD_BAND = 0.5  #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest.
 #: Rest means within this part of the first double amplitude about a level; what breaks a candidate below it is the
 #: background.
 REST_BAND = 0.07
-REST_POWER = 4.0 / 3.0  #: Log odds of rest over those of motion: logistic regression over `benchmark/decays.py`.
-HOLD_FOR_REST = 2.0  #: Periods of rest that a period of being held is worth.
 HALF_CYCLES_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
 LONGEST_REST = 8.0  #: Rest is looked for over this many periods: more proves nothing further.
 ACTIVE_PART = 0.45  #: Motion that reaches, within a period, this part of the first double amplitude is motion like it.
@@ -82,8 +70,9 @@ class DecayCandidate:
 
     @cached_property
     def end(self) -> float:
-        """Time of its last turning point, s; of a single half-cycle, when it arrives there."""
-        return self.arriving_time(self.last) if self.is_single else float(self.time[self.last])
+        """Time of its last turning point, s; of a single half-cycle, when it comes near it."""
+        near = self._near(self.last, self.first) if self.is_single else ()
+        return float(next(iter(near), self.time[self.last]))
 
     @property
     def at_record_end(self) -> bool:
@@ -99,31 +88,22 @@ class DecayCandidate:
     def centre(self) -> float:
         """Level about which it oscillates, rad or rad/s; of a single half-cycle, that of the three periods after it."""
         if not self.is_single:
-            return centre_of_decay(self.value[self.first : self.last + 1])
+            return turning_points.centre_of_decay(self.value[self.first : self.last + 1])
         after = slice(self.signal.index(self.end), self.signal.index(self.end + 3.0 * self.period) + 1)
         return float(np.median(self.signal.value[after]))
 
     @cached_property
-    def _periods(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times between turning points of one side, s, and the double amplitudes they span.
-
-        Without the first turning point, which may have been held, the record's end, and gaps unless all have one.
-        """
-        inner = slice(self.first + 1, self.last if self.at_record_end else self.last + 1)
-        time, bridged = self.time[inner], self.bridged[inner][:-1]
-        periods, double_amplitudes = time[2:] - time[:-2], np.abs(np.diff(self.value[inner]))[1:]
-        sure = ~(bridged[: periods.size] | bridged[1 : 1 + periods.size])
-        return (periods[sure], double_amplitudes[sure]) if sure.any() else (periods, double_amplitudes)
-
-    @cached_property
     def period(self) -> float:
         """Mean period, weighted by the double amplitudes, s; by the first half-cycle where there is no whole one."""
-        periods, double_amplitudes = self._periods
-        if periods.size:
-            # any other spans a gap
-            usual = np.abs(periods / weighted_median(periods, double_amplitudes) - 1.0) < PERIOD_CHANGE - 1.0
-            return float(np.average(periods[usual], weights=double_amplitudes[usual]))
-        return 2.0 * self.first_half_duration
+        # the first turning point may have been held, the record's end is none
+        inner = slice(self.first + 1, self.last if self.at_record_end else self.last + 1)
+        periods = self.time[inner][2:] - self.time[inner][:-2]
+        if not periods.size:
+            return 2.0 * self.first_half_duration
+        double_amplitudes = np.abs(np.diff(self.value[inner]))[1:]
+        # any other spans a gap
+        usual = np.abs(periods / turning_points.weighted_median(periods, double_amplitudes) - 1.0) < PERIOD_CHANGE - 1.0
+        return float(np.average(periods[usual], weights=double_amplitudes[usual]))
 
     @cached_property
     def first_half_duration(self) -> float:
@@ -141,36 +121,28 @@ class DecayCandidate:
         """Whether it is one half-cycle only."""
         return self.last == self.first + 1
 
-    def first_half_cycle(self) -> 'DecayCandidate':
-        """The candidate cut to its first half-cycle."""
-        return replace(self, last=self.first + 1, broken=False)
-
     @property
     def is_suited(self) -> bool:
         """Whether its grid is the one on which to look at its period."""
-        return self.end > self.release and suits(self.signal, self.period)
+        return self.end > self.release and turning_points.suits(self.signal, self.period)
+
+    def _near(self, turn: int, first: int) -> np.ndarray:
+        """Times, s, near turning point ``turn`` in the half-cycle from turning point ``first`` on."""
+        signal = self.signal
+        begin, end = signal.index(self.time[first]), signal.index(self.time[first + 1])
+        band = max(RELEASE_BAND * abs(self.value[first + 1] - self.value[first]), 2.0 * signal.noise)
+        near = np.flatnonzero(np.abs(signal.value[begin : end + 1] - self.value[turn]) <= band)
+        return signal.start + signal.interval * (begin + near)
 
     def leaving_time(self, turn: int) -> float:
         """Last time near turning point ``turn`` on the way to the next, s."""
-        signal = self.signal
-        begin, end = signal.index(self.time[turn]), signal.index(self.time[turn + 1])
-        band = max(RELEASE_BAND * abs(self.value[turn + 1] - self.value[turn]), 2.0 * signal.noise)
-        near = np.flatnonzero(np.abs(signal.value[begin : end + 1] - self.value[turn]) <= band)
-        return float(max(self.time[turn], signal.start + signal.interval * (begin + (near[-1] if near.size else 0))))
+        return float(max([self.time[turn], *self._near(turn, turn)[-1:]]))
 
-    def leaves_in_gap(self, turn: int) -> bool:
-        """Whether samples are missing on the way from a turning point to the next, not only while held there."""
-        begin, end = self.leaving_time(turn), self.time[turn + 1]
-        gaps = self.signal.gaps
-        return bool(self.bridged[turn] and np.any((gaps[:, 0] < end) & (gaps[:, 1] > begin)))
-
-    def arriving_time(self, turn: int) -> float:
-        """First time near turning point ``turn`` on the way from the one before, s."""
-        signal = self.signal
-        begin, end = signal.index(self.time[turn - 1]), signal.index(self.time[turn])
-        band = max(RELEASE_BAND * abs(self.value[turn] - self.value[turn - 1]), 2.0 * signal.noise)
-        near = np.flatnonzero(np.abs(signal.value[begin : end + 1] - self.value[turn]) <= band)
-        return float(signal.start + signal.interval * (begin + (near[0] if near.size else end - begin)))
+    @property
+    def leaves_in_gap(self) -> bool:
+        """Whether samples are missing in the first half-cycle, not only while held before it."""
+        gaps, end = self.signal.gaps, self.time[self.first + 1]
+        return bool(self.bridged[self.first] and np.any((gaps[:, 0] < end) & (gaps[:, 1] > self.release)))
 
     @cached_property
     def arrival(self) -> float:
@@ -200,16 +172,13 @@ class DecayCandidate:
 
     @cached_property
     def rest(self) -> float:
-        """Longest rest about the centre, in periods, that begins no more than one after the end, as with a stop."""
+        """Rest about the centre at the end, in periods."""
         signal = self.signal
-        most = int(LONGEST_REST * self.period / signal.interval)
         begin, end = signal.index(self.release), signal.index(self.end)
-        future = signal.value[begin : end + most + int(self.period / signal.interval) + 1]
+        future = signal.value[begin : end + int(LONGEST_REST * self.period / signal.interval)]
         low = np.abs(future - self.centre) <= REST_BAND * self.double_amplitudes[0]
-        longest = _leading(low[: end - begin][::-1]) + _leading(low[end - begin :][:most])
-        for offset in (0.25, 0.5, 0.75, 1.0):
-            longest = max(longest, _leading(low[signal.index(self.end + offset * self.period) - begin :][:most]))
-        return max(longest - 1, 0) * signal.interval / self.period
+        rest = _leading(low[: end - begin][::-1]) + _leading(low[end - begin :])
+        return max(rest - 1, 0) * signal.interval / self.period
 
     @cached_property
     def activity(self) -> np.ndarray:
@@ -218,18 +187,14 @@ class DecayCandidate:
         reach = maximum_filter1d(self.signal.value, size) - minimum_filter1d(self.signal.value, size)
         return reach > ACTIVE_PART * self.double_amplitudes[0]
 
-    def unexplained(self, decays: Sequence['DecayCandidate']) -> float:
-        """Moving time that belongs to none of the decays nor to what set them going, s."""
-        moving, time = self.activity.copy(), self.signal.time
-        for decay in decays:
-            moving &= (time < decay.arrival - 1.0 * decay.period) | (time > decay.end + decay.period)
-        return float(np.count_nonzero(moving) * self.signal.interval)
-
     def is_decay(self, decays: Sequence['DecayCandidate']) -> bool:
-        """Whether it is amid more rest, in periods, than other motion, in its own durations, after these decays."""
-        motion = self.unexplained([self, *decays]) / (self.end - self.release)
-        evidence = self.rest + HOLD_FOR_REST * self.hold + self.double_amplitudes.size / HALF_CYCLES_FOR_REST
-        return bool(evidence**REST_POWER >= 1.0 + motion)
+        """Whether it is amid more rest, in periods, than motion, in its own durations, that is none of the decays."""
+        moving, time = self.activity.copy(), self.signal.time
+        for decay in (self, *decays):
+            moving &= (time < decay.arrival - decay.period) | (time > decay.end + decay.period)
+        unexplained = self.signal.interval * float(np.count_nonzero(moving))
+        evidence = self.rest + self.hold + self.double_amplitudes.size / HALF_CYCLES_FOR_REST
+        return evidence >= 1.0 + unexplained / (self.end - self.release)
 
 
 def _leading(mask: np.ndarray) -> int:
@@ -240,11 +205,11 @@ def _leading(mask: np.ndarray) -> int:
 def find_candidates(motion: AxisMotion) -> list[DecayCandidate]:
     """Every candidate of a motion without long pauses, on every grid, whether the grid suits its period or not."""
     candidates: list[DecayCandidate] = []
-    for signal in pyramid(even_signal(motion)):
-        least = prominence_of(signal)
+    for signal in turning_points.pyramid(turning_points.even_signal(motion)):
+        least = turning_points.prominence_of(signal)
         if least == 0.0:
             continue
-        points = turning_points_of(signal)
+        points = turning_points.turning_points_of(signal)
         time = np.concatenate([[signal.start], points.time, [signal.end]])
         value = np.concatenate([signal.value[:1], points.value, signal.value[-1:]])
         bridged = bridged_half_cycles(time, signal)
@@ -258,10 +223,7 @@ def find_candidates(motion: AxisMotion) -> list[DecayCandidate]:
 def split_into_candidates(
     time: np.ndarray, value: np.ndarray, least: float, bridged: np.ndarray
 ) -> Iterator[tuple[int, int, bool]]:
-    """Maximal candidates in turning points (M,): first and last index, and whether not noise nor the end broke it.
-
-    ``least`` is the smallest double amplitude that is not noise, ``bridged`` (M - 1,) masks half-cycles not judged.
-    """
+    """Maximal candidates: first and last index, and whether broken; ``bridged`` half-cycles (M - 1,) are not judged."""
     double_amplitudes, halves = np.abs(np.diff(value)).tolist(), np.diff(time).tolist()
     skipped = bridged.tolist()
     first = 0
@@ -289,7 +251,7 @@ def _end_of_candidate(
     double_amplitudes: Sequence[float], halves: Sequence[float], least: float, bridged: Sequence[bool], first: int
 ) -> tuple[int, bool]:
     """Index of the turning point that ends the candidate from half-cycle ``first``, and whether it was broken off."""
-    losses: list[tuple[float, float]] = []
+    losses: list[float] = []
     periods: list[float] = []
     known = first
     floor = max(least, FAINTEST_DOUBLE_AMPLITUDE * double_amplitudes[first])
@@ -301,44 +263,20 @@ def _end_of_candidate(
         whole = at < len(double_amplitudes) - 1
         judged = known == at - 1 and whole
         # far more than those before
-        if judged and len(losses) >= 2 and loss > LOSS_GROWTH * median(lost for lost, _ in losses) + least:
+        if judged and len(losses) >= 2 and loss > LOSS_GROWTH * median(losses) + least:
             return at, double_amplitudes[known] > background
         if double_amplitudes[at] < floor:
             return at, False
         if loss < -(GROWTH * double_amplitudes[known] + 0.5 * least):
             return at, double_amplitudes[at] > background
-        if not whole and periods and halves[at] > 0.75 * median(periods):
-            return at, False
         if judged:
-            if _loses_less(loss, double_amplitudes[known], losses, least):
-                return at, double_amplitudes[at] > background
-            if not _keeps_rhythm(halves, at, first, periods):
-                return at, double_amplitudes[at] > background
+            if at >= first + 2:
+                period = halves[at] + halves[at - 1]
+                if periods and not 1.0 / PERIOD_CHANGE < period / median(periods) < PERIOD_CHANGE:
+                    return at, double_amplitudes[at] > background
+                periods.append(period)
             # The record may begin in the middle of a half-cycle, which then loses too little.
             if known > 0:
-                losses.append((loss, double_amplitudes[known]))
+                losses.append(loss)
         known = at
     return len(double_amplitudes), False
-
-
-def _loses_less(loss: float, double_amplitude: float, losses: Sequence[tuple[float, float]], least: float) -> bool:
-    """Whether a half-cycle loses far less than quadratic damping would take after those before."""
-    if len(losses) < 2:
-        return False
-    usual, usual_amplitude = (median(column) for column in zip(*losses, strict=True))
-    return loss < LOSS_DROP * usual * min(1.0, double_amplitude / usual_amplitude) ** 2 - least
-
-
-def _keeps_rhythm(halves: Sequence[float], at: int, first: int, periods: list[float]) -> bool:
-    """Whether half-cycle ``at`` agrees with those before it; adds its period to theirs."""
-    if at < first + 2:
-        return True
-    period = halves[at] + halves[at - 1]
-    if periods:
-        ratio, most = period / median(periods), PERIOD_CHANGE
-    else:
-        ratio, most = halves[at] / halves[at - 1], ASYMMETRY
-    if not 1.0 / most < ratio < most:
-        return False
-    periods.append(period)
-    return True

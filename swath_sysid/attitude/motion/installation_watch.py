@@ -4,20 +4,9 @@ from operator import itemgetter
 
 import numpy as np
 
+from swath_sysid.attitude.motion import sensor_checks
 from swath_sysid.attitude.motion.intake import NANOSECOND, CraftSample
-from swath_sysid.attitude.motion.sensor_checks import (
-    FROZEN,
-    GRAVITY_CODES,
-    PARTS,
-    RATE_CODES,
-    WINDOW,
-    WINDOW_BINS,
-    Contradiction,
-    Judgement,
-    binned,
-    judge,
-    samples_a_bin,
-)
+from swath_sysid.attitude.motion.sensor_checks import GRAVITY_CODES, PARTS, RATE_CODES, Contradiction, Judgement
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.common.row_buffer import RowBuffer
 
@@ -42,7 +31,7 @@ class InstallationCheck:
     def add(self, sample: CraftSample) -> None:
         """Add one sample."""
         stamp_ns = sample[0]
-        if not len(self._rows) or not 0 <= stamp_ns - self._newest_ns <= FROZEN * 1e9:
+        if not len(self._rows) or not 0 <= stamp_ns - self._newest_ns <= sensor_checks.FROZEN * 1e9:
             # after a silence, and after a clock that was set back
             self._rows.clear()
             self._origin_ns = self._judged_ns = stamp_ns
@@ -60,8 +49,8 @@ class InstallationCheck:
         return 'not judged yet: it takes 10 s of samples, with orientation or accelerations'
 
     def judge(self) -> tuple[Contradiction, ...]:
-        """The contradictions now, judged anew after `FROZEN`."""
-        if self._newest_ns - self._judged_ns >= FROZEN * 1e9:
+        """The contradictions now, judged anew after `sensor_checks.FROZEN`."""
+        if self._newest_ns - self._judged_ns >= sensor_checks.FROZEN * 1e9:
             self._judged_ns = self._newest_ns
             judgement = self._judgement()
             self._weigh(judgement)
@@ -73,13 +62,13 @@ class InstallationCheck:
         """Of the last `WINDOW`, or of `WINDOW_BINS`, if that is longer."""
         rows = self._rows.last()
         interval = float(np.median(np.diff(rows[:, 0])))
-        in_time = int(np.count_nonzero(rows[:, 0] > rows[-1, 0] - WINDOW))
-        rows = rows[-max(in_time, WINDOW_BINS * samples_a_bin(interval)) :]
+        in_time = int(np.count_nonzero(rows[:, 0] > rows[-1, 0] - sensor_checks.WINDOW))
+        rows = rows[-max(in_time, sensor_checks.WINDOW_BINS * sensor_checks.samples_a_bin(interval)) :]
         # the mean of less is not accepted as gravity
-        if rows[-1, 0] - rows[0, 0] < 2.0 * FROZEN:
+        if rows[-1, 0] - rows[0, 0] < 2.0 * sensor_checks.FROZEN:
             return Judgement()
-        parts = binned(rows[:, 0], np.split(rows[:, 1:], 3, axis=1), interval)
-        return judge(*parts, installation=self._installation, interval=interval)
+        parts = sensor_checks.binned(rows[:, 0], np.split(rows[:, 1:], 3, axis=1), interval)
+        return sensor_checks.judge(*parts, installation=self._installation, interval=interval)
 
     def _weigh(self, judgement: Judgement) -> None:
         """Report or drop contradictions when `CONFIRMATIONS` judgements agree."""

@@ -21,17 +21,8 @@ ABSURD_COVARIANCE = 'absurd-covariance'
 NEAR_VERTICAL = 'near-vertical'
 EMPTY = 'nothing-usable'
 #: Everything that is counted; only the last two leave the whole sample out.
-INTAKE_REASONS = (
-    NOT_FINITE,
-    ABSURD,
-    BAD_QUATERNION,
-    NO_ORIENTATION,
-    NO_RATES,
-    UNKNOWN_COVARIANCE,
-    ABSURD_COVARIANCE,
-    NEAR_VERTICAL,
-    EMPTY,
-)
+_PARTS = NOT_FINITE, ABSURD, BAD_QUATERNION, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE, ABSURD_COVARIANCE
+INTAKE_REASONS = (*_PARTS, NEAR_VERTICAL, EMPTY)
 
 NOT_MEASURED = -1.0  #: First element of a covariance whose quantity the sensor does not measure (sensor_msgs/Imu).
 
@@ -105,10 +96,7 @@ class ConvertedReading(NamedTuple):
 
 
 def convert(reading: ImuReading, installation: Installation) -> ConvertedReading:
-    """Convert one IMU message to the motion of the craft; what cannot be used becomes NaN.
-
-    Without an orientation, body rates are taken as Euler rates, which holds for small angles.
-    """
+    """Convert one IMU message; what cannot be used is NaN, and without an orientation body rates are Euler rates."""
     stamp_ns, orientation, angle_covariance, body_rates, rate_covariance, specific_force, force_covariance = reading
     reasons: list[str] = []
     quaternion = _orientation(orientation, angle_covariance, reasons)
@@ -130,26 +118,12 @@ def convert(reading: ImuReading, installation: Installation) -> ConvertedReading
         if quaternion is not None:
             roll_rate, pitch_rate, yaw_rate = attitude.euler_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
         rate_variances = _variances(rate_covariance, installation, LARGEST_RATE_VARIANCE, reasons)
-    accel_x, accel_y, accel_z = _NOT_MEASURED if force is None else installation.vector(*force)
+    forces: tuple[float, float, float] = _NOT_MEASURED if force is None else installation.vector(*force)
     if (quaternion is not None and angle_variances is _UNKNOWN) or (rates is not None and rate_variances is _UNKNOWN):
         reasons.append(UNKNOWN_COVARIANCE)
-    return ConvertedReading(
-        CraftSample(
-            stamp_ns,
-            roll,
-            pitch,
-            roll_rate,
-            pitch_rate,
-            accel_x,
-            accel_y,
-            accel_z,
-            *angle_variances,
-            *rate_variances,
-            yaw,
-            yaw_rate,
-        ),
-        tuple(reasons),
-    )
+    variances = *angle_variances, *rate_variances
+    sample = CraftSample(stamp_ns, roll, pitch, roll_rate, pitch_rate, *forces, *variances, yaw, yaw_rate)
+    return ConvertedReading(sample, tuple(reasons))
 
 
 def _orientation(

@@ -5,13 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.ndimage import median_filter
 
-from swath_sysid.attitude.motion.segmentation import (
-    SMALLEST_DOUBLE_AMPLITUDE,
-    SMALLEST_REACH,
-    DecaySegment,
-    explain_absence,
-    find_decays,
-)
+from swath_sysid.attitude.motion.segmentation import SMALLEST_AMPLITUDE, DecaySegment, explain_absence, find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import find_gaps, find_turning_points, mean_period
 from swath_sysid.common.advice import Advice, counted
@@ -30,11 +24,10 @@ UNITS = {'angle': 'deg', 'rate': 'deg/s'}
 def check_motion(motion: AxisMotion, decays: Sequence[DecaySegment] | None = None) -> tuple[Advice, ...]:
     """Check a whole record, and the decays in it, which `find_decays` finds where they are not given."""
     decays = find_decays(motion) if decays is None else decays
-    advice = [] if decays else [explain_absence(motion)]
     if decays:
-        return (*advice, *_saturation(motion, decays[0].period))
+        return tuple(_saturation(motion, decays[0].period))
     points = find_turning_points(motion)
-    return (*advice, *(_saturation(motion, mean_period(points)) if points.time.size >= 2 else ()))
+    return explain_absence(motion), *(_saturation(motion, mean_period(points)) if points.time.size >= 2 else ())
 
 
 def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]:
@@ -58,7 +51,7 @@ def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]
 
 def _size(segment: DecaySegment) -> Iterator[Advice]:
     # published tests start at 1 deg; below half of that friction and basin motion dominate the damping
-    if segment.initial_amplitude < 0.5 * SMALLEST_REACH * SMALLEST_DOUBLE_AMPLITUDE[segment.quantity]:
+    if segment.initial_amplitude < SMALLEST_AMPLITUDE[segment.quantity]:
         yield Advice.of('too-small', size=np.degrees(segment.initial_amplitude), unit=UNITS[segment.quantity])
 
 
@@ -82,14 +75,8 @@ def _saturation(motion: AxisMotion, period: float) -> Iterator[Advice]:
     for name, value in _measured(motion).items():
         clipped, level = clipped_extremes(value, 0.5 * period / motion.sample_interval)
         if clipped >= 2:
-            yield Advice.of(
-                'saturation',
-                axis=motion.axis,
-                name=name,
-                level=np.degrees(level),
-                unit=UNITS[name],
-                half_cycles=counted(clipped, 'half-cycle'),
-            )
+            seen = {'level': np.degrees(level), 'unit': UNITS[name], 'half_cycles': counted(clipped, 'half-cycle')}
+            yield Advice.of('saturation', axis=motion.axis, name=name, **seen)
 
 
 def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:

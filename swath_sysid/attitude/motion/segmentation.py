@@ -6,30 +6,22 @@ craft was, or came to, rest.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import factorial
 
 import numpy as np
 
-from swath_sysid.attitude.motion.decay_candidates import ASYMMETRY, HOLD_BAND, DecayCandidate, find_candidates
-from swath_sysid.attitude.motion.releases import kink_time
+from swath_sysid.attitude.motion import turning_points
+from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND, DecayCandidate, find_candidates
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.attitude.motion.turning_points import (
-    EvenSignal,
-    centre_of_decay,
-    even_signal,
-    find_turning_points,
-    mean_period,
-    prominence_of,
-    split_at_pauses,
-)
+from swath_sysid.attitude.motion.turning_points import EvenSignal
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.signals import noise_level
 
-# Figures on waves are from 100 simulated seas of 10 minutes (JONSWAP, hulls of every damping) and two measured ones,
-# those on decays from two tank models. Of 300 further seas one passes for a decay: a high group before a long lull.
-#: rad and rad/s, peak to peak: smaller motion is coupled from the other axis.
-SMALLEST_DOUBLE_AMPLITUDE = {'angle': float(np.radians(0.4)), 'rate': float(np.radians(1.0))}
-
-SMALLEST_REACH = 2.5  #: A record without a decay within this many times that (1 deg) is too small.
+#: rad and rad/s: below it friction and the basin's motion dominate the damping, and a smaller double amplitude is
+#: coupled from the other axis; published tests start at 1 deg.
+SMALLEST_AMPLITUDE = {'angle': float(np.radians(0.5)), 'rate': float(np.radians(1.25))}
+ASYMMETRY = 2.2  #: Largest ratio of the first half-cycle to the usual one: it may be held, and restoring asymmetric.
 MIN_HALF_CYCLES = 3  #: Three show two losses and one rhythm; fewer are those of a heavily damped hull.
 
 #: Mean logarithmic decrement per half-cycle below which something sustains the motion; the lightest decay has 0.012.
@@ -48,6 +40,11 @@ FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched 
 #: Part of the largest double amplitude from which motion is a decay of its own, or, within every such part of the
 #: record, forced.
 SIZABLE = 0.25
+
+BEFORE, AFTER = 0.12, 0.15  #: Natural periods before and after the times tried that show the kink.
+HAND = 3  #: Degree of the polynomial that follows a hand's wobble before the release,
+HULL = 4  #: ... and of that which follows the free motion after it.
+CANDIDATES = 40  #: Times tried.
 
 FORCED_MOTION = 'forced-motion'
 
@@ -78,11 +75,11 @@ class DecaySegment:
 def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
     decays: list[DecayCandidate] = []
-    for piece in split_at_pauses(motion):
+    for piece in turning_points.split_at_pauses(motion):
         candidates = [
             candidate
             for candidate in find_candidates(piece)
-            if candidate.double_amplitudes[0] >= SMALLEST_DOUBLE_AMPLITUDE[candidate.signal.quantity]
+            if candidate.double_amplitudes[0] >= SMALLEST_AMPLITUDE[candidate.signal.quantity]
         ]
         decays.extend(_decays_among(candidates))
     segments = [_segment_of(candidate, motion) for candidate in _apart(decays)]
@@ -130,9 +127,9 @@ def is_finished(segment: DecaySegment, motion: AxisMotion) -> bool:
 
 def explain_absence(motion: AxisMotion) -> Advice:
     """Say why a record holds no free decay and what to do: ``too-small``, ``forced-motion`` or ``no-decay``."""
-    signal = even_signal(motion)
+    signal = turning_points.even_signal(motion)
     name, reach = _name(motion), float(np.ptp(signal.value))
-    if reach < SMALLEST_REACH * SMALLEST_DOUBLE_AMPLITUDE[signal.quantity]:
+    if reach < 2.0 * SMALLEST_AMPLITUDE[signal.quantity]:
         return Advice.of('too-small: record', name=name, reach=_in_degrees(reach, signal.quantity))
     if keeps_oscillating(motion):
         spread = _in_degrees(float(np.std(signal.value)), signal.quantity)
@@ -142,7 +139,7 @@ def explain_absence(motion: AxisMotion) -> Advice:
 
 def keeps_oscillating(motion: AxisMotion) -> bool:
     """Whether a motion oscillates from start to end, as it does in waves."""
-    points = find_turning_points(motion)
+    points = turning_points.find_turning_points(motion)
     if points.time.size < 2:
         return False
     double_amplitudes = points.double_amplitudes
@@ -153,7 +150,8 @@ def keeps_oscillating(motion: AxisMotion) -> bool:
 
 def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     """The candidates that waves did not make."""
-    possible = [candidate if _is_rhythmic(candidate) else candidate.first_half_cycle() for candidate in candidates]
+    # of one without a rhythm, the first half-cycle
+    possible = [each if _is_rhythmic(each) else replace(each, last=each.first + 1, broken=False) for each in candidates]
     possible = [candidate for candidate in possible if candidate.is_suited and _comes_to_trim(candidate)]
     free: list[DecayCandidate] = []
     while found := [candidate for candidate in possible if candidate.is_decay(free)]:
@@ -164,8 +162,7 @@ def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
 
 def _is_rhythmic(candidate: DecayCandidate) -> bool:
     """Long enough to show a rhythm, which its first half-cycle keeps, and truly decaying."""
-    usual = 0.5 * candidate.period
-    keeps_time = usual < ASYMMETRY * candidate.first_half_duration and candidate.first_half_duration < ASYMMETRY * usual
+    keeps_time = 1.0 / ASYMMETRY < 2.0 * candidate.first_half_duration / candidate.period < ASYMMETRY
     return candidate.double_amplitudes.size >= MIN_HALF_CYCLES and keeps_time and candidate.decrement >= MIN_DECREMENT
 
 
@@ -199,14 +196,12 @@ def _segment_of(candidate: DecayCandidate, motion: AxisMotion) -> DecaySegment:
     last, end, ending = _free_end(candidate, first)
     start = _release_time(candidate, motion) if beginning == 'released' else candidate.leaving_time(first)
     left = 100.0 * abs(candidate.value[last] - candidate.value[last - 1]) / candidate.double_amplitudes[0]
-    reliable_end = (
-        end if ending == 'record-end' else candidate.end if last == candidate.last else float(candidate.time[last])
-    )
+    turned = candidate.end if last == candidate.last else float(candidate.time[last])
     return DecaySegment(
         start=start,
         end=end,
         period=candidate.period,
-        cycles=(reliable_end - start) / candidate.period,
+        cycles=((end if ending == 'record-end' else turned) - start) / candidate.period,
         initial_amplitude=abs(float(candidate.value[first]) - candidate.centre),
         final_amplitude=abs(float(candidate.value[min(last, candidate.time.size - 2)]) - candidate.centre),
         trim=candidate.centre,
@@ -219,7 +214,7 @@ def _segment_of(candidate: DecayCandidate, motion: AxisMotion) -> DecaySegment:
 
 def _free_start(candidate: DecayCandidate) -> tuple[int, str]:
     """Index of the turning point after which the motion is free, and how it began."""
-    if candidate.leaves_in_gap(candidate.first) and candidate.double_amplitudes.size > 1:
+    if candidate.leaves_in_gap and candidate.double_amplitudes.size > 1:
         return candidate.first + 1, 'under-way'
     if candidate.hold:
         return candidate.first, 'released'
@@ -254,13 +249,46 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     return candidate.release if found is None else max(found, signal.start)
 
 
+def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float, held: float) -> float | None:
+    """The expected time, s, at which the acceleration jumps towards the trim, or None where it does not.
+
+    The times tried, between two, s, are weighted by their likelihood. The natural period is in s; ``held`` has the sign
+    of the angle at which the craft was held.
+    """
+    noises = tuple(0.0 if each is None else max(noise_level(each), 1e-9) for each in (motion.angle, motion.rate))
+    inside = motion.between(earliest - BEFORE * period, latest + AFTER * period)
+    times = np.linspace(earliest, latest, CANDIDATES)
+    misfits = np.array([_misfit(inside, noises, time, held) for time in times])
+    if not np.isfinite(misfits).any():
+        return None
+    likelihood = np.exp(-0.5 * (misfits - misfits.min()))
+    return float(likelihood @ times / likelihood.sum())
+
+
+def _misfit(motion: AxisMotion, noises: Sequence[float], time: float, side: float) -> float:
+    """Squared residuals of a hand's motion until a time and a free one after; infinite without a jump to the trim."""
+    held, free = np.minimum(motion.time - time, 0.0), np.maximum(motion.time - time, 0.0)
+    powers = [(held, power) for power in range(2, HAND + 1)] + [(free, power) for power in range(2, HULL + 1)]
+    rows, right = [], []
+    for order, (values, noise) in enumerate(zip((motion.angle, motion.rate), noises, strict=True)):
+        if values is not None:
+            line = [np.full(motion.size, 1.0 - order), (held + free) ** (1 - order)]
+            curves = [part ** (power - order) / factorial(power - order) for part, power in powers]
+            rows.append(np.column_stack(line + curves) / noise)
+            right.append(values / noise)
+    matrix, target = np.concatenate(rows), np.concatenate(right)
+    if target.size <= matrix.shape[1]:
+        return np.inf
+    solution = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    before, after = -side * solution[2], -side * solution[1 + HAND]
+    return float(np.sum((matrix @ solution - target) ** 2)) if after > max(0.0, before) else np.inf
+
+
 def _free_end(candidate: DecayCandidate, first: int) -> tuple[int, float, str]:
     """Index of the last turning point, end time (s) and kind of ending of the free motion."""
     whole = candidate.double_amplitudes[:-1] if candidate.at_record_end else candidate.double_amplitudes
-    faint = np.flatnonzero(
-        (whole < PLENTIFUL_TAIL * whole.max(initial=0.0))
-        & ~candidate.bridged[candidate.first : candidate.first + whole.size]
-    )
+    measured = ~candidate.bridged[candidate.first : candidate.first + whole.size]
+    faint = np.flatnonzero((whole < PLENTIFUL_TAIL * whole.max(initial=0.0)) & measured)
     if faint.size and faint[0] >= PLENTY_OF_HALF_CYCLES:
         last = candidate.first + int(faint[0])
         return last, float(candidate.time[last]), 'faded'
@@ -278,11 +306,8 @@ def _end_of_quiet(candidate: DecayCandidate) -> float:
     signal = candidate.signal
     settling = candidate.period if candidate.is_single else 0.5 * candidate.period
     begin, end = signal.index(candidate.end), signal.index(candidate.end + settling)
-    reach = max(
-        abs(candidate.value[candidate.last] - candidate.centre),
-        0.5 * candidate.double_amplitudes[-1],
-        prominence_of(signal),
-    )
+    last = abs(candidate.value[candidate.last] - candidate.centre)
+    reach = max(last, 0.5 * candidate.double_amplitudes[-1], turning_points.prominence_of(signal))
     outside = np.flatnonzero(np.abs(signal.value[begin : end + 1] - candidate.centre) > 1.2 * reach)
     return signal.start + signal.interval * (begin + int(outside[0]) if outside.size else end)
 
@@ -293,29 +318,23 @@ def _between(motion: AxisMotion, start: float | None, end: float | None) -> Axis
         raise InputError(f'the start ({start:g} s) must lie before the end ({end:g} s)')
     inside = motion.between(start, end)
     if inside.size < 8:
-        given = start is not None or end is not None
-        bounds = f' between {_bound(start, "its start")} and {_bound(end, "its end")}' if given else ''
         raise InputError(
-            f'{_name(motion)} has too few samples{bounds} for a decay ({inside.size}); '
+            f'{_name(motion)} has too few samples between the bounds of a decay ({inside.size}); '
             f'the record runs from {motion.time[0]:.1f} to {motion.time[-1]:.1f} s'
         )
     return inside
 
 
-def _bound(value: float | None, otherwise: str) -> str:
-    return otherwise if value is None else f'{value:g} s'
-
-
 def _measured(motion: AxisMotion, start: float, end: float) -> DecaySegment:
     """The decay between bounds that the user gave."""
-    signal = even_signal(motion)
+    signal = turning_points.even_signal(motion)
     if np.ptp(signal.value) == 0.0:
         raise InputError(f'{_name(motion)} is constant from {start:g} to {end:g} s: give a stretch in which it moves')
-    points = find_turning_points(motion)
+    points = turning_points.find_turning_points(motion)
     value = np.concatenate([signal.value[:1], points.value])
     turns = points.time.size > 1
-    centre = centre_of_decay(value) if turns else float(signal.value[-1])
-    period = mean_period(points) if turns else _period_of_relaxation(signal, centre)
+    centre = turning_points.centre_of_decay(value) if turns else float(signal.value[-1])
+    period = turning_points.mean_period(points) if turns else _period_of_relaxation(signal, centre)
     amplitudes = np.abs(value - centre)
     return DecaySegment(
         start=start,
@@ -343,7 +362,7 @@ def _within_a_bound(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The large candidates, accepted as free decays because the user gave a bound."""
     candidates = [
         candidate
-        for piece in split_at_pauses(motion)
+        for piece in turning_points.split_at_pauses(motion)
         for candidate in find_candidates(piece)
         if candidate.is_suited and candidate.double_amplitudes.size >= 2
     ]

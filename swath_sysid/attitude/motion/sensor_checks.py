@@ -12,16 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from swath_sysid.attitude.motion import attitude
+from swath_sysid.attitude.motion import attitude, sensor_mount
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
-from swath_sysid.attitude.motion.sensor_mount import (
-    TURNS,
-    Installation,
-    angles_of,
-    in_degrees,
-    mounting_after,
-    nearest_quarter,
-)
+from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -80,18 +73,8 @@ PARTS = ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate'), ('acc
 #: All faults, by what must be compared to find them.
 REPEAT_CODES = frozenset({'sensor-frozen', 'angles-frozen'})
 GRAVITY_CODES = frozenset({'accelerations-in-g', 'gravity-missing', 'sensor-turned', 'axes-of-sensor'})
-RATE_CODES = frozenset(
-    {
-        'rates-swapped',
-        'rates-turned',
-        'rate-sign',
-        'rate-unit',
-        'rate-scale',
-        'rate-late',
-        'angle-late',
-        'rate-unrelated',
-    }
-)
+ARRANGED_CODES = frozenset({'rates-swapped', 'rates-turned', 'rate-sign', 'rate-unit', 'rate-scale'})
+RATE_CODES = ARRANGED_CODES | {'rate-late', 'angle-late', 'rate-unrelated'}
 OFFSET_CODES = frozenset({'rate-offset'})
 
 #: Those that leave the rest of the data usable.
@@ -192,24 +175,20 @@ def judge(
 
     All are in the axes of the craft as the installation makes them, NaN where unknown; the interval is the sensor's, s.
     """
-    repeated = [] if time.size < MIN_BINS else _repeats(time, angles, rates, force)
-    if repeated is None or time.size < MIN_BINS:
+    repeated = None if time.size < MIN_BINS else _repeats(time, angles, rates, force)
+    if repeated is None:
         return Judgement()
     if repeated:
         return Judgement(tuple(repeated), REPEAT_CODES)
     up, mean_force = mean_up(angles), mean_force_of(force)
     evened = _evened(time, angles[:, :2], rates)
     slopes = () if evened is None else compare_rates(*evened)
-    decided = REPEAT_CODES
-    if mean_force is not None or up is not None:
-        decided |= GRAVITY_CODES
+    decided = REPEAT_CODES if mean_force is None and up is None else REPEAT_CODES | GRAVITY_CODES
     is_turned, found = _gravity_against_attitude(mean_force, up, slopes, installation)
     if evened is not None and not is_turned:
         decided |= OFFSET_CODES | (RATE_CODES if slopes else frozenset())
         found += _rates_against_angles(slopes, interval, accelerations_follow(angles, force), installation)
-        if not any(
-            each.code in ('rate-unit', 'rate-scale', 'rate-sign', 'rates-turned', 'rates-swapped') for each in found
-        ):
+        if not any(each.code in ARRANGED_CODES for each in found):
             found += _offsets(*evened)
     return Judgement(tuple(found), decided)
 
@@ -229,11 +208,7 @@ def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tu
     # a mean of angles across the jump at pi would be none
     first = angles[:, :1]
     angles = first + (angles - first + np.pi) % (2.0 * np.pi) - np.pi
-    return (
-        time[:whole].reshape(-1, count).mean(axis=1),
-        angles.mean(axis=1),
-        *(other.mean(axis=1) for other in others),
-    )
+    return tuple(part.mean(axis=1) for part in (time[:whole].reshape(-1, count), angles, *others))
 
 
 def _found(key: str, axis: str | None = None, **values: Any) -> list[Contradiction]:
@@ -260,15 +235,11 @@ def _repeats(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.
     if still <= 0:
         return []
     angles_still = np.isfinite(angles[still:, :2]).all() and not np.any(steps[still:, :3] > 0.0)
-    is_turning = angles_still and _is_turning(rates[still:, :2], float(np.median(np.diff(time))))
-    return _found('angles-frozen', seconds=FROZEN) if is_turning else []
-
-
-def _is_turning(rates: np.ndarray, step: float) -> bool:
-    """Whether the integrated rates exceed the random walk of their noise."""
+    step, rates = float(np.median(np.diff(time))), rates[still:, :2]
     turned = np.ptp(np.cumsum(rates - rates.mean(axis=0), axis=0), axis=0) * step
     walk = np.sqrt(0.5 * np.mean(np.diff(rates, axis=0) ** 2, axis=0) * len(rates)) * step
-    return bool(np.any(turned > np.maximum(MIN_TURN, SIGNIFICANT * walk)))
+    is_turning = np.any(turned > np.maximum(MIN_TURN, SIGNIFICANT * walk))
+    return _found('angles-frozen', seconds=FROZEN) if angles_still and is_turning else []
 
 
 def mean_up(angles: np.ndarray) -> np.ndarray | None:
@@ -296,32 +267,32 @@ def _gravity_against_attitude(
     mean_force: np.ndarray | None, up: np.ndarray | None, slopes: Sequence[Slope], installation: Installation
 ) -> tuple[bool, list[Contradiction]]:
     """Whether rates and accelerations are rotated against the attitude, and faults of gravity."""
-    if mean_force is None:
-        return False, [] if up is None else _list_of_craft(up, installation)
-    size = float(np.linalg.norm(mean_force))
-    in_g = abs(size * STANDARD_GRAVITY - 1.0) <= GRAVITY_TOLERANCE
     found: list[Contradiction] = []
-    if in_g or size <= GRAVITY_TOLERANCE:
-        name = 'accelerations-in-g' if in_g else 'gravity-missing'
-        found = _found(name, force=size * STANDARD_GRAVITY, gravity=STANDARD_GRAVITY)
-        if not in_g:
-            return False, found + ([] if up is None else _list_of_craft(up, installation))
-    direction = mean_force / size
-    if up is None:
-        return False, found + _direction_alone(direction, installation)
-    if direction @ up >= CONTRADICTED:
-        return False, found + _list_of_craft(up, installation)
-    is_turned, contradictions = _turned_gravity(direction, up, slopes, installation)
-    return is_turned, found + contradictions
+    if mean_force is not None:
+        size = float(np.linalg.norm(mean_force))
+        in_g = abs(size * STANDARD_GRAVITY - 1.0) <= GRAVITY_TOLERANCE
+        if in_g or size <= GRAVITY_TOLERANCE:
+            name = 'accelerations-in-g' if in_g else 'gravity-missing'
+            found = _found(name, force=size * STANDARD_GRAVITY, gravity=STANDARD_GRAVITY)
+        if in_g or size > GRAVITY_TOLERANCE:
+            direction = mean_force / size
+            if up is None:
+                return False, found + _direction_alone(direction, installation)
+            if direction @ up < CONTRADICTED:
+                is_turned, contradictions = _turned_gravity(direction, up, slopes, installation)
+                return is_turned, found + contradictions
+    return False, found + _list_of_craft(up, installation)
 
 
-def _list_of_craft(up: np.ndarray, installation: Installation) -> list[Contradiction]:
+def _list_of_craft(up: np.ndarray | None, installation: Installation) -> list[Contradiction]:
     """A craft that would float on its side or upside down: a rotated sensor."""
-    if up[2] >= MIN_UPRIGHT:
+    if up is None or up[2] >= MIN_UPRIGHT:
         return []
     roll, pitch = attitude.tilt_angles(*up)
-    mounting = mounting_after((nearest_quarter(roll), nearest_quarter(pitch), 0.0), installation)
-    degrees = in_degrees([roll, pitch])
+    mounting = sensor_mount.mounting_after(
+        (sensor_mount.nearest_quarter(roll), sensor_mount.nearest_quarter(pitch), 0.0), installation
+    )
+    degrees = sensor_mount.in_degrees([roll, pitch])
     return _found('sensor-turned', roll=degrees[0], pitch=degrees[1], mounting=mounting)
 
 
@@ -331,7 +302,7 @@ def _turned_gravity(
     """The rotation or frame that explains gravity away from where the attitude puts it."""
     as_it_is = agreement(slopes, np.eye(3))
     best, best_score = None, -np.inf
-    for turn in TURNS:
+    for turn in sensor_mount.TURNS:
         score = agreement(slopes, turn.T)
         if direction @ (turn.T @ up) >= CONTRADICTED and score > best_score + 1e-6:
             best, best_score = turn, score
@@ -341,21 +312,20 @@ def _turned_gravity(
     if -cosine >= CONTRADICTED and (best is None or as_it_is >= best_score - 1e-6):
         return False, _found('axes-of-sensor: other frame', reading=reading, **_frames(installation))
     if best is None:
-        return True, _found(
-            'axes-of-sensor: not right-angled', off=float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
-        )
-    return True, _found('axes-of-sensor', reading=reading, **_turn_values(angles_of(best), installation))
+        off = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+        return True, _found('axes-of-sensor: not right-angled', off=off)
+    return True, _found('axes-of-sensor', reading=reading, **_turn_values(sensor_mount.angles_of(best), installation))
 
 
 def _direction_alone(direction: np.ndarray, installation: Installation) -> list[Contradiction]:
     """The mounting by gravity alone, without an orientation, but for its yaw."""
-    turn = max(TURNS, key=lambda turn: float(turn[2] @ direction))
+    turn = max(sensor_mount.TURNS, key=lambda turn: float(turn[2] @ direction))
     if direction[2] >= MIN_UPRIGHT or turn[2] @ direction < MIN_UPRIGHT:
         return []
     return _found(
         'axes-of-sensor: hanging' if direction[2] <= -MIN_UPRIGHT else 'axes-of-sensor: on its side',
         reading=_reading_of(direction),
-        mounting=mounting_after(angles_of(turn), installation),
+        mounting=sensor_mount.mounting_after(sensor_mount.angles_of(turn), installation),
         **_frames(installation),
     )
 
@@ -366,7 +336,7 @@ def _frames(installation: Installation) -> dict[str, str]:
 
 
 def _turn_values(turn: Sequence[float], installation: Installation) -> dict[str, Any]:
-    return {'turn': in_degrees(turn), 'mounting': mounting_after(turn, installation)}
+    return {'turn': sensor_mount.in_degrees(turn), 'mounting': sensor_mount.mounting_after(turn, installation)}
 
 
 def _reading_of(direction: np.ndarray) -> str:
@@ -396,11 +366,7 @@ def _rates_against_angles(
         rearranged = _rearranged(slopes, accelerations, installation, max(EXPLAINS, delayed))
         if rearranged:
             return rearranged
-    return [
-        *(found for slope in slopes for found in _scale(slope)),
-        *(found for slope in slopes for found in _delay(slope, interval)),
-        *(found for slope in slopes for found in _unrelated(slope)),
-    ]
+    return [found for slope in slopes for found in _faults_of(slope, interval)]
 
 
 def _rearranged(
@@ -414,9 +380,8 @@ def _rearranged(
         return []
     if 'exchanged' in name:
         # what stands exchanged in FRD axes is exchanged and reversed in those of the craft
-        return _found(
-            'rates-swapped' if (name == 'exchanged') == (installation.frame == 'flu') else 'rates-swapped: reversed'
-        )
+        as_named = (name == 'exchanged') == (installation.frame == 'flu')
+        return _found('rates-swapped' if as_named else 'rates-swapped: reversed')
     if name in ('to port', 'to starboard'):
         turn = (0.0, 0.0, 0.5 * np.pi if name == 'to port' else -0.5 * np.pi)
         return _found('rates-turned: quarter', **_turn_values(turn, installation))
@@ -426,50 +391,37 @@ def _rearranged(
     return _found('rate-sign: one', AXES[slopes[0].axis] if name == 'reversed' else name.split()[0])
 
 
-def _scale(slope: Slope) -> list[Contradiction]:
-    """A rate in another unit than the slope of its angle."""
-    if slope.lagged < EXPLAINS or not slope.differs:
-        return []
-    unit = next((unit for factor, unit in UNITS.items() if _is_near(slope.gain, factor)), None)
+def _faults_of(slope: Slope, interval: float) -> list[Contradiction]:
+    """A rate in another unit than the slope of its angle, later or earlier, or unrelated to it."""
     axis = AXES[slope.axis]
-    return (
-        _found('rate-scale', axis, gain=slope.gain)
-        if unit is None
-        else _found('rate-unit', axis, gain=slope.gain, unit=unit)
-    )
+    if slope.lagged >= EXPLAINS:
+        found = []
+        if slope.differs:
+            unit = next((unit for factor, unit in UNITS.items() if _is_near(slope.gain, factor)), None)
+            found = _found('rate-unit' if unit else 'rate-scale', axis, gain=slope.gain, unit=unit)
+        if abs(slope.lag) > max(LAG_INTERVALS * interval, LAG_PHASE / slope.frequency, SIGNIFICANT * slope.lag_std):
+            found += _found('rate-late' if slope.lag > 0.0 else 'angle-late', axis, lag=abs(slope.lag))
+        return found
+    # noise makes the rate larger, and the slope: together they allow a gain up to this
+    largest_gain = slope.gain / max(slope.lagged**2, 1e-6)
+    is_poor = slope.lagged < 1.0 - FOLLOWS or largest_gain < 1.0 / UNIT_TOLERANCE
+    is_small = slope.gain < (1.0 - FOLLOWS) ** 2 and slope.differs
+    return _found('rate-unrelated', axis) if is_poor and is_small else []
 
 
 def _is_near(gain: float, factor: float) -> bool:
     return factor / UNIT_TOLERANCE < gain < factor * UNIT_TOLERANCE
 
 
-def _delay(slope: Slope, interval: float) -> list[Contradiction]:
-    """A rate later, or earlier, than its angle."""
-    limit = max(LAG_INTERVALS * interval, LAG_PHASE / slope.frequency, SIGNIFICANT * slope.lag_std)
-    if slope.lagged < EXPLAINS or not abs(slope.lag) > limit:
-        return []
-    return _found('rate-late' if slope.lag > 0.0 else 'angle-late', AXES[slope.axis], lag=abs(slope.lag))
-
-
-def _unrelated(slope: Slope) -> list[Contradiction]:
-    """A rate unrelated to its moving angle."""
-    # noise makes the rate larger, and the slope: together they allow a gain up to this
-    largest_gain = slope.gain / max(slope.lagged**2, 1e-6)
-    least = EXPLAINS if largest_gain < 1.0 / UNIT_TOLERANCE else 1.0 - FOLLOWS
-    is_poor = slope.lagged < least and slope.gain < (1.0 - FOLLOWS) ** 2 and slope.differs
-    return _found('rate-unrelated', AXES[slope.axis]) if is_poor else []
-
-
 def _offsets(step: float, angles: np.ndarray, rates: np.ndarray) -> list[Contradiction]:
     """Rates that are off by a constant; arguments as for `compare_rates`."""
     apart = 0.5 * (rates[1:] + rates[:-1])[:, :2] - np.diff(angles, axis=0) / step
     mean, std = apart.mean(axis=0), apart.std(axis=0) / np.sqrt(len(apart))
-    return [
-        contradiction
-        for axis, offset, deviation in zip(AXES, mean.tolist(), std.tolist(), strict=True)
-        if abs(offset) > max(MAX_OFFSET, SIGNIFICANT * deviation)
-        for contradiction in _found('rate-offset', axis, offset=float(np.degrees(offset)))
-    ]
+    found: list[Contradiction] = []
+    for axis, offset, deviation in zip(AXES, mean.tolist(), std.tolist(), strict=True):
+        if abs(offset) > max(MAX_OFFSET, SIGNIFICANT * deviation):
+            found += _found('rate-offset', axis, offset=float(np.degrees(offset)))
+    return found
 
 
 def _evened(time: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> tuple[float, np.ndarray, np.ndarray] | None:
@@ -528,23 +480,15 @@ def _slope(axis: int, step: float, angle: np.ndarray, differences: np.ndarray, r
         return None
     frequency = np.fft.rfftfreq(2 * size, step)
     band = (frequency > 0.0) & (frequency <= highest)
-    spectra = (np.fft.rfft((part - part.mean()) * taper, 2 * size)[band] for part in (differences, *rates.T))
-    spectrum, *others = spectra
+    spectrum, *others = (np.fft.rfft((part - part.mean()) * taper, 2 * size)[band] for part in (differences, *rates.T))
     power = np.abs(spectrum) ** 2
     mean_square = np.sum((2.0 * np.pi * frequency[band]) ** 2 * power) / np.sum(power)
     # beyond half of the mean period a delay looks like a reversal
     lag, lagged, gain = _lag(spectrum, others[axis], frequency[band], step, np.pi / np.sqrt(mean_square))
     incoherent = np.sqrt(max(1.0 - lagged**2, 0.0) / max(lagged**2, 1e-6) / freedom)
-    return Slope(
-        axis=axis,
-        correlations=np.array([_correlation(spectrum, other) for other in others]),
-        lagged=lagged,
-        lag=lag,
-        lag_std=float(incoherent / np.sqrt(mean_square)),
-        gain=gain,
-        gain_std=float(abs(gain) * incoherent),
-        frequency=float(np.sqrt(mean_square)),
-    )
+    correlations = np.array([_correlation(spectrum, other) for other in others])
+    usual = float(np.sqrt(mean_square))
+    return Slope(axis, correlations, lagged, lag, float(incoherent / usual), gain, float(abs(gain) * incoherent), usual)
 
 
 def _taper(size: int) -> np.ndarray:

@@ -42,10 +42,7 @@ def check_time_base(
 
 
 def motion_period(time: np.ndarray, motion: np.ndarray) -> float | None:
-    """Mean period, s, of a motion (N,) by its upward crossings of the median; None with less than a cycle.
-
-    A crossing is from a standard deviation below to one above.
-    """
+    """Mean period, s, of a motion (N,) from a deviation below its median to one above; None: less than a cycle."""
     known = np.isfinite(motion)
     if not known.any():
         return None

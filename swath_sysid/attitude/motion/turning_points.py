@@ -72,10 +72,7 @@ class TurningPoints:
 
 
 def find_turning_points(motion: AxisMotion, period: float | None = None) -> TurningPoints:
-    """Maxima and minima of a motion's angle (or rate) that stand out of its noise, smoothed for a period, s.
-
-    Without a period: for the slowest on which most of the motion oscillates.
-    """
+    """Maxima and minima that stand out of the noise, smoothed for a period, s, or the slowest of most of the motion."""
     levels = pyramid(even_signal(motion))
     best = turning_points_of(next(levels))
     for signal in levels:
@@ -194,9 +191,8 @@ def prominence_of(signal: EvenSignal) -> float:
     """How far a turning point of this signal must stand out, in its unit."""
     if signal.value.size < 2:
         return 0.0
-    return max(
-        PROMINENCE * signal.noise, RESOLVED_STEPS * signal.resolution, SMALLEST_PROMINENCE * float(np.ptp(signal.value))
-    )
+    trifle = SMALLEST_PROMINENCE * float(np.ptp(signal.value))
+    return max(PROMINENCE * signal.noise, RESOLVED_STEPS * signal.resolution, trifle)
 
 
 def turning_points_of(signal: EvenSignal) -> TurningPoints:
@@ -204,20 +200,15 @@ def turning_points_of(signal: EvenSignal) -> TurningPoints:
     value = signal.value
     least = prominence_of(signal)
     if value.size < 3 or least == 0.0:
-        empty = np.empty(0)
-        return TurningPoints(empty, empty, signal.quantity, signal.noise)
+        return TurningPoints(np.empty(0), np.empty(0), signal.quantity, signal.noise)
     index = _alternating(prominent_maxima(value, least), prominent_maxima(-value, least))
     before, at, after = value[index - 1], value[index], value[index + 1]
     bend = before - 2.0 * at + after
     bent = bend != 0.0
     offset = np.zeros(index.size)
     offset[bent] = np.clip(0.5 * (before - after)[bent] / bend[bent], -0.5, 0.5)
-    return TurningPoints(
-        signal.start + signal.interval * (index + offset),
-        at - 0.25 * (before - after) * offset,
-        signal.quantity,
-        signal.noise,
-    )
+    time = signal.start + signal.interval * (index + offset)
+    return TurningPoints(time, at - 0.25 * (before - after) * offset, signal.quantity, signal.noise)
 
 
 def _alternating(maxima: np.ndarray, minima: np.ndarray) -> np.ndarray:

@@ -8,17 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.attitude.motion.intake import (
-    INTAKE_REASONS,
-    NANOSECOND,
-    ConvertedReading,
-    ImuReading,
-    Intake,
-)
+from swath_sysid.attitude.motion.intake import INTAKE_REASONS, ConvertedReading, ImuReading, Intake
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
 from swath_sysid.attitude.motion.sensor_mount import Installation
-from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.stamps import JUMPED_BACK, NANOSECOND, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES, CHANNELS, AxisMotion, Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
@@ -147,7 +141,6 @@ class MotionWindow:
         for row in before[-self._rows.capacity :]:
             self._rows.append(row)
         self._rows.drop_below(self._stamp_ns * NANOSECOND - length)
-        self._watch.resize(self.settings)
 
     @property
     def _capacity(self) -> int:
@@ -197,7 +190,7 @@ class DecayWatch:
     """Notices that a free decay has ended; looking takes 10 ms, so it waits until large motion has died down."""
 
     def __init__(self, settings: WindowSettings) -> None:
-        self._settings = settings
+        self._smallest = settings.smallest_decay
         self.on = settings.detect_decay
         self.restart()
 
@@ -205,10 +198,6 @@ class DecayWatch:
         """Forget what was seen and reported."""
         self._reported_until: dict[str, float | None] = dict.fromkeys(AXES)
         self._next_look = -inf
-
-    def resize(self, settings: WindowSettings) -> None:
-        """Look in a window of another length; what was reported stays so."""
-        self._settings = settings
 
     def look(self, stamp: float, window: MotionWindow) -> FinishedDecay | None:
         """Whether a decay has ended at a stamp, s, up to which the window reaches."""
@@ -242,7 +231,7 @@ class DecayWatch:
         if decay.quantity == 'rate':
             amplitude *= decay.period / (2.0 * pi)
         begun = decay.beginning in ('released', 'pushed')
-        large = amplitude >= self._settings.smallest_decay and decay.cycles >= MIN_CYCLES
+        large = amplitude >= self._smallest and decay.cycles >= MIN_CYCLES
         return begun and large and is_finished(decay, motion)
 
 
