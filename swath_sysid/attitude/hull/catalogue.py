@@ -23,28 +23,17 @@ def _equation(name: str, damping: Sequence[str], restoring: Sequence[str]) -> Eq
     return Equation(name, terms)
 
 
+_POWERS = _CUB, _QUAD, _LIN
+_SIDES: dict[str, list[tuple[Sequence[str], Sequence[str]]]] = {
+    'swath-pitch': [(damping, restoring) for restoring in _POWERS for damping in _POWERS],
+    'swath-roll': [(_CUB, _CUB), (_CUB, _LIN), (_CUB, _SINE)],
+    'hydrofoil-pitch': [(_CUB, _CUB), (_CUB, ('sine',)), (_CUB, ('linear', 'cubic'))],
+    'swath-usv-pitch': [(_CUB, _CUB), (_CUB, _LIN), (_CUB, _SINE)],
+}
 PUBLISHED_EQUATIONS = {
-    equation.name: equation
-    for equation in (
-        _equation('swath-pitch-1', _CUB, _CUB),
-        _equation('swath-pitch-2', _QUAD, _CUB),
-        _equation('swath-pitch-3', _LIN, _CUB),
-        _equation('swath-pitch-4', _CUB, _QUAD),
-        _equation('swath-pitch-5', _QUAD, _QUAD),
-        _equation('swath-pitch-6', _LIN, _QUAD),
-        _equation('swath-pitch-7', _CUB, _LIN),
-        _equation('swath-pitch-8', _QUAD, _LIN),
-        _equation('swath-pitch-9', _LIN, _LIN),
-        _equation('swath-roll-1', _CUB, _CUB),
-        _equation('swath-roll-2', _CUB, _LIN),
-        _equation('swath-roll-3', _CUB, _SINE),
-        _equation('hydrofoil-pitch-1', _CUB, _CUB),
-        _equation('hydrofoil-pitch-2', _CUB, ('sine',)),
-        _equation('hydrofoil-pitch-3', _CUB, ('linear', 'cubic')),
-        _equation('swath-usv-pitch-1', _CUB, _CUB),
-        _equation('swath-usv-pitch-2', _CUB, _LIN),
-        _equation('swath-usv-pitch-3', _CUB, _SINE),
-    )
+    f'{study}-{number}': _equation(f'{study}-{number}', *sides)
+    for study, equations in _SIDES.items()
+    for number, sides in enumerate(equations, 1)
 }
 
 OWN_EQUATIONS = {
@@ -136,6 +125,11 @@ def _from_form(
     return PublishedHull(name, axis, description, model, form, objective_value)
 
 
+# printed from the cube down: 56.8982143 stands on the cube, 32.953354 on the first power
+_HYDROFOIL = {'b1': 8.79129395, 'b2': 0.00850162, 'b3': 0.04839175}
+_HYDROFOIL |= {'r1': 32.953354, 'r2': 130.820453, 'r3': 56.8982143}
+
+#: The numbers of a form are I', N, W, x, C1, C2, C3; the last number is the objective's printed value.
 PUBLISHED_HULLS = {
     hull.name: hull
     for hull in (
@@ -144,14 +138,7 @@ PUBLISHED_HULLS = {
             'pitch',
             'swath-pitch-2',
             'SWATH model, L 1.26 m, 30 kg, pitch from 6 deg at design draft; inertia not published, 0.09 assumed',
-            PublishedForm(
-                inertia=0.09,
-                linear_damping=0.137953966 / 2,
-                quadratic_damping=0.006320314,
-                c1=8.704769096,
-                c2=1.744499553,
-                c3=0.910961951,
-            ),
+            PublishedForm(0.09, 0.137953966 / 2, 0.006320314, 0.0, 8.704769096, 1.744499553, 0.910961951),
             0.02319572,
         ),
         _from_form(
@@ -159,33 +146,14 @@ PUBLISHED_HULLS = {
             'roll',
             'swath-roll-3',
             'SWATH model, L 1.26 m, 60 kg, roll from 5 deg at design draft',
-            PublishedForm(
-                inertia=0.080320655,
-                linear_damping=0.000247681,
-                quadratic_damping=0.981940173,
-                cubic_damping=2.615040557,
-                c1=3.663245158,
-                c2=0.498282369,
-            ),
+            PublishedForm(0.080320655, 0.000247681, 0.981940173, 2.615040557, 3.663245158, 0.498282369),
             0.007095983,
         ),
         PublishedHull(
             'hydrofoil-pitch',
             'pitch',
             'planing hydrofoil craft, L 1.50 m, 34.55 kg, pitch from 3 deg at design draft',
-            DecayModel.from_terms(
-                EQUATIONS['hydrofoil-pitch-1'],
-                {
-                    'b1': 8.79129395,
-                    'b2': 0.00850162,
-                    'b3': 0.04839175,
-                    # printed from the cube down: 56.8982143 stands on the cube, 32.953354 on the first power
-                    'r3': 56.8982143,
-                    'r2': 130.820453,
-                    'r1': 32.953354,
-                },
-                axis='pitch',
-            ),
+            DecayModel.from_terms(EQUATIONS['hydrofoil-pitch-1'], _HYDROFOIL, axis='pitch'),
             None,
             0.019560,
         ),
@@ -194,15 +162,7 @@ PUBLISHED_HULLS = {
             'pitch',
             'swath-usv-pitch-1',
             'SWATH-USV model, L 1.2 m, 35 kg, pitch from 5 deg at design draft',
-            PublishedForm(
-                inertia=0.0937801,
-                linear_damping=0.0950886,
-                quadratic_damping=0.0132637,
-                cubic_damping=0.0046185,
-                c1=0.8210960,
-                c2=0.0015652,
-                c3=0.6977489,
-            ),
+            PublishedForm(0.0937801, 0.0950886, 0.0132637, 0.0046185, 0.8210960, 0.0015652, 0.6977489),
             0.009069221,
         ),
     )

@@ -15,10 +15,7 @@ VERDICT_NUMBERS = {'': -1.0, 'doubtful': 1.0, 'adequate': 2.0}  #: The empty one
 
 
 def coefficients(models: Mapping[str, IdentifiedModel]) -> tuple[tuple[str, ...], np.ndarray]:
-    """Row names (``pitch``, ``pitch_std``) and values (2 axes, 13) of models by axis, columns as `COEFFICIENT_NAMES`.
-
-    An unused term is 0 with a deviation of 0.
-    """
+    """Row names (``pitch``, ``pitch_std``) and values (2 axes, 13), columns as `COEFFICIENT_NAMES`; unused terms: 0."""
     axes = tuple(axis for axis in AXES if axis in models)
     names = tuple(f'{axis}{kind}' for axis in axes for kind in ('', '_std'))
     rows = [row for axis in axes for row in _rows(models[axis])]

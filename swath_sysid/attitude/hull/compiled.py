@@ -15,10 +15,7 @@ term_moments = accelerated(terms.term_moments)
 def motion_step(
     x: Value, rate: Value, moment: float, step: float, ratios: Value, active: tuple[bool, ...], friction_rate: float
 ) -> tuple[Value, Value, Value]:
-    """One classical Runge-Kutta step, s, of a hull under a held moment over inertia, rad/s^2.
-
-    Takes angle from trim, rad, and rate, rad/s; returns the acceleration before the step, and both after it.
-    """
+    """A Runge-Kutta step, s, under a held moment, rad/s^2: the acceleration before it, angle and rate after it."""
     half, sixth = 0.5 * step, step / 6.0
     a1 = moment - damping_moment(rate, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
     w2 = rate + half * a1

@@ -6,16 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.hull.terms import (
-    DAMPING_TERMS,
-    RESTORING_TERMS,
-    TERM_INDEX,
-    TERM_NAMES,
-    damping_moment,
-    damping_slope,
-    restoring_moment,
-    restoring_slope,
-)
+from swath_sysid.attitude.hull import terms
+from swath_sysid.attitude.hull.terms import DAMPING_TERMS, RESTORING_TERMS, TERM_INDEX, TERM_NAMES
 from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.errors import InputError, check_choice
 
@@ -112,20 +104,20 @@ class DecayModel:
 
     def acceleration(self, angle: Value, rate: Value, excitation: Value = 0.0) -> Value:
         """Angular acceleration, rad/s^2, under an exciting moment over inertia, rad/s^2."""
-        damping = damping_moment(rate, self._row, self._active, self.friction_rate)
-        return excitation - damping - restoring_moment(angle - self.trim, self._row, self._active)
+        damping = terms.damping_moment(rate, self._row, self._active, self.friction_rate)
+        return excitation - damping - terms.restoring_moment(angle - self.trim, self._row, self._active)
 
     def jacobian(self, angle: Value, rate: Value) -> tuple[Value, Value]:
         """Derivatives of the acceleration by angle (rad), 1/s^2, and by rate (rad/s), 1/s."""
         return (
-            -restoring_slope(angle - self.trim, self._row, self._active),
-            -damping_slope(rate, self._row, self._active, self.friction_rate),
+            -terms.restoring_slope(angle - self.trim, self._row, self._active),
+            -terms.damping_slope(rate, self._row, self._active, self.friction_rate),
         )
 
     @property
     def natural_frequency(self) -> float:
         """Undamped natural frequency of small motions, rad/s; NaN where upright is unstable."""
-        stiffness = restoring_slope(0.0, self._row, self._active)
+        stiffness = terms.restoring_slope(0.0, self._row, self._active)
         return float(np.sqrt(stiffness)) if stiffness > 0.0 else float('nan')
 
     @property

@@ -62,10 +62,7 @@ def scaled_model(model: DecayModel, ratio: float | Fraction) -> DecayModel:
 
 
 def scaled(identified: IdentifiedModel, ratio: Fraction) -> IdentifiedModel:
-    """An identified model at another scale, with its uncertainty.
-
-    Scaling starts from the scale of the trials, kept in the provenance, so that scaling back restores the same numbers.
-    """
+    """An identified model at another scale; scaling starts from the trials, so that scaling back is exact."""
     origin, before = _at_scale_of_trials(identified)
     total = _ratio_in_all(before, ratio)
     if total == 1:

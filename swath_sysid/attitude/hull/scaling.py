@@ -13,17 +13,13 @@ from swath_sysid.attitude.hull.terms import TERM_NAMES
 _RANGES = {
     'b0': (0.0, 0.5),
     'b1': (0.0, 4.0),
-    'b2': (0.0, 12.0),
-    'b3': (0.0, 12.0),
-    'r1': (0.0, 5.0),
-    'r2': (-3.0, 3.0),
+    **dict.fromkeys(('b2', 'b3'), (0.0, 12.0)),
+    **dict.fromkeys(('r1', 's1'), (0.0, 5.0)),
+    **dict.fromkeys(('r2', 's2'), (-3.0, 3.0)),
     'r3': (-3.0, 6.0),
-    's1': (0.0, 5.0),
-    's2': (-3.0, 3.0),
 }
-LOWER = np.array([_RANGES[name][0] for name in TERM_NAMES])
 #: Damping is not negative. No upper limit is meant to bind.
-UPPER = np.array([_RANGES[name][1] for name in TERM_NAMES])
+LOWER, UPPER = np.array([_RANGES[name] for name in TERM_NAMES]).T
 
 
 @dataclass(frozen=True)

@@ -93,21 +93,13 @@ class ScheduledModel:
             return (1.0 - weight) * a + weight * b
 
         old, new = before.model, after.model
-        model = DecayModel(
-            self.equation,
-            between(old.ratios, new.ratios),
-            float(between(old.trim, new.trim)),
-            float(between(old.friction_rate, new.friction_rate)),
-            self.axis,
-        )
+        trim, friction_rate = (float(between(getattr(old, n), getattr(new, n))) for n in ('trim', 'friction_rate'))
+        model = DecayModel(self.equation, between(old.ratios, new.ratios), trim, friction_rate, self.axis)
         (low, high), (low_after, high_after) = before.amplitude_range, after.amplitude_range
         amplitudes = float(between(low, low_after)), float(between(high, high_after))
         trim_std = float(np.hypot((1.0 - weight) * before.trim_std, weight * after.trim_std))
-        provenance = {
-            'scheduled_on': self.quantity,
-            'loading': loading,
-            'between': list(self.loadings[left : right + 1]),
-        }
+        between_loadings = list(self.loadings[left : right + 1])
+        provenance = {'scheduled_on': self.quantity, 'loading': loading, 'between': between_loadings}
         return IdentifiedModel(model, covariance, trim_std, amplitudes, provenance=provenance)
 
     def _missed(self, left: int, loading: float) -> np.ndarray:
@@ -115,15 +107,11 @@ class ScheduledModel:
         count = len(self.loadings)
         if count < 3:
             return np.zeros(len(self.equation.terms))
-        starts = [k for k in (left - 1, left) if 0 <= k <= count - 3]
         away = abs((loading - self.loadings[left]) * (loading - self.loadings[left + 1]))
-        return away * np.max([np.abs(self._second_difference(k)) for k in starts], axis=0)
-
-    def _second_difference(self, start: int) -> np.ndarray:
-        """Second divided difference of the ratios over three neighbouring loadings, shape (n,)."""
-        a, b, c = self.loadings[start : start + 3]
-        at_a, at_b, at_c = (m.model.ratios[self.equation.indices] for m in self.models[start : start + 3])
-        return ((at_c - at_b) / (c - b) - (at_b - at_a) / (b - a)) / (c - a)
+        ratios = np.array([m.model.ratios[self.equation.indices] for m in self.models])
+        slopes = np.diff(ratios, axis=0) / np.diff(self.loadings)[:, None]
+        curvatures = np.diff(slopes, axis=0) / (np.array(self.loadings[2:]) - self.loadings[:-2])[:, None]
+        return away * np.max(np.abs(curvatures[max(left - 1, 0) : left + 1]), axis=0)
 
     def curve(self, loadings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ratios and standard deviations, (K, n), of the equation's terms at loadings (K,)."""

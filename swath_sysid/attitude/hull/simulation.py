@@ -109,17 +109,9 @@ def simulate(model: DecayModel, angle: float, rate: float, time: np.ndarray) -> 
     elapsed = np.asarray(time, dtype=float) - time[0]
     step = longest_step(model, abs(angle - model.trim))
     before, weights, steps = places_in_steps(elapsed, step)
+    x, speed = np.array([angle - model.trim], dtype=float), np.array([rate], dtype=float)
+    hull = model.ratios[:, None], model.equation.active, model.friction_rate
     with np.errstate(over='ignore', invalid='ignore'):
-        angles, rates, accelerations = runge_kutta_population(
-            np.array([angle - model.trim], dtype=float),
-            np.array([rate], dtype=float),
-            model.ratios[:, None],
-            model.equation.active,
-            model.friction_rate,
-            step,
-            steps,
-        )
-        return (
-            interpolate(angles, rates, before, weights)[:, 0] + model.trim,
-            interpolate(rates, accelerations, before, weights)[:, 0],
-        )
+        angles, rates, accelerations = runge_kutta_population(x, speed, *hull, step, steps)
+        found = interpolate(angles, rates, before, weights)[:, 0] + model.trim
+        return found, interpolate(rates, accelerations, before, weights)[:, 0]

@@ -18,17 +18,8 @@ RESTORING_NAMES = tuple(RESTORING_TERMS.values())
 TERM_NAMES = DAMPING_NAMES + RESTORING_NAMES
 TERM_INDEX = {name: index for index, name in enumerate(TERM_NAMES)}
 
-RATIO_UNITS = {
-    'b0': 'rad/s^2',
-    'b1': '1/s',
-    'b2': '1/rad',
-    'b3': 's/rad^2',
-    'r1': '1/s^2',
-    'r2': '1/(rad s^2)',
-    'r3': '1/(rad^2 s^2)',
-    's1': 'rad/s^2',
-    's2': 'rad/s^2',
-}
+_UNITS = 'rad/s^2', '1/s', '1/rad', 's/rad^2', '1/s^2', '1/(rad s^2)', '1/(rad^2 s^2)', 'rad/s^2', 'rad/s^2'
+RATIO_UNITS = dict(zip(TERM_NAMES, _UNITS, strict=True))
 
 B0, B1, B2, B3, R1, R2, R3, S1, S2 = range(9)
 
