@@ -145,13 +145,18 @@ def test_filter_and_its_slopes_by_every_coefficient_are_those_of_a_plain_one_ove
         assert slopes == pytest.approx(expected, rel=0.01)
 
 
+def problem_of(motions, states, scales):
+    """What the likelihood asks of a problem."""
+    return SimpleNamespace(observed=motions, states=states, scales=scales, friction_rate=1e-3)
+
+
 def likelihood_of(bench):
     made = bench.made_trial('swath-pitch 6', bench.SCENES['waves-0.3'], 1)
     motion = motion_of(made).between(made.release + 0.01, None)
     state = InitialState(float(motion.angle[:5].mean()), 0.0, 0.0)
     equation = equation_named(bench.equation_of(made.truth))
     natural = np.sqrt(made.truth.get('r1', 0.0) + made.truth.get('s1', 0.0))
-    return BasinLikelihood([motion], [state], equation, Scales(state.x, natural), 1e-3), made
+    return BasinLikelihood(problem_of([motion], [state], Scales(state.x, natural)), equation), made
 
 
 def test_gradient_is_that_of_finite_differences(bench):
@@ -313,6 +318,6 @@ def test_many_records_have_an_uncertainty():
     hull, count = hull_named('swath-pitch').model, 18
     made = simulated_trial(hull, 0.1, 2.0, 25.0, SensorNoise(1e-5, 1e-4, 0.0), 0).axis('pitch')
     records = [made] * count, [InitialState(0.1, 0.0, 0.0)] * count
-    likelihood = BasinLikelihood(*records, hull.equation, Scales(0.1, hull.natural_frequency), 1e-3)
+    likelihood = BasinLikelihood(problem_of(*records, Scales(0.1, hull.natural_frequency)), hull.equation)
     found = likelihood.described(likelihood.evaluate([likelihood.start(hull.ratios, 0.003)]))
     assert np.isfinite(found.covariance).all() and np.isfinite(found.trim_std)

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring_slope
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, innovations
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState
+from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -81,36 +81,24 @@ class BasinFit:
 
 
 class BasinLikelihood(LogPosterior):
-    """Negative log posterior of an equation's dimensionless ratios and the basin's parameters on some records.
+    """Negative log posterior of an equation's dimensionless ratios and the basin's parameters on a problem's records.
 
-    Args:
-        motions: From the release on.
-        states: First estimates at the first sample of each, the same for every equation that is compared.
-        friction_rate: rad/s.
-        ratio_prior: (n,); standard deviations of the dimensionless ratios before the record is seen.
+    On their undisturbed motion; the first estimates of their states are the same for every equation that is compared.
+    ``ratio_prior`` (n,) are the standard deviations of the dimensionless ratios before the record is seen.
     """
 
-    def __init__(
-        self,
-        motions: Sequence[AxisMotion],
-        states: Sequence[InitialState],
-        equation: Equation,
-        scales: Scales,
-        friction_rate: float,
-        ratio_prior: np.ndarray | float = LINEAR_PRIOR,
-    ) -> None:
+    def __init__(self, problem: Problem, equation: Equation, ratio_prior: np.ndarray | float = LINEAR_PRIOR) -> None:
+        motions, scales = problem.observed, problem.scales
         self._records = [blocked(m, scales.frequency) for m in motions]
-        self._active = equation.active
-        self._terms = equation.indices
-        self._friction_rate = friction_rate
+        self._active, self._terms, self._friction_rate = equation.active, equation.indices, problem.friction_rate
         self._ratio_units = scales.ratio_units[self._terms]
-        amplitude, rate = scales.amplitude, scales.rate
+        amplitude, rate, w = scales.amplitude, scales.rate, scales.frequency
         angles, rates = (
             [v for v in each if v is not None] for each in zip(*((m.angle, m.rate) for m in motions), strict=True)
         )
         white = _white(angles, MIN_NOISE * amplitude), _white(rates, MIN_NOISE * rate)
         self._floor = MODEL_FLOOR * np.array([max(map(np.std, each), default=0.0) for each in (angles, rates)])
-        w, period = scales.frequency, 2.0 * np.pi / scales.frequency
+        period = 2.0 * np.pi / w
         self._basin_units = np.array(
             [w * rate, w, 1.0, 1.0, *white, white[0], period, white[1], period, amplitude / np.sqrt(period)]
         )
@@ -121,7 +109,7 @@ class BasinLikelihood(LogPosterior):
         # states about the first estimates by the first amplitude: the same for every equation that is compared
         super().__init__(
             equation,
-            np.concatenate([expected, means, self._first_states(states)]),
+            np.concatenate([expected, means, self._first_states(problem.states)]),
             np.concatenate([np.broadcast_to(ratio_prior, n), stds, np.ones(3 * m)]),
             [name in DAMPING_NAMES for name in equation.terms],
         )

@@ -21,7 +21,7 @@ from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR, prune, wea
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.common.covariance import sandwich_covariance
 
-CHANCE = 0.001  #: Probability that the likelihood ratio calls a complete equation incomplete.
+CHANCE = 0.001  #: Probability that a likelihood ratio calls a complete equation incomplete, or the same hull changed.
 SMOOTH_TERMS = (*DAMPING_NAMES[1:], 'r2', 'r3')
 
 
@@ -90,14 +90,6 @@ def residual_posterior(problem: Problem, equation: Equation, start: np.ndarray) 
     return found, (found.minimise([start if first is None else first.z]) or found.evaluate([start]))[0]
 
 
-def basin_likelihood(
-    problem: Problem, equation: Equation, ratio_prior: np.ndarray | float = LINEAR_PRIOR
-) -> BasinLikelihood:
-    """The likelihood of an equation on the undisturbed motion of a problem's records."""
-    record = problem.observed, problem.states
-    return BasinLikelihood(*record, equation, problem.scales, problem.friction_rate, ratio_prior)
-
-
 def lacking(equation: Equation, names: Sequence[str]) -> list[str]:
     """The names that can still be added to an equation: s2 replaces r2."""
     taken = (*equation.terms, *(('r2',) if 's2' in equation.terms else ()))
@@ -126,10 +118,10 @@ def basin_fit(
 
     The equation has no dry friction. None where the motion diverges.
     """
-    likelihood, added = basin_likelihood(problem, equation), lacking(equation, SMOOTH_TERMS)
+    likelihood, added = BasinLikelihood(problem, equation), lacking(equation, SMOOTH_TERMS)
     optima, absent = likelihood.minimise(likelihood.starts(ratios, states)), None
     if optima and added:
-        richer = basin_likelihood(problem, _with_terms(equation, added))
+        richer = BasinLikelihood(problem, _with_terms(equation, added))
         own = np.ones(optima[0].z.size + len(added), dtype=bool)
         own[[richer.equation.terms.index(name) for name in added]] = False
         start = np.zeros(own.size)
@@ -168,7 +160,7 @@ def pruned_hull(problem: Problem, ratios: np.ndarray, states: Sequence[InitialSt
 
 def _by_basin(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]):
     """None where the likelihood's motion, unlike the filter's, runs away."""
-    general = basin_likelihood(problem, GENERAL_HULL, weak_prior(GENERAL_HULL, problem.decayed_to))
+    general = BasinLikelihood(problem, GENERAL_HULL, weak_prior(GENERAL_HULL, problem.decayed_to))
     optima = general.minimise(general.starts(ratios, states))
     if not optima:
         return None

@@ -31,8 +31,8 @@ STOPPED = 0.5
 FIRST_LOOK_PERIODS = 0.12  #: Share of a period that the initial state is estimated from.
 
 #: With fewer cycles the frequency is that of the first return to the trim, over twice the time to this share of
-#: the angle, unless it differs by more than the last factor.
-FEW_CYCLES, RETURNED, LARGEST_CORRECTION = 3.0, 0.2, 8.0
+#: the angle, if the record can show it.
+FEW_CYCLES, RETURNED = 3.0, 0.2
 
 
 @dataclass(frozen=True)
@@ -208,8 +208,8 @@ def _frequency(motion: AxisMotion, segment: DecaySegment):
     integral = cumulative_trapezoid(angle, elapsed, initial=0.0)
     rows = np.column_stack([-integral, -angle, np.ones(angle.size), elapsed])
     stiffness = np.linalg.lstsq(rows, motion.rate[first], rcond=None)[0][0]
-    found = np.sqrt(max(stiffness, 0.0))
-    return float(found) if 1.0 / LARGEST_CORRECTION < found / frequency < LARGEST_CORRECTION else frequency
+    found = float(np.sqrt(max(stiffness, 0.0)))
+    return found if np.pi / motion.duration < found < np.pi / motion.sample_interval else frequency
 
 
 def _angle_from_rate(motion: AxisMotion, segment: DecaySegment):

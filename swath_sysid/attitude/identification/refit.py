@@ -20,6 +20,7 @@ from swath_sysid.attitude.identification.at_sea import (
     is_at_sea,
 )
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE, REJECTED
+from swath_sysid.attitude.identification.hull_terms import CHANCE
 from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.live_decays import (
     HeldDecays,
@@ -31,7 +32,6 @@ from swath_sysid.attitude.identification.live_decays import (
     window_source,
 )
 from swath_sysid.attitude.identification.replacement import (
-    BY_CHANCE,
     explains_better,
     gain_text,
     has_changed,
@@ -262,7 +262,7 @@ def _refit_at_sea(
         # twice, as in `explains_better`: both are uncertain
         gain = found.gain_over(held.model)
         better = f', log-likelihood {gain:.0f} higher'
-        if gain < chdtri(2, BY_CHANCE):
+        if gain < chdtri(2, CHANCE):
             refusal = 'the current model explains the window as well'
     if refusal:
         return AxisVerdict(axis, None, f'not published, {refusal} ({summary})', estimate=estimate)

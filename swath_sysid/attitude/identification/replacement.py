@@ -13,11 +13,10 @@ from swath_sysid.attitude.hull.scaling import LOWER, UPPER
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.at_sea import is_at_sea
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE, LEVELS, REJECTED
+from swath_sysid.attitude.identification.hull_terms import CHANCE
 from swath_sysid.attitude.identification.identify import Identification
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD
 from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit
-
-BY_CHANCE = 0.01  #: Probability that chance is reported as a changed hull.
 
 
 def misfit(problem: Problem, model: DecayModel) -> float:
@@ -54,7 +53,7 @@ def has_changed(problem: Problem, before: DecayModel, of_new: Identification, ne
     together, *apart = (_least_squares(part, equation, starts) for part in parts)
     measured = _measured(parts[0])
     variance = sum(apart) / sum(values.size for values in measured) * of_new.samples / of_new.effective_samples
-    by_chance = variance * chdtri(len(terms), BY_CHANCE)
+    by_chance = variance * chdtri(len(terms), CHANCE)
     matters = of_new.verdict.motion_error**2 * sum(values.size * np.var(values) for values in measured)
     return bool(together - sum(apart) > max(by_chance, matters))
 
@@ -78,7 +77,7 @@ def explains_better(found: Identification, held: DecayModel) -> bool:
     Twice the variable of `has_changed`, because both are uncertain.
     """
     terms = len(found.model.equation.terms)
-    excess = 2.0 * float(chdtri(terms, BY_CHANCE)) / found.effective_samples
+    excess = 2.0 * float(chdtri(terms, CHANCE)) / found.effective_samples
     return bool(misfit(found.problem, found.model) ** 2 * (1.0 + excess) < misfit(found.problem, held) ** 2)
 
 
