@@ -18,7 +18,6 @@ def messages_of(path):
 
 
 def decoded(path, topic):
-    """Time and message of everything on a topic."""
     return [(time, STORE.deserialize_cdr(raw, kind)) for name, kind, time, raw in messages_of(path) if name == topic]
 
 

@@ -12,7 +12,6 @@ GRAVITY = (0.0, 0.0, 9.81)
 
 
 def diagonal(variance):
-    """A covariance of equal variances."""
     return (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
 
 
@@ -52,7 +51,6 @@ def released(time, release, amplitude=0.1, period=2.6, damping=0.08, hold=4.0):
 
 
 def decay_stream(rate=100.0, duration=40.0, release=8.0, axis='pitch', seed=1, first_ns=EPOCH_NS, **motion):
-    """Readings of a released craft with the noise of an IMU."""
     noise = np.random.default_rng(seed).normal(0.0, 1.0, (round(duration * rate), 2)) * (1e-3, 5e-3)
     for k, (angle_noise, rate_noise) in enumerate(noise.tolist()):
         angle, angle_rate = released(k / rate, release, **motion)

@@ -47,28 +47,24 @@ HEARD = {
 
 
 def start(*words, ros_args=()):
-    """Start a Python process with ROS arguments."""
-    command = [sys.executable, *words, '--ros-args', '-p', 'diagnostics_period_s:=0.1', *ros_args]
-    return subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    given = '--ros-args', '-p', 'diagnostics_period_s:=0.1', *ros_args
+    pipes = {'stdout': subprocess.PIPE, 'stderr': subprocess.STDOUT, 'text': True}
+    return subprocess.Popen([sys.executable, *words, *given], env=environment(), **pipes)
 
 
 def settings(*values):
-    """ROS arguments that set parameters: ``'name:=value'``."""
     return [word for value in values for word in ('-p', value)]
 
 
 def start_together(*ros_args):
-    """Start all three nodes in one process."""
     return start('-m', 'swath_sysid.cli.main', 'run', ros_args=ros_args)
 
 
 def start_node(name, *ros_args):
-    """Start one node."""
     return start('-m', f'swath_sysid.nodes.{name}', ros_args=ros_args)
 
 
 def children(pid):
-    """Process ids of the living children of a process."""
     found = []
     for stat in Path('/proc').glob('[0-9]*/stat'):
         try:
@@ -145,19 +141,20 @@ class Bench:
 
     # --- the sensor
 
+    def status_name(self, node, status='imu'):
+        """The name of a node's status in the namespace of the bench."""
+        return f'{self.node.get_namespace()}/{node}: {status}'.lstrip('/')
+
     def connect(self, listeners=2):
         """Wait until the nodes hear the sensor and are heard."""
         wait_for(lambda: self.imu.get_subscription_count() >= listeners, 'subscriptions to the IMU')
-        prefix = self.node.get_namespace().strip('/')
-        names = [f'{prefix}/{name}'.strip('/') for name in ('imu_buffer: imu', 'predictor: imu')]
-        wait_for(lambda: all(name in self.statuses for name in names), 'diagnostics')
+        names = {self.status_name(name) for name in ('imu_buffer', 'predictor')}
+        wait_for(lambda: names <= set(self.statuses), 'diagnostics')
         topic = self.node.resolve_topic_name('forecast/next')
         wait_for(lambda: self.node.count_publishers(topic) and self.node.count_subscribers(topic), 'forecast/next')
 
     def send(self, readings, publisher=None):
-        """Publish readings, no faster than the nodes take them; how many."""
-        begun, count = time.monotonic(), 0
-        received = {name: values['received'] for name, values in self._streams().items()}
+        begun, count, before = time.monotonic(), 0, self._received()
         for count, reading in enumerate(readings, 1):
             (publisher or self.imu).publish(imu_message(reading))
             wait = begun + count / SEND_RATE - time.monotonic()
@@ -165,34 +162,25 @@ class Bench:
                 time.sleep(wait)
             if count % PORTION == 0:
                 wait_for(
-                    lambda count=count: all(
-                        values['received'] - received[name] >= count for name, values in self._streams().items()
-                    ),
+                    lambda count=count: all(now - before[name] >= count for name, now in self._received().items()),
                     f'{count} messages at the nodes',
                 )
         return count
 
-    def _streams(self):
-        """What the nodes that hear the sensor tell of it."""
-        prefix = self.node.get_namespace().strip('/')
-        return {
-            name: self.counts(name)
-            for name in ('imu_buffer', 'predictor')
-            if f'{prefix}/{name}: imu'.strip('/') in self.statuses
-        }
+    def _received(self):
+        """How many messages the nodes have received, by those that hear the sensor."""
+        nodes = [name for name in ('imu_buffer', 'predictor') if self.status_name(name) in self.statuses]
+        return {name: self.counts(name)['received'] for name in nodes}
 
     def counts(self, node, status='imu'):
         """The values of a status as numbers, those that are."""
-        prefix = self.node.get_namespace().strip('/')
-        _, _, values = self.statuses[f'{prefix}/{node}: {status}'.strip('/')]
         found = {}
-        for key, value in values.items():
+        for key, value in self.statuses[self.status_name(node, status)][2].items():
             with suppress(ValueError):
                 found[key] = float(value)
         return found
 
     def newest_stamp(self):
-        """Stamp of the newest forecast/next, ns."""
         heard = self.heard['forecast/next']
         return stamp_ns(heard[-1]) if heard else 0
 
@@ -201,13 +189,11 @@ class Bench:
         wait_for(lambda: 0 < self.newest_stamp() - stamp < 200_000_000, 'forecast from the newest sample', seconds)
 
     def settle(self, node, received):
-        """Wait until a node has told that it received so many messages."""
         wait_for(lambda: self.counts(node)['received'] >= received, f'{received} messages at {node}')
 
     # --- services
 
     def call(self, name, kind=Trigger, request=None, seconds=PATIENCE):
-        """Call a service and wait for its answer."""
         return self.wait_for_answer(self.call_async(name, kind, request), name, seconds)
 
     def call_async(self, name, kind=Trigger, request=None):
@@ -222,9 +208,8 @@ class Bench:
 
     def set_parameters(self, node, **values):
         """Set parameters one by one; the reasons for which they were refused."""
-        request = SetParameters.Request(
-            parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-        )
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        request = SetParameters.Request(parameters=parameters)
         answer = self.call(f'{node}/set_parameters', SetParameters, request)
         return [result.reason for result in answer.results if not result.successful]
 
@@ -252,7 +237,6 @@ def stamp_ns(message):
 
 
 def imu_message(reading):
-    """The sensor_msgs/Imu of a reading."""
     message = Imu()
     message.header.frame_id = 'imu_link'
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(reading.stamp_ns, 10**9)

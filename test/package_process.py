@@ -12,7 +12,6 @@ PATIENCE = 240.0
 
 
 def wait_for(condition, what, seconds=PATIENCE, meanwhile=lambda: time.sleep(0.01)):
-    """Wait until a condition holds; what it returns."""
     end = time.monotonic() + seconds
     while not (found := condition()):
         assert time.monotonic() < end, f'in {seconds} s: no {what}'
@@ -21,7 +20,6 @@ def wait_for(condition, what, seconds=PATIENCE, meanwhile=lambda: time.sleep(0.0
 
 
 def is_alive(pid):
-    """Whether a process runs (a zombie does not)."""
     try:
         return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
     except FileNotFoundError:

@@ -21,23 +21,18 @@ SECOND = 10**9
 
 
 class Craft:
-    """A craft at rest whose sensor's stamps go on from test to test."""
-
     def __init__(self, bench, process):
         self.bench, self.process = bench, process
         self.stamp, self.sent = EPOCH_NS, 0
 
     def wait(self, seconds):
-        """The stamps go on without a sample."""
         self.stamp += round(seconds * SECOND)
 
     def good(self, count=50, step=STEP):
-        """So many good samples."""
         first, self.stamp = self.stamp, self.stamp + count * step
         self.send([reading(first + (k + 1) * step, 0.01, -0.02) for k in range(count)])
 
     def bad(self, stamp=None, **changes):
-        """One sample with something wrong."""
         if stamp is None:
             self.stamp += STEP
             stamp = self.stamp

@@ -24,13 +24,11 @@ def model_file(path):
 
 
 def restarted(path):
-    """What a node begins with."""
     file = model_file(path)
     return file, Refitter(None, file.read(), file.history())
 
 
 def took(refitter, models):
-    """A refit found these."""
     refitter._history.append((refitter.models, refitter.decays))
     refitter.models = models
 
@@ -84,20 +82,8 @@ def test_a_file_that_cannot_be_used_is_reported_at_the_start_and_left_as_it_is(t
         assert model_file(unusable).read() is None
 
 
-def test_the_only_model_is_set_aside_and_leads_back(tmp_path):
-    path = tmp_path / 'craft.yaml'
-    file, refitter = restarted(path)
-    took(refitter, model(0))
-    file.keep(refitter.models)
-    assert refitter.rollback() and refitter.models == {}
-    assert f'kept as {path}.1' in file.keep(refitter.models)
-    assert not path.exists() and read_model(f'{path}.1') == model(0)
-    _, refitter = restarted(path)
-    assert refitter.models == {} and refitter.rollback() and refitter.models == model(0)
-
-
 class Killed(BaseException):
-    """The process is no more."""
+    pass
 
 
 @pytest.mark.parametrize('following', [model(7), {}])

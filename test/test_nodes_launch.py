@@ -7,15 +7,13 @@ import re
 import shutil
 import signal
 import subprocess
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from package_process import is_alive, wait_for
+from package_process import ROOT, is_alive, wait_for
 
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, table_of
 
-ROOT = Path(__file__).resolve().parents[1]
 ARGUMENTS = {
     'swath_sysid': 'namespace params_file model_file use_sim_time imu_topic simulate sea_deg',
     'manoeuvring': 'namespace model_file use_sim_time odometry_topic imu_topic port_topic starboard_topic '
@@ -26,8 +24,6 @@ NODES = {
     'manoeuvring': {'manoeuvring_predictor', 'manoeuvring_identifier'},
 }
 TYPES = {'str': str, 'float': float, 'bool': bool}
-SUBSTITUTIONS = {'var', 'find-pkg-share', 'file-content', 'not-equals'}
-"""None of these takes its arguments for code, as eval and command do."""
 
 
 @pytest.fixture(params=sorted(ARGUMENTS))
@@ -36,23 +32,19 @@ def name(request):
 
 
 @pytest.fixture
-def path(name):
-    return ROOT / 'launch' / f'{name}.launch.xml'
+def launch(name):
+    return ElementTree.parse(ROOT / 'launch' / f'{name}.launch.xml').getroot()
 
 
-@pytest.fixture
-def launch(path):
-    return ElementTree.parse(path).getroot()
-
-
-def test_every_argument_is_described_and_used(name, path, launch):
-    text = path.read_text(encoding='utf-8')
+def test_every_argument_is_described_and_used(name, launch):
+    text = ElementTree.tostring(launch, encoding='unicode')
     arguments = {argument.get('name'): argument for argument in launch.findall('arg')}
     assert set(arguments) == set(ARGUMENTS[name].split())
     for argument in arguments.values():
         assert argument.get('description') and argument.get('default') is not None
     assert set(re.findall(r'\$\(var (\w+)\)', text)) == set(arguments)
-    assert set(re.findall(r'\$\(([\w-]+)', text)) <= SUBSTITUTIONS, 'no argument is taken for code'
+    # none of these takes its arguments for code, as eval and command do
+    assert set(re.findall(r'\$\(([\w-]+)', text)) <= {'var', 'find-pkg-share', 'file-content', 'not-equals'}
 
 
 def test_every_node_is_started_once_with_parameters_of_its_types(name, launch):
@@ -74,40 +66,24 @@ def test_every_node_is_started_once_with_parameters_of_its_types(name, launch):
 
 def test_topics_are_remapped_from_what_the_nodes_hear(name, launch):
     hears = {node.get('exec'): {remap.get('from') for remap in node.findall('remap')} for node in launch.iter('node')}
-    thrusters = {'thrusters/left/thrust', 'thrusters/right/thrust'}
-    expected = {
-        'swath_sysid': {node: {'imu/data'} for node in NODES['swath_sysid']} | {'identifier': set()},
-        'manoeuvring': {
-            'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters,
-            'manoeuvring_identifier': {'odometry'} | thrusters,
-        },
-    }
-    assert hears == expected[name]
+    thrusters = {'odometry', 'thrusters/left/thrust', 'thrusters/right/thrust'}
+    manoeuvring = {'manoeuvring_predictor': {'imu/data'} | thrusters, 'manoeuvring_identifier': thrusters}
+    attitude = dict.fromkeys(NODES['swath_sysid'], {'imu/data'}) | {'identifier': set()}
+    assert hears == {'swath_sysid': attitude, 'manoeuvring': manoeuvring}[name]
 
 
 def test_what_is_given_wins_over_the_parameter_file_and_that_over_defaults():
     """The last word on a command line wins: the file, then an argument, which is only there if it is given."""
     assert {path.name for path in (ROOT / 'launch').iterdir()} == {f'{name}.launch.xml' for name in ARGUMENTS}
     launch = ElementTree.parse(ROOT / 'launch' / 'swath_sysid.launch.xml').getroot()
-    assert [action.tag for action in launch.find('group')] == [
-        'push-ros-namespace',
-        'set_parameters_from_file',
-        'set_parameter',
-        *['node'] * 5,
-    ]
+    first = ['push-ros-namespace', 'set_parameters_from_file', 'set_parameter']
+    assert [action.tag for action in launch.find('group')] == [*first, *['node'] * 5]
     given = launch.find('group/set_parameter')
     assert (given.get('name'), given.get('value')) == ('use_sim_time', '$(var use_sim_time)')
     for action, argument in ((given, 'use_sim_time'), (launch.find("group/node[@exec='identifier']"), 'model_file')):
         assert launch.find(f"arg[@name='{argument}']").get('default') == ''
         assert action.get('if') == f'$(not-equals given:$(var {argument}) given:)'
-    parameters = [
-        (node.get('exec'), parameter.get('name')) for node in launch.iter('node') for parameter in node.findall('param')
-    ]
-    assert parameters == [
-        ('identifier', 'model_path'),
-        ('simulated_craft', 'hull'),
-        ('simulated_craft', 'sea_deg'),
-    ]
+    assert [parameter.get('name') for parameter in launch.iter('param')] == ['model_path', 'hull', 'sea_deg']
     # a file that is not there is noticed before any node starts
     actions = [action.tag for action in launch]
     assert actions.index('let') < actions.index('group')

@@ -11,14 +11,11 @@ from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import imu_message  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
 from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
-from std_msgs.msg import Float64MultiArray  # noqa: E402
 
-from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES  # noqa: E402
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.messages import (  # noqa: E402
     WINDOW_COLUMNS,
-    coefficients_message,
     imu_reading,
     stamp_ns,
     window_message,
@@ -58,26 +55,14 @@ def test_a_window_goes_both_ways():
     assert window_table(nothing).rows.shape == (0, len(COLUMNS))
 
 
-def test_no_model_has_no_rows():
-    message = deserialize_message(coefficients_message({}), Float64MultiArray)
-    assert list(message.data) == []
-    assert [dimension.size for dimension in message.layout.dim] == [0, len(COEFFICIENT_NAMES)]
-
-
 def test_a_window_of_another_maker_is_read():
-    names = ['extra', *reversed(WINDOW_COLUMNS)]
-    order = '>' if sys.byteorder == 'little' else '<'
-    table = np.zeros(20, dtype=[(name, f'{order}f8') for name in names])
+    names, is_little = ['extra', *reversed(WINDOW_COLUMNS)], sys.byteorder == 'little'
+    table = np.zeros(20, dtype=[(name, '>f8' if is_little else '<f8') for name in names])
     for index, name in enumerate(COLUMNS):
         table[name] = a_table().rows[:, index]
-    message = PointCloud2(
-        height=4,
-        width=5,
-        point_step=8 * len(names),
-        is_bigendian=sys.byteorder == 'little',
-        data=table.tobytes(),
-        fields=[PointField(name=n, offset=8 * i, datatype=PointField.FLOAT64, count=1) for i, n in enumerate(names)],
-    )
+    fields = [PointField(name=n, offset=8 * i, datatype=PointField.FLOAT64, count=1) for i, n in enumerate(names)]
+    layout = {'height': 4, 'width': 5, 'point_step': 8 * len(names), 'is_bigendian': is_little}
+    message = PointCloud2(**layout, data=table.tobytes(), fields=fields)
     np.testing.assert_array_equal(window_table(message).rows, a_table().rows)
 
 

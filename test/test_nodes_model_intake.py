@@ -25,7 +25,6 @@ TOPICS = {
 
 
 def resident_mb(process):
-    """Memory that a process holds."""
     status = Path(f'/proc/{process.pid}/status').read_text()
     return int(re.search(r'VmRSS:\s*(\d+) kB', status)[1]) / 1024
 
@@ -35,7 +34,6 @@ def status_of(bench, topic):
 
 
 def refusals(bench, topic):
-    """How often a node has refused a model."""
     if topic == 'model/description':
         return int(bench.counts('predictor').get('bad-model', 0))
     return int(status_of(bench, topic)[2].get('bad_models', 0))
@@ -84,29 +82,17 @@ def test_each_text_is_refused_while_forecasts_go_on(nodes, topic):
         level, _, values = status_of(bench, topic)
         assert level >= WARN
         assert re.search(words, values['refused_model']), (name, values['refused_model'])
+    if topic == 'model/description':
+        # the model before stays, and a good one ends the warning
+        assert values['has_model_pitch'] == 'True'
+    publishers[topic].publish(String(data=model))
+    wait_for(lambda: status_of(bench, topic)[2]['refused_model'] == '', 'end of the warning')
+    assert refusals(bench, topic) == count
     growth = [resident_mb(process) - mb for process, mb in zip(processes, before, strict=True)]
     assert max(growth) < LARGEST_GROWTH_MB
     assert [process.poll() for process in processes] == [None, None]
     stamps = [stamp_ns(message) for message in bench.heard['forecast/next'][heard:]]
     assert max(b - a for a, b in zip(stamps, stamps[1:], strict=False)) * 1e-9 < LARGEST_GAP
-
-
-def test_the_model_before_stays_and_a_good_one_ends_the_warning(nodes):
-    bench, publishers, _ = nodes
-    topic = 'model/description'
-    model = TOPICS[topic][1]
-    assert status_of(bench, topic)[2]['has_model_pitch'] == 'True'
-    count = refusals(bench, topic)
-    publishers[topic].publish(String(data=attitude_texts()['trim a date'][0]))
-    wait_for(lambda: refusals(bench, topic) == count + 1, 'refusal')
-    reports = bench.reports
-    wait_for(lambda: bench.reports > reports + 20, 'further diagnostics')
-    level, message, values = status_of(bench, topic)
-    assert level == WARN and 'trim_rad' in message and values['has_model_pitch'] == 'True'
-    publishers[topic].publish(String(data=model))
-    wait_for(lambda: status_of(bench, topic)[2]['refused_model'] == '', 'end of the warning')
-    assert 'trim_rad' not in status_of(bench, topic)[1]
-    assert refusals(bench, topic) == count + 1
 
 
 @pytest.mark.parametrize(

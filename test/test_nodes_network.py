@@ -1,6 +1,5 @@
 """The SROS 2 policy is the graph of the nodes: nothing they do is missing in it, nothing in it is done by none."""
 
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -8,12 +7,12 @@ import pytest
 rclpy = pytest.importorskip('rclpy')
 
 from live_bench import Bench, start_node, start_together, stop, wait_for  # noqa: E402
+from package_process import ROOT  # noqa: E402
 
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, NODES  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
-POLICY = Path(__file__).resolve().parents[1] / 'config' / 'sros2_policy.xml'
 RULES = (
     ('topic', 'publish', 'publisher'),
     ('topic', 'subscribe', 'subscriber'),
@@ -47,17 +46,15 @@ def done(watcher, node):
 
 @pytest.fixture(scope='module')
 def policy():
-    return ElementTree.parse(POLICY).getroot()
+    return ElementTree.parse(ROOT / 'config' / 'sros2_policy.xml').getroot()
 
 
 @pytest.fixture(scope='module')
 def watcher():
     """A node that sees all nodes on simulated time, since they hear /clock only then."""
-    bench = Bench()
-    processes = [
-        start_together('-p', 'use_sim_time:=true'),
-        *(start_node(node, '-p', 'use_sim_time:=true') for node in NODES[len(ATTITUDE_NODES) :]),
-    ]
+    bench, simulated = Bench(), ('-p', 'use_sim_time:=true')
+    others = (start_node(node, *simulated) for node in NODES[len(ATTITUDE_NODES) :])
+    processes = [start_together(*simulated), *others]
     try:
         yield bench.node
     finally:
@@ -72,10 +69,9 @@ def test_the_policy_has_the_form_that_sros2_reads(policy):
     assert enclave.get('path') == '/swath_sysid'
     profiles = enclave.findall('profiles/profile')
     assert [profile.get('node') for profile in profiles] == list(NODES)
+    rules = {(f'{kind}s', (rule, 'ALLOW')) for kind, rule, _ in RULES}
     for profile in profiles:
-        assert {(e.tag, *e.attrib.items()) for e in profile} <= {
-            (f'{kind}s', (rule, 'ALLOW')) for kind, rule, _ in RULES
-        }
+        assert {(entries.tag, *entries.attrib.items()) for entries in profile} <= rules
         assert all(entry.tag == entries.tag[:-1] and entry.text for entries in profile for entry in entries)
 
 

@@ -39,7 +39,6 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def changed(node, **values):
-    """The default values of a node with some changed."""
     return {**defaults(node, values), **values}
 
 

@@ -22,7 +22,6 @@ pytestmark = pytest.mark.dds
 
 @pytest.fixture
 def predictor():
-    """A predictor that runs only while the test spins it."""
     rclpy.init()
     node = Predictor()
     yield node
@@ -73,22 +72,16 @@ DELAY = 5
 """Samples between a request and the use of its fit: 0.5 s."""
 
 
-@pytest.mark.parametrize(('samples_meanwhile', 'late'), [(0, 0), (DELAY - 1, 0), (DELAY, 1), (2 * DELAY, 1)])
-def test_a_fit_that_comes_after_its_time_is_counted(sailing, samples_meanwhile, late):
+@pytest.mark.parametrize(('samples_meanwhile', 'late'), [(0, 0), (DELAY - 1, 0), (DELAY, 1), (2 * DELAY, 1), (60, 2)])
+def test_a_fit_that_comes_after_its_time_is_counted_and_warns_nobody(sailing, samples_meanwhile, late):
+    """After six seconds the next one too, which it kept from beginning."""
     predictor, sail = sailing
     for _ in range(samples_meanwhile):
         sail(1)
+    assert len(predictor.sea.worker.work) == 1 and LATE_FIT in HARMLESS
     predictor.sea.worker.finish()
     sail(1)
     assert predictor.health.counts[LATE_FIT] == late
-
-
-def test_a_fit_that_another_one_kept_from_beginning_is_counted_and_warns_nobody(sailing):
-    predictor, sail = sailing
-    for _ in range(60):
-        sail(1)
-    assert predictor.health.counts[LATE_FIT] == 1 and len(predictor.sea.worker.work) == 1
-    assert LATE_FIT in HARMLESS
 
 
 def test_waves_that_cannot_be_fitted_warn_until_they_can(sailing):
@@ -109,7 +102,6 @@ def test_waves_that_cannot_be_fitted_warn_until_they_can(sailing):
 
 @pytest.mark.parametrize('make_executor', [events_executor, rclpy.executors.SingleThreadedExecutor])
 def test_after_a_stall_it_forecasts_from_the_newest_and_counts_what_it_passed_over(predictor, make_executor):
-    """It uses every sample."""
     bench, executor, interval_ns, count = Bench(), make_executor(), 10_000_000, 400
     executor.add_node(predictor)
     # within one process samples arrive as they are published

@@ -45,7 +45,6 @@ def verb(*words, ends=signal.SIGINT):
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
-    """Four seconds of a release at 50 Hz."""
     path = tmp_path_factory.mktemp('bag') / 'release.mcap'
     trial = simulated_trial(HULL.model, radians(5.0), 3.0, 50.0, SensorNoise(0.0005, 0.003), seed=3, hold=1.0)
     write_imu_bag(path, trial, start_stamp_ns=START_NS)
@@ -54,7 +53,6 @@ def bag(tmp_path_factory):
 
 @pytest.fixture
 def node():
-    """A node to watch the graph with."""
     rclpy.init()
     watcher = rclpy.create_node('watcher')
     yield watcher
@@ -63,7 +61,6 @@ def node():
 
 
 def spin_until(node, done, what):
-    """Until something is so, as a node hears that is spun meanwhile."""
     wait_for(done, what, meanwhile=lambda: rclpy.spin_once(node, timeout_sec=0.05))
 
 
@@ -202,7 +199,6 @@ def test_replay_tells_the_time_keeps_the_pace_and_loops(bag, node):
 
 
 def test_replay_begins_when_all_subscriptions_are_connected(bag):
-    """Those that come late hear the first sample where they are counted."""
     from live_bench import Bench
     from sensor_msgs.msg import Imu
 

@@ -10,8 +10,8 @@ import pytest
 
 rclpy = pytest.importorskip('rclpy')
 
-from geometry_msgs.msg import PointStamped  # noqa: E402
-from live_bench import start_node, stop  # noqa: E402
+from geometry_msgs.msg import Point, PointStamped, Quaternion, Vector3  # noqa: E402
+from live_bench import settings, stamp_ns, start_node, stop  # noqa: E402
 from package_process import PATIENCE, ROOT, command_line, wait_for  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from sensor_msgs.msg import Imu, Range  # noqa: E402
@@ -31,7 +31,6 @@ pytestmark = pytest.mark.dds
 
 @contextmanager
 def a_node(name):
-    """A node with a context, and so a participant, of its own."""
     context = rclpy.Context()
     rclpy.init(context=context)
     found = rclpy.create_node(name, context=context)
@@ -65,19 +64,22 @@ def stamped(kind, stamp_ns, **values):
     return message
 
 
+def listening(node, entries):
+    """Upstream channels that hear the node's publishers, the samples that they took, and the counts of bad ones."""
+    health, taken = Reasons([BAD_UPSTREAM]), []
+    upstream = Upstream(node, entries, 10)
+    upstream.listen(SimpleNamespace(add_upstream=lambda *sample: taken.append(sample)), health)
+    return upstream, taken, health
+
+
 def test_topics_of_all_types_are_channels(node):
     """Three know their type by the field, one by its publisher; of an IMU all three quantities are channels."""
-    publishers = {
-        topic: node.create_publisher(kind, topic, 10)
-        for topic, kind in {'staff': Float64, 'sonar': Range, 'buoy': PointStamped, 'leader/imu': Imu}.items()
-    }
-    health, taken = Reasons([BAD_UPSTREAM]), []
-    entries = ['staff:data', 'sonar:range', 'buoy:x', 'buoy:z', 'leader/imu', '']
-    upstream = Upstream(node, entries, 10)
+    kinds = {'staff': Float64, 'sonar': Range, 'buoy': PointStamped, 'leader/imu': Imu}
+    publishers = {topic: node.create_publisher(kind, topic, 10) for topic, kind in kinds.items()}
+    upstream, taken, health = listening(node, ['staff:data', 'sonar:range', 'buoy:x', 'buoy:z', 'leader/imu', ''])
     names = upstream.settings(PipelineSettings()).forecaster.upstream
     leader = tuple(f'leader/imu:{field}' for field in ('roll', 'pitch', 'vertical_acceleration'))
     assert names == ('staff:data', 'sonar:range', 'buoy:x', 'buoy:z', *leader)
-    upstream.listen(SimpleNamespace(newest_ns=0, add_upstream=lambda *sample: taken.append(sample)), health)
     for publisher in publishers.values():
         spin_until(node, publisher.get_subscription_count, 'subscription')
     (report,) = upstream.reports()
@@ -85,19 +87,13 @@ def test_topics_of_all_types_are_channels(node):
 
     publishers['staff'].publish(Float64(data=0.25))
     publishers['sonar'].publish(stamped(Range, 5_000_000_007, range=2.5))
-    buoy = stamped(PointStamped, 6_000_000_000)
-    buoy.point.x, buoy.point.z = -1.0, 0.5
-    publishers['buoy'].publish(buoy)
-    imu = stamped(Imu, 7_000_000_000)
-    turn, force = imu.orientation, imu.linear_acceleration
-    turn.x, turn.y, turn.z, turn.w = quaternion(0.1, -0.2, 1.0)
+    publishers['buoy'].publish(stamped(PointStamped, 6_000_000_000, point=Point(x=-1.0, z=0.5)))
     up = STANDARD_GRAVITY + 0.3
-    force.x, force.y, force.z = (
-        up * math.sin(0.2),
-        up * math.sin(0.1) * math.cos(0.2),
-        up * math.cos(0.1) * math.cos(0.2),
-    )
-    publishers['leader/imu'].publish(imu)
+    x, y, z, w = quaternion(0.1, -0.2, 1.0)
+    along = math.sin(0.2), math.sin(0.1) * math.cos(0.2), math.cos(0.1) * math.cos(0.2)
+    force = Vector3(**{axis: up * part for axis, part in zip('xyz', along, strict=True)})
+    turn = Quaternion(x=x, y=y, z=z, w=w)
+    publishers['leader/imu'].publish(stamped(Imu, 7_000_000_000, orientation=turn, linear_acceleration=force))
     spin_until(node, lambda: len(taken) == 7, 'all channels')
     found = {name: (stamp_ns, value) for name, stamp_ns, value in taken}
     assert found['staff:data'] == (None, 0.25)
@@ -109,26 +105,16 @@ def test_topics_of_all_types_are_channels(node):
 
 
 def test_bad_messages_are_counted_and_left_out(node):
-    publishers = node.create_publisher(Range, 'sonar', 10), node.create_publisher(Imu, 'leader', 10)
-    health, taken = Reasons([BAD_UPSTREAM]), []
-    upstream = Upstream(node, ['sonar:range', 'leader:roll'], 10)
-    upstream.listen(SimpleNamespace(newest_ns=0, add_upstream=lambda *sample: taken.append(sample)), health)
-    for publisher in publishers:
+    sonar, leader = node.create_publisher(Range, 'sonar', 10), node.create_publisher(Imu, 'leader', 10)
+    upstream, taken, health = listening(node, ['sonar:range', 'leader:roll'])
+    for publisher in (sonar, leader):
         spin_until(node, publisher.get_subscription_count, 'subscription')
-    without = stamped(Imu, 10**9)
-    without.orientation_covariance[0] = -1.0
-    broken = stamped(Imu, 2 * 10**9)
-    broken.orientation.w = math.nan
+    without, broken = stamped(Imu, 10**9), stamped(Imu, 2 * 10**9)
+    without.orientation_covariance[0], broken.orientation.w = -1.0, math.nan
     for imu in (without, broken):
-        publishers[1].publish(imu)
-    for stamp_ns, distance in (
-        (10**9, 1.0),
-        (2 * 10**9, math.inf),
-        (3 * 10**9, math.nan),
-        (3 * 10**9, 2.0),
-        (4 * 10**9, 3.0),
-    ):
-        publishers[0].publish(stamped(Range, stamp_ns, range=distance))
+        leader.publish(imu)
+    for seconds, distance in ((1, 1.0), (2, math.inf), (3, math.nan), (3, 2.0), (4, 3.0)):
+        sonar.publish(stamped(Range, seconds * 10**9, range=distance))
     spin_until(node, lambda: len(taken) == 2, 'the good ones')
     spin_until(node, lambda: health.counts[BAD_UPSTREAM] == 5, 'the bad ones')
     assert [value for _, _, value in taken] == [1.0, 3.0]
@@ -174,18 +160,15 @@ def test_wrong_types_and_fields_are_errors(node, sensor):
 def test_a_sensor_that_is_off_needs_a_field(node, sensor, monkeypatch):
     """It may come later, and with another type."""
     monkeypatch.setattr('swath_sysid.nodes.upstream.DISCOVERY', 0.3)
-    upstream = Upstream(node, ['buoy', 'sonar:range'], 10)
-    assert upstream.settings(PipelineSettings()).forecaster.upstream == ('sonar:range',)
     assert Upstream(node, [''], 10).reports() == []
-    upstream.listen(SimpleNamespace(), Reasons([BAD_UPSTREAM]))
+    upstream, _, _ = listening(node, ['buoy', 'sonar:range'])
+    assert upstream.settings(PipelineSettings()).forecaster.upstream == ('sonar:range',)
     sensor.create_publisher(Float64, 'sonar', 10)
+    words = '/sonar is published as std_msgs/msg/Float64, not sensor_msgs/msg/Range'
 
     def reported():
         (report,) = upstream.reports()
-        return (
-            report.level == WARN
-            and '/sonar is published as std_msgs/msg/Float64, not sensor_msgs/msg/Range' in report.message
-        )
+        return report.level == WARN and words in report.message
 
     spin_until(node, reported, 'the wrong type')
 
@@ -199,14 +182,6 @@ DURATION, WARMUP = 1100.0, 700.0
 def craft(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / 'examples'))
     return importlib.import_module('leader_and_follower')
-
-
-@contextmanager
-def ended(process):
-    try:
-        yield process
-    finally:
-        stop(process)
 
 
 def error_at(trial, forecasts, lead):
@@ -227,23 +202,25 @@ def test_a_leader_one_wavelength_ahead_halves_the_error(node, craft, tmp_path):
     period, heard = craft.PERIOD, {}
 
     def take(message):
-        stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         turn = message.orientation
-        heard[(stamp_ns - craft.START_NS) / 1e9 - period] = euler_angles(turn.x, turn.y, turn.z, turn.w)[0]
+        heard[(stamp_ns(message) - craft.START_NS) / 1e9 - period] = euler_angles(turn.x, turn.y, turn.z, turn.w)[0]
 
     node.create_subscription(Imu, 'forecast/lead_5_0s', take, QoSProfile(depth=1000))
-    given = ["upstream:=['leader/imu/data:roll','leader/imu/data:pitch','leader/imu/data:vertical_acceleration']"]
-    given += ['leads_s:=[1.0,5.0]', 'forecast_rate_hz:=1.0', 'waves_refit_interval_s:=20.0', 'in_step:=true']
-    with ended(start_node('predictor', *(word for value in given for word in ('-p', value)))):
+    given = settings(
+        "upstream:=['leader/imu/data:roll','leader/imu/data:pitch','leader/imu/data:vertical_acceleration']",
+        *('leads_s:=[1.0,5.0]', 'forecast_rate_hz:=1.0', 'waves_refit_interval_s:=20.0', 'in_step:=true'),
+    )
+    process = start_node('predictor', *given)
+    try:
         wait_for(lambda: node.count_subscribers('/leader/imu/data'), 'subscription to the leader')
-        replay = command_line(
-            'replay', tmp_path / 'both.mcap', '--in-step', '--rate', 1000, '--wait-for', 1, '--wait', PATIENCE
-        )
+        how = '--in-step', '--rate', 1000, '--wait-for', 1, '--wait', PATIENCE
+        replay = command_line('replay', tmp_path / 'both.mcap', *how)
         spin_until(node, lambda: replay.poll() is not None, 'end of the replay')
         spin_until(node, lambda: max(heard, default=0.0) > DURATION - 3.0, 'the last forecast')
-    settings = ForecasterSettings(leads=(1.0, period), forecast_rate=1.0, refit_interval=20.0)
-    alone = {step.stamp: float(step.forecast.axes['roll'].angle[1]) for step in run_through(follower, settings).steps}
+    finally:
+        stop(process)
+    forecasts = ForecasterSettings(leads=(1.0, period), forecast_rate=1.0, refit_interval=20.0)
+    alone = {step.stamp: float(step.forecast.axes['roll'].angle[1]) for step in run_through(follower, forecasts).steps}
     (without, counted), (found, received) = error_at(follower, alone, period), error_at(follower, heard, period)
-    print(f'one peak period ahead: {found:.3f} with the leader, {without:.3f} without')
     # each is sent once, and the next replaces one that has not been taken
     assert received > 0.5 * counted and found <= 0.5 * without

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import textwrap
-import threading
 import time
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from swath_sysid.nodes.worker import Worker, WorkerError
 
 
 def warm_up():
-    """Nothing to warm up."""
+    pass
 
 
 def double(value):
@@ -74,15 +73,13 @@ def worker(python_path):
 
 class Ending:
     def __init__(self):
-        self.shares, self.result, self.error = [], None, None
-        self._ended = threading.Event()
+        self.shares, self.result, self.error, self.has_ended = [], None, None, False
 
     def on_end(self, result, error):
-        self.result, self.error = result, error
-        self._ended.set()
+        self.result, self.error, self.has_ended = result, error, True
 
     def wait(self):
-        assert self._ended.wait(PATIENCE)
+        wait_for(lambda: self.has_ended, 'end')
         return self
 
     def wait_for_progress(self):
@@ -98,12 +95,9 @@ def submit(worker, function, *arguments, reports=False):
 def test_functions_run_one_after_the_other_in_one_other_process(worker):
     worker.cancel()
     endings = [submit(worker, process_id, reports=True) for _ in range(3)] + [submit(worker, double, 21)]
-    pids = {ending.wait().result for ending in endings[:3]}
-    assert pids == {worker.pid} and worker.pid != os.getpid()
+    assert {ending.wait().result for ending in endings[:3]} == {worker.pid} and worker.pid != os.getpid()
     assert endings[0].shares == [0.5, 1.0] and endings[3].wait().result == 42
-
-
-def test_errors_come_back_as_errors(worker):
+    # errors come back as errors
     refused, failed = submit(worker, refusing, 'no such decay'), submit(worker, broken)
     assert isinstance(refused.wait().error, InputError) and str(refused.error) == 'no such decay'
     assert isinstance(failed.wait().error, WorkerError) and 'ZeroDivisionError' in str(failed.error)

@@ -40,8 +40,6 @@ SETTINGS = settings('window_timeout_s:=60.0', 'axes:=[pitch]', 'generations:=20'
 
 
 class Page:
-    """A state with its node, spun in a thread as the bench's is."""
-
     def __init__(self, bench, folder):
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self.bench, self.folder, self.stamp, self.sent = bench, folder, EPOCH_NS, 0
@@ -89,7 +87,6 @@ class Page:
 
 
 def noise(k):
-    """A little, so that the sensor does not look frozen."""
     return 5e-4 * ((k * 7919) % 13 - 6) / 6
 
 
@@ -142,7 +139,6 @@ def test_the_sea_state_and_the_sensors_own_topic_reach_the_page(page):
 
 
 def test_a_page_that_stands_still_holds_nobody_up(page):
-    """Its thread is stopped while the sensor goes on: the nodes miss nothing."""
     page.spinning.pause()
     page.rest(10.0)
     assert page.bench.counts('predictor')['received'] == page.sent

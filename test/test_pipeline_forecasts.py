@@ -25,7 +25,6 @@ def craft(period=2.6, damping=0.08):
 
 
 def play(readings, models=None, settings=SETTINGS):
-    """A pipeline that has taken readings, and its steps."""
     pipeline = ForecastPipeline(settings)
     pipeline.set_models(models or {})
     steps = []
@@ -38,7 +37,6 @@ def play(readings, models=None, settings=SETTINGS):
 
 @pytest.fixture(scope='module')
 def decay():
-    """Steps through a free decay of a craft whose model is known."""
     return play(decay_stream(RATE, 20.0, release=0.0, damping=0.03), {'pitch': craft(damping=0.03)})[1]
 
 

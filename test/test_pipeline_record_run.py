@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from records_at_sea import only, sea
+from records_at_sea import sea
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
-from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.pipeline.record_run import run_through, samples_of
+from swath_sysid.pipeline.record_run import run_through
 
 SETTINGS = ForecasterSettings(leads=(0.5, 1.0), horizon=2.0, horizon_step=0.5)
 
@@ -39,20 +38,6 @@ def test_forecasts_come_at_the_rate_asked_for_but_never_between_samples(rate, as
     settings = ForecasterSettings(leads=(0.5,), horizon=0.5, forecast_rate=asked)
     run = run_through(sea(15.0, 1.0 / rate), settings)
     np.testing.assert_allclose(np.diff([step.stamp for step in run.steps]), every, atol=1e-9)
-
-
-def test_every_sample_that_is_used_is_forecast_from_after_lost_ones_too():
-    whole = sea(30.0)
-    trial = only(whole, (whole.time % 10.0 < 9.0) | (whole.time < 9.5))
-    assert np.diff(trial.time).max() > 1.0
-    pipeline = ForecastPipeline(PipelineSettings(forecaster=SETTINGS))
-    used = [
-        stamp for stamp, sample in zip(trial.time, samples_of(trial), strict=True) if pipeline.add_sample(sample).used
-    ]
-    run = run_through(trial, SETTINGS)
-    assert len(used) >= trial.time.size - 3, 'only what might be a stray stamp is left out'
-    np.testing.assert_allclose([step.stamp for step in run.steps], used[1:], atol=1e-9)
-    assert all(np.isfinite(step.forecast.axes['roll'].angle).all() for step in run.steps)
 
 
 def test_a_record_of_one_axis_and_a_record_that_is_still():

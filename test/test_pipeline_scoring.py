@@ -26,7 +26,6 @@ LEADS = (0.1, 1.0)
 
 
 def rolling(duration):
-    """A record of roll alone."""
     return replace(sea(duration), pitch=None, pitch_rate=None)
 
 
@@ -43,7 +42,6 @@ def forecasts_with_errors(trial, errors, deviation):
 
 @pytest.fixture(scope='module')
 def whole():
-    """A record that lost nothing, and its run with a window of a minute."""
     trial = sea(150.0)
     return trial, run_through(trial, ForecasterSettings(leads=LEADS, window=60.0), {})
 

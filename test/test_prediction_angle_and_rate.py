@@ -27,7 +27,6 @@ def swing(step, lag=0.0, gain=1.0):
 
 
 def excess(step, **how):
-    """What the meter says at the end of a swing."""
     meter = AgreementMeter()
     _, angle, rate = swing(step, **how)
     return [meter.take(step, *sample, ANGLE_STD**2, RATE_STD**2) for sample in zip(angle, rate, strict=True)][-1]

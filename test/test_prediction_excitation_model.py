@@ -64,7 +64,6 @@ def _request(seen, hull=KNOWN):
 
 
 def _fed(seen):
-    """A filter of the exact hull after these samples."""
     attitude = HullFilter()
     attitude.set_hull(EXACT)
     attitude.start(*seen[0].tolist(), *VARIANCES)

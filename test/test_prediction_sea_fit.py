@@ -29,7 +29,6 @@ STEP = 0.1
 
 
 def waves(count):
-    """Channels of many sines and a little noise, shape (N, C)."""
     rng, channels = np.random.default_rng(0), len(CHANNELS)
     frequency = rng.uniform(1.2, 4.0, 40)
     angle = np.multiply.outer(STEP * np.arange(count), frequency)[:, None] + rng.uniform(0.0, 6.0, (channels, 40))

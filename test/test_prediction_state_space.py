@@ -7,18 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, solve_discrete_lyapunov
 
-from swath_sysid.attitude.prediction.state_space import (
-    InnovationsFilter,
-    InnovationsModel,
-    cubic_weights,
-    side_by_side,
-)
+from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights, side_by_side
 
 STEP = 0.1
 
 
 def _model(seed=0, states=4, channels=('roll', 'pitch', 'heave'), places=None):
-    """A stable, invertible system at random."""
     rng = np.random.default_rng(seed)
     count = len(channels)
     c = rng.normal(size=(count, states))
@@ -67,7 +61,6 @@ class Oracle:
         self.h = np.hstack([model.c, np.eye(count)])
 
     def step(self, row):
-        """Update with the new row, then predict the next."""
         z = (row - self.model.mean) / self.model.scale
         seen = np.isfinite(z)
         if seen.any():

@@ -33,7 +33,6 @@ def craft_and_probe(seed=1, duration=600.0, travel=TRAVEL):
 
 
 def error(trial, upstream=None, begin=300.0, until=None):
-    """NRMSE of roll at the leads, and coverage of the 90 % intervals."""
     roll = score(trial, run_through(trial, SETTINGS, upstream=upstream), warmup=begin, until=until).axes['roll']
     return roll.nrmse['forecast'], roll.coverage[:, 1]
 
@@ -83,29 +82,6 @@ def test_a_probe_that_is_stuck_or_lies_costs_little_and_serves_again(without, ki
     meanwhile, after = (error(trial, series, *span)[0] for span in ((400.0, 455.0), (550.0, 590.0)))
     usual = error(trial, None, 400.0, 455.0)[0]
     assert (meanwhile < 1.1 * usual).all() and (after[:2] < 0.35 * without[:2]).all()
-
-
-def test_values_are_those_at_the_rows_stamps_however_the_samples_come():
-    rows = UpstreamRows(('quick', 'slow', 'late'), 400)
-    rows.begin(0.1, True)
-    slow = np.cumsum(np.random.default_rng(0).uniform(0.15, 0.35, 200))
-    arriving = [(t, 'quick', t) for t in np.arange(0.0, 20.0, 0.01)]
-    arriving += [(t, 'slow', t) for t in slow[slow < 20.0]] + [(t + 0.5, 'late', t) for t in np.arange(0.0, 19.5, 0.1)]
-    arriving += [(0.1 * number + 1e-6, '', 0.1 * number) for number in range(200)]
-    for _, name, stamp in sorted(arriving):
-        if name:
-            rows.take(name, stamp, math.sin(0.7 * stamp))
-        else:
-            rows.append(stamp, 1)
-    asked = rows.request(200, 100, 1.0)
-    assert asked.newest == 199 and asked.values.shape == (200, 3)
-    time = 0.1 * np.arange(200)
-    for place, tolerance in enumerate((2e-3, 1e-2, 1e-2)):
-        known = np.isfinite(asked.values[:, place])
-        assert known[10:190].all()
-        np.testing.assert_allclose(asked.values[known, place], np.sin(0.7 * time[known]), atol=tolerance)
-    assert asked.delays[0] <= 1 and asked.delays[1] <= 4 and 5 <= asked.delays[2] <= 6
-    assert rows.at(150, asked.delays) == [asked.values[150 - d, k] for k, d in enumerate(asked.delays)]
 
 
 def test_gaps_repetitions_and_samples_out_of_order_are_lost():

@@ -116,7 +116,6 @@ KINDS = {
 
 
 def _following(kind, angle, rate):
-    """Names and values of the channels."""
     values = np.column_stack(KINDS[kind](angle, rate))
     return ('roll', 'pitch', 'roll_rate', 'pitch_rate')[: values.shape[1]], values
 
