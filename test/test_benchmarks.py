@@ -82,18 +82,6 @@ def test_a_row_that_looks_ahead_is_refused(records, swinging):
             records.refuse_look_ahead('row', row, swinging, (0.5, 1.0))
 
 
-def test_samples_are_taken_out_and_records_joined_without_a_gap(record_forecasts):
-    time = 0.1 * np.arange(1000)
-    left = record_forecasts.without_samples(Trial(time, roll=np.arange(1000.0)), 5)
-    gone = sorted(set(range(1000)) - set(left.roll.astype(int)))
-    assert gone == [200 * period + sample for period in range(5) for sample in range(5)]
-    assert np.array_equal(left.time, 0.1 * left.roll)
-    first = Trial(time, roll=np.zeros(1000), heave=np.zeros(1000))
-    both = record_forecasts.spliced(first, Trial(time + 7.0, pitch=np.zeros(1000), roll=np.ones(1000)))
-    assert list(both.channels) == ['roll'] and both.roll.sum() == 1000
-    assert np.diff(both.time) == pytest.approx(np.full(1999, 0.1))
-
-
 def test_a_buoy_that_turned_meets_the_sea_from_the_side(record_forecasts, data_folder):
     straight, turned = record_forecasts.buoy(), record_forecasts.buoy_that_turned()
     later, was = (trial.time >= record_forecasts.SPLICE for trial in (turned, straight))

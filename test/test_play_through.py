@@ -5,6 +5,7 @@ from math import radians
 
 import numpy as np
 import pytest
+import yaml
 from bag_messages import STORE, decoded, messages_of, stamp_of
 from hypothesis import given
 from hypothesis import strategies as st
@@ -48,16 +49,18 @@ def bag(trial, tmp_path_factory):
 @pytest.fixture(scope='module')
 def played(bag, tmp_path_factory):
     """What the command line makes of it, with a path for models that has none yet."""
-    path = tmp_path_factory.mktemp('played') / 'out.mcap'
-    params = with_model_path(path.parent, 'hull.yaml')
-    assert main(['play-through', str(bag), '--output', str(path), '--refit-delay', '0.5', *params]) == 0
+    folder = tmp_path_factory.mktemp('played')
+    return play(bag, folder, '--refit-delay', '0.5', model_path=str(folder / 'hull.yaml'))
+
+
+def play(record, folder, *options, **parameters):
+    """The bag that the command line plays a record to, with these parameters of all nodes."""
+    path, params = folder / 'out.mcap', folder / 'params.yaml'
+    if parameters:
+        params.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}))
+        options = *options, '--params', str(params)
+    assert main(['play-through', str(record), '--output', str(path), *options]) == 0
     return path
-
-
-def with_model_path(folder, name):
-    """The options for a file of parameters that names a model of the folder."""
-    (folder / 'params.yaml').write_text(f'identifier:\n  ros__parameters: {{model_path: {folder / name}}}\n')
-    return '--params', str(folder / 'params.yaml')
 
 
 def stub_fit(calls):
@@ -70,45 +73,34 @@ def stub_fit(calls):
     return fit
 
 
-def test_two_runs_give_the_same_messages_bit_for_bit(bag, played, tmp_path, capsys):
-    again = tmp_path / 'out.mcap'
-    assert main(['play-through', str(bag), '--output', str(again), '--refit-delay', '0.5', '--json']) == 0
+def test_two_runs_give_the_same_messages_bit_for_bit_as_a_type_system_writes_them(bag, played, tmp_path, capsys):
+    again = play(bag, tmp_path, '--refit-delay', '0.5', '--json')
     told = json.loads(capsys.readouterr().out)
     assert told['published']['forecast/next'] > 100 and told['refits'][0]['verdict']
     first, second = messages_of(played), messages_of(again)
-    assert len(first) > 800
-    assert first == second
-
-
-def test_every_message_is_what_a_type_system_writes(played):
-    kinds = set()
-    for _, kind, _, raw in messages_of(played):
-        kinds.add(kind.rpartition('/')[2])
+    assert len(first) > 800 and first == second
+    for _, kind, _, raw in first:
         assert bytes(STORE.serialize_cdr(STORE.deserialize_cdr(raw, kind), kind)) == raw
-    assert kinds == set(
+    assert {kind.rpartition('/')[2] for _, kind, _, _ in first} == set(
         'DiagnosticArray Imu JointTrajectory PointCloud2 String Float32 Float32MultiArray Float64MultiArray'.split()
     )
 
 
 def test_forecasts_are_those_of_the_predictor_core(bag, played):
-    pipeline = ForecastPipeline()
-    expected = []
+    pipeline, expected = ForecastPipeline(), {}
     model_time = decoded(played, '/model/description')[0][0]
     for reading in read_readings(bag):
-        if reading.stamp_ns == model_time:
-            break
         step = pipeline.add(reading)
         if step.sea_request is not None:
             pipeline.install(fit_sea(step.sea_request))
-        if step.next is not None:
-            expected.append((reading.stamp_ns, step.next.stamp_ns, step.next.orientation, step.next.rates))
-    found = [
-        (time, stamp_of(m), *(tuple(vars(each).values())[:-1] for each in (m.orientation, m.angular_velocity)))
+        if step.next is not None and reading.stamp_ns < model_time:
+            expected[reading.stamp_ns] = step.next.stamp_ns, step.next.orientation, step.next.rates
+    found = {
+        time: (stamp_of(m), *(tuple(vars(each).values())[:-1] for each in (m.orientation, m.angular_velocity)))
         for time, m in decoded(played, '/forecast/next')
         if time < model_time
-    ]
-    assert len(expected) > 300
-    assert found == expected
+    }
+    assert len(expected) > 300 and found == expected
 
 
 def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
@@ -146,11 +138,11 @@ def test_a_window_that_comes_amid_a_fit_waits_for_it(bag):
 
 def test_a_clock_that_is_set_back_ends_a_waiting_fit(bag):
     pipeline = PlayThrough(PlayThroughSettings(refit_delay=1e6), fit=stub_fit([]))
-    readings = list(read_readings(bag))
-    for reading in readings:
+    first, *others = read_readings(bag)
+    for reading in (first, *others):
         pipeline.add(reading)
     assert pipeline.refitter.models == {}
-    pipeline.add(readings[0])
+    pipeline.add(first)
     assert pipeline.refitter.models == {'roll': HULL}
 
 
@@ -208,11 +200,10 @@ def test_a_gap_is_told_once_and_a_clock_set_back_begins_anew(bag):
 
 
 def test_a_known_model_is_published_first_and_used(bag, tmp_path):
-    model_file, out, params = tmp_path / 'hull.yaml', tmp_path / 'out.mcap', tmp_path / 'params.yaml'
+    model_file = tmp_path / 'hull.yaml'
     write_model(model_file, {'roll': HULL})
-    params.write_text('/**:\n  ros__parameters: {auto_identify: false, frame_id: hull, leads_s: [0.25, 1.0]}\n')
-    given = ['--params', str(params), '--model', str(model_file), '--with-imu']
-    assert main(['play-through', str(bag), '--output', str(out), *given]) == 0
+    given = {'auto_identify': False, 'frame_id': 'hull', 'leads_s': [0.25, 1.0]}
+    out = play(bag, tmp_path, '--model', str(model_file), '--with-imu', **given)
     ((time, description),) = decoded(out, '/model/description')
     assert model_from_yaml(description.data) == read_model(model_file)
     assert time == min(sent for _, _, sent, _ in messages_of(out))
@@ -224,24 +215,21 @@ def test_a_known_model_is_published_first_and_used(bag, tmp_path):
 
 
 def test_the_model_path_of_the_nodes_is_read_but_never_written(bag, played, tmp_path):
-    model_file, out = tmp_path / 'hull.yaml', tmp_path / 'out.mcap'
+    model_file = tmp_path / 'hull.yaml'
     assert not played.with_name(model_file.name).exists()
     write_model(model_file, {'roll': HULL})
     before = model_file.read_bytes()
-    assert main(['play-through', str(bag), '--output', str(out), *with_model_path(tmp_path, model_file.name)]) == 0
+    out = play(bag, tmp_path, model_path=str(model_file))
     assert model_file.read_bytes() == before
     assert model_from_yaml(decoded(out, '/model/description')[0][1].data)['roll'] == HULL
 
 
 def test_frames_are_turned_once_whatever_the_record(trial, tmp_path):
     """A CSV trial is turned by its reader, a bag by the cores: both give the same forecasts."""
-    params = tmp_path / 'params.yaml'
-    params.write_text('/**:\n  ros__parameters: {frame: frd, auto_identify: false}\n')
     angles = []
     for name, write in (('t.csv', write_csv), ('t.mcap', write_imu_bag)):
-        record, out = tmp_path / name, tmp_path / 'out.mcap'
-        write(record, trial)
-        assert main(['play-through', str(record), '--output', str(out), '--params', str(params)]) == 0
+        write(tmp_path / name, trial)
+        out = play(tmp_path / name, tmp_path, frame='frd', auto_identify=False)
         turns = [m.orientation for _, m in decoded(out, '/forecast/lead_0_5s')]
         angles.append([euler_angles(q.x, q.y, q.z, q.w)[:2] for q in turns])
     np.testing.assert_allclose(angles[0], angles[1], rtol=0, atol=1e-6)
