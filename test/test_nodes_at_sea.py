@@ -12,7 +12,7 @@ pytest.importorskip('rclpy')
 
 from craft_at_sea import known_sea  # noqa: E402
 from imu_stream import EPOCH_NS, reading  # noqa: E402
-from live_bench import LATCHED, PATIENCE, RELIABLE, Bench, running, settings, start_together, wait_for  # noqa: E402
+from live_bench import LATCHED, RELIABLE, Bench, running, settings, start_together, wait_for  # noqa: E402
 from std_msgs.msg import Float32, Float64, String  # noqa: E402
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS  # noqa: E402
@@ -102,10 +102,9 @@ def test_the_predictor_follows_the_draft(bench):
 
 @pytest.mark.long
 def test_quiescence_is_told_for_the_limits_of_now(bench):
-    heard, seas = [], []
+    heard, seas, stamps = [], [], iter(range(EPOCH_NS, 10 * EPOCH_NS, 20_000_000))
     bench.node.create_subscription(Float32, 'forecast/quiescence', lambda m: heard.append(m.data), RELIABLE)
     bench.node.create_subscription(String, 'sea/state', seas.append, LATCHED)
-    stamps = iter(range(EPOCH_NS, 10 * EPOCH_NS, 20_000_000))
 
     def swing(count):
         frequency, amplitude, readings = 2.0 * math.pi / 4.0, math.radians(0.2), []
@@ -115,6 +114,7 @@ def test_quiescence_is_told_for_the_limits_of_now(bench):
             readings.append(reading(stamp, roll, roll_rate=rate))
         bench.send(readings)
         bench.wait_for_forecast_after(stamp)
+        return len(heard)
 
     with running(bench, start_together()):
         swing(2500)
@@ -126,16 +126,9 @@ def test_quiescence_is_told_for_the_limits_of_now(bench):
         wait_for(lambda: len(heard) > before, 'probability of the new limit')
         assert heard[-1] < 0.1
         assert bench.set_parameters('predictor', quiet_roll_deg=0.0, quiet_pitch_deg=0.0) == []
-        swing(20)
-        before = len(heard)
-        swing(100)
-        assert len(heard) <= before + 1
-        # about each minute; a fit that is late leaves out the one after it
-        end = time.monotonic() + PATIENCE
-        while not seas:
-            assert time.monotonic() < end, 'no sea state'
-            swing(500)
-            # stamps run faster than the clock: on a busy machine five minutes of them would pass amid the fit
-            time.sleep(1.0)
+        before = swing(20)
+        assert swing(100) <= before + 1
+        # about each minute of stamps, which run faster than the clock: a busy machine needs time amid them for the fit
+        wait_for(lambda: seas, 'sea state', meanwhile=lambda: (swing(500), time.sleep(1.0)))
         report = yaml.safe_load(seas[0].data)
         assert not report['is_known'] and 'too few waves' in report['reason']

@@ -18,13 +18,18 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.cli.main import main
 from swath_sysid.formats.bags import read_imu, write_imu_bag
+from swath_sysid.formats.messages import stamp_ns as time_ns
 from swath_sysid.formats.model_file import write_model
 
-rclpy = pytest.importorskip('rclpy', reason='replay and record need ROS 2')
+pytest.importorskip('rclpy', reason='replay and record need ROS 2')
+
+from live_bench import Bench  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from sensor_msgs.msg import Imu  # noqa: E402
+
 pytestmark = pytest.mark.dds
 
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
-START_NS = 1_700_000_000_000_000_000
 
 
 @contextmanager
@@ -47,21 +52,20 @@ def verb(*words, ends=signal.SIGINT):
 def bag(tmp_path_factory):
     path = tmp_path_factory.mktemp('bag') / 'release.mcap'
     trial = simulated_trial(HULL.model, radians(5.0), 3.0, 50.0, SensorNoise(0.0005, 0.003), seed=3, hold=1.0)
-    write_imu_bag(path, trial, start_stamp_ns=START_NS)
+    write_imu_bag(path, trial, start_stamp_ns=1_700_000_000_000_000_000)
     return path
 
 
 @pytest.fixture
-def node():
-    rclpy.init()
-    watcher = rclpy.create_node('watcher')
-    yield watcher
-    watcher.destroy_node()
-    rclpy.try_shutdown()
+def bench():
+    """It hears the nodes, and is no sensor."""
+    bench = Bench(imu_topic='elsewhere')
+    yield bench
+    bench.close()
 
 
-def spin_until(node, done, what):
-    wait_for(done, what, meanwhile=lambda: rclpy.spin_once(node, timeout_sec=0.05))
+def wait_for_recorder(bench):
+    wait_for(lambda: ('record', '/') in bench.node.get_node_names_and_namespaces(), 'the recorder')
 
 
 def numbers_on(path, topic):
@@ -74,20 +78,7 @@ def numbers_on(path, topic):
     return found
 
 
-@pytest.fixture
-def statuses(node):
-    """The values of every status on /diagnostics, by its name, as the watching node hears them."""
-    from diagnostic_msgs.msg import DiagnosticArray
-
-    def hear(message):
-        found.update({status.name: {pair.key: pair.value for pair in status.values} for status in message.status})
-
-    found = {}
-    node.create_subscription(DiagnosticArray, '/diagnostics', hear, 10)
-    return found
-
-
-def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, node, statuses):
+def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, bench):
     model, params = tmp_path / 'hull.yaml', tmp_path / 'params.yaml'
     write_model(model, {'roll': HULL})
     params.write_text(
@@ -98,32 +89,33 @@ def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, no
     offline = tmp_path / 'offline.mcap'
     assert main(['play-through', str(bag), '--output', str(offline), '--params', str(params)]) == 0
 
-    def received():
-        return [statuses.get(f'{name}: imu', {}).get('received') for name in ('imu_buffer', 'predictor')]
+    def values(name):
+        return bench.statuses.get(name, (0, '', {}))[2]
+
+    def is_received():
+        return all(values(f'{node}: imu').get('received') == str(samples) for node in ('imu_buffer', 'predictor'))
 
     # best effort may lose samples on a busy machine, and other samples make other forecasts
     for attempt in range(3):
         live = tmp_path / f'live_{attempt}.mcap'
-        statuses.clear()
+        bench.statuses.clear()
         with ExitStack() as stack:
             nodes = stack.enter_context(verb('run', '--params-file', params))
             stack.enter_context(verb('record', '--output', live))
-            spin_until(
-                node, lambda: 'True' in statuses.get('predictor: forecast', {}).get('has_model_roll', ''), 'the model'
-            )
-            spin_until(node, lambda: ('record', '/') in node.get_node_names_and_namespaces(), 'the recorder')
+            wait_for(lambda: values('predictor: forecast').get('has_model_roll') == 'True', 'the model')
+            wait_for_recorder(bench)
             # imu_buffer, predictor and the recorder
             with verb('replay', bag, '--wait-for', 3, ends=None):
                 pass
             over = time.monotonic() + 30.0
-            spin_until(node, lambda end=over: received() == [str(samples)] * 2 or time.monotonic() > end, 'all samples')
+            wait_for(lambda end=over: is_received() or time.monotonic() > end, 'all samples')
             assert nodes.poll() is None
-        if received() == [str(samples)] * 2 and len(decoded(live, '/imu/data')) == samples:
+        if is_received() and len(decoded(live, '/imu/data')) == samples:
             break
     else:
         pytest.fail('samples were lost in three replays')
-    passed_over = int(statuses['predictor: imu']['passed-over'])
-    assert statuses['predictor: imu']['late-fit'] == '0'
+    passed_over = int(values('predictor: imu')['passed-over'])
+    assert values('predictor: imu')['late-fit'] == '0'
     for topic in ('/forecast/next', '/forecast/lead_0_5s', '/forecast/lead_2_0s'):
         expected, found = (numbers_on(path, topic) for path in (offline, live))
         assert len(expected) > 30 and len(found) >= len(expected) - passed_over
@@ -145,11 +137,11 @@ def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, no
     assert drawn and drawn <= shown
 
 
-def test_a_recording_holds_what_was_replayed(bag, tmp_path, node):
+def test_a_recording_holds_what_was_replayed(bag, tmp_path, bench):
     whole, copy = tmp_path / 'whole.mcap', tmp_path / 'copy.mcap'
     assert main(['play-through', str(bag), '--output', str(whole), '--with-imu']) == 0
     with verb('record', '--output', copy, ends=signal.SIGTERM) as recorder:
-        wait_for(lambda: ('record', '/') in node.get_node_names_and_namespaces(), 'the recorder')
+        wait_for_recorder(bench)
         with verb('replay', whole, '--rate', 4, ends=None):
             # it begins once the recorder has subscribed to the IMU, and soon to the rest
             pass
@@ -160,7 +152,7 @@ def test_a_recording_holds_what_was_replayed(bag, tmp_path, node):
         assert list(numbers_on(copy, topic).items()) == list(numbers_on(whole, topic).items())
 
 
-def test_a_killed_recording_can_be_read(bag, tmp_path, node):
+def test_a_killed_recording_can_be_read(bag, tmp_path):
     with ExitStack() as stack:
         player = stack.enter_context(verb('replay', bag, '--loop', '--wait-for', 1))
         silent = {'stdout': subprocess.DEVNULL, 'stderr': subprocess.DEVNULL}
@@ -177,20 +169,17 @@ def test_a_killed_recording_can_be_read(bag, tmp_path, node):
     assert {advice.code for advice in record.advice} == {'damaged-bag'}
 
 
-def test_replay_tells_the_time_keeps_the_pace_and_loops(bag, node):
-    from rosgraph_msgs.msg import Clock
-    from sensor_msgs.msg import Imu
-
+def test_replay_tells_the_time_keeps_the_pace_and_loops(bag, bench):
     stamps, arrivals, clocks = [], [], []
 
     def hear(message):
         stamps.append(stamp_of(message))
         arrivals.append(time.monotonic())
 
-    node.create_subscription(Imu, '/imu/data', hear, 1000)
-    node.create_subscription(Clock, '/clock', lambda m: clocks.append(m.clock.sec * 10**9 + m.clock.nanosec), 1000)
+    bench.node.create_subscription(Imu, '/imu/data', hear, 1000)
+    bench.node.create_subscription(Clock, '/clock', lambda m: clocks.append(time_ns(m.clock)), 1000)
     with verb('replay', bag, '--loop', '--clock', '--rate', 4, '--wait-for', 1):
-        spin_until(node, lambda: sum(np.diff(stamps) < 0) >= 1 and len(clocks) > 20, 'the second round')
+        wait_for(lambda: sum(np.diff(stamps) < 0) >= 1 and len(clocks) > 20, 'the second round')
     last, known = np.flatnonzero(np.diff(stamps) < 0)[0], read_imu(bag).stamps
     assert stamps[: last + 1] == known.tolist(), 'from the first sample on'
     assert known[0] <= min(clocks) and max(clocks) <= known[-1] + 10**9
@@ -199,9 +188,6 @@ def test_replay_tells_the_time_keeps_the_pace_and_loops(bag, node):
 
 
 def test_replay_begins_when_all_subscriptions_are_connected(bag):
-    from live_bench import Bench
-    from sensor_msgs.msg import Imu
-
     known, benches, heard = read_imu(bag).stamps.tolist(), [], []
     try:
         with verb('replay', bag, '--rate', 20, '--wait', PATIENCE, '--wait-for', 3, ends=None) as player:

@@ -65,18 +65,18 @@ def stamped(kind, stamp_ns, **values):
 
 
 def listening(node, entries):
-    """Upstream channels that hear the node's publishers, the samples that they took, and the counts of bad ones."""
-    health, taken = Reasons([BAD_UPSTREAM]), []
-    upstream = Upstream(node, entries, 10)
-    upstream.listen(SimpleNamespace(add_upstream=lambda *sample: taken.append(sample)), health)
-    return upstream, taken, health
+    """Upstream channels that hear the node's publishers, what they took, the counts of bad ones, and the pipeline."""
+    health, taken, upstream = Reasons([BAD_UPSTREAM]), [], Upstream(node, entries, 10)
+    pipeline = SimpleNamespace(newest_ns=0, add_upstream=lambda *sample: taken.append(sample))
+    upstream.listen(pipeline, health)
+    return upstream, taken, health, pipeline
 
 
 def test_topics_of_all_types_are_channels(node):
     """Three know their type by the field, one by its publisher; of an IMU all three quantities are channels."""
     kinds = {'staff': Float64, 'sonar': Range, 'buoy': PointStamped, 'leader/imu': Imu}
     publishers = {topic: node.create_publisher(kind, topic, 10) for topic, kind in kinds.items()}
-    upstream, taken, health = listening(node, ['staff:data', 'sonar:range', 'buoy:x', 'buoy:z', 'leader/imu', ''])
+    upstream, taken, health, _ = listening(node, ['staff:data', 'sonar:range', 'buoy:x', 'buoy:z', 'leader/imu', ''])
     names = upstream.settings(PipelineSettings()).forecaster.upstream
     leader = tuple(f'leader/imu:{field}' for field in ('roll', 'pitch', 'vertical_acceleration'))
     assert names == ('staff:data', 'sonar:range', 'buoy:x', 'buoy:z', *leader)
@@ -106,7 +106,7 @@ def test_topics_of_all_types_are_channels(node):
 
 def test_bad_messages_are_counted_and_left_out(node):
     sonar, leader = node.create_publisher(Range, 'sonar', 10), node.create_publisher(Imu, 'leader', 10)
-    upstream, taken, health = listening(node, ['sonar:range', 'leader:roll'])
+    upstream, taken, health, _ = listening(node, ['sonar:range', 'leader:roll'])
     for publisher in (sonar, leader):
         spin_until(node, publisher.get_subscription_count, 'subscription')
     without, broken = stamped(Imu, 10**9), stamped(Imu, 2 * 10**9)
@@ -124,9 +124,7 @@ def test_bad_messages_are_counted_and_left_out(node):
 
 def test_a_topic_that_falls_silent_is_told_while_the_imu_goes_on(node):
     publisher = node.create_publisher(Float64, 'staff', 10)
-    pipeline = SimpleNamespace(newest_ns=0, add_upstream=lambda *sample: None)
-    upstream = Upstream(node, ['staff:data'], 10)
-    upstream.listen(pipeline, Reasons([BAD_UPSTREAM]))
+    upstream, _, _, pipeline = listening(node, ['staff:data'])
     spin_until(node, publisher.get_subscription_count, 'subscription')
 
     def level_after(seconds):
@@ -161,7 +159,7 @@ def test_a_sensor_that_is_off_needs_a_field(node, sensor, monkeypatch):
     """It may come later, and with another type."""
     monkeypatch.setattr('swath_sysid.nodes.upstream.DISCOVERY', 0.3)
     assert Upstream(node, [''], 10).reports() == []
-    upstream, _, _ = listening(node, ['buoy', 'sonar:range'])
+    upstream, *_ = listening(node, ['buoy', 'sonar:range'])
     assert upstream.settings(PipelineSettings()).forecaster.upstream == ('sonar:range',)
     sensor.create_publisher(Float64, 'sonar', 10)
     words = '/sonar is published as std_msgs/msg/Float64, not sensor_msgs/msg/Range'

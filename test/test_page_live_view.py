@@ -21,19 +21,9 @@ from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.sea_state import sea_as_yaml, sea_from_yaml
+from swath_sysid.page import live_view as view
 from swath_sysid.page.charts import motion_options, motion_series
 from swath_sysid.page.live_record import KEPT_FORECASTS, MAX_STATUSES, LiveRecord, horizon_of
-from swath_sysid.page.live_view import (
-    calm_words,
-    campaign_words,
-    health,
-    model_chart,
-    motion_chart,
-    release_chart,
-    releases_in_words,
-    sea_words,
-    valid_words,
-)
 from swath_sysid.page.release import Release
 from swath_sysid.page.state import PageState
 from swath_sysid.pipeline.health import Report
@@ -54,26 +44,26 @@ def forecast(stamp_ns, angle=0.1, std=0.02):
 
 
 def test_health_names_the_silent_and_the_noise_is_that_of_the_sensor_whether_or_not_the_craft_moves(tank):
-    told = {name: told for name, *told in health(tank.record.statuses(tank.clock), tank.record.motions())}
+    told = {name: told for name, *told in view.health(tank.record.statuses(tank.clock), tank.record.motions())}
     assert told['Sensor'][0] == 0 and told['Sensor'][1].endswith('Hz, receiving /imu/data')
-    assert health({}, {})[0] == ('Sensor', 1, 'no diagnostics from predictor')
+    assert view.health({}, {})[0] == ('Sensor', 1, 'no diagnostics from predictor')
     time = np.arange(0.0, 10.0, 0.04)
     noise = np.random.default_rng(1).normal(0.0, 1e-3, time.size)
     for amplitude in (0.0, 0.05):
         motion = AxisMotion('roll', time, amplitude * np.sin(2.4 * time) + noise, None)
-        _, _, said = health({}, {'roll': motion})[2]
+        _, _, said = view.health({}, {'roll': motion})[2]
         assert np.radians(float(said.removeprefix('roll ').removesuffix(' deg'))) == pytest.approx(1e-3, rel=0.25)
 
 
 def test_the_forecast_stands_behind_now_with_its_intervals_and_is_kept_until_it_is_due(tank):
     for second in range(4):
         tank.record.add_horizon(forecast(tank.stamp_ns + second * 10**8, 0.01 * second))
-    chart = motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'])
+    chart = view.motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'])
     # what was forecast two seconds before
     assert [value for _, value in chart['checked']] == pytest.approx(np.degrees([0.0, 0.01, 0.02, 0.03]), abs=1e-3)
     assert chart['checked'][0][0] == pytest.approx(2.0, abs=0.05)
     tank.record.add_horizon(forecast(tank.stamp_ns))
-    chart = motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'])
+    chart = view.motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'])
     times = [time for time, _ in chart['measured']]
     assert times == sorted(times) and -0.05 < times[-1] <= 0.0
     assert [chart['forecast'][0][0], chart['forecast'][-1][0]] == pytest.approx([0.0, 5.0], abs=0.05)
@@ -104,9 +94,9 @@ def test_a_softening_decay_is_drawn_as_softening_with_the_model_over_it():
     angle, rate = simulate(hull, 0.12, 0.0, time)
     release = Release(AxisMotion('roll', EPOCH_NS * 1e-9 + time, angle + trim, rate), 2.8, 9.0, 0.12, trim)
     model = IdentifiedModel(hull, np.zeros((4, 4)), amplitude_range=(0.01, 0.12))
-    shown, words = release_chart(release, model)
+    shown, words = view.release_chart(release, model)
     assert np.abs(np.subtract(shown['fitted'], shown['measured'])[:, 1]).max() < 0.01 and 'off by' in words
-    chart = model_chart(model, release)
+    chart = view.model_chart(model, release)
     for name, tolerance in (('period', 0.01), ('damping', 0.15)):
         degrees, curve, low, high = np.array(chart[name]).T
         dots, measured = np.array(chart[f'measured_{name}']).T
@@ -116,7 +106,7 @@ def test_a_softening_decay_is_drawn_as_softening_with_the_model_over_it():
     periods = np.array(chart['period'])[:, 1]
     assert (np.diff(periods) > 0.0).all() and periods[-1] > 1.1 * periods[0]
     runs_away = DecayModel.from_terms(hull.equation, {'b1': 0.0, 'b2': 0.0, 'r1': -50.0, 'r3': -900.0})
-    shown, words = release_chart(release, IdentifiedModel(runs_away, np.zeros((4, 4))))
+    shown, words = view.release_chart(release, IdentifiedModel(runs_away, np.zeros((4, 4))))
     assert 'runs away' in words and shown['measured']
 
 
@@ -127,7 +117,7 @@ def test_each_release_is_listed_with_what_it_added_and_the_last_minute_can_be_ta
         if error is not None:
             provenance = {'segments_s': releases * [[0, 9]]}
             tank.record.set_models({'pitch': replace(hull, metrics={'motion_error': error}, provenance=provenance)})
-    last, second, first = releases_in_words(tank.record.tried['pitch'])
+    last, second, first = view.releases_in_words(tank.record.tried['pitch'])
     assert first.startswith('From 5.') and 'deg: next release within 20 %' in first
     assert 'within 5 % (20 % before)' in second and last.endswith('no new model')
     source = SimpleNamespace(lock=nullcontext(), record=tank.record, description='', sensor='')
@@ -137,25 +127,25 @@ def test_each_release_is_listed_with_what_it_added_and_the_last_minute_can_be_ta
 
 
 def test_calm_is_counted_from_now_and_valid_leads_are_those_of_the_diagnostics(tank):
-    assert calm_words(tank.record) == 'No calm window forecast yet.'
+    assert view.calm_words(tank.record) == 'No calm window forecast yet.'
     tank.record.quiescence, tank.record.calm = 0.25, (tank.record.stamp + 1.0, tank.record.stamp + 4.0, 0.93)
-    assert calm_words(tank.record).endswith('probability of 25 %. Calm from 1.0 to 4.0 s from now (93 %).')
+    assert view.calm_words(tank.record).endswith('probability of 25 %. Calm from 1.0 to 4.0 s from now (93 %).')
     tank.record.limits = QuiescenceLimits(roll=np.radians(3.0), duration=5.0)
-    assert calm_words(tank.record).endswith(' Quiet means within ±(roll 3 deg) for 5 s.')
+    assert view.calm_words(tank.record).endswith(' Quiet means within ±(roll 3 deg) for 5 s.')
     values = {'published': 3, 'valid_lead_roll_s': '2.74', 'valid_lead_bow.heave_s': 1.0}
-    words = valid_words({'predictor: forecast': Report('forecast', 0, '', values)})
+    words = view.valid_words({'predictor: forecast': Report('forecast', 0, '', values)})
     assert words == 'Valid lead: roll 2.7 s, bow.heave 1.0 s.'
-    assert valid_words({}) == valid_words({'predictor: forecast': Report('forecast', 0, '', {})}) == ''
+    assert view.valid_words({}) == view.valid_words({'predictor: forecast': Report('forecast', 0, '', {})}) == ''
 
 
 def test_the_sea_is_said_in_words_or_why_it_is_not_known(tank):
-    assert sea_words(tank.record) == 'No sea state yet.'
+    assert view.sea_words(tank.record) == 'No sea state yet.'
     tank.record.sea = sea_from_yaml(sea_as_yaml(SeaReport(None, 'two minutes are too few'), 5))
-    assert sea_words(tank.record) == 'No sea state: two minutes are too few.'
+    assert view.sea_words(tank.record) == 'No sea state: two minutes are too few.'
     nothing = np.empty(0)
     state = SeaState(1200.0, 2.51, 0.09, 10.2, 0.1, 19.5, (12.1, 20.9), float('nan'), 0.1, 0.15, nothing, nothing)
     tank.record.sea = sea_from_yaml(sea_as_yaml(SeaReport(state), 5))
-    words = sea_words(tank.record)
+    words = view.sea_words(tank.record)
     assert 'Sea: 20 min' in words and '2.51 ± 0.09 m' in words and '19.5 s, 95 % within 12.1 and 20.9 s' in words
     assert 'not known: heave and slope' in words
 
@@ -172,7 +162,7 @@ def test_a_campaign_lists_its_trials_and_what_is_missing(tmp_path):
         (tmp_path / name).write_text(f'# {name}\ntime_s,roll_deg\n0,1\n')
     trials = ''.join(f'  - {{file: {name}, initial_angle_deg: {angle}}}\n' for name, angle in angles.items())
     (tmp_path / 'campaign.yaml').write_text(f'axis: roll\ntrials:\n{trials}')
-    rows, missing = campaign_words(str(tmp_path / 'campaign.yaml'))
+    rows, missing = view.campaign_words(str(tmp_path / 'campaign.yaml'))
     assert [row['file'] for row in rows] == ['a1.csv', 'a2.csv', 'b1.csv']
     assert any('later.csv' in line for line in missing) and 'roll 8 deg: 1 of 2 repeats' in missing
-    assert campaign_words(str(tmp_path / 'none.yaml'))[0] == []
+    assert view.campaign_words(str(tmp_path / 'none.yaml'))[0] == []

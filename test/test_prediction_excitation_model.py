@@ -10,14 +10,7 @@ from scipy.signal import lfilter
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.compiled import motion_step
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.prediction.excitation_model import (
-    Spectrum,
-    _filtered_covariance,
-    autocovariance,
-    autoregression,
-    fit_excitation,
-    moment_spectrum,
-)
+from swath_sysid.attitude.prediction import excitation_model as excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilter, HullPrior
 from swath_sysid.attitude.prediction.hull_step import HULL_STATES
 
@@ -74,7 +67,7 @@ def _fed(seen):
 
 def test_the_moment_is_found_through_the_nonlinear_hull_and_reduced(sea):
     request = _request(sea[1][:30_000])
-    found, fit = moment_spectrum(request), fit_excitation(request)
+    found, fit = excitation.moment_spectrum(request), excitation.fit_excitation(request)
     total = np.sum(found.density * np.gradient(found.frequency)) / math.pi
     assert total == pytest.approx(SIZE**2, rel=0.15)
     assert np.average(found.frequency, weights=found.density) == pytest.approx(PEAK, abs=0.1)
@@ -86,15 +79,15 @@ def test_the_moment_is_found_through_the_nonlinear_hull_and_reduced(sea):
     assert moment.variance == pytest.approx(SIZE**2, rel=0.2)
     assert np.average(w, weights=density) == pytest.approx(PEAK, abs=0.15)
     assert fit.mean.size == HULL_STATES + 2 + moment.size and moment.size <= 22
-    assert fit_excitation(_request(sea[1][:2000])) is None
+    assert excitation.fit_excitation(_request(sea[1][:2000])) is None
     request.angle[100] = math.nan
-    assert fit_excitation(request) is None
+    assert excitation.fit_excitation(request) is None
 
 
 @pytest.mark.slow
 def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(sea):
     true, seen = sea
-    fit, nrmse, coverage = fit_excitation(_request(seen[:COUNT])), [], []
+    fit, nrmse, coverage = excitation.fit_excitation(_request(seen[:COUNT])), [], []
     for is_learnt in (True, False):
         attitude, errors, held = _fed(seen[COUNT - 200 : COUNT]), [], []
         if is_learnt:
@@ -115,7 +108,7 @@ def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(
 
 def test_a_fit_taken_up_late_is_the_one_taken_up_at_once(sea):
     _, seen = sea
-    fit, leads = fit_excitation(_request(seen[:COUNT], (*KNOWN[:2], True))), np.array([0.5, 2.0])
+    fit, leads = excitation.fit_excitation(_request(seen[:COUNT], (*KNOWN[:2], True))), np.array([0.5, 2.0])
     late, prompt = _fed(seen[COUNT - 300 : COUNT + 100]), _fed(seen[COUNT - 300 : COUNT])
     late.set_excitation(fit, 1.05)
     prompt.set_excitation(fit, 0.05)
@@ -126,7 +119,7 @@ def test_a_fit_taken_up_late_is_the_one_taken_up_at_once(sea):
 
 def test_the_autoregression_of_an_autoregression_is_itself():
     covariance = np.array([0.9**k for k in range(7)])
-    coefficients, noise = autoregression(covariance)
+    coefficients, noise = excitation.autoregression(covariance)
     assert coefficients == pytest.approx([0.9, 0, 0, 0, 0, 0], abs=1e-6)
     assert noise == pytest.approx(1.0 - 0.81, rel=1e-5)
     impulse = lfilter([1.0], [1.0, *-coefficients], np.eye(1, 400)[0])
@@ -140,7 +133,7 @@ def test_the_steady_covariance_solves_riccatis_equation():
     c = np.eye(2, 6)
     expected = solve_discrete_are(a.T, c.T, q, np.diag(noise))
     updated = expected - expected @ c.T @ np.linalg.solve(c @ expected @ c.T + np.diag(noise), c @ expected)
-    assert _filtered_covariance(a, q, noise) == pytest.approx(updated, abs=1e-9)
+    assert excitation._filtered_covariance(a, q, noise) == pytest.approx(updated, abs=1e-9)
 
 
 @pytest.mark.parametrize('factor', [0.7, pytest.param(1.3, marks=pytest.mark.slow)])
@@ -154,7 +147,7 @@ def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
     for k, block in enumerate(blocks[1:], 2):
         attitude.observe(STEP, *block, *variances)
         if k in (1201, 1801, 2401, 3001, 3601):
-            attitude.set_excitation(fit_excitation(_request(seen[: SAMPLES * k], attitude.learnt_hull())))
+            attitude.set_excitation(excitation.fit_excitation(_request(seen[: SAMPLES * k], attitude.learnt_hull())))
     assert 'model-contradicted' in {advice.code for advice in attitude.advice()}
 
 
@@ -162,7 +155,9 @@ def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
 def test_the_autocovariance_is_the_spectrums_cosine_transform(count):
     frequency = 2.0 * math.pi * np.fft.rfftfreq(count, STEP)[1:]
     frequency = frequency[frequency < 20.0]
-    covariance = autocovariance(Spectrum(frequency, _density(frequency), 0.0 * frequency), STEP, 121)
+    covariance = excitation.autocovariance(
+        excitation.Spectrum(frequency, _density(frequency), 0.0 * frequency), STEP, 121
+    )
     lags = STEP * np.arange(121)
     wanted = np.cos(np.outer(lags, frequency)) @ _density(frequency) * frequency[0] / math.pi
     assert covariance == pytest.approx(wanted, abs=1e-12 * wanted[0])

@@ -6,18 +6,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from swath_sysid.attitude.prediction import variate_analysis as analysis
 from swath_sysid.attitude.prediction.oscillator import angle_statistics, oscillators
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
-from swath_sysid.attitude.prediction.variate_analysis import (
-    broken,
-    fill_short_gaps,
-    identify,
-    identify_alone,
-    lag_gram,
-    max_lags,
-    useful_channels,
-    without_breaks,
-)
 
 STEP = 0.1
 NAMES = ('roll', 'pitch')
@@ -44,7 +35,7 @@ def test_the_gram_matrix_is_the_sum_over_complete_lags(seed, lost, count):
     rows[rng.uniform(size=120) < lost, rng.integers(0, 3)] = np.nan
     lags = np.column_stack([rows[count - 1 - k : rows.shape[0] - k] for k in range(count)])
     lags = lags[np.isfinite(lags).all(axis=1)]
-    gram, used = lag_gram(rows, count)
+    gram, used = analysis.lag_gram(rows, count)
     assert used == len(lags)
     assert np.allclose(gram, lags.T @ lags, atol=1e-9)
 
@@ -57,7 +48,7 @@ def _filter(model, rows, names=NAMES, horizon=1.0):
 
 def test_a_known_system_is_forecast_as_well_as_can_be():
     y, e, first, second = _sea(9100)
-    model = identify(y[:6000], NAMES, STEP)
+    model = analysis.identify(y[:6000], NAMES, STEP)
     assert model.channels == NAMES
     assert model.scale[:, None] * model.s * model.scale == pytest.approx(np.eye(2), abs=0.06)
     ours = _filter(model, y[5500:6000])
@@ -76,7 +67,7 @@ def test_a_known_system_is_forecast_as_well_as_can_be():
 
 def test_the_state_from_lags_is_that_of_a_long_past():
     y, *_ = _sea(4100)
-    model = identify(y, NAMES, STEP)
+    model = analysis.identify(y, NAMES, STEP)
     (long, covariance), (short, _) = (_filter(model, y[-count:]).forecast([0.1]) for count in (1500, model.lags))
     assert np.abs(long - short).max() < 0.1 * np.sqrt(np.diagonal(covariance[0])).min()
 
@@ -85,14 +76,14 @@ def test_channels_that_say_nothing_are_left_out():
     y, *_ = _sea(3000)
     rare = np.where(np.random.default_rng(0).uniform(size=y.shape[0]) < 0.3, y[:, 0], np.nan)
     values = np.column_stack([np.full(y.shape[0], 2.0), y[:, 0], rare, np.full(y.shape[0], np.nan), y[:, 1]])
-    assert useful_channels(values) == [1, 4]
-    model = identify(values, ('draft', 'roll', 'heave', 'yaw', 'pitch'), STEP)
+    assert analysis.useful_channels(values) == [1, 4]
+    model = analysis.identify(values, ('draft', 'roll', 'heave', 'yaw', 'pitch'), STEP)
     assert (model.channels, model.places) == (('roll', 'pitch'), (1, 4))
     ours = _filter(model, values[-100:])
     assert ours._p is None and np.isfinite(ours.forecast([0.5])[0]).all()
     for values in (np.zeros((0, 2)), np.zeros((500, 2)), np.full((500, 2), np.nan), y[:8]):
-        assert identify(values, NAMES, STEP) is None
-        assert identify_alone(values, NAMES, STEP, NAMES) is None
+        assert analysis.identify(values, NAMES, STEP) is None
+        assert analysis.identify_alone(values, NAMES, STEP, NAMES) is None
 
 
 def _waves(seed, components, count):
@@ -134,7 +125,7 @@ def test_channels_that_follow_from_others_give_a_model_and_variances(kind, seed,
     angle = angle + noise * np.random.default_rng(seed).normal(size=count)
     names, values = _following(kind, angle, rate)
     values[60 : 60 + lost] = np.nan
-    model = identify(values, names, STEP)
+    model = analysis.identify(values, names, STEP)
     # of some hundred windows one gives a filter that is not stable; without any noise none would give a model
     assume(model is not None)
     assert np.linalg.eigvalsh(model.s).min() > 0.9e-8
@@ -152,7 +143,7 @@ def test_channels_that_follow_from_others_give_a_model_and_variances(kind, seed,
 @pytest.mark.parametrize('kind', ['a fifth', 'twice', 'reversed, no rates'])
 def test_what_follows_from_another_channel_is_forecast_with_it(kind):
     names, values = _following(kind, *_waves(4, 3, 1400))
-    ours, errors = _filter(identify(values[:1200], names, STEP), values[1000:1200], horizon=2.0), []
+    ours, errors = _filter(analysis.identify(values[:1200], names, STEP), values[1000:1200], horizon=2.0), []
     for t in range(1200, 1380):
         ours.step(values[t])
         errors.append(ours.forecast([1.0, 2.0])[0] - values[[t + 10, t + 20], :2])
@@ -163,7 +154,7 @@ def test_what_follows_from_another_channel_is_forecast_with_it(kind):
 def test_each_angle_alone_reads_only_itself_and_its_rate():
     y, *_ = _sea(3000)
     values = np.column_stack([y, np.gradient(y[:, 1]) / STEP + np.random.default_rng(1).normal(size=len(y))])
-    model = identify_alone(values, (*NAMES, 'pitch_rate'), STEP, NAMES)
+    model = analysis.identify_alone(values, (*NAMES, 'pitch_rate'), STEP, NAMES)
     assert model.places == (0, 1, 2) and model.channels == (*NAMES, 'pitch_rate')
     assert not model.k[model.c[0].nonzero()[0]][:, 1:].any()
     assert _filter(model, values[-400:])._p is None
@@ -173,12 +164,12 @@ def test_where_every_tenth_row_is_lost_there_is_still_a_model():
     y, *_ = _sea(6100)
     lost = y.copy()
     lost[::10] = np.nan
-    assert broken(lost, max_lags(STEP)) and not broken(y, max_lags(STEP))
-    filled, inner = fill_short_gaps(lost - y.mean(axis=0)) + y.mean(axis=0), slice(10, -10, 10)
+    assert analysis.broken(lost, analysis.max_lags(STEP)) and not analysis.broken(y, analysis.max_lags(STEP))
+    filled, inner = analysis.fill_short_gaps(lost - y.mean(axis=0)) + y.mean(axis=0), slice(10, -10, 10)
     # the best two-sided interpolation of this system leaves less than the innovations
     assert np.std(filled[inner] - y[inner], axis=0).max() < 0.8
-    model = identify(lost, NAMES, STEP)
-    assert model.lags == identify(y, NAMES, STEP).lags
+    model = analysis.identify(lost, NAMES, STEP)
+    assert model.lags == analysis.identify(y, NAMES, STEP).lags
     assert model.scale[:, None] * model.s * model.scale == pytest.approx(np.eye(2), abs=0.15)
 
 
@@ -186,13 +177,13 @@ def test_a_spike_and_a_join_are_missing_rows_and_the_steps_of_a_coarse_sensor_ar
     y, *_ = _sea(2100)
     y[500] += 2000.0
     y[1000:] += 2000.0
-    missing = np.flatnonzero(~np.isfinite(without_breaks(y)).all(axis=1))
+    missing = np.flatnonzero(~np.isfinite(analysis.without_breaks(y)).all(axis=1))
     assert {500, 1000} <= set(missing) and missing.size < 10
     coarse = np.round(_waves(0, 3, 2000)[0], 2)[:, None] * [1.0, 7.3]
     for whole in (y[:400], coarse):
-        assert np.array_equal(without_breaks(whole), whole)
+        assert np.array_equal(analysis.without_breaks(whole), whole)
     coarse[1000, 0] += 3.0
-    assert np.isnan(without_breaks(coarse)[1000]).all()
+    assert np.isnan(analysis.without_breaks(coarse)[1000]).all()
 
 
 def _nrmse(values, names, start, stop, leads, step):
@@ -200,7 +191,9 @@ def _nrmse(values, names, start, stop, leads, step):
     errors = []
     for t in range(start, stop):
         if (t - start) % round(60.0 / step) == 0:
-            ours = _filter(identify(values[:t], names, step), values[t - round(30.0 / step) : t], horizon=leads[-1])
+            ours = _filter(
+                analysis.identify(values[:t], names, step), values[t - round(30.0 / step) : t], horizon=leads[-1]
+            )
         ours.step(values[t])
         errors.append(ours.forecast(leads)[0] - values[t + np.round(leads / step).astype(int), :2])
     return np.sqrt(np.nanmean(np.square(errors), axis=0)) / np.nanstd(values[start:, :2], axis=0)
