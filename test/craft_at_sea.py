@@ -58,10 +58,7 @@ def scale_for(model, moments, std, interval):
     for _ in range(6):
         angle, _ = driven(model, scale * moments[:6001], interval)
         found = angle[400:].std()
-        if np.isfinite(found) and np.abs(angle).max() < 0.5:
-            scale *= std / found
-        else:
-            scale *= 0.5
+        scale *= std / found if np.isfinite(found) and np.abs(angle).max() < 0.5 else 0.5
     return scale
 
 

@@ -30,16 +30,13 @@ def values_of(key):
     return {name: spec for _, name, spec, _ in Formatter().parse(SENTENCES[key]) if name is not None}
 
 
-def test_every_value_is_filled(nodes):
+def test_every_value_is_filled_every_sentence_used_and_every_flag_at_a_code(nodes):
     calls = [node for node in nodes if isinstance(node, ast.Call) and ast.unparse(node.func) == 'Advice.of']
     assert len(calls) > 60
     for call in calls:
         if isinstance(call.args[0], ast.Constant):
             key = call.args[0].value
             assert key in SENTENCES and {each.arg for each in call.keywords} == set(values_of(key)), key
-
-
-def test_every_sentence_is_used_and_every_flag_is_at_a_code(nodes):
     texts = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
     assert set(SENTENCES) <= texts
     assert set(FLAGS) <= texts | {key.partition(':')[0] for key in SENTENCES}
@@ -59,13 +56,10 @@ def square_and_process(number):
 
 
 @pytest.mark.parametrize('count', [1, 2, 3])
-def test_results_come_in_order(count):
+def test_results_and_errors_come_in_order(count):
     found = list(results_in_order(square_and_process, list(range(7)), count))
     assert [value for value, _ in found] == [n * n for n in range(7)]
     assert found[0][1] == os.getpid()
-
-
-def test_an_error_comes_where_its_result_would():
     results = results_in_order(square_and_process, [3, -1, 2], 2)
     assert next(results)[0] == 9
     with pytest.raises(ValueError, match='negative'):

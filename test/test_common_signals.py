@@ -14,21 +14,15 @@ from swath_sysid.common.row_buffer import RowBuffer
 from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, white_noise
 
 
-def test_white_noise_is_found_on_a_slow_motion():
+def test_white_noise_and_resolution_are_found():
     time = np.arange(20_000) / 100.0
     noise = np.random.default_rng(1).normal(0.0, 0.003, time.size)
     motion = 0.2 * np.sin(2.0 * time)
     assert white_noise(motion + noise) == pytest.approx(0.003, rel=0.03)
     assert noise_level(motion + noise) == white_noise(motion + noise)
     assert white_noise(motion[:7]) == noise_level(motion[:7]) == 0.0
-
-
-def test_values_repeated_on_a_faster_grid_count_once():
     noise = np.random.default_rng(2).normal(0.0, 0.01, 5000)
     assert noise_level(np.repeat(noise, 4)) == pytest.approx(2.0 * white_noise(noise))
-
-
-def test_resolution_is_the_smallest_step():
     assert quantum(np.round(np.sin(np.linspace(0.0, 6.0, 500)), 2)) == pytest.approx(0.01)
     assert quantum(np.ones(5)) == 0.0
 

@@ -52,38 +52,29 @@ def found(linear_motion):
     return identify_at_sea(linear_motion)
 
 
-def test_the_shape_of_a_sea_is_jonswap():
+def test_spectra_are_jonswaps_and_hold_the_variance():
     frequency = np.linspace(0.3, 6.0, 200)
     shape = jonswap(frequency, 1.3, 3.3) / jonswap(np.array([1.3]), 1.3, 3.3)
     assert np.allclose(excitation_spectrum(frequency, 1.3, 3.3, 5.0), shape, rtol=1e-12, atol=1e-30)
     slope = excitation_spectrum(frequency, 1.3, 3.3, 1.0) / excitation_spectrum(frequency, 1.3, 3.3, 5.0)
     assert np.allclose(slope[20:], (frequency / 1.3)[20:] ** 4)
-
-
-def test_a_tapered_spectrum_holds_the_variance():
     values = np.random.default_rng(1).normal(size=8192)
     frequency, spectrum = tapered_spectrum(values, 0.05)
     assert spectrum.sum() * frequency[1] == pytest.approx(values.var(), rel=0.05)
     assert np.mean(spectrum) == pytest.approx(0.05 / np.pi, rel=0.05)
 
 
-@pytest.mark.parametrize('channels', ['both', 'angle', 'rate'])
-def test_derivatives_of_a_motion_are_exact(channels):
+@pytest.mark.parametrize('missing', [{}, {'rate': None}, {'angle': None}])
+def test_derivatives_of_a_motion_are_exact(missing):
     time = np.arange(6000) * 0.05
-    rng = np.random.default_rng(2)
+    noise = 1e-6 * np.random.default_rng(2).normal(size=(2, time.size))
     angle, rate = 0.1 * np.sin(1.7 * time) + 0.05, 0.17 * np.cos(1.7 * time)
-    motion = AxisMotion(
-        'pitch',
-        time,
-        None if channels == 'rate' else angle + 1e-6 * rng.normal(size=time.size),
-        None if channels == 'angle' else rate + 1e-6 * rng.normal(size=time.size),
-    )
-    sea = sea_motion(motion)
+    sea = sea_motion(replace(AxisMotion('pitch', time, angle + noise[0], rate + noise[1]), **missing))
     at = sea.start + sea.interval * np.arange(sea.angle.size)
     middle = slice(50, -50)
     assert np.allclose(sea.rate[middle], 0.17 * np.cos(1.7 * at)[middle], atol=2e-3)
     assert np.allclose(sea.acceleration[middle], -0.289 * np.sin(1.7 * at)[middle], atol=3e-3)
-    assert np.isnan(sea.mean) if channels == 'rate' else sea.mean == pytest.approx(0.05, abs=1e-3)
+    assert np.isnan(sea.mean) if 'angle' in missing else sea.mean == pytest.approx(0.05, abs=1e-3)
     assert sea.peak == pytest.approx(1.7, rel=0.02)
 
 
@@ -132,9 +123,7 @@ def test_units_of_time_and_angle_do_not_matter(linear_motion, found, faster, lar
     assert other.amplitude == pytest.approx(abs(larger) * found.amplitude, rel=1e-3)
 
 
-def test_less_information_gives_more_uncertainty(linear_motion, found):
-    short = identify_at_sea(linear_motion, end=linear_motion.time[0] + 190.0)
-    assert short.natural_period_std > 1.15 * found.natural_period_std
+def test_less_information_gives_more_uncertainty(found):
     # long waves: what little there is near the natural period could be the sea's own
     far = identify_at_sea(measured(known_sea(LINEAR, [4], 5.0, np.radians(1.0), 900.0, by_slope=True)))
     assert far.natural_period_std > 5.0 * found.natural_period_std
@@ -142,18 +131,7 @@ def test_less_information_gives_more_uncertainty(linear_motion, found):
     assert 'sea-hides-hull' in {a.code for a in far.advice}
 
 
-def test_gaps_and_angles_or_rates_alone_will_do(linear_motion, found):
-    keep = np.ones(linear_motion.size, dtype=bool)
-    keep[[700, 1500, 1501, 3000]] = False
-    for motion in (linear_motion.only(keep), replace(linear_motion, rate=None), replace(linear_motion, angle=None)):
-        other = identify_at_sea(motion)
-        assert other.natural_period == pytest.approx(LINEAR.natural_period, rel=0.04)
-        assert other.damping_ratio == pytest.approx(found.damping_ratio, rel=0.4)
-    assert np.isnan(other.trim_std) and other.model.trim == 0.0
-
-
 def test_heave_tells_two_seas_apart():
-    """Swell and wind sea at once: two humps, of which one could be the hull's."""
     rng, time = np.random.default_rng(11), np.arange(0.0, 1200.0, 0.1)
     frequency = np.sort(rng.uniform(0.4, 8.0, 500))
     spectrum = jonswap(frequency, 0.75, 5.0) + 0.4 * jonswap(frequency, 1.9, 2.0)
@@ -236,8 +214,7 @@ def test_the_command_line_takes_waves_for_waves(sea_file, tmp_path, capsys):
     data = json.loads(capsys.readouterr().out)
     assert data['identified_from'] == 'motion in waves' and data['equation'] == 'linear'
     assert data['natural_period_s'] == pytest.approx(LINEAR.natural_period, rel=0.03)
-    names = 'natural_period_std_s damping_ratio_std reference_amplitude_rad misfit sea peak_period_s warnings segment_s'
-    assert set(names.split()) <= set(data)
+    assert {'natural_period_std_s', 'damping_ratio_std', 'reference_amplitude_rad'} <= set(data)
 
 
 @pytest.mark.parametrize(
@@ -257,9 +234,7 @@ def test_a_hull_that_is_known_too_poorly_is_told_but_not_written(sea_file, tmp_p
     monkeypatch.setattr('swath_sysid.attitude.identification.at_sea.DAMPING_USABLE', 1e-3)
     model = tmp_path / 'model.yaml'
     assert main(['identify', str(sea_file), '--output', str(model)]) == 2
-    told = capsys.readouterr()
-    assert 'natural period' in told.out
-    assert told.err.strip().splitlines()[-1].startswith(f'swath-sysid identify: {model} was not written')
+    assert f'{model} was not written' in capsys.readouterr().err
     assert not model.exists()
 
 

@@ -14,6 +14,7 @@ from scipy.stats import norm, truncnorm
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
 from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, interval
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, disturbance, innovations
@@ -21,7 +22,6 @@ from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.scoring import Evaluation, clipped_step, scoring
 from swath_sysid.attitude.motion.segmentation import find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.formats.reading import read_trial
 
 
 @pytest.fixture(scope='module')
@@ -150,65 +150,37 @@ def problem_of(motions, states, scales):
     return SimpleNamespace(observed=motions, states=states, scales=scales, friction_rate=1e-3)
 
 
-def likelihood_of(bench):
+def test_gradient_is_that_of_finite_differences(bench):
     made = bench.made_trial('swath-pitch 6', bench.SCENES['waves-0.3'], 1)
     motion = motion_of(made).between(made.release + 0.01, None)
     state = InitialState(float(motion.angle[:5].mean()), 0.0, 0.0)
-    equation = equation_named(bench.equation_of(made.truth))
-    natural = np.sqrt(made.truth.get('r1', 0.0) + made.truth.get('s1', 0.0))
-    return BasinLikelihood(problem_of([motion], [state], Scales(state.x, natural)), equation), made
-
-
-def test_gradient_is_that_of_finite_differences(bench):
-    likelihood, made = likelihood_of(bench)
-    ratios = np.zeros(9)
-    for name, place in (('b1', 1), ('b2', 2), ('r1', 4), ('r2', 5), ('r3', 6)):
-        ratios[place] = 1.2 * made.truth[name]
+    equation, scales = equation_named(bench.equation_of(made.truth)), Scales(state.x, np.sqrt(made.truth['r1']))
+    likelihood = BasinLikelihood(problem_of([motion], [state], scales), equation)
+    ratios = 1.2 * np.array([made.truth.get(name, 0.0) for name in TERM_NAMES])
     z = likelihood.start(ratios, 0.02)
     (found,) = likelihood.evaluate([z])
     numeric = approx_fprime(z, lambda v: likelihood.evaluate([v])[0].cost, 1e-6)
     assert found.gradient == pytest.approx(numeric, rel=2e-3, abs=0.05)
     assert np.linalg.eigvalsh(found.information).min() > 0.0
-
-
-def search(function, start):
-    """What `scoring` finds of a function that gives cost, gradient and information, and how often it asks."""
-    open_ended = np.full(len(start), np.inf)
-    running, asked = scoring(np.array(start), -open_ended, open_ended), 0
-    point = next(running)
-    while True:
-        asked += 1
-        try:
-            point = running.send(Evaluation(point, *function(point)))
-        except StopIteration as end:
-            return end.value, asked
-
-
-def test_scoring_learns_a_curvature_that_is_not_expected():
-    """With steps of the information alone, a sixth of the curvature in one direction, it would overshoot fivefold."""
-    rng = np.random.default_rng(3)
-    directions, _ = np.linalg.qr(rng.normal(size=(5, 5)))
-    curvature = directions * [6.0, 0.3, 1.0, 1.0, 2.0] @ directions.T
-
-    def bowl(z):
-        return 0.5 * float(z @ curvature @ z), curvature @ z, np.eye(5)
-
-    found, asked = search(bowl, [2.0, -1.0, 1.0, 0.5, -2.0])
-    assert found.cost < 0.01
-    assert asked < 15
-
-
-def test_where_the_motion_runs_away_there_is_no_fit(bench):
-    likelihood, made = likelihood_of(bench)
-    ratios = np.zeros(9)
+    # where the motion runs away there is no fit
     ratios[4] = -1e4 * made.truth['r1']
     assert likelihood.minimise([likelihood.start(ratios, 0.003)]) == []
 
 
-def test_step_is_held_at_a_bound():
+def test_scoring_learns_a_curvature_that_is_not_expected():
+    rng = np.random.default_rng(3)
+    directions, _ = np.linalg.qr(rng.normal(size=(5, 5)))
+    curvature = directions * [6.0, 0.3, 1.0, 1.0, 2.0] @ directions.T
+    running = scoring(np.array([2.0, -1.0, 1.0, 0.5, -2.0]), np.full(5, -np.inf), np.full(5, np.inf))
+    z = next(running)
+    with pytest.raises(StopIteration) as end:
+        for _ in range(15):
+            z = running.send(Evaluation(z, 0.5 * float(z @ curvature @ z), curvature @ z, np.eye(5)))
+    assert end.value.value.cost < 0.01
+    # a step is held at a bound
     information = np.array([[2.0, 1.0], [1.0, 2.0]])
-    found = clipped_step(np.array([0.1, 0.0]), np.array([3.0, 0.0]), information, np.zeros(2), np.full(2, np.inf))
-    assert found == pytest.approx([0.0, 0.05])
+    step = clipped_step(np.array([0.1, 0.0]), np.array([3.0, 0.0]), information, np.zeros(2), np.full(2, np.inf))
+    assert step == pytest.approx([0.0, 0.05])
 
 
 @pytest.mark.parametrize('value', [0.0, 0.3, 1.5])
@@ -224,19 +196,14 @@ def fit(made, equation):
     return identify([motion_of(made)], IdentificationSettings(equation))
 
 
+OTHERS = [
+    pytest.param(hull, marks=pytest.mark.long) for hull in ('swath-usv-pitch 9', 'swath-pitch 9', 'hydrofoil-pitch 5')
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    'hull',
-    [
-        'swath-roll 15',
-        *(
-            pytest.param(hull, marks=pytest.mark.long)
-            for hull in ('swath-usv-pitch 9', 'swath-pitch 9', 'hydrofoil-pitch 5')
-        ),
-    ],
-)
+@pytest.mark.parametrize('hull', ['swath-roll 15', *OTHERS])
 def test_intervals_hold_in_waves_at_resonance(bench, hull):
-    """Where least squares held .48 of them, off by up to 25 std."""
     held = []
     for seed in range(2):
         made = bench.made_trial(hull, bench.SCENES['waves-0.3'], seed)
@@ -264,7 +231,6 @@ def test_releases_are_found_to_30_ms(bench, scene, hull):
     ('hull', 'names'), [('swath-pitch 6', ('r2',)), pytest.param('swath-roll 15', ('b3', 'r2'), marks=pytest.mark.long)]
 )
 def test_a_term_that_the_equation_lacks_is_named_and_least_squares_stays(bench, hull, names):
-    """The likelihood's optimum simulates far worse: it takes for the basin's motion what the equation cannot make."""
     made = bench.made_trial(hull, bench.SCENES['white'], 1)
     found = fit(made, 'odd-cubic')
     assert (found.verdict.level, found.verdict.code) == ('doubtful', 'absent-term')
@@ -275,31 +241,18 @@ def test_a_term_that_the_equation_lacks_is_named_and_least_squares_stays(bench, 
 
 
 @pytest.mark.slow
-def test_waves_on_a_strongly_damped_hull_are_not_taken_for_coloured_noise(bench):
-    """With them begun at the frequency that the decay seems to have, the stiffness would be 10 std off."""
+def test_the_likelihood_takes_waves_for_waves_and_least_squares_stays_where_it_leaves_its_period(bench):
     made = bench.made_trial('hydrofoil-pitch 3', bench.SCENES['all'], 0)
     found = fit(made, 'odd-cubic')
     assert found.basin is not None and found.model.terms['b1'] > 0.0
     assert found.model.terms['r1'] == pytest.approx(made.truth['r1'], abs=3 * found.std['r1'])
     assert found.basin.basin[1] == pytest.approx(np.sqrt(made.truth['r1']), rel=0.3)
-
-
-@pytest.mark.slow
-def test_least_squares_stays_where_the_likelihood_leaves_its_period(bench):
-    """Linear damping cannot make this decay; the likelihood's optimum would have 1.8 times the frequency."""
     made = bench.made_trial('swath-roll 5', bench.SCENES['white'], 0)
     found = fit(made, 'linear')
     truth = 2 * np.pi / np.sqrt(made.truth['s1'])
     assert found.basin is None
     assert found.model.natural_period == pytest.approx(truth, rel=0.05)
     assert found.verdict.level != 'adequate'
-
-
-@pytest.mark.slow
-def test_dry_friction_of_a_rig_is_named_by_angles_alone(data_folder):
-    motions = [read_trial(p).axis('pitch') for p in sorted((data_folder / 'decay/foswec').glob('*.csv'))]
-    found = identify(motions, IdentificationSettings('odd-cubic'))
-    assert (found.verdict.code, found.absent_term.name) == ('absent-term', 'b0')
 
 
 @pytest.mark.slow

@@ -1,12 +1,13 @@
-"""Refits: releases that are one fit, which model is published, and the way back."""
+"""Refits, the model that is published, the way back, and the watch on stability."""
 
 import copy
+import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from imu_stream import EPOCH_NS, decay_stream
+from imu_stream import EPOCH_NS, decay_stream, reading
 
 from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.hull.decay_model import DecayModel
@@ -15,13 +16,17 @@ from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.live_decays import LiveDecay, newest
 from swath_sysid.attitude.identification.problem import prepare
-from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
+from swath_sysid.attitude.identification.refit import AxisVerdict, RefitOutcome, RefitSettings, Refitter, refit
 from swath_sysid.attitude.identification.replacement import misfit, reason_to_keep
 from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
 from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.window import COLUMNS, MotionWindow, NoticedDecay, WindowSettings
+from swath_sysid.attitude.prediction.sea_fit import SeaFit
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
+from swath_sysid.pipeline.health import OK, WARN, stability_report
+from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 
 QUICK = RefitSettings(
     axes=('pitch',), identification=IdentificationSettings('linear', search=SearchSettings(generations=2))
@@ -55,14 +60,9 @@ def first(table):
     return refit(Refitter(QUICK).request(table, source={'topic': 'here'}))
 
 
-@pytest.fixture
-def twice(taken_twice):
-    """A refitter that has taken two releases, and the outcome of the second."""
-    return copy.deepcopy(taken_twice)
-
-
 @pytest.fixture(scope='module')
-def taken_twice(table):
+def twice(table):
+    """A refitter that has taken two releases, and the outcome of the second."""
     return after(table, table_of(2))
 
 
@@ -96,6 +96,10 @@ def test_the_same_decay_in_another_window_counts_once(table, first):
     assert not again.succeeded and not refitter.take(again) and refitter.version == 1
     assert 'the current model knows the next release as well' in again.message
     assert len(refitter.decays['pitch'].decays) == 1
+    # decays that were forgotten stay so when a refit ends afterwards
+    refitter.request(table)
+    refitter.forget_decays()
+    assert refitter.take(first) and refitter.models and not refitter.decays
 
 
 def test_a_longer_view_takes_the_place_of_the_shorter_and_its_tail_is_no_release_of_its_own(table, first):
@@ -134,7 +138,7 @@ def test_releases_of_one_craft_do_not_contradict_each_other():
 
 @pytest.mark.parametrize('change', [{'period': 2.65}, {'damping': 0.1}])
 def test_a_changed_craft_starts_anew_and_rollback_leads_back(twice, change):
-    refitter, _ = twice
+    refitter, _ = copy.deepcopy(twice)
     before, decays = refitter.models['pitch'], refitter.decays
     outcome = refit(refitter.request(table_of(3, **change)))
     assert 'the decays before contradict this one and are forgotten; adequate' in outcome.message
@@ -149,20 +153,16 @@ def test_a_changed_craft_starts_anew_and_rollback_leads_back(twice, change):
     assert not refitter.rollback() and refitter.version == 8
 
 
-def test_decays_that_were_forgotten_stay_so_when_a_refit_ends_afterwards(table, first):
-    refitter = Refitter(QUICK)
-    refitter.request(table)
-    refitter.forget_decays()
-    assert refitter.take(first) and refitter.models and not refitter.decays
-
-
 def test_by_itself_only_the_axis_whose_decay_was_noticed_is_fitted(table):
-    """The same rows in both axes."""
+    told, settings = [], replace(QUICK, axes=('roll', 'pitch'))
+    outcome = refit(Refitter(settings).request(table), progress=told.append)
+    assert outcome.message.startswith('pitch: adequate') and outcome.message.endswith('; roll: no free decay')
+    assert told == sorted(told) and told[0] >= 0.0 and told[-1] == 1.0
+    # now the same rows in both axes
     rows = table.rows.copy()
     rows[:, [1, 3]] = rows[:, [2, 4]]
     both = replace(table, rows=rows)
     noticed = replace(both, noticed=NoticedDecay('roll', rows[0, 0], rows[-1, 0]))
-    settings = replace(QUICK, axes=('roll', 'pitch'))
     assert set(refit(Refitter(settings).request(noticed, is_asked=False)).models) == {'roll'}
     assert set(refit(Refitter(settings).request(both)).models) == {'roll', 'pitch'}
     assert not refit(Refitter(settings).request(both, is_asked=False)).models
@@ -180,12 +180,8 @@ def test_the_verdict_decides_what_replaces_what(first):
         )
         return reason_to_keep(held, new, contradicts)
 
-    replaces = [
-        (held, new)
-        for held in ('doubtful', 'adequate')
-        for new in ('rejected', 'doubtful', 'adequate')
-        if not kept(held, new, contradicts=True)
-    ]
+    pairs = itertools.product(('doubtful', 'adequate'), ('rejected', 'doubtful', 'adequate'))
+    replaces = [pair for pair in pairs if not kept(*pair, contradicts=True)]
     assert replaces == [('doubtful', 'doubtful'), ('doubtful', 'adequate'), ('adequate', 'adequate')]
     assert kept(None, 'rejected').startswith('rejected: ')
     assert kept(None, 'doubtful') == kept('doubtful', 'adequate', 0.06) == kept('adequate', 'adequate', 0.04) == ''
@@ -206,14 +202,6 @@ def test_the_misfit_is_that_of_the_best_initial_state(table, first):
     assert misfit(problem, wild) > 100.0
 
 
-def test_an_axis_without_a_decay_is_told_and_the_other_is_fitted(table):
-    told = []
-    outcome = refit(Refitter(replace(QUICK, axes=('roll', 'pitch'))).request(table), progress=told.append)
-    assert set(outcome.models) == {'pitch'}
-    assert outcome.message.startswith('pitch: adequate') and outcome.message.endswith('; roll: no free decay')
-    assert told == sorted(told) and told[0] >= 0.0 and told[-1] == 1.0
-
-
 def test_coefficients_are_rows_of_values_and_deviations(first):
     other = IdentifiedModel.exactly(first.models['pitch'].model.with_trim(0.02))
     found = replace(first.models['pitch'], metrics={'verdict': 'doubtful'})
@@ -230,4 +218,98 @@ def test_coefficients_are_rows_of_values_and_deviations(first):
         assert pitch[name] == pitch_std[name] == 0.0
     adequate = coefficients({'pitch': replace(found, metrics={'verdict': 'adequate'})})[1]
     assert adequate[0, COEFFICIENT_NAMES.index('verdict')] == 2.0
-    assert coefficients({})[1].shape == (0, len(COEFFICIENT_NAMES))
+
+
+WINDOW, PERIOD = 600.0, 4.0
+
+
+def watched(periods, std=0.04, amplitudes=None, settings=None):
+    """A watch that was given periods by windows one after another, and what it said after each."""
+    watch, said = StabilityWatch(settings), []
+    amplitudes = np.full(len(periods), 0.05) if amplitudes is None else amplitudes
+    for k, (period, amplitude) in enumerate(zip(periods, amplitudes, strict=True)):
+        watch.add(PeriodEstimate(WINDOW * k, WINDOW * (k + 1), period, std, amplitude))
+        said.append(watch.newest)
+    return watch, said
+
+
+def drawn(seed, changes_after, count):
+    """Periods of windows, GM smaller by a tenth after some of them."""
+    gm = np.where(np.arange(count) < changes_after, 1.0, 0.9)
+    return PERIOD / np.sqrt(gm) + np.random.default_rng(seed).normal(0.0, 0.04, count)
+
+
+def test_a_tenth_of_the_height_is_found_within_half_an_hour_and_nothing_is_cried_without_change():
+    found = []
+    for seed in range(100):
+        _, said = watched(drawn(seed, 12, 15))
+        found.append(said[-1].changed_at is not None)
+        assert all(each is None or each.changed_at is None for each in said[:12])
+    assert np.mean(found) > 0.9
+    one_freak = watched([4.0, 4.0, 4.0, 4.0, 4.4, 4.0, 4.0, 4.0], std=0.02)
+    for _, said in (one_freak, *(watched(drawn(seed, 36, 36)) for seed in range(100))):
+        assert not any(each is not None and each.advice for each in said)
+
+
+def test_the_interval_holds_the_truth():
+    for changes_after, truth in ((40, 1.0), (12, 0.9)):
+        held = []
+        for seed in range(150):
+            _, said = watched(drawn(seed, changes_after, 20))
+            if truth == 1.0 or said[-1].changed_at is not None:
+                held.append(said[-1].interval[0] <= truth <= said[-1].interval[1])
+        assert 0.9 < np.mean(held) <= 0.99
+
+
+@pytest.mark.parametrize('known_height', [0.0, 0.5])
+def test_the_ratio_is_the_square_of_the_periods(known_height):
+    _, said = watched([4.0, 4.0, 4.4, 4.4], std=0.01, settings=StabilitySettings(known_height=known_height))
+    assert said[-1].relative == pytest.approx((4.0 / 4.4) ** 2)
+    assert (said[-1].period_before, said[-1].period) == pytest.approx((4.0, 4.4))
+    assert said[-1].changed_at == 3 * WINDOW
+    assert said[-1].height == pytest.approx((known_height or math.nan) * (4.0 / 4.4) ** 2, nan_ok=True)
+
+
+def test_a_higher_sea_explains_a_longer_period_and_a_limit_warns_before_chance_is_ruled_out():
+    periods = [4.0] * 6 + [4.15] * 6
+    _, calm = watched(periods, std=0.02)
+    _, rough = watched(periods, std=0.02, amplitudes=[0.07] * 6 + [0.21] * 6)
+    assert calm[-1].advice and not rough[-1].advice
+    _, plain = watched([4.0, 4.0, 4.0, 4.1, 4.1])
+    _, limited = watched([4.0, 4.0, 4.0, 4.1, 4.1, 4.1, 4.1], settings=StabilitySettings(limit=0.03))
+    assert plain[-1].advice == ()
+    assert limited[-1].changed_at is None and 'of its earlier value' in limited[-1].advice[0].message
+
+
+def test_motion_is_used_once_and_a_clock_that_is_set_back_begins_anew():
+    watch, _ = watched([4.0] * 3)
+    watch.add(PeriodEstimate(2.5 * WINDOW, 3.5 * WINDOW, 4.4, 0.04, 0.05))
+    assert watch.count == 3
+    watch.add(PeriodEstimate(2.9 * WINDOW, 3.9 * WINDOW, 4.0, 0.04, 0.05))
+    assert watch.count == 4
+    watch.add(PeriodEstimate(0.0, WINDOW, 4.0, 0.04, 0.05))
+    assert watch.count == 1 and watch.newest is None
+
+
+def test_it_is_a_diagnostic():
+    assert stability_report(StabilityWatch()).level == OK
+    watch, _ = watched([4.0] * 5)
+    report = stability_report(watch)
+    assert report.level == OK and report.values['relative_gm'] == pytest.approx(1.0)
+    watch, _ = watched([4.0, 4.0, 4.4, 4.4], std=0.01)
+    report = stability_report(watch)
+    assert report.level == WARN and 'went from 4 to 4.4 s' in report.message and report.values['gm_m'] == 'not known'
+
+
+def test_play_through_identifies_at_its_interval():
+    def fit(request):
+        begin, end = request.windows[-1].rows[[0, -1], 0].tolist()
+        found = PeriodEstimate(begin, end, PERIOD, 0.01, 0.05)
+        return RefitOutcome((AxisVerdict('roll', None, 'not published', estimate=found),))
+
+    settings = PlayThroughSettings(window=WindowSettings(window=5.0), identify_interval=5.0)
+    played = PlayThrough(settings, fit=fit, fit_sea=lambda request: SeaFit(request.time, {}, {}))
+    for k in range(230):
+        played.add(reading(EPOCH_NS + 100_000_000 * k, 0.1 * math.sin(0.1 * k), roll_rate=0.1 * math.cos(0.1 * k)))
+    assert played.refits == played.refitter.stability.count == 4
+    assert played.refitter.stability.newest.relative == pytest.approx(1.0)

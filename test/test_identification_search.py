@@ -21,7 +21,7 @@ from swath_sysid.attitude.identification.search import (
     run_search,
 )
 from swath_sysid.attitude.identification.uncertainty import known_together
-from swath_sysid.common.covariance import correlation, sandwich_covariance
+from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
 from swath_sysid.common.noise import autocovariance, correlated_information, weighting_noise
@@ -109,16 +109,12 @@ def test_run_search_reports_progress_and_can_be_cancelled(algorithm):
         run_search(lambda r: rotated_valley(r, target), space, SearchSettings(algorithm), should_cancel=lambda: True)
 
 
-def test_presets_carry_the_published_parameters():
-    assert PRESETS['swath-pitch'].genetic == PRESETS['swath-roll'].genetic
+def test_presets_carry_the_published_parameters_and_variables():
     pitch, foil, usv = (PRESETS[n].genetic for n in ('swath-pitch', 'hydrofoil-pitch', 'swath-usv-pitch'))
     assert (pitch.generations, pitch.population, pitch.crossover, pitch.mutation) == (2000, 200, 0.8, 0.15)
     assert (pitch.genetic_factor, pitch.evolution_weight) == (0.05, 0.9)
     assert (foil.mutation, foil.final_mutation, foil.genetic_factor) == (0.01, 0.0001, 0.1)
     assert (usv.population, usv.crossover) == (400, 0.7)
-
-
-def test_published_variables_map_to_ratios_and_back():
     model = PUBLISHED_HULLS['swath-roll'].model
     scales = Scales(0.09, 2.5)
     space = published_space(model.equation, PRESETS['swath-roll'], scales)
@@ -137,8 +133,6 @@ def test_published_variables_map_to_ratios_and_back():
         ({'preset': 'nobody'}, "no preset 'nobody'"),
         ({'algorithm': 'pso', 'preset': 'swath-roll'}, 'genetic algorithm'),
         ({'generations': 0}, 'generations must be a whole number from 1 to 100000, not 0'),
-        ({'generations': True}, 'generations must be a whole number'),
-        ({'population': 3}, 'population must be a whole number from 8'),
         ({'population': 10**12}, 'population must be a whole number'),
         ({'seed': None}, 'seed must be a whole number from 0'),
     ],
@@ -168,23 +162,18 @@ def direct_one_step(motion, ratios, trim):
     return np.sqrt(np.mean(np.square(errors)))
 
 
-def test_one_step_objective_is_the_published_sum():
+def test_one_step_objective_is_the_published_sum_and_takes_no_step_over_a_gap():
     motion = decay(samples=300)
     uneven = motion.only(np.arange(300) % 3 != 1)
     ratios = np.random.default_rng(2).uniform(0, 5, (4, 9))
     for record in (motion, uneven):
         found = OneStepObjective.of([record], [0.01], FRICTION_RATE)(ratios)
         assert found == pytest.approx([direct_one_step(record, r, 0.01) for r in ratios], rel=1e-10)
-
-
-def test_one_step_objective_takes_no_step_over_a_gap():
-    motion = decay(samples=400)
-    holed = motion.only(np.r_[0:150, 250:400])
-    ratios = HULL.ratios[None]
-    first, second = (
-        OneStepObjective.of([motion.only(s)], [0.0], FRICTION_RATE) for s in (slice(0, 150), slice(250, 400))
+    motion, ratios = decay(samples=400), HULL.ratios[None]
+    first, second, whole = (
+        OneStepObjective.of([motion.only(np.r_[s])], [0.0], FRICTION_RATE)
+        for s in (np.s_[0:150], np.s_[250:400], np.s_[0:150, 250:400])
     )
-    whole = OneStepObjective.of([holed], [0.0], FRICTION_RATE)
     assert whole.samples == first.samples + second.samples
     pooled = np.sqrt((first(ratios) ** 2 * first.samples + second(ratios) ** 2 * second.samples) / whole.samples)
     assert whole(ratios) == pytest.approx(pooled)
@@ -202,12 +191,8 @@ def test_one_step_minimum_is_scipys_on_the_whole_record(name):
     assert objective(ratios[None])[0] == pytest.approx(error, rel=1e-9)
 
 
-def fit_of(motion, name='swath-pitch-2', **options):
-    return MotionFit([motion], EQUATIONS[name], SCALES, Noise(0.001, 0.0165), FRICTION_RATE, **options)
-
-
 def test_simulation_objective_at_the_truth_is_the_noise():
-    fit = fit_of(decay())
+    fit = MotionFit([decay()], HULL.equation, SCALES, Noise(0.001, 0.0165), FRICTION_RATE)
     state = InitialState(np.radians(6), 0.0, 0.0)
     truth = HULL.ratios[fit._terms] / fit._units
     assert fit.objective_of_population(truth[None], [state])[0] == pytest.approx(1.0, abs=0.03)
@@ -232,18 +217,7 @@ def test_jacobian_of_the_simulation_objective_against_central_differences():
         assert found[:, k] == pytest.approx(numeric, abs=2e-3 * max(1.0, np.abs(numeric).max()))
 
 
-def test_refinement_finds_the_truth_of_a_clean_record_with_its_trim():
-    trial = simulated_trial(HULL.with_trim(0.01), 0.1, 12.0, 100.0, SensorNoise(0, 0, 0), seed=1)
-    fit = fit_of(trial.axis('pitch'))
-    start = fit.pack(HULL.ratios * 1.1, [InitialState(0.09, 0.05, 0.0)])
-    parameters, objective, _ = fit.refine(start, np.full(5, -10.0), np.full(5, 10.0))
-    ratios, (state,) = fit.unpack(parameters)
-    assert ratios == pytest.approx(HULL.ratios, rel=1e-4, abs=1e-5)
-    assert (state.x, state.rate, state.trim) == pytest.approx((0.1, 0.0, 0.01), abs=1e-6)
-    assert objective < 1e-3
-
-
-def test_autocovariance_of_white_and_of_coloured_noise():
+def test_autocovariance_and_correlated_information():
     rng = np.random.default_rng(1)
     white = rng.normal(size=4000)
     assert autocovariance(white, 20).size <= 3
@@ -256,9 +230,6 @@ def test_autocovariance_of_white_and_of_coloured_noise():
     assert covariance[0] == pytest.approx(1 / (1 - 0.81), rel=0.1)
     assert covariance.size > 40
     assert covariance[0] + 2 * covariance[1:].sum() == pytest.approx(1 / (1 - 0.9) ** 2, rel=0.25)
-
-
-def test_correlated_information_is_the_toeplitz_product():
     rng = np.random.default_rng(2)
     sensitivity, covariance = rng.normal(size=(60, 3)), np.array([2.0, 1.0, 0.3])
     toeplitz = sum(covariance[k] * (np.eye(60, k=k) + (np.eye(60, k=-k) if k else 0)) for k in range(3))
@@ -266,7 +237,6 @@ def test_correlated_information_is_the_toeplitz_product():
 
 
 def test_sandwich_covariance_of_a_regression_with_coloured_noise():
-    """The standard deviation it gives is that of the estimates over many realisations."""
     rng = np.random.default_rng(3)
     t = np.arange(1500)
     columns = np.column_stack([np.sin(0.05 * t), np.cos(0.021 * t), np.zeros(1500)])
@@ -289,4 +259,3 @@ def test_terms_that_cannot_be_told_apart_are_named():
     assert known_together(['b1', 'b2', 'r1'], covariance) == (('b1', 'b2'),)
     # damping and restoring are each known by themselves
     assert known_together(['b1', 'r1', 'r2'], covariance) == ()
-    assert correlation(np.zeros((2, 2))) == pytest.approx(np.eye(2))

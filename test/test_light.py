@@ -1,8 +1,11 @@
-"""What is loaded by what: nothing heavy before it is needed, nothing of the other wing."""
+"""What is loaded by what: nothing heavy before it is needed, and numba that cannot be used is done without."""
 
 import functools
+import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -21,9 +24,7 @@ def test_verbs_begin_without_what_they_may_not_need_and_a_fit_without_campaigns(
     verbs = ('identify', 'compare', 'inspect', 'simulate', 'scale', 'run', 'record', 'replay')
     assert loaded_by(', '.join(f'swath_sysid.cli.{verb}' for verb in verbs)) & HEAVY == set()
     assert {name for name in loaded_by('swath_sysid.cli.identify') if name.startswith('swath_sysid.campaign')} == set()
-
-
-def test_the_help_loads_no_library():
+    # the help loads no library
     assert loaded_by('swath_sysid.cli.main') & (HEAVY | {'numpy', 'scipy', 'yaml'}) == set()
 
 
@@ -43,16 +44,49 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
     loaded = loaded_by(f'swath_sysid.nodes.{node}')
     strange = {name for name in loaded for room in foreign if f'{name}.'.startswith(f'swath_sysid.{room}.')}
     assert strange == set()
-
-
-def test_the_nodes_load_only_what_small_computers_have_memory_for():
-    """scipy.stats, which filterpy imports, takes 30 MB in every process."""
-    pytest.importorskip('rclpy')
-    for node in ('all_in_one', 'imu_buffer'):
-        assert loaded_by(f'swath_sysid.nodes.{node}') & (HEAVY | {'scipy.optimize'}) == set(), node
+    # scipy.stats, which filterpy imports, takes 30 MB in every process
+    if node in ('all_in_one', 'imu_buffer'):
+        assert loaded & (HEAVY | {'scipy.optimize'}) == set()
 
 
 @pytest.mark.parametrize('module', ['attitude.prediction.sea_fit', 'attitude.identification.refit'])
 def test_the_workers_learn_without_scipy_signal(module):
-    """It takes 20 MB, in each."""
     assert 'scipy.signal' not in loaded_by(f'swath_sysid.{module} as work; work.warm_up()')
+
+
+ROOT = Path(__file__).resolve().parents[1]
+FIT = """
+import json, sys
+import swath_sysid.attitude.identification.refit
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.common.accelerator import has_numba, why_uncompiled
+import numpy as np
+early = 'numba' in sys.modules
+angle, _ = simulate(hull_named('swath-pitch').model, 0.1, 0.0, np.linspace(0.0, 5.0, 50))
+why = why_uncompiled()
+print(json.dumps([early, has_numba(), why and [why.code, why.message], angle[-1]]))
+"""
+
+
+def found(environment, *paths):
+    path = os.pathsep.join([*map(str, paths), str(ROOT), os.environ.get('PYTHONPATH', '')])
+    given = {name: value for name, value in os.environ.items() if name != 'NUMBA_DISABLE_JIT'}
+    done = subprocess.run(
+        [sys.executable, '-c', FIT], env={**given, 'PYTHONPATH': path, **environment}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_numba_that_cannot_be_loaded_or_is_not_wanted_is_named_and_done_without(tmp_path):
+    early, usable, disabled, plain = found({'NUMBA_DISABLE_JIT': '1'})
+    assert not early and not usable
+    (tmp_path / 'numba.py').write_text('raise ImportError("Numba needs NumPy 2.2\\nor less")')
+    early, usable, why, angle = found({}, tmp_path)
+    assert not early and not usable and angle == plain
+    assert why[0] == 'numba-fails' and '(Numba needs NumPy 2.2 or less)' in why[1]
+    pytest.importorskip('numba')
+    assert disabled[0] == 'numba-disabled' and 'unset it' in disabled[1]
+    early, usable, why, angle = found({})
+    assert not early and usable and why is None and angle == pytest.approx(plain, rel=1e-9)

@@ -1,4 +1,4 @@
-"""Identification of manoeuvring models: truth found, nonsense flagged, nothing unstable."""
+"""Identification and refits of manoeuvring models: truth found, nonsense flagged, nothing unstable."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,7 +10,7 @@ from scipy.optimize import approx_fprime, least_squares, lsq_linear
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.stability import check_stability
 from swath_sysid.manoeuvring.hull.standard_tests import run_test
@@ -18,21 +18,20 @@ from swath_sysid.manoeuvring.identification import held_out
 from swath_sysid.manoeuvring.identification.assembly import assemble, seen_region
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring, split
 from swath_sysid.manoeuvring.identification.least_squares import minimise
-from swath_sysid.manoeuvring.identification.selection import (
-    MADE_STABLE,
-    destabilising,
-    fit,
-    fit_at,
-    model_of,
-    pruned,
-    shooting_of,
+from swath_sysid.manoeuvring.identification.refit import (
+    ManoeuvreRefitRequest,
+    ManoeuvreRefitter,
+    pieces,
+    refit_manoeuvring,
 )
+from swath_sysid.manoeuvring.identification.selection import shooting_of
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import jacobian, residuals
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.identification.windows import cut
-from swath_sysid.manoeuvring.motion.intake import prepare_runs
-from swath_sysid.manoeuvring.motion.trial import COMMAND
+from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE
+from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 
 pytestmark = pytest.mark.slow
 
@@ -42,11 +41,6 @@ QUICK = dict(mass=180.0, generations=4, population=12)
 @pytest.fixture(scope='module')
 def force_runs():
     return runs_of()
-
-
-@pytest.fixture(scope='module')
-def found(force_runs):
-    return identify_manoeuvring(force_runs, ManoeuvringSettings(**QUICK))
 
 
 def inside(found, model, names=None):
@@ -61,11 +55,11 @@ def diameters(model, truth):
     return [measured[n] / expected[n] for n in ('steady_diameter_m', 'tactical_diameter_m')]
 
 
-def test_truth_is_found_with_honest_uncertainty(found):
+def test_truth_is_found_with_honest_uncertainty(force_runs):
+    found = identify_manoeuvring(force_runs, ManoeuvringSettings(**QUICK))
     inside(found, OLD, ('Xu', 'Xuu'))
     for name in ('Xu', 'Xuu', 'Nr'):
         assert found.derivatives[name].value == pytest.approx(OLD[name], rel=0.1)
-    assert set(found.derivatives) <= {'Xu_dot', 'Iz', 'Xu', 'Xuu', 'Nr', 'Yv_dot', 'Yv', 'lag', 'delay'}
     assert found.stability.stable
     assert diameters(found.model, OLD) == pytest.approx([1, 1], abs=0.05)
     assert found.validation.diverged == 0
@@ -125,29 +119,23 @@ def test_values_without_a_run_against_fits_without_it(bound, monkeypatch):
 
     def solved(keep):
         rows = [*(matrices[k] for k in keep), demand, np.diag(1.0 / spread)]
-        found = lsq_linear(
-            np.concatenate(rows),
-            np.concatenate([*(targets[k] for k in keep), demanded, np.zeros(3)]),
-            (lower, np.inf),
-            tol=1e-14,
-        )
+        right = np.concatenate([*(targets[k] for k in keep), demanded, np.zeros(3)])
+        found = lsq_linear(np.concatenate(rows), right, (lower, np.inf), tol=1e-14)
         return np.where(found.active_mask < 0, lower, found.x)
 
     best = solved(range(3))
-    shooting = SimpleNamespace(
-        unknowns=SimpleNamespace(
-            units=np.array([1.0, 10.0, 0.1]), spread=spread, lower=lower, upper=np.full(3, np.inf)
-        ),
-    )
+    units = np.array([1.0, 10.0, 0.1])
+    unknowns = SimpleNamespace(units=units, spread=spread, lower=lower, upper=np.full(3, np.inf))
     monkeypatch.setattr(held_out, 'instability_slopes', lambda shooting, values: demand)
     expected = [solved([j for j in range(3) if j != k]) for k in range(3)]
     parts = [(m @ best - y, m) for m, y in zip(matrices, targets, strict=True)]
-    assert np.allclose(held_out.values_without_each_part(shooting, best, parts), expected, rtol=1e-6)
+    assert np.allclose(
+        held_out.values_without_each_part(SimpleNamespace(unknowns=unknowns), best, parts), expected, rtol=1e-6
+    )
 
 
 @pytest.mark.long
 def test_a_craft_that_hardly_keeps_its_course_gets_a_stable_model():
-    """Slightly unstable on straight courses: the model is stable, and simulates as well as may be."""
     craft = OLD.with_values(Nuv=-200.0, Nrr=-1000.0, Yv=-120.0, Yv_dot=-60.0)
     assert check_stability(craft, seen_region(runs_of(OLD, 1, ['mixed']))).largest_growth > 0.0
     runs = runs_of(craft, 6, ['speed_up', 'turns_slow', 'turns_fast', 'zigzag_10', 'zigzag_20', 'mixed'])
@@ -192,31 +180,11 @@ def test_windows_do_not_cross_gaps(force_runs):
         cut([replace(run, driven=np.zeros_like(driven))])
 
 
-def test_unstable_terms_are_taken_out(force_runs):
-    problem = assemble(force_runs[3:7], ManoeuvringSettings(**QUICK))
-    start = fit(problem, shooting_of(problem, 20.0), problem.free, problem.start(problem.free), rounds=1)
-    names, values = (*start.names, 'Nv'), np.append(start.values, -150.0)
-    assert not check_stability(model_of(problem, names, values), problem.region).stable
-    unstable = fit_at(problem, replace(start.shooting, unknowns=problem.unknowns(names)), values, start.cost)
-    assert not unstable.stable
-    _, stable = pruned(problem, unstable, destabilising)
-    assert stable.stable
-    assert check_stability(model_of(problem, stable.names, stable.values), problem.region).stable
-    assert stable.rejected == {'Nv': MADE_STABLE}
-
-
-def test_the_diverging_model_is_counted(force_runs):
-    runaway = OLD.with_values(Nr=-1.0, Nv=-300.0)
-    found = score(runaway, force_runs[4:6])
-    assert found.diverged > 0
-    assert found.r2['yaw_rate'] < 0
-
-
-def test_split_keeps_the_extremes(force_runs):
+def test_the_diverging_model_is_counted_and_the_split_keeps_the_extremes(force_runs):
+    assert score(OLD.with_values(Nr=-1.0, Nv=-300.0), force_runs[4:6]).diverged > 0
     kept, held_out = split(force_runs)
     assert len(held_out) == 3
     assert seen_region(kept).fastest == pytest.approx(seen_region(force_runs).fastest, rel=0.05)
-    assert split(force_runs[:2]) == (tuple(force_runs[:2]), ())
 
 
 @pytest.mark.long
@@ -248,13 +216,8 @@ def test_wrong_scale_of_thrust_is_noticed(force_runs):
 
 
 def test_what_is_given_stays_given(force_runs):
-    settings = ManoeuvringSettings(
-        **QUICK,
-        terms=('Xu', 'Xuu', 'Nr', 'Yv', 'Nr_dot'),
-        fixed={'Xu_dot': -5.0, 'Yv_dot': 0.0},
-        inertia=400.0,
-        lever=1.0,
-    )
+    given = dict(terms=('Xu', 'Xuu', 'Nr', 'Yv', 'Nr_dot'), fixed={'Xu_dot': -5.0, 'Yv_dot': 0.0})
+    settings = ManoeuvringSettings(**QUICK, **given, inertia=400.0, lever=1.0)
     found = identify_manoeuvring(force_runs[3:], settings, validation=())
     assert set(found.derivatives) == {'Xu', 'Xuu', 'Nr', 'Yv', 'Nr_dot'}
     assert found.model['Xu_dot'] == -5.0
@@ -290,7 +253,6 @@ def test_wrong_settings_and_mixed_inputs_are_refused(force_runs):
 
 @pytest.mark.long
 def test_each_run_has_its_own_current():
-    """Runs of two days, with opposite currents: found run by run, but never from the runs held out."""
     truth = 3 * [(0.2, 0.1), (-0.15, 0.12)]
     runs = runs_of(OLD, 3, ['speed_up', 'turns_slow', 'turns_fast', 'zigzag_10', 'zigzag_20', 'mixed'], truth)
     found = identify_manoeuvring(runs[:4], ManoeuvringSettings(**QUICK), runs[4:])
@@ -303,3 +265,102 @@ def test_each_run_has_its_own_current():
     plain = identify_manoeuvring(runs[:4], ManoeuvringSettings(**QUICK, current='none'), runs[4:])
     assert not plain.has_currents_by_run
     assert plain.validation.r2['surge'] < found.validation.r2['surge']
+
+
+@pytest.fixture(scope='module')
+def window():
+    """One that saw three runs one after the other."""
+    window, start = ManoeuvringWindow(), 0.0
+    for k, name in enumerate(('speed_up', 'turns_fast', 'zigzag_20')):
+        m = with_noise(trial_programme(OLD)[name], SensorNoise(), 10 + k)
+        columns = (m.time + start, m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y)
+        for port, starboard, *motion in zip(m.port, m.starboard, *columns, strict=True):
+            thrusts(window, port, starboard)
+            window.add_motion(*motion)
+        start += m.time[-1] + 10.0
+    return window
+
+
+def thrusts(window, port, starboard):
+    window.add_thrust('port', port)
+    window.add_thrust('starboard', starboard)
+
+
+@pytest.fixture(scope='module')
+def outcome(window):
+    return refit_manoeuvring(ManoeuvreRefitRequest(window.trial(), None, ManoeuvringSettings(**QUICK)))
+
+
+def test_the_window_keeps_what_came_and_its_pieces_do_not_span_gaps(window):
+    trial, first = window.trial(), trial_programme(OLD)['speed_up']
+    assert (trial.thrust_input, trial.frame, trial.time.size) == (FORCE, 'enu', window.size)
+    assert np.array_equal(trial.port[: first.time.size], first.port)
+    run = prepare(trial)
+    parts = pieces(run)
+    assert len(parts) >= 4
+    for part in parts:
+        known = np.flatnonzero(np.isfinite(part.surge))
+        assert np.max(np.diff(known)) * part.step < 2.1
+        assert part.smooth.shape == (3, part.time.size)
+    with pytest.raises(InputError, match='too short'):
+        pieces(replace(run, time=run.time[:300]))
+
+
+def test_memory_is_fixed_and_the_oldest_give_way():
+    window = ManoeuvringWindow(duration=60.0)
+    thrusts(window, 0.5, 0.4)
+    for k in range(20000):
+        window.add_motion(0.01 * k, 1.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+    trial = window.trial()
+    assert trial.thrust_input == COMMAND
+    assert trial.time[-1] - trial.time[0] == pytest.approx(60.0, abs=0.2)
+    assert window.size <= 1200
+
+
+def test_what_is_wrong_is_counted_and_left_out():
+    window = ManoeuvringWindow(stop_after=0.5)
+    with pytest.raises(InputError, match='port and starboard'):
+        window.trial()
+    window.add_motion(0.0, 1, 0, 0, 0, 0, 0)
+    window.add_thrust('port', float('nan'))
+    thrusts(window, 50.0, 40.0)
+    with pytest.raises(InputError, match='odometry'):
+        window.trial()
+    for stamp in (0.0, 0.1, 0.1, 0.05, 0.2):
+        window.add_motion(stamp, 1, 0, 0.1, 0, 0, 0)
+    window.add_motion(0.3, float('inf'), 0, 0, 0, 0, 0)
+    window.add_motion(1.0, 1, 0, 0.1, 0, 0, 0)
+    assert window.counts == {'not-finite': 2, 'late': 2, 'jumped-back': 0, 'no-thrust': 1}
+    assert window.trial().port.tolist() == [50.0, 50.0, 50.0, 0.0]
+    window.add_motion(-50.0, 1, 0, 0.1, 0, 0, 0)
+    assert window.counts['jumped-back'] == 1
+    assert window.size == 1
+
+
+def test_a_refit_finds_the_craft_and_there_is_a_way_back(outcome):
+    assert outcome.model is not None, outcome.message
+    assert outcome.model.model['Xuu'] == pytest.approx(OLD['Xuu'], rel=0.2)
+    assert outcome.model.model['Nr'] == pytest.approx(OLD['Nr'], rel=0.1)
+    assert outcome.model.metrics['held_out']
+    assert np.isnan(outcome.current_misfit)
+    refitter = ManoeuvreRefitter()
+    assert not refitter.rollback()
+    assert refitter.take(outcome)
+    assert not refitter.rollback()
+    assert refitter.take(replace(outcome, model=replace(outcome.model, metrics={})))
+    assert refitter.rollback()
+    assert refitter.model is outcome.model
+    assert not refitter.take(replace(outcome, model=None))
+
+
+@pytest.mark.long
+def test_only_a_better_model_replaces_the_current_one(window, outcome):
+    good = outcome.model
+    settings = ManoeuvringSettings(**QUICK)
+    again = refit_manoeuvring(ManoeuvreRefitRequest(window.trial(), good, settings))
+    assert again.model is None
+    assert 'as well' in again.message
+    wrong = replace(good, model=good.model.with_values(Xuu=-150.0, Nr=-800.0))
+    better = refit_manoeuvring(ManoeuvreRefitRequest(window.trial(), wrong, settings))
+    assert better.model is not None
+    assert better.misfit < 0.8 * better.current_misfit

@@ -1,5 +1,6 @@
 """The nodes manoeuvring_predictor and manoeuvring_identifier over DDS."""
 
+import math
 import time
 
 import numpy as np
@@ -44,57 +45,6 @@ def test_odometry_message_round_trip():
     assert message.pose.covariance[35] == pytest.approx(0.01)
 
 
-def test_forecasts_over_dds():
-    process = start_node('manoeuvring_predictor', '-p', 'leads_s:=[1.0, 5.0]', '-r', '__ns:=/wamv')
-    bench = Bench('wamv')
-    heard = {'path': [], 'lead': []}
-    try:
-        bench.node.create_subscription(Path, 'manoeuvring/forecast', heard['path'].append, RELIABLE)
-        bench.node.create_subscription(Odometry, 'manoeuvring/lead_5_0s', heard['lead'].append, RELIABLE)
-        odometry, imu = bench.publisher(Odometry, 'odometry'), bench.publisher(Imu, 'imu/data')
-        left = bench.publisher(Float64, 'thrusters/left/thrust')
-        right = bench.publisher(Float64, 'thrusters/right/thrust')
-        model = bench.publisher(String, 'manoeuvring/model', LATCHED)
-        sensors = odometry, left, right, imu
-        wait_for(lambda: all(sensor.get_subscription_count() for sensor in sensors), 'subscriptions')
-        wait_for(lambda: any('no ' in text for _, text, _ in bench.statuses.values()), 'diagnostic')
-        model.publish(String(data='{'))
-        wait_for(lambda: any(v.get('bad_models') == '1' for _, _, v in bench.statuses.values()), 'count of bad models')
-        model.publish(String(data=manoeuvring_to_yaml(MODEL)))
-        run = simulate(OLD, np.full(400, 40.0), np.full(400, 90.0), 0.05, (1.0, 0.0, 0.0))
-        start = time.time()
-        for k in range(160):
-            motion = (float(a[k]) for a in (run.x, run.y, run.heading, run.surge, run.sway, run.yaw_rate))
-            state = ManoeuvreState(start + run.time[k], *motion, np.zeros((3, 3)), np.zeros((3, 3)))
-            left.publish(Float64(data=40.0))
-            right.publish(Float64(data=90.0))
-            message = deserialize_message(odometry_message(state, 'odom', 'base_link'), Odometry)
-            turning = Imu(header=message.header)
-            turning.angular_velocity.z = state.yaw_rate
-            imu.publish(turning)
-            odometry.publish(message)
-            if k == 100:
-                bad = deserialize_message(odometry_message(state, 'odom', 'base_link'), Odometry)
-                bad.pose.pose.position.x = float('nan')
-                odometry.publish(bad)
-            time.sleep(0.02)
-        wait_for(lambda: heard['lead'] and stamp_ns(heard['lead'][-1].header.stamp) * 1e-9 > start + 12.0, 'forecast')
-        last = heard['lead'][-1]
-        at = round((stamp_ns(last.header.stamp) * 1e-9 - start) / 0.05)
-        assert np.hypot(last.pose.pose.position.x - run.x[at], last.pose.pose.position.y - run.y[at]) < 0.5
-        assert last.twist.twist.angular.z == pytest.approx(run.yaw_rate[at], abs=0.02)
-        assert 0 < last.pose.covariance[0] < 100
-        poses = heard['path'][-1].poses
-        assert len(poses) == 40
-        assert np.allclose(np.diff([stamp_ns(p.header.stamp) for p in poses]) * 1e-9, 0.5)
-        wait_for(lambda: any(v.get('not-finite') == '1' for _, _, v in bench.statuses.values()), 'counts')
-    finally:
-        bench.close()
-        code, output = stop(process)
-    assert code == 0, output
-    assert 'new model' in output
-
-
 START = 1000.0
 LEAD = 2.0
 
@@ -118,8 +68,10 @@ class Craft:
     def __init__(self, bench, run):
         self.run, self.sensed = run, with_noise(run, SensorNoise(), 3)
         self.odometry = bench.publisher(Odometry, 'odometry')
+        self.imu = bench.publisher(Imu, 'imu/data')
         self.left = bench.publisher(Float64, 'thrusters/left/thrust')
         self.right = bench.publisher(Float64, 'thrusters/right/thrust')
+        self.sensors = self.odometry, self.left, self.right
 
     def drive(self, begin, end):
         """Publish the samples from begin to end, s."""
@@ -130,7 +82,11 @@ class Craft:
             self.left.publish(Float64(data=float(s.port[k])))
             self.right.publish(Float64(data=float(s.starboard[k])))
             state = ManoeuvreState(START + s.time[k], *motion, *covariances)
-            self.odometry.publish(odometry_message(state, 'odom', 'base_link'))
+            odometry = odometry_message(state, 'odom', 'base_link')
+            turning = Imu(header=deserialize_message(odometry, Odometry).header)
+            turning.angular_velocity.z = state.yaw_rate
+            self.imu.publish(turning)
+            self.odometry.publish(odometry)
             time.sleep(1.0 / 250.0)
 
     def yaw_rate_error(self, forecasts, begin, end):
@@ -142,6 +98,39 @@ class Craft:
                 errors.append(message.twist.twist.angular.z - np.interp(at, self.run.time, self.run.yaw_rate))
         assert len(errors) > 50
         return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def test_forecasts_over_dds():
+    process = start_node('manoeuvring_predictor', '-p', 'leads_s:=[1.0, 5.0]', '-r', '__ns:=/wamv')
+    bench = Bench('wamv')
+    paths, leads = [], []
+    try:
+        bench.node.create_subscription(Path, 'manoeuvring/forecast', paths.append, RELIABLE)
+        bench.node.create_subscription(Odometry, 'manoeuvring/lead_5_0s', leads.append, RELIABLE)
+        run = simulate(OLD, np.full(200, 40.0), np.full(200, 90.0), 0.1, (1.0, 0.0, 0.0))
+        craft, model = Craft(bench, run), bench.publisher(String, 'manoeuvring/model', LATCHED)
+        wait_for(lambda: all(sensor.get_subscription_count() for sensor in craft.sensors), 'subscriptions')
+        wait_for(lambda: any('no ' in text for _, text, _ in bench.statuses.values()), 'diagnostic')
+        model.publish(String(data='{'))
+        wait_for(lambda: any(v.get('bad_models') == '1' for _, _, v in bench.statuses.values()), 'count of bad models')
+        model.publish(String(data=manoeuvring_to_yaml(MODEL)))
+        craft.drive(0.0, 8.0)
+        bad = ManoeuvreState(START + 8.0, math.nan, *[0.0] * 5, *np.zeros((2, 3, 3)))
+        craft.odometry.publish(odometry_message(bad, 'odom', 'base_link'))
+        wait_for(lambda: leads and stamp_ns(leads[-1].header.stamp) * 1e-9 > START + 12.0, 'forecast')
+        at = round((stamp_ns(leads[-1].header.stamp) * 1e-9 - START) / 0.1)
+        pose, twist = leads[-1].pose, leads[-1].twist.twist
+        assert np.hypot(pose.pose.position.x - run.x[at], pose.pose.position.y - run.y[at]) < 0.5
+        assert twist.angular.z == pytest.approx(run.yaw_rate[at], abs=0.02)
+        assert 0 < pose.covariance[0] < 100
+        stamps = [stamp_ns(p.header.stamp) * 1e-9 for p in paths[-1].poses]
+        assert len(stamps) == 40 and np.allclose(np.diff(stamps), 0.5)
+        wait_for(lambda: any(v.get('not-finite') == '1' for _, _, v in bench.statuses.values()), 'counts')
+    finally:
+        bench.close()
+        code, output = stop(process)
+    assert code == 0, output
+    assert 'new model' in output
 
 
 @pytest.mark.long
@@ -162,8 +151,7 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         bench.node.create_subscription(Odometry, 'manoeuvring/lead_2_0s', forecasts.append, RELIABLE)
         bench.node.create_subscription(String, 'manoeuvring/model', models.append, LATCHED)
         bench.node.create_subscription(Float32, 'manoeuvring_identifier/progress', progress.append, RELIABLE)
-        sensors = craft.odometry, craft.left, craft.right
-        wait_for(lambda: all(sensor.get_subscription_count() == 2 for sensor in sensors), 'subscriptions')
+        wait_for(lambda: all(sensor.get_subscription_count() == 2 for sensor in craft.sensors), 'subscriptions')
         response = bench.call('manoeuvring_identifier/identify')
         assert not response.success
         assert 'check its topic' in response.message

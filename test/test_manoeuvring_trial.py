@@ -12,7 +12,6 @@ from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv, write_mano
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
 from swath_sysid.manoeuvring.motion.polarity import mirrored
-from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 
@@ -27,13 +26,7 @@ def trials(manoeuvres):
     return [trial_of(m, name) for name, m in manoeuvres.items()]
 
 
-def same(found, expected):
-    for a, b in zip(found, expected, strict=True):
-        for name in ('port', 'starboard', 'surge', 'sway', 'yaw_rate'):
-            assert np.allclose(getattr(a, name), getattr(b, name), atol=1e-9), name
-
-
-def test_csv_round_trip(tmp_path, manoeuvres):
+def test_csv_round_trip_dates_a_slip_in_a_name_and_pulses(tmp_path, manoeuvres):
     path = tmp_path / 'mixed.csv'
     write_manoeuvring_csv(path, manoeuvres['mixed'], OLD)
     trial = read_manoeuvring_csv(path)
@@ -41,23 +34,27 @@ def test_csv_round_trip(tmp_path, manoeuvres):
     assert trial.lever == OLD['lever']
     assert np.allclose(trial.surge, manoeuvres['mixed'].surge, atol=1e-8)
     assert np.array_equal(trial.port, manoeuvres['mixed'].port)
-
-
-def test_csv_with_dates_and_a_slip_in_a_name(tmp_path):
     path = tmp_path / 'run.csv'
     rows = ''.join(f'2026-05-01T12:00:0{k}.5Z,1,1,0.1,0\n' for k in range(9))
     path.write_text('time,port_thrust_n,starboard_thrust_n,surge_m_s,headin_deg\n' + rows)
     trial = read_manoeuvring_csv(path)
     assert np.array_equal(trial.time, np.arange(9.0))
     assert [a.code for a in trial.advice] == ['columns-misspelt'] and 'heading_deg' in trial.advice[0].message
+    # pulses are commands about their neutral
+    rows = ''.join(f'{0.1 * k:.1f},{1520 + k % 300},1320,1.0,0.0\n' for k in range(400))
+    names = 'time_s,port_pwm_us,starboard_pwm_us,surge_m_s,yaw_rate_rad_s'
+    path.write_text(f'# frame: enu\n# pwm_neutral_us: 1520\n# pwm_full_us: 1920\n{names}\n{rows}')
+    trial = read_manoeuvring_csv(path)
+    assert trial.thrust_input == 'command'
+    assert trial.port[:2].tolist() == pytest.approx([0.0, 1.0 / 400.0])
+    assert np.allclose(trial.starboard, -0.5)
 
 
 @pytest.mark.parametrize('name', ['run.mcap', 'run.db3', 'run'])
 def test_bag_round_trip(tmp_path, manoeuvres, name):
-    path = tmp_path / name
-    write_manoeuvring_bag(path, manoeuvres['zigzag_20'], start_stamp_ns=1_700_000_000_123_456_789)
-    run = prepare(read_manoeuvring_bag(path))
     m = manoeuvres['zigzag_20']
+    write_manoeuvring_bag(tmp_path / name, m, start_stamp_ns=1_700_000_000_123_456_789)
+    run = prepare(read_manoeuvring_bag(tmp_path / name))
     assert run.thrust_input == 'force'
     assert np.allclose(run.surge, m.surge, atol=1e-6)
     assert np.allclose(run.starboard, m.starboard)
@@ -88,15 +85,10 @@ def test_bag_with_joint_states_and_a_twist_in_world_axes(tmp_path, manoeuvres):
     assert np.allclose(run.port, m.port)
 
 
-def test_nothing_is_changed_without_need(trials):
-    runs = prepare_runs(trials)
-    assert codes(*runs) == set()
-    same(runs, [prepare(t) for t in trials])
-
-
 @pytest.mark.parametrize(
     'code, damage',
     [
+        (None, lambda t: t),
         (None, lambda t: replace(mirrored(t), frame='ned')),
         ('frame-assumed', lambda t: replace(mirrored(t), frame=None)),
         ('thrusters-swapped', lambda t: replace(t, port=t.starboard, starboard=t.port)),
@@ -110,7 +102,9 @@ def test_nothing_is_changed_without_need(trials):
 def test_reversed_channels_are_set_right_and_named(trials, code, damage):
     runs = prepare_runs([damage(t) for t in trials])
     assert codes(*runs) == ({code} if code else set())
-    same(runs, prepare_runs(trials))
+    for found, trial in zip(runs, trials, strict=True):
+        for name in ('port', 'starboard', 'surge', 'sway', 'yaw_rate'):
+            assert np.allclose(getattr(found, name), getattr(prepare(trial), name), atol=1e-9), name
 
 
 def test_gap_means_zero_or_nothing(trials):
@@ -157,12 +151,7 @@ def test_speeds_and_rate_are_derived_from_the_track(trials):
     assert np.corrcoef(run.sway, reference.smooth[1])[0, 1] > 0.8
 
 
-def test_smoothing_keeps_a_ramp():
-    ramp = np.where(np.arange(200) % 7 == 0, np.nan, 0.3 * np.arange(200.0))
-    assert np.allclose(smoothed(ramp, 0.1), 0.3 * np.arange(200.0), atol=1e-6)
-
-
-def test_bad_files_are_refused_in_one_sentence(tmp_path):
+def test_bad_files_and_too_short_trials_are_refused_in_one_sentence(tmp_path, trials):
     path = tmp_path / 'bad.csv'
     for text, match in (
         ('', 'empty'),
@@ -175,9 +164,6 @@ def test_bad_files_are_refused_in_one_sentence(tmp_path):
         path.write_text(text)
         with pytest.raises(InputError, match=match):
             read_manoeuvring_csv(path)
-
-
-def test_too_short_or_empty_trials(trials):
     names = ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
     with pytest.raises(InputError, match='record 30 s'):
         prepare(replace(trials[0], **{name: getattr(trials[0], name)[:10] for name in names}))

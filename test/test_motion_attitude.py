@@ -34,14 +34,12 @@ def same_rotation(quaternion, rotation):
     return (Rotation.from_quat(quaternion) * rotation.inv()).magnitude() < 1e-7
 
 
-@given(roll=angle, pitch=angle, yaw=angle)
-def test_quaternion_is_that_of_scipy(roll, pitch, yaw):
-    assert same_rotation(attitude.quaternion(roll, pitch, yaw), rotation_of(roll, pitch, yaw))
-
-
-@given(roll=angle, pitch=pitch_angle, yaw=angle)
-def test_euler_angles_are_those_of_scipy(roll, pitch, yaw):
+@given(roll=angle, pitch=pitch_angle, yaw=angle, rates=st.tuples(component, component, component))
+def test_quaternion_and_euler_angles_are_those_of_scipy_and_body_rates_invert_euler_rates(roll, pitch, yaw, rates):
+    there = attitude.euler_rates(roll, pitch, *rates)
+    assert attitude.body_rates(roll, pitch, *there) == pytest.approx(rates, abs=1e-8)
     rotation = rotation_of(roll, pitch, yaw)
+    assert same_rotation(attitude.quaternion(roll, pitch, yaw), rotation)
     found = attitude.euler_angles(*(1.02 * rotation.as_quat()))
     assert found[1] == pytest.approx(pitch, abs=1e-9)
     assert same_rotation(rotation_of(*found).as_quat(), rotation)
@@ -65,28 +63,23 @@ def test_what_is_no_orientation_is_flagged(broken):
 
 
 def test_numbers_and_arrays_give_the_same():
-    rng = np.random.default_rng(1)
-    roll, pitch, yaw, x, y, z = rng.uniform(-1, 1, (6, 20))
-    quaternions = attitude.quaternion(roll, pitch, yaw)
+    def of(roll, pitch, yaw, x, y, z):
+        turn = attitude.quaternion(roll, pitch, yaw)
+        rates = attitude.euler_rates(roll, pitch, x, y, z), attitude.body_rates(roll, pitch, x, y, z)
+        return [value for part in (turn, attitude.euler_angles(*turn), *rates) for value in part]
+
+    values = np.random.default_rng(1).uniform(-1, 1, (6, 20))
+    many = of(*values)
     for at in range(20):
-        angles = float(roll[at]), float(pitch[at]), float(yaw[at])
-        one = attitude.quaternion(*angles)
-        body = float(x[at]), float(y[at]), float(z[at])
-        for found, many in (
-            (one, quaternions),
-            (attitude.euler_angles(*one), attitude.euler_angles(*quaternions)),
-            (attitude.euler_rates(*angles[:2], *body), attitude.euler_rates(roll, pitch, x, y, z)),
-            (attitude.body_rates(*angles[:2], *body), attitude.body_rates(roll, pitch, x, y, z)),
-        ):
-            assert all(type(value) is float for value in found)
-            assert found == pytest.approx([part[at] for part in many], rel=1e-13, abs=1e-15)
+        found = of(*values[:, at].tolist())
+        assert all(type(value) is float for value in found)
+        assert found == pytest.approx([part[at] for part in many], rel=1e-13, abs=1e-15)
 
 
 def test_euler_rates_are_the_derivatives_of_the_angles():
     time = np.linspace(0, 10, 20001)
     roll, pitch, yaw = 0.6 * np.sin(time), 0.4 * np.cos(1.3 * time), 0.5 * time
     rotations = Rotation.from_euler('ZYX', np.column_stack([yaw, pitch, roll]))
-    # body rates from the rotations alone: the turn from one sample to the next, in body axes
     turns = (rotations[:-1].inv() * rotations[1:]).as_rotvec() / np.diff(time)[:, None]
     middle = (roll[:-1] + roll[1:]) / 2, (pitch[:-1] + pitch[1:]) / 2
     found = attitude.euler_rates(*middle, *turns.T)
@@ -95,24 +88,12 @@ def test_euler_rates_are_the_derivatives_of_the_angles():
     assert np.all(np.isnan(attitude.euler_rates(0.1, np.pi / 2, 1.0, 2.0, 3.0)[::2]))
 
 
-@given(roll=angle, pitch=pitch_angle, rates=st.tuples(component, component, component))
-def test_body_rates_invert_euler_rates(roll, pitch, rates):
-    there = attitude.euler_rates(roll, pitch, *rates)
-    assert attitude.body_rates(roll, pitch, *there) == pytest.approx(rates, abs=1e-8)
-
-
-@given(rotation=st.tuples(angle, angle, angle), vector=st.tuples(component, component, component))
-def test_rotate_is_that_of_scipy(rotation, vector):
-    assert attitude.rotate(attitude.quaternion(*rotation), *vector) == pytest.approx(
-        tuple(rotation_of(*rotation).apply(vector)), abs=1e-9
-    )
-
-
-@given(first=st.tuples(angle, angle, angle), second=st.tuples(angle, angle, angle))
-def test_product_and_inverse_are_those_of_scipy(first, second):
+@given(*[st.tuples(angle, angle, angle)] * 2, st.tuples(component, component, component))
+def test_product_inverse_and_rotation_are_those_of_scipy(first, second, vector):
     one, two = attitude.quaternion(*first), attitude.quaternion(*second)
     assert same_rotation(attitude.multiply(one, two), rotation_of(*first) * rotation_of(*second))
     assert same_rotation(attitude.conjugate(*one), rotation_of(*first).inv())
+    assert attitude.rotate(one, *vector) == pytest.approx(tuple(rotation_of(*first).apply(vector)), abs=1e-9)
 
 
 @given(roll=angle, pitch=pitch_angle, yaw=angle)
@@ -127,21 +108,15 @@ def test_frames_are_swapped_as_matrices_say(roll, pitch, yaw):
     assert same_rotation(swapped, rotation_of(roll, -pitch, np.pi / 2 - yaw))
 
 
-def motion_of(orientation, rates, force, installation):
-    """The motion of the craft from one message; None near the vertical."""
-    unknown = (0.0,) * 9
-    reading = [[float(value) for value in part] for part in (orientation, rates, force)]
-    return convert(ImuReading(0, *(item for part in reading for item in (part, unknown))), installation).sample
-
-
 @given(mounting=st.tuples(angle, angle, angle), craft=st.tuples(angle, pitch_angle, angle))
 def test_mounted_sensor_tells_the_motion_of_the_craft(mounting, craft):
-    """A craft at rest, seen through a turned sensor: gravity and attitude come out as those of the craft."""
     craft_in_world = rotation_of(*craft)
     sensor_in_world = craft_in_world * rotation_of(*mounting)
     force = sensor_in_world.inv().apply([0, 0, 9.81])
     rates = rotation_of(*mounting).inv().apply([0.1, 0.2, 0.3])
-    motion = motion_of(sensor_in_world.as_quat(), rates, force, Installation('flu', mounting))
+    unknown, parts = (0.0,) * 9, (sensor_in_world.as_quat(), rates, force)
+    reading = ImuReading(0, *(item for part in parts for item in (part.tolist(), unknown)))
+    motion = convert(reading, Installation('flu', mounting)).sample
     if abs(craft_in_world.as_euler('ZYX')[1]) > LARGEST_PITCH - 1e-6:
         return
     assert same_rotation(rotation_of(motion.roll, motion.pitch, motion.yaw).as_quat(), craft_in_world)
@@ -175,7 +150,7 @@ def test_assembled_trial_keeps_angles_exactly_and_turns_rates():
 
 
 @pytest.mark.parametrize('absent', ['roll', 'pitch', 'gyro_z'])
-def test_body_rates_in_place_of_euler_rates_are_told(absent):
+def test_body_rates_in_place_of_euler_rates_are_named(absent):
     time, given_readings = readings()
     del given_readings[absent]
     trial = assemble_trial(time, given_readings)
@@ -288,14 +263,16 @@ def test_a_sine_is_integrated_without_phase_error(frequency, delay):
     for times, motion in zip((HEAVE, VELOCITY, -1), expected, strict=True):
         found = zero_phase_integral(signal, STEP, times, delay)
         np.testing.assert_allclose(found[INNER], motion[INNER], atol=0.03 * np.abs(motion).max())
-
-
-def test_drift_and_a_bias_are_not_motion():
+    # drift and a bias are no motion
     found = zero_phase_integral(0.3 + 0.1 * np.sin(2.0 * np.pi * 0.002 * TIME), STEP, HEAVE)
     assert np.abs(found[INNER]).max() < 0.2
 
 
-def test_leaky_integrals_of_a_stretch_are_those_row_by_row_and_a_missing_row_is_no_motion():
+def test_leaky_integrals_level_off_at_their_time_constant_and_are_the_same_row_by_row():
+    integrals = LeakyIntegrals(0.004)
+    for _ in range(50_000):
+        integrals.take(1.0)
+    np.testing.assert_allclose(integrals.values, (1.5, 4.0, 12.0, 9.0, 24.0), rtol=3e-3)
     acceleration = np.random.default_rng(1).normal(size=300)
     integrals = LeakyIntegrals(STEP)
     for value in acceleration:
@@ -303,10 +280,3 @@ def test_leaky_integrals_of_a_stretch_are_those_row_by_row_and_a_missing_row_is_
     np.testing.assert_allclose(integrals.values, LeakyIntegrals(STEP).of(acceleration)[-1], rtol=1e-12)
     integrals.take(np.nan)
     assert np.isfinite(integrals.values).all()
-
-
-def test_a_leaky_integral_of_a_step_levels_off_at_its_time_constant():
-    integrals = LeakyIntegrals(0.004)
-    for _ in range(50_000):
-        integrals.take(1.0)
-    np.testing.assert_allclose(integrals.values, (1.5, 4.0, 12.0, 9.0, 24.0), rtol=3e-3)

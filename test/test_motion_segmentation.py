@@ -1,4 +1,4 @@
-"""Segmentation: the free decay is found in what surrounds it, and nothing is found in waves."""
+"""Free decays are found in what surrounds them and checked; none is found in waves."""
 
 from dataclasses import replace
 
@@ -8,19 +8,15 @@ from craft_at_sea import jonswap
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.motion.quality import check_decay, check_motion, clipped_extremes
 from swath_sysid.attitude.motion.segmentation import explain_absence, find_decay, find_decays, is_finished
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.attitude.motion.turning_points import (
-    centre_of_decay,
-    find_gaps,
-    find_turning_points,
-    mean_period,
-    split_at_pauses,
-)
+from swath_sysid.attitude.motion.turning_points import centre_of_decay, find_turning_points, mean_period
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.signals import spikes
 from swath_sysid.formats.reading import read_trial
 
 RATE_HZ = 100.0
@@ -75,7 +71,6 @@ def sea(seed, duration=300.0, rate_hz=10.0):
 
 @pytest.mark.parametrize('uneven', [False, True])
 def test_turning_points_of_a_linear_decay(uneven):
-    """They lie half a damped period apart and fall by exp(-pi zeta / sqrt(1 - zeta^2))."""
     zeta, amplitude = 0.05, 0.1
     time = np.arange(0.0, 12.0, 1 / RATE_HZ)
     if uneven:
@@ -97,22 +92,6 @@ def test_centre_of_a_geometric_decay_is_exact(centre, amplitude, ratio, number):
     assert centre_of_decay(value) == pytest.approx(centre, abs=1e-6)
 
 
-def test_spikes_are_lone_samples_not_swings_nor_jumps():
-    time = np.arange(0.0, 60.0, 0.1)
-    value = 0.1 * np.sin(2 * np.pi * time / 0.9) * np.exp(-time / 10) + 1e-4 * np.random.default_rng(0).normal(size=600)
-    value[300:] += 0.5
-    assert not spikes(value).any()
-    value[[50, 400, 599]] += (1.0, -5.0, 500.0)
-    assert list(np.flatnonzero(spikes(value))) == [50, 400, 599]
-
-
-def test_gaps_and_pauses():
-    time = np.concatenate([np.arange(0.0, 10.0, 0.1), np.arange(12.0, 20.0, 0.1), np.arange(500.0, 510.0, 0.1)])
-    motion = AxisMotion('roll', time, np.sin(time), None)
-    np.testing.assert_allclose(find_gaps(motion), [[9.9, 12.0], [19.9, 500.0]])
-    assert [piece.duration for piece in split_at_pauses(motion)] == pytest.approx([19.9, 9.9])
-
-
 @pytest.mark.parametrize('damping_ratio', [0.03, 0.05, 0.13, 0.24])
 @pytest.mark.parametrize('seed', range(3))
 def test_released_after_being_held(seed, damping_ratio):
@@ -127,16 +106,11 @@ def test_released_after_being_held(seed, damping_ratio):
     assert decay.advice == ()
 
 
-@pytest.mark.parametrize('amplitude_deg', [1.0, 6.0])
-@pytest.mark.parametrize('damping_ratio', [0.05, 0.24])
-def test_record_that_begins_at_the_release(damping_ratio, amplitude_deg):
-    time = np.arange(0.0, 15.0, 1 / RATE_HZ)
-    angle, _ = released(time, np.radians(amplitude_deg), damping_ratio)
-    decay = find_decay(motion_of(time, angle))
-    assert decay.beginning == 'record-start'
-    assert 0.0 <= decay.start <= 0.2 * PERIOD
-    assert decay.cycles >= 1.4
-    assert decay.advice == ()
+def test_rate_only():
+    time = np.arange(-5.0, 25.0, 1 / RATE_HZ)
+    decay = find_decay(motion_of(time, rate=released(time, np.radians(6.0), 0.05)[1]))
+    assert decay.quantity == 'rate' and 0.2 * PERIOD <= decay.start <= 1.6 * PERIOD
+    assert decay.period == pytest.approx(PERIOD, rel=0.02)
 
 
 @pytest.mark.parametrize('seed', range(3))
@@ -175,15 +149,6 @@ def test_ends_before_a_reflected_wave_and_before_the_craft_is_stopped(seed):
     assert reflected.ending == braked.ending == 'disturbed'
 
 
-def test_rate_only():
-    time = np.arange(-5.0, 25.0, 1 / RATE_HZ)
-    _, rate = released(time, np.radians(6.0), 0.05)
-    decay = find_decay(motion_of(time, rate=rate))
-    assert decay.quantity == 'rate'
-    assert 0.2 * PERIOD <= decay.start <= 1.6 * PERIOD
-    assert decay.period == pytest.approx(PERIOD, rel=0.02)
-
-
 @pytest.mark.parametrize(
     'spoil',
     [
@@ -203,20 +168,14 @@ def test_spoilt_records(spoil):
     assert decay.end > 25.0
 
 
-def test_no_decay_in_the_sea():
+def test_no_decay_in_the_sea_nor_in_regular_waves_nor_where_waves_set_in_after_rest():
     for seed in range(30):
         motion = sea(seed)
         assert find_decays(motion) == (), f'sea {seed}'
         assert explain_absence(motion).code == 'forced-motion', f'sea {seed}'
-
-
-@pytest.mark.parametrize('noise', [0.0, 1.0])
-def test_regular_waves_are_no_light_damping(noise):
     time = np.arange(0.0, 60.0, 1 / RATE_HZ)
-    assert find_decays(motion_of(time, 0.1 * np.sin(2.5 * time), noise=noise)) == ()
-
-
-def test_waves_that_set_in_after_rest_are_no_decay():
+    for noise in (0.0, 1.0):
+        assert find_decays(motion_of(time, 0.1 * np.sin(2.5 * time), noise=noise)) == ()
     for seed in range(8):
         motion = sea(seed, duration=180.0)
         rising = np.clip((motion.time - 60.0) / 3.0, 0.0, 1.0)
@@ -246,19 +205,12 @@ def test_given_bounds_are_taken_as_they_are():
     assert find_decay(sea(4), start=30.0).start == 30.0
 
 
-@pytest.mark.parametrize(
-    ('start', 'end', 'words'),
-    [
-        (20.0, 10.0, 'before'),
-        (500.0, None, 'too few samples'),
-        (10.0, 10.03, 'too few samples'),
-        (1.0, 1.9, 'constant'),
-    ],
-)
-def test_impossible_bounds(start, end, words):
+def test_impossible_bounds():
     motion = held_then_released(0, 0.03)
-    with pytest.raises(InputError, match=words):
-        find_decay(replace(motion, angle=np.where(motion.time < 2.0, 0.0, motion.angle)), start, end)
+    motion = replace(motion, angle=np.where(motion.time < 2.0, 0.0, motion.angle))
+    for *bounds, words in ((20.0, 10.0, 'before'), (10.0, 10.03, 'too few samples'), (1.0, 1.9, 'constant')):
+        with pytest.raises(InputError, match=words):
+            find_decay(motion, *bounds)
 
 
 def test_a_decay_is_finished_once_and_stays_where_it_is():
@@ -294,15 +246,19 @@ def test_never_anything_but_segments_or_one_sentence(seed, size, kind, as_rate, 
         'huge': lambda: 1e100 * random.normal(size=size),
         'decay': lambda: np.exp(-np.arange(size) / 60.0) * np.cos(np.arange(size) / random.uniform(0.5, 10.0)),
     }[kind]()
-    motion = AxisMotion('pitch', time, None if as_rate else value, value if as_rate else None)
+    motion = AxisMotion('pitch', time, *((None, value) if as_rate else (value, None)))
     for decay in find_decays(motion):
         assert time[0] <= decay.start < decay.end <= time[-1]
         assert decay.period > 0.0
         assert np.isfinite([decay.cycles, decay.initial_amplitude, decay.final_amplitude, decay.trim]).all()
-    try:
-        find_decay(motion)
-    except InputError as problem:
-        assert len(str(problem)) > 20
+    assert all(a.message for a in check_motion(motion))
+    for bounds in ((), (time[size // 4], time[-1])):
+        try:
+            decay = find_decay(motion, *bounds)
+        except InputError as problem:
+            assert len(str(problem)) > 20
+        else:
+            assert all(a.message for a in check_decay(motion, decay))
 
 
 @settings(max_examples=25, deadline=None)
@@ -317,23 +273,124 @@ def test_sign_clock_and_trim_do_not_matter(seed, sign, clock, trim):
     assert changed.trim == pytest.approx(sign * plain.trim + trim, abs=1e-3)
 
 
-def test_tank_runs_that_are_braked_or_have_many_light_cycles(data_folder):
-    braked, light = (
-        find_decay(read_trial(data_folder / f'decay/kvlcc2/{name}.csv').axis('roll'))
-        for name in ('run3_15kn', 'run2_0kn')
-    )
+def test_measured_decays_in_tanks(data_folder):
+    names = [
+        *(f'kvlcc2/{name}.csv' for name in ('run3_15kn', 'run2_0kn')),
+        *(data_folder / 'decay/foswec').glob('*.csv'),
+    ]
+    trials = [read_trial(data_folder / 'decay' / name) for name in names]
+    motions = [trial.axis('roll' if n < 2 else 'pitch') for n, trial in enumerate(trials)]
+    braked, light, *platform = [find_decay(motion) for motion in motions]
     assert 24.0 <= braked.start <= 30.0 and 70.0 <= braked.end < 77.0
     assert (braked.beginning, braked.ending) == ('pushed', 'disturbed')
     assert 9.0 <= light.start <= 12.0 and light.duration >= 165.0 and light.advice == ()
     assert 2.54 <= braked.period <= 2.55 and 2.54 <= light.period <= 2.55
-
-
-def test_platform_held_and_released(data_folder):
-    paths = sorted((data_folder / 'decay/foswec').glob('*.csv'))
-    assert len(paths) == 9
-    for path in paths:
-        decay = find_decay(read_trial(path).axis('pitch'))
+    assert len(platform) == 9
+    for path, decay in zip(names[2:], platform, strict=True):
         assert -0.15 <= decay.start <= 0.1, path.name
         assert decay.cycles >= 3.8, path.name
         assert decay.period == pytest.approx(1.81, abs=0.05), path.name
         assert decay.advice == (), path.name
+    # the checks are silent on all
+    for motion, decay in zip(motions, (braked, light, *platform), strict=True):
+        assert check_motion(motion) == check_decay(motion, decay) == ()
+
+
+HULL = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.25, 'r1': 9.0}, axis='roll')
+
+
+def quality_decay(rate_hz=100.0, angle_deg=8.0, angle_noise=0.0005):
+    noise = SensorNoise(angle_noise, 0.002)
+    trial = simulated_trial(HULL, np.radians(angle_deg), 25.0, rate_hz, noise, seed=1, hold=2.0)
+    return replace(trial.axis('roll'), rate=None)
+
+
+def codes(motion, start=2.2, end=20.0):
+    segment = find_decay(motion, start, end)
+    return {a.code for a in (*check_motion(motion), *check_decay(motion, segment))}
+
+
+def test_good_simulated_records_pass_even_with_lone_losses():
+    motion = quality_decay()
+    lost = np.arange(motion.size) % 37 == 0
+    assert codes(motion) == codes(motion, None, None) == codes(motion.only(~lost)) == set()
+    assert check_motion(motion, find_decays(motion)) == check_motion(motion)
+    assert 'low-rate' not in codes(quality_decay(rate_hz=12.0))
+    for rate_hz in (3.0, 5.0, 10.0):  # the kink of a release is no spike
+        motion = simulated_trial(HULL, np.radians(8.0), 25.0, rate_hz, SensorNoise(0.0, 0.0), seed=1).axis('roll')
+        assert 'spikes' not in {a.code for a in check_decay(motion, find_decay(motion))}
+
+
+@pytest.mark.parametrize(
+    ('made', 'bounds', 'code'),
+    [
+        ({}, (2.2, 5.0), 'too-few-cycles'),
+        ({'angle_deg': 0.4, 'angle_noise': 0.0001}, (2.2, 10.0), 'too-small'),
+        ({'rate_hz': 6.0}, (), 'low-rate'),
+    ],
+)
+def test_simulated_records_are_told_what_they_lack(made, bounds, code):
+    assert code in codes(quality_decay(**made), *bounds)
+
+
+@pytest.mark.parametrize(
+    ('name', 'code'),
+    [
+        ('waves/morro_buoy', 'forced-motion'),
+        ('waves/nbp1406_ship', 'forced-motion'),
+        ('faults/oahu_static_bad_packets', 'too-small'),
+    ],
+)
+def test_records_without_a_decay_say_why(name, code, data_folder):
+    trial = read_trial(data_folder / f'{name}.csv')
+    for motion in map(trial.axis, trial.axes):
+        assert find_decays(motion) == () and [a.code for a in check_motion(motion)] == [code]
+        assert code == 'too-small' or code in [a.code for a in check_decay(motion, find_decay(motion, 100.0, 300.0))]
+
+
+def test_gaps_and_spikes():
+    motion = quality_decay()
+    holed = motion.only(~((motion.time > 4.0) & (motion.time < 4.6)))
+    angle = motion.angle.copy()
+    angle[[500, 900, 1300]] += 0.3
+    for spoilt, code, words in ((holed, 'gaps', '0.6'), (replace(motion, angle=angle), 'spikes', '3 samples')):
+        (found,) = check_decay(spoilt, find_decay(spoilt if code == 'gaps' else motion, 2.2, 20.0))
+        assert found.code == code and words in found.message
+
+
+def test_saturation_is_told_from_rounding():
+    motion = quality_decay(angle_noise=0.0)
+    assert codes(replace(motion, angle=np.clip(motion.angle, -0.08, 0.08)), 2.4, 20.0) == {'saturation'}
+    assert codes(replace(motion, angle=np.round(motion.angle, 4))) == set()
+    assert codes(replace(motion, angle=np.round(motion.angle / 0.005) * 0.005)) == set()
+    whole = simulated_trial(HULL, np.radians(8.0), 25.0, 100.0, SensorNoise(0.0005, 0.002), seed=1).axis('roll')
+    motion = replace(whole, rate=np.clip(whole.rate, -0.2, 0.2))
+    (found,) = (a for a in check_decay(motion, find_decay(motion)) if a.code == 'saturation')
+    assert '11.5 deg/s' in found.message
+
+
+def test_being_held_is_not_saturation_and_clipped_swings_are_counted():
+    time = np.arange(0.0, 40.0, 0.01)
+    angle = np.full(time.size, 0.1)
+    for release in (5.0, 25.0):
+        free = (time >= release) & (time < release + 15.0)
+        angle[free] = 0.1 * np.exp(-0.3 * (time[free] - release)) * np.cos(3.0 * (time[free] - release))
+    assert clipped_extremes(angle, 100) == (0, 0.0)
+    # swings that are clipped are counted
+    time = np.arange(0.0, 30.0, 0.01)
+    swing = 0.1 * np.exp(-0.05 * time) * np.cos(2 * np.pi * time / 3.0 + 1.0)
+    turns = 1.5 * np.arange(1, 20) - 3.0 / (2 * np.pi)
+    count, level = clipped_extremes(np.clip(swing, -0.07, 0.07), 150)
+    assert level == pytest.approx(0.07)
+    assert count == np.count_nonzero(0.1 * np.exp(-0.05 * turns) > 0.07)
+
+
+def test_given_bounds_that_reach_too_far(data_folder):
+    motion = read_trial(data_folder / 'decay/kvlcc2/run3_15kn.csv').axis('roll')
+
+    def told(start, end):
+        return [a.code for a in check_decay(motion, find_decay(motion, start, end))]
+
+    assert told(26.0, 75.0) == []
+    assert told(26.0, 87.0) == ['disturbed-tail']
+    assert told(10.0, 75.0) == ['late-start']

