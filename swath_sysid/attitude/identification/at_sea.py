@@ -376,7 +376,14 @@ def _identification(motion: AxisMotion, fit: SeaPosterior, optima: Sequence[Eval
     # derivatives of b1 and r1 by log frequency and log damping
     slopes = np.array([[b1, b1], [2.0 * r1, 0.0]])
     trim = 0.0 if np.isnan(sea.mean) else sea.mean
-    fitted = _fitted_spectra(fit, best)
+    needed, given, stiffness = (part[0] for part in fit.parts(best.z[None]))
+    fitted = FittedSpectra(
+        frequency=spectra.frequency,
+        measured=spectra.angle,
+        fitted=spectra.angle * given / needed,
+        excitation=needed,
+        fitted_excitation=given - stiffness * fit.noise,
+    )
     band = np.gradient(spectra.frequency)
     variance = float(band @ spectra.angle)
     amplitude = np.sqrt(2.0) * sea.angle.std()
@@ -420,14 +427,3 @@ def _estimate_with_covariance(fit: SeaPosterior, optima: Sequence[Evaluation]):
     shifts = logs - logs[0]
     covariance = inflation * slopes @ np.linalg.inv(best.information) @ slopes.T
     return logs[0], covariance + (weights / weights.sum() * shifts.T) @ shifts
-
-
-def _fitted_spectra(fit: SeaPosterior, point: Evaluation):
-    needed, given, stiffness = (part[0] for part in fit.parts(point.z[None]))
-    return FittedSpectra(
-        frequency=fit.spectra.frequency,
-        measured=fit.spectra.angle,
-        fitted=fit.spectra.angle * given / needed,
-        excitation=needed,
-        fitted_excitation=given - stiffness * fit.noise,
-    )

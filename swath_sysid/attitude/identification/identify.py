@@ -324,13 +324,14 @@ def identify_problem(
     )
     best = space.to_ratios(found.best[None])[0]
     if settings.objective == 'one-step':
-        fit, parameters = _exact_one_step(problem, equation, space)
+        parameters = _exact_one_step(problem, equation, space)
     else:
         tolerance = STARTING_TOLERANCE if settings.equation == AUTO else TOLERANCE
-        fit, parameters = _refine_outwards(problem, equation, space, best, tolerance, should_cancel)
+        parameters = _refine_outwards(problem, equation, space, best, tolerance, should_cancel)
     report(0.75)
     if settings.equation == AUTO and settings.objective == 'simulation':
-        identified = identification_of(problem, settings, found, pruned_hull(problem, *fit.unpack(parameters)))
+        start = motion_fit(problem, equation).unpack(parameters)
+        identified = identification_of(problem, settings, found, pruned_hull(problem, *start))
     else:
         identified = refined_in_basin(identification_of(problem, settings, found, FittedHull(equation, parameters)))
     report(1.0)
@@ -348,7 +349,7 @@ def refit_from(
     equation = settings.chosen_equation
     fit = motion_fit(problem, equation)
     space = _space(problem, equation, settings)
-    parameters, _, _ = fit.refine(fit.pack(ratios, states), space.ratio_lower, space.ratio_upper)
+    parameters, _ = fit.refine(fit.pack(ratios, states), space.ratio_lower, space.ratio_upper)
     return refined_in_basin(identification_of(problem, settings, search, FittedHull(equation, parameters)))
 
 
@@ -408,9 +409,7 @@ def _exact_one_step(problem: Problem, equation: Equation, space: SearchSpace):
     lower, upper = LOWER * units, UPPER * units
     lower[equation.indices] = space.ratio_lower * units[equation.indices]
     fit = motion_fit(problem, equation)
-    ratios = _one_step(problem).minimum(equation, lower, upper)
-    parameters = fit.refine_states(fit.pack(ratios, problem.states))
-    return fit, parameters
+    return fit.refine_states(fit.pack(_one_step(problem).minimum(equation, lower, upper), problem.states))
 
 
 def _refine_outwards(
@@ -423,20 +422,16 @@ def _refine_outwards(
 ):
     """Least squares on the first periods, then on growing parts of the record."""
     longest = max(m.duration for m in problem.motions) * problem.scales.frequency / (2 * np.pi)
-    starts = [best, np.clip(_linear_guess(problem, equation), space.ratio_lower, space.ratio_upper)]
-    horizon = SEARCH_PERIODS
+    bounds, horizon = (space.ratio_lower, space.ratio_upper), SEARCH_PERIODS
+    states = motion_fit(problem, equation).pack(np.zeros(len(LOWER)), problem.states)[best.size :]
+    starts = [np.r_[ratios, states] for ratios in (best, np.clip(_linear_guess(problem, equation), *bounds))]
     while True:
-        whole = horizon >= longest
-        fit = motion_fit(problem, equation, None if whole else problem.until(horizon))
-        states = fit.pack(np.zeros(len(LOWER)), problem.states)[len(best) :]
-        bounds = space.ratio_lower, space.ratio_upper
-        tried = [fit.refine(np.r_[s, states] if s.size == len(best) else s, *bounds, tolerance) for s in starts]
-        parameters = min(tried, key=lambda t: t[1])[0]
+        fit = motion_fit(problem, equation, problem.until(horizon) if horizon < longest else None)
+        starts = [min((fit.refine(start, *bounds, tolerance) for start in starts), key=lambda tried: tried[1])[0]]
         if should_cancel is not None and should_cancel():
             raise Cancelled
-        if whole:
-            return fit, parameters
-        starts = [parameters]
+        if horizon >= longest:
+            return starts[0]
         horizon *= HORIZON_GROWTH
 
 

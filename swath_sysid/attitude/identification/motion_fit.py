@@ -133,8 +133,8 @@ class MotionFit:
 
     def refine(
         self, parameters: np.ndarray, lower: np.ndarray, upper: np.ndarray, tolerance: float = TOLERANCE
-    ) -> tuple[np.ndarray, float, int]:
-        """Least-squares parameters (n + 3 M,), rms of their weighted residuals and number of evaluations.
+    ) -> tuple[np.ndarray, float]:
+        """Least-squares parameters (n + 3 M,) and the rms of their weighted residuals.
 
         Bounds (n,) are of the dimensionless ratios; states are free. ``tolerance`` is relative.
         """
@@ -143,7 +143,7 @@ class MotionFit:
         start = np.clip(parameters, bounds[0] + BOUND_MARGIN, bounds[1] - BOUND_MARGIN)
         found = self._least_squares(start, np.arange(parameters.size), bounds, tolerance)
         vanished = found.x - bounds[0] < BOUND_MARGIN
-        return np.where(vanished, bounds[0], found.x), float(np.sqrt(2.0 * found.cost / found.fun.size)), found.nfev
+        return np.where(vanished, bounds[0], found.x), float(np.sqrt(2.0 * found.cost / found.fun.size))
 
     def refine_states(self, parameters: np.ndarray) -> np.ndarray:
         """The parameters (n + 3 M,) with their initial states refined and their ratios kept."""

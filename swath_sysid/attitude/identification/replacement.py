@@ -33,7 +33,7 @@ def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayM
         with suppress(ValueError, np.linalg.LinAlgError):
             parameters = fit.refine_states(fit.pack(model.ratios, problem.states))
             if not held:
-                parameters, *_ = fit.refine(parameters, LOWER[equation.indices], UPPER[equation.indices])
+                parameters, _ = fit.refine(parameters, LOWER[equation.indices], UPPER[equation.indices])
             residuals = np.concatenate(fit.residuals_and_jacobian(parameters)[0])
             found.append(float(np.nan_to_num(residuals @ residuals, nan=np.inf)))
     return min(found)
