@@ -130,6 +130,7 @@ def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
     tank.start_again()
     tank.send(REST_S)
     tank.release(5.0)
+    screen.wait_for('2.6')
     screen.wait_for('1 release: 2.6', 'model')
     screen.wait_for('model off by 0.0', 'release')
     screen.wait_for('deg: next release within', 'releases')
