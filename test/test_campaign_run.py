@@ -434,7 +434,7 @@ def test_without_an_equation_one_hull_is_told_with_its_verdicts(at_two_speeds):
     assert not list(output.glob('tables/ranking*')) and not list(output.glob('tables/*every_equation*'))
 
 
-def test_each_speed_has_its_own_model_and_damping(at_two_speeds):
+def test_each_speed_has_its_own_model_and_the_damping_its_dimensions(at_two_speeds):
     outcome, output = at_two_speeds
     assert [axis.axis for axis in outcome.axes] == ['pitch', 'pitch_2m_s']
     assert {path.name for path in output.glob('model*.yaml')} == {'model.yaml', 'model_2m_s.yaml'}
@@ -442,10 +442,7 @@ def test_each_speed_has_its_own_model_and_damping(at_two_speeds):
     assert b1[0] == pytest.approx(0.5, abs=0.1) and b1[1] == pytest.approx(1.1, abs=0.15)
     speeds = [r['value'] for r in rows_of(output / 'tables/conditions.csv') if r['what'] == 'speed [m/s]']
     assert speeds[1] == f'2, Froude number {2.0 / math.sqrt(9.80665 * 1.2):.3g}'
-
-
-def test_damping_in_dimensions_at_the_design_draft_alone(at_two_speeds):
-    _, output = at_two_speeds
+    # damping in dimensions at the design draft alone
     rows = rows_of(output / 'tables/damping_pitch.csv')
     design = {r['quantity']: r for r in rows if r['draft factor'] == '1.0'}
     other = {r['quantity'] for r in rows if r['draft factor'] == '1.1'}

@@ -14,8 +14,6 @@ from scipy.stats import norm
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.share import share_folder
 
-WARMUP = 240.0
-
 
 @pytest.fixture(scope='module', autouse=True)
 def path_to_examples():
@@ -24,13 +22,9 @@ def path_to_examples():
 
 
 @pytest.fixture(scope='module')
-def trial(path_to_examples):
-    return importlib.import_module('craft_in_waves').simulated_craft(420.0)
-
-
-@pytest.fixture(scope='module')
-def voyage(trial):
-    return importlib.import_module('craft_in_waves').sail(trial, WARMUP)
+def voyage(path_to_examples):
+    shared = importlib.import_module('craft_in_waves')
+    return shared.sail(shared.simulated_craft(420.0), 240.0)
 
 
 def test_more_landings_succeed_by_the_forecast(voyage):
