@@ -75,8 +75,8 @@ def _saturation(motion: AxisMotion, period: float) -> Iterator[Advice]:
     for name, value in _measured(motion).items():
         clipped, level = clipped_extremes(value, 0.5 * period / motion.sample_interval)
         if clipped >= 2:
-            seen = {'level': np.degrees(level), 'unit': UNITS[name], 'half_cycles': counted(clipped, 'half-cycle')}
-            yield Advice.of('saturation', axis=motion.axis, name=name, **seen)
+            level, cut = np.degrees(level), counted(clipped, 'half-cycle')
+            yield Advice.of('saturation', axis=motion.axis, name=name, level=level, unit=UNITS[name], half_cycles=cut)
 
 
 def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:

@@ -63,8 +63,8 @@ def _without_absurd(trial: ManoeuvringTrial, advice: list[Advice]):
             continue
         wild = int(np.sum(bad & np.isfinite(values)))
         if wild:
-            seen = {'source': trial.source, 'number': wild, 'name': name, 'limit': ABSURD[name]}
-            advice.append(Advice.of('absurd-values: run', **seen))
+            limit = ABSURD[name]
+            advice.append(Advice.of('absurd-values: run', source=trial.source, number=wild, name=name, limit=limit))
         trial = _with(trial, name, np.where(bad, np.nan, values))
     rows = int(np.sum(np.all([~np.isfinite(values) for values in trial.measured().values()], axis=0)))
     if rows:

@@ -49,9 +49,9 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
     offset, std = float(np.arctan(found[0])), float(np.sqrt(covariance[0, 0]))
     if abs(offset) < max(MIN_MISALIGNMENT, SURE * std):
         return trials
-    found = {'offset': abs(math.degrees(offset)), 'side': 'port' if offset > 0.0 else 'starboard'}
+    size, side = abs(math.degrees(offset)), 'port' if offset > 0.0 else 'starboard'
     for item, trial in zip(advice, trials, strict=True):
-        item.append(Advice.of('compass-misaligned', source=trial.source, **found))
+        item.append(Advice.of('compass-misaligned', source=trial.source, offset=size, side=side))
     return [_turned(trial, offset) for trial in trials]
 
 
