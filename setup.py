@@ -38,6 +38,7 @@ setup(
         NAME: [
             'py.typed',
             *(f'{room}/*.yaml' for room in ('campaign', 'campaign/papers', 'cli', 'nodes/parameters')),
+            'formats/export/*.txt',
             'report/*.css',
         ]
     },

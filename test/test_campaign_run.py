@@ -314,8 +314,8 @@ def test_the_command_line_refuses_what_makes_no_sense(trials, tmp_path, capsys):
 
 
 def test_a_cluster_that_does_not_answer(monkeypatch):
-    pytest.importorskip('distributed')
-    monkeypatch.setattr('swath_sysid.campaign.executors.CONNECT_S', 1)
+    config = pytest.importorskip('distributed').config
+    monkeypatch.setitem(config.config['distributed']['comm']['timeouts'], 'connect', 1)
     with pytest.raises(InputError, match='no Dask scheduler answers'), executor_of(1, 'tcp://127.0.0.1:9'):
         pass
 

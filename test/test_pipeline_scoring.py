@@ -19,7 +19,7 @@ from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import Run, run_through
 from swath_sysid.pipeline.scoring import METHODS, SENSOR, score, usual_limits
-from swath_sysid.report.forecast_summary import skill_as_data
+from swath_sysid.report.forecast_skill import skill_as_data
 
 LEADS = (0.1, 1.0)
 

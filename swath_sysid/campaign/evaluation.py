@@ -32,13 +32,13 @@ from swath_sysid.attitude.identification.selection import (
     simplest_adequate,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.campaign.manifest import SHOWN
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import as_plain
 from swath_sysid.common.rounding import percent
+from swath_sysid.formats.named_columns import listed_names
+from swath_sysid.pipeline.scoring import CONFIDENCE
 
-CONFIDENCE = 0.95
 TIE = 1e-7  #: Relative difference of objective values below which they are equal.
 
 
@@ -271,8 +271,8 @@ def with_verdicts(
     ]
     others = [record for record, fit in by_record.items() if fit.verdict.level != ADEQUATE]
     if others:
-        shown = f'{"; ".join(others[:SHOWN])}{"; ..." if len(others) > SHOWN else ""}'
-        findings.append(Advice.of('record-not-adequate', number=len(others), records=len(by_record), names=shown))
+        counts = {'number': len(others), 'records': len(by_record)}
+        findings.append(Advice.of('record-not-adequate', **counts, names=listed_names(others)))
     return replace(ranking, reason=reason, findings=tuple(findings))
 
 

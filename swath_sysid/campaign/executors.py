@@ -14,9 +14,6 @@ try:
 except ImportError:
     distributed = None
 
-RETRIES = 10  #: How often a task is begun again on another worker when its worker died.
-CONNECT_S = 20
-
 
 def connection_losses() -> tuple[type[BaseException], ...]:
     """What distributed raises, or cancels its futures with, where the connection to its scheduler is lost."""
@@ -47,7 +44,7 @@ def _cluster(address: str) -> Iterator[concurrent.futures.Executor]:
             'no-distributed',
         )
     try:
-        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+        client = distributed.Client(address, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(
             f'no Dask scheduler answers at {address}: start one with dask scheduler, and give its address, such as '
@@ -58,7 +55,7 @@ def _cluster(address: str) -> Iterator[concurrent.futures.Executor]:
             raise InputError(f'the Dask scheduler at {address} has no workers: start some with dask worker {address}')
         # the loss of the connection is reported in one sentence, not by its tracebacks
         logging.getLogger('distributed').setLevel(logging.CRITICAL)
-        yield client.get_executor(pure=False, retries=RETRIES)
+        yield client.get_executor(pure=False)
     finally:
         with contextlib.suppress(OSError, TimeoutError, *connection_losses()):
             client.close()

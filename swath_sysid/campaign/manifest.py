@@ -23,6 +23,7 @@ from swath_sysid.common.advice import counted
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.input_files import existing, shown
+from swath_sysid.formats.named_columns import listed_names
 from swath_sysid.formats.schema import anything, built, mapping, named, number, one_of, one_or_more, record, text, whole
 from swath_sysid.formats.table_files import ENDINGS
 from swath_sysid.formats.untrusted_yaml import plain_content, text_of
@@ -39,14 +40,6 @@ PLACEHOLDERS = {
     'axis': ('axis', '|'.join(AXES)),
 }
 
-_MATCHED = {'axis': str, 'repeat': int}
-
-
-def _decimal(matched: str) -> float:
-    return float(matched.replace(',', '.'))
-
-
-SHOWN = 3
 TRIAL_ENDINGS = ('.csv', '.mcap', '.db3', '.txt', '.tsv', *ENDINGS)  #: Of files that may be trials.
 LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
@@ -215,7 +208,7 @@ def read_manifest(path: str | Path) -> Manifest:
             faults.append(str(error))
     trials = _without_duplicates(trials, faults)
     if not trials:
-        raise InputError(f'{path}: no trial is left to use: {"; ".join(faults[:SHOWN])}')
+        raise InputError(f'{path}: no trial is left to use: {faults[0]}')
     craft = plain.get('craft', Craft())
     # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
     objectives = {OBJECTIVES[0], *plain.get('objectives', ())}
@@ -304,7 +297,7 @@ def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
     base = Path(pattern).anchor
     root = Path(base) if base else folder
     relative = pattern[len(base) :]
-    expression = pattern_expression(relative)
+    expression = pattern_expression(os.path.normpath(relative))
     glob = re.sub(r'\{[^{}]*\}', '*', relative)
     try:
         candidates = sorted(root.glob(glob))
@@ -312,26 +305,15 @@ def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
         raise InputError(f"'{shown(pattern)}' is not a pattern: {shown(error)}") from error
     found = []
     for path in candidates:
-        match = expression.fullmatch(_relative(path, root, relative))
-        if match:
-            said = {PLACEHOLDERS[name][0]: text for name, text in match.groupdict().items()}
-            found.append((path, {k: _MATCHED.get(k, _decimal)(v) for k, v in said.items()}))
+        if match := expression.fullmatch(Path(os.path.relpath(path, root)).as_posix()):
+            said = {name: plain_content(said.replace(',', '.'), path.name) for name, said in match.groupdict().items()}
+            found.append((path, {PLACEHOLDERS[name][0]: value for name, value in said.items()}))
     if not found:
         parent = root / Path(glob).parent
         names = sorted(p.name for p in parent.iterdir() if not p.name.startswith('.')) if parent.is_dir() else []
-        near = ', '.join(names[:SHOWN])
-        there = f'there are {near}, ...' if near else f'the folder {parent} is empty or does not exist'
+        there = f'there are {listed_names(names)}' if names else f'the folder {parent} is empty or does not exist'
         raise InputError(f"no file matches '{shown(pattern)}' ({there}): check the folder and the placeholders")
     return found
-
-
-def _relative(path: Path, root: Path, pattern: str) -> str:
-    """The path as the pattern writes it, which may climb with ``..``."""
-    text = path.as_posix()
-    start = root.as_posix()
-    if start not in ('.', '') and text.startswith(start):
-        text = text[len(start) :].lstrip('/')
-    return text.removeprefix('./') if not pattern.startswith('./') else f'./{text.removeprefix("./")}'
 
 
 def _without_duplicates(trials: Sequence[TrialEntry], faults: list[str]) -> list[TrialEntry]:

@@ -16,27 +16,10 @@ from swath_sysid.attitude.identification.identify import Identification, Identif
 from swath_sysid.attitude.identification.problem import Problem, prepare
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.campaign.evaluation import (
-    Condition,
-    Judgement,
-    Ranking,
-    Record,
-    Spread,
-    best_repeats,
-    common_equation,
-    fit_one,
-    fit_together,
-    joint_problem,
-    judge,
-    rank_campaign,
-    schedule_of,
-    settle,
-    spread_of_repeats,
-    with_open_choice,
-    with_verdicts,
-)
+from swath_sysid.campaign import evaluation
+from swath_sysid.campaign.evaluation import Condition, Record
 from swath_sysid.campaign.executors import connection_losses
-from swath_sysid.campaign.manifest import SHOWN, Craft, Manifest, TrialEntry
+from swath_sysid.campaign.manifest import Craft, Manifest, TrialEntry
 from swath_sysid.campaign.result_store import ResultStore, key_of
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -44,8 +27,6 @@ from swath_sysid.common.plain import from_plain
 from swath_sysid.formats.columns import UNKNOWN
 from swath_sysid.formats.reading import read_trial, source_hash
 
-RESULT_FORMAT = 3  #: Raised when earlier results can no longer be used.
-POLL_S = 0.2
 ANGLE_STEP_DEG = 0.5  #: Resolution of an initial angle that is not given but taken from the decay.
 
 
@@ -80,9 +61,9 @@ class AxisOutcome:
     best: dict  #: Condition to index of its best repeat.
     together: dict  #: Condition to joint fits of its repeats.
     by_draft: dict  #: Draft to joint fits of all its records.
-    ranking: Ranking
+    ranking: evaluation.Ranking
     schedule: ScheduledModel  #: Of the chosen equation.
-    spreads: tuple[Spread, ...]  #: Of the chosen equation.
+    spreads: tuple[evaluation.Spread, ...]  #: Of the chosen equation.
 
     @property
     def motion(self) -> str:
@@ -151,14 +132,13 @@ def run_campaign(
     _check_drafts(trials)
     axes = {t.record.condition.series for t in trials if t.record is not None}
     if not axes:
-        reasons = '; '.join(f'{t.name}: {t.reason}' for t in trials[:SHOWN])
-        raise InputError(f'no trial of the campaign can be used: {reasons}')
+        raise InputError(f'no trial of the campaign can be used: {trials[0].name}: {trials[0].reason}')
     work = _Work(store, executor, on_progress)
     plans = [_AxisPlan(axis, manifest, trials, work) for axis in sorted(axes)]
     work.total = sum(plan.task_count for plan in plans)
     found = [plan.carry_out(quantity) for plan in plans]
     if not any(found):
-        raise InputError(f'no fit of the campaign succeeded: {"; ".join(work.failures[:SHOWN])}')
+        raise InputError(f'no fit of the campaign succeeded: {work.failures[0]}')
     left_out = {name: reason for plan in plans for name, reason in plan.left_out.items()}
     trials = [t.left_out(left_out[str(t.record)]) if t.record and str(t.record) in left_out else t for t in trials]
     return CampaignOutcome(
@@ -314,7 +294,7 @@ class _Work:
                         pending[future] = task
                     self._say(pending)
             while pending:
-                finished, _ = concurrent.futures.wait(pending, POLL_S, concurrent.futures.FIRST_COMPLETED)
+                finished, _ = concurrent.futures.wait(pending, return_when=concurrent.futures.FIRST_COMPLETED)
                 for future in finished:
                     self._finish(future, pending.pop(future), found)
                 self._say(pending)
@@ -405,14 +385,14 @@ class _AxisPlan:
         fits = {objective: tuple(kept[o][1] for o in order) for objective, kept in settled.items()}
         by_draft = {k: v for k, v in together.items() if not isinstance(k, Condition)}
         if self._pruned:
-            by_draft = {k: with_open_choice(v, self._pruned[k]) for k, v in by_draft.items()}
-        ranking = rank_campaign(self._axis, list(by_draft.values()), fits['simulation'], judgements)
+            by_draft = {k: evaluation.with_open_choice(v, self._pruned[k]) for k, v in by_draft.items()}
+        ranking = evaluation.rank_campaign(self._axis, list(by_draft.values()), fits['simulation'], judgements)
         if len(self._names) == 1:
             own = dict(zip(order, (only for (only,) in fits['simulation']), strict=True))
             joint = {k: only for k, (only,) in by_draft.items()}
-            ranking = with_verdicts(ranking, joint, own, bool(self._manifest.equations))
+            ranking = evaluation.with_verdicts(ranking, joint, own, bool(self._manifest.equations))
         choice = self._names.index(ranking.choice.name)
-        schedule = schedule_of(
+        schedule = evaluation.schedule_of(
             list(by_draft.values()),
             ranking.choice.name,
             list(by_draft),
@@ -420,7 +400,7 @@ class _AxisPlan:
             [self._provenance(group) for group in self._drafts().values()],
         )
         spreads = (
-            spread_of_repeats(condition, [fits['simulation'][order.index(str(r))][choice] for r in group])
+            evaluation.spread_of_repeats(condition, [fits['simulation'][order.index(str(r))][choice] for r in group])
             for condition, group in self._conditions().items()
             if len(group) > 1
         )
@@ -430,7 +410,7 @@ class _AxisPlan:
             names=tuple(self._names),
             fits=fits,
             judgements=judgements,
-            best=best_repeats(records, fits['simulation']),
+            best=evaluation.best_repeats(records, fits['simulation']),
             together={k: v for k, v in together.items() if isinstance(k, Condition)},
             by_draft=by_draft,
             ranking=ranking,
@@ -458,20 +438,14 @@ class _AxisPlan:
             ids = [self._ids[str(r)] for r in group]
             key = key_of('prune', ids, GENERAL_HULL.terms, asdict(self._manifest.search))
             label = f'{_place_name(loading)}, {len(group)} records, which terms'
-            tasks[loading] = Task(key, label, fit_one, (joint_problem(group), settings))
-        results = self._work.results(list(tasks.values()))
-        found = {
-            place: Identification.restored(results[task.key], *task.arguments)
-            for place, task in tasks.items()
-            if task.key in results
-        }
-        self._pruned = found
+            tasks[loading] = Task(key, label, evaluation.fit_one, (evaluation.joint_problem(group), settings))
+        found = self._pruned = self._fits(tasks)
         failed = [str(r) for r in self._records if r.condition.loading not in found]
         self.left_out |= dict.fromkeys(failed, 'the fit of all records of its draft failed; see the failures')
         self._records = [r for r in self._records if str(r) not in failed]
         if found:
             with_friction = not self._manifest.search.preset  # the published ranges have none
-            self._names = [common_equation(self._pruned.values(), with_friction)]
+            self._names = [evaluation.common_equation(self._pruned.values(), with_friction)]
 
     def _single_fits(self) -> dict:
         """(record, objective, equation) to key and fit."""
@@ -479,14 +453,18 @@ class _AxisPlan:
             (str(record), objective, name): Task(
                 self._fit_key(record, objective, name),
                 f'{record}, {name}, {objective}',
-                fit_one,
+                evaluation.fit_one,
                 (record.problem, self._settings(objective, name)),
             )
             for record, objective, name in product(self._records, self._manifest.objectives, self._names)
         }
+        return {place: (tasks[place].key, fit) for place, fit in self._fits(tasks).items()}
+
+    def _fits(self, tasks: dict[Any, Task]) -> dict[Any, Identification]:
+        """Place to fit of the tasks that succeeded."""
         results = self._work.results(list(tasks.values()))
         return {
-            place: (task.key, Identification.restored(results[task.key], *task.arguments))
+            place: Identification.restored(results[task.key], *task.arguments)
             for place, task in tasks.items()
             if task.key in results
         }
@@ -529,7 +507,9 @@ class _AxisPlan:
         for record, objective in product(self._records, self._manifest.objectives):
             keys, fits = zip(*(single[str(record), objective, name] for name in self._names), strict=True)
             label = f'{record}, nested equations, {objective}'
-            tasks[objective, str(record)] = Task(key_of('settle', keys), label, settle, (record.problem, fits))
+            tasks[objective, str(record)] = Task(
+                key_of('settle', keys), label, evaluation.settle, (record.problem, fits)
+            )
         found: dict[str, dict] = {}
         for (objective, record), settled in self._in_order(tasks).items():
             found.setdefault(objective, {})[record] = settled
@@ -538,14 +518,14 @@ class _AxisPlan:
     def _together(self, groups: dict[Any, list[Record]], simulated: dict) -> dict:
         """Condition or draft to fits, in the order of the equations."""
         several = {place: group for place, group in groups.items() if len(group) > 1}
-        problems = {place: joint_problem(group) for place, group in several.items()}
+        problems = {place: evaluation.joint_problem(group) for place, group in several.items()}
         tasks = {}
         for place, group in several.items():
             keys, fits = zip(*(simulated[str(r)] for r in group), strict=True)
             for name, starts in zip(self._names, zip(*fits, strict=True), strict=True):
                 label = f'{_place_name(place)}, {len(group)} records, {name}'
                 tasks[place, name] = Task(
-                    key_of('together', name, keys), label, fit_together, (problems[place], starts)
+                    key_of('together', name, keys), label, evaluation.fit_together, (problems[place], starts)
                 )
         results, orders = self._needed(tasks), {}
         for place, problem in problems.items():
@@ -554,14 +534,14 @@ class _AxisPlan:
                 for name in self._names
             )
             key = key_of('settle', [tasks[place, name].key for name in self._names])
-            orders[place] = Task(key, f'{_place_name(place)}, nested equations', settle, (problem, own))
+            orders[place] = Task(key, f'{_place_name(place)}, nested equations', evaluation.settle, (problem, own))
         settled = self._in_order(orders)
         return {
             place: settled[place][1] if place in settled else simulated[str(group[0])][1]
             for place, group in groups.items()
         }
 
-    def _judged(self, simulated: dict) -> tuple[tuple[Judgement, ...], ...]:
+    def _judged(self, simulated: dict) -> tuple[tuple[evaluation.Judgement, ...], ...]:
         """Record to judgements, in the order of the records."""
         tasks = {}
         for group in self._conditions().values():
@@ -571,11 +551,11 @@ class _AxisPlan:
                 tasks[str(record)] = Task(
                     key_of('judge', key, self._ids[str(other)] if other else None),
                     f'{record}, forecasts',
-                    judge,
+                    evaluation.judge,
                     (fits, other.problem if other else None),
                 )
         found = self._needed(tasks)
-        return tuple(from_plain(tuple[Judgement, ...], found[str(record)]) for record in self._records)
+        return tuple(from_plain(tuple[evaluation.Judgement, ...], found[str(record)]) for record in self._records)
 
     def _provenance(self, group: Sequence[Record]) -> dict:
         return {
@@ -599,4 +579,4 @@ def _place_name(place: Condition | float) -> str:
 def _identity(trial: TrialOutcome) -> list:
     """All that a prepared record depends on."""
     e = trial.entry
-    return [RESULT_FORMAT, __version__, trial.sha256, e.axis, e.start, e.end, e.frame, e.topic, e.columns]
+    return [__version__, trial.sha256, e.axis, e.start, e.end, e.frame, e.topic, e.columns]

@@ -9,11 +9,7 @@ from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axi
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import Comparison, compare
-from swath_sysid.cli.identify import (
-    exit_code_of,
-    is_to_be_written,
-    settings_of,
-)
+from swath_sysid.cli import identify
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import motions_of, trials_of, write_fit
 from swath_sysid.report.fit_figure import fit_figure
@@ -36,7 +32,7 @@ def equations_asked(text: str, axis: str) -> list[Equation]:
 def run(arguments: Namespace) -> int:
     """Compare, print the ranking, and write what was asked for."""
     began = time.perf_counter()
-    settings = settings_of(arguments)
+    settings = identify.settings_of(arguments)
     trials, read_advice, axis = trials_of(arguments)
     motions = motions_of(trials, axis)
     equations = equations_asked(arguments.equations, axis)
@@ -50,7 +46,7 @@ def run(arguments: Namespace) -> int:
             progress=lambda done, name: progress(done / len(equations), name),
         )
     choice = found.choice.identification
-    written = write_fit(arguments, choice, fit_figure, is_to_be_written(arguments, choice.verdict))
+    written = write_fit(arguments, choice, fit_figure, identify.is_to_be_written(arguments, choice.verdict))
     show_advice(choice.advice)
     if arguments.json:
         data = comparison_as_data(found, time.perf_counter() - began)
@@ -61,7 +57,7 @@ def run(arguments: Namespace) -> int:
         print(f'Choice: {found.reason}', f'The fit is {choice.verdict}', *written, sep='\n')
         if arguments.equations is None:
             print(OF_IDENTIFY)
-    return exit_code_of(arguments, choice.verdict)
+    return identify.exit_code_of(arguments, choice.verdict)
 
 
 def _print_ranking(comparison: Comparison) -> None:

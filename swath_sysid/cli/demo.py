@@ -28,7 +28,7 @@ from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.cli import forecast
 from swath_sysid.cli.main import build_parser
-from swath_sysid.cli.ros_needed import ros_needed
+from swath_sysid.cli.progress import ros_needed
 from swath_sysid.cli.run import craft_command, process_beside
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import verb_command
@@ -38,7 +38,7 @@ from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 from swath_sysid.pipeline.scoring import FORECAST, Skill
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
-from swath_sysid.report.forecast_figure import cell
+from swath_sysid.report.forecast_skill import cell
 from swath_sysid.share import share_folder
 
 if TYPE_CHECKING:
@@ -49,11 +49,9 @@ SEA_RECORD = 'records/morro_buoy.csv'
 SEA_OPTIONS = ('--leads', '0.5,1,2,3', '--warmup', '180')
 SEA, RELEASE = 'sea', 'release'
 
-PAUSE_S = 1.5  #: Before the first release, and between a model and the next one.
 START_TIMEOUT_S = 300.0
 TIMEOUT_S = 60.0  #: For an answer, and for a model.
 ATTEMPTS = 2
-EVERY_S = 20.0  #: Between releases with --keep-running.
 
 
 def run(arguments: Namespace) -> int:
@@ -236,7 +234,7 @@ def _demonstrate(craft: _Craft, stage: _Stage):
     starting = 'waiting until the nodes are ready, after an installation for up to a minute'
     if not stage.wait(starting, stage.listener.is_ready, START_TIMEOUT_S):
         raise InputError(f'the nodes sent nothing within {START_TIMEOUT_S:g} s: see demo.log')
-    stage.pause('still water, no model', PAUSE_S)
+    stage.pause('still water, no model', craft.period)
     for attempt in range(ATTEMPTS):
         first = stage.release('lifting the craft')
         waiting = 'released; waiting until the decay is detected and the model identified'
@@ -244,7 +242,7 @@ def _demonstrate(craft: _Craft, stage: _Stage):
             break
         if attempt == ATTEMPTS - 1:
             raise InputError(f'no model was published within {TIMEOUT_S:g} s of either release: see demo.log')
-    stage.pause('identified', PAUSE_S)
+    stage.pause('identified', craft.period)
     second = stage.release('lifting the craft again')
     stage.pause('forecasting with the identified model', (second - received.angles[-1][0]) * NANOSECOND + SCORED_SPAN)
     return _demonstration(craft, received, first, second)
@@ -287,7 +285,7 @@ def _keep_running(stage: _Stage) -> None:
     """Release the craft repeatedly until Ctrl-C."""
     while True:
         stage.release('lifting the craft')
-        stage.pause('running until Ctrl-C', EVERY_S)
+        stage.pause('running until Ctrl-C', SCORED_SPAN)
         stage.listener.forget()
 
 

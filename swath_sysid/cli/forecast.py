@@ -30,8 +30,7 @@ from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, Skill, score, usual_limits, usual_warmup
 from swath_sysid.pipeline.vertical_record import even_stretches
 from swath_sysid.report.figures import save_figure
-from swath_sysid.report.forecast_figure import LABELS, cell, forecast_figure, methods_of
-from swath_sysid.report.forecast_summary import POINT_UNITS, skill_as_data
+from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, forecast_figure, methods_of, skill_as_data
 
 
 def run(arguments: Namespace) -> int:

@@ -9,16 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from swath_sysid.cli import sources
 from swath_sysid.cli.flags import finite
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
-from swath_sysid.cli.sources import (
-    assignment,
-    check_model_and_plot,
-    columns_of,
-    provenance_of,
-    refuse_twice,
-    without_copies,
-)
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.bags import is_bag
@@ -40,18 +33,10 @@ from swath_sysid.manoeuvring.motion.trial import CHANNELS, COMMAND, Run
 from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.skill import score_forecasts
+from swath_sysid.report import manoeuvring_summary
 from swath_sysid.report.figures import FORMATS, save_figure
 from swath_sysid.report.fit_summary import warnings_as_data
 from swath_sysid.report.manoeuvring_figures import forecast_figure, identification_figures, test_figure
-from swath_sysid.report.manoeuvring_summary import (
-    condensed,
-    forecast_as_data,
-    forecast_in_words,
-    identification_as_data,
-    identification_in_words,
-    terms_in_words,
-    test_in_words,
-)
 
 PROGRAMME = 'programme'
 
@@ -62,7 +47,9 @@ FLAGS = ('inertia', 'thrust_per_command', 'length', 'window', 'generations', 'po
 
 def names_of_terms() -> str:
     """The end of the help of ``identify``."""
-    return '\n'.join(['names for --terms, --fix and --towards, with their units:', *terms_in_words()])
+    return '\n'.join(
+        ['names for --terms, --fix and --towards, with their units:', *manoeuvring_summary.terms_in_words()]
+    )
 
 
 def run(arguments: Namespace) -> int:
@@ -79,7 +66,7 @@ def run(arguments: Namespace) -> int:
 
 def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
     """Read and prepare runs, all with one step."""
-    refuse_twice(paths)
+    sources.refuse_twice(paths)
     return prepare_runs([_read(path, arguments) for path in paths], arguments.gap_means_zero)
 
 
@@ -96,7 +83,7 @@ def _read(path: str | Path, arguments: Namespace):
         return trial if arguments.frame is None else replace(trial, frame=arguments.frame)
     if Path(path).is_dir():
         raise InputError(f'{path} is a folder but not a bag: give files of tables, or bags')
-    return read_manoeuvring_csv(path, arguments.frame, columns_of(arguments))
+    return read_manoeuvring_csv(path, arguments.frame, sources.columns_of(arguments))
 
 
 def _identify(arguments: Namespace):
@@ -109,14 +96,14 @@ def _identify(arguments: Namespace):
         mass=arguments.mass or None,
         lever=arguments.lever or None,
         terms=tuple(arguments.terms.split(',')) if arguments.terms else None,
-        fixed=dict(assignment(text, 'Xu_dot=-18') for text in arguments.fix),
+        fixed=dict(sources.assignment(text, 'Xu_dot=-18') for text in arguments.fix),
         towards=dict(_target(text) for text in arguments.towards),
         current=arguments.current,
         **{name: getattr(arguments, name) for name in FLAGS},
     )
     both = [*arguments.runs, *(arguments.validate or [])]
     check_outputs([Output('--output', arguments.output), Output('--plot', arguments.plot, is_folder=True)], both)
-    once, copies = without_copies(both)
+    once, copies = sources.without_copies(both)
     show_advice(copies)
     runs = read_runs(once, arguments)
     validation = None
@@ -125,7 +112,7 @@ def _identify(arguments: Namespace):
         runs, validation = runs[:fitted], runs[fitted:]
     with progress_of('identify') as progress:
         found = identify_manoeuvring(runs, settings, validation, progress=progress)
-    data = identification_as_data(found, time.perf_counter() - began)
+    data = manoeuvring_summary.identification_as_data(found, time.perf_counter() - began)
     data['warnings'] = [*warnings_as_data(copies)['warnings'], *data['warnings']]
     if arguments.output:
         write_manoeuvring_model(arguments.output, _for_file(found, data, once))
@@ -134,15 +121,15 @@ def _identify(arguments: Namespace):
         folder.mkdir(parents=True, exist_ok=True)
         for name, figure in identification_figures(found, arguments.window).items():
             save_figure(figure, folder / f'{name}.png')
-    show_advice(condensed(found.advice))
-    print_result(arguments.json, data, identification_in_words(found))
+    show_advice(manoeuvring_summary.condensed(found.advice))
+    print_result(arguments.json, data, manoeuvring_summary.identification_in_words(found))
     return 0
 
 
 def _for_file(found: Any, data: dict, paths: Sequence[str]):
     kept = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
     metrics = {key: data[key] for key in kept}
-    provenance = {**provenance_of(paths), 'runs': data['runs']}
+    provenance = {**sources.provenance_of(paths), 'runs': data['runs']}
     return calibrated(found.identified(metrics, provenance), found.identified_on)
 
 
@@ -190,17 +177,17 @@ def _unmeasured(runs: Sequence[Run]):
 
 
 def _forecast(arguments: Namespace):
-    check_model_and_plot(arguments, [*arguments.runs, *arguments.train, arguments.model])
+    sources.check_model_and_plot(arguments, [*arguments.runs, *arguments.train, arguments.model])
     identified = read_manoeuvring_model(arguments.model)
     runs = read_runs([*arguments.runs, *arguments.train], arguments)
     scored, training = runs[: len(arguments.runs)], runs[len(arguments.runs) :]
     scores = score_forecasts(identified, scored, training, arguments.future == 'supplied', leads=arguments.leads)
     if arguments.plot:
         save_figure(forecast_figure(scores, arguments.future), arguments.plot)
-    advice = condensed([a for run in runs for a in run.advice])
+    advice = manoeuvring_summary.condensed([a for run in runs for a in run.advice])
     show_advice(advice)
-    data = {**forecast_as_data(scores, arguments.future), **warnings_as_data(advice)}
-    print_result(arguments.json, data, forecast_in_words(scores, arguments.future))
+    data = {**manoeuvring_summary.forecast_as_data(scores, arguments.future), **warnings_as_data(advice)}
+    print_result(arguments.json, data, manoeuvring_summary.forecast_in_words(scores, arguments.future))
     return 0
 
 
@@ -214,7 +201,7 @@ def _play_through(arguments: Namespace):
     silence = 0.5 if arguments.gap_means_zero else 0.0
     settings = ManoeuvreOutlookSettings(leads=arguments.leads, rate=arguments.rate, stop_after=silence)
     count = write_forecasts(arguments.output, play_manoeuvres(trial, settings, identified), settings.leads)
-    show_advice(condensed(trial.advice))
+    show_advice(manoeuvring_summary.condensed(trial.advice))
     print(f'{arguments.output}: {count} forecasts')
     return 0
 
@@ -245,7 +232,7 @@ def _simulate(arguments: Namespace):
     if arguments.plot:
         save_figure(test_figure(report, model), arguments.plot)
     data = {'test': report.name, 'model': model.name, 'numbers': report.numbers, 'curve': report.curve}
-    print_result(arguments.json, finite_or_none(data), test_in_words(report))
+    print_result(arguments.json, finite_or_none(data), manoeuvring_summary.test_in_words(report))
     return 0
 
 
@@ -255,7 +242,7 @@ def _programme(model: Any, arguments: Namespace):
     if arguments.plot:
         raise InputError('the programme has no figure: identify from its runs with --plot')
     if arguments.command is not None:
-        values = dict(assignment(text, 'Xu_dot=-18') for text in arguments.command)
+        values = dict(sources.assignment(text, 'Xu_dot=-18') for text in arguments.command)
         values.setdefault('gain', model.largest_input if model.thrust_input != COMMAND else model['gain'])
         model = replace(model.with_values(**values), thrust_input=COMMAND, largest_input=1.0)
     if arguments.current is not None:

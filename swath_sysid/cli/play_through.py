@@ -32,8 +32,6 @@ from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 from swath_sysid.pipeline.played_health import PlayedHealth
 from swath_sysid.pipeline.record_run import ArrivingSamples
 
-PROGRESS_STEP = 2000
-
 
 def run(arguments: Namespace) -> int:
     """Play the record through and write the output."""
@@ -72,9 +70,7 @@ def run(arguments: Namespace) -> int:
                 bag.add_diagnostics(played.stamp_ns, statuses)
             if played.verdict is not None:
                 verdicts.append((reading.stamp_ns, played.verdict))
-            if index % PROGRESS_STEP == 0:
-                progress(index / len(readings))
-        progress(1.0)
+            progress((index + 1) / len(readings))
     beside = Advice.of('manoeuvres-beside', record=arguments.record)
     show_advice((*readings.advice, *([beside] if manoeuvres else ())))
     stability = pipeline.refitter.stability.newest

@@ -5,8 +5,7 @@ from argparse import Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from swath_sysid.cli.progress import show_advice
-from swath_sysid.cli.ros_needed import ros_needed
+from swath_sysid.cli.progress import ros_needed, show_advice
 
 if TYPE_CHECKING:
     from swath_sysid.nodes.replay import Replay

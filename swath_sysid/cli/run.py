@@ -12,9 +12,9 @@ from typing import Any
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.cli.interfaces import interface_lines
-from swath_sysid.cli.ros_needed import ros_needed
+from swath_sysid.cli.progress import ros_needed
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.processes import verb_command
+from swath_sysid.common.processes import ended, verb_command
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.formats.untrusted_yaml import plain_content, text_of
@@ -26,8 +26,6 @@ MODEL_PARAMETERS = {
     'manoeuvring_identifier': 'model_path',
     'manoeuvring_predictor': 'model_file',
 }
-
-END_S = 15.0  #: Within which a process has to end before it is killed.
 
 OPEN_TO_THE_SUBNET = (
     'note: other machines of this subnet can use these nodes; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them here'
@@ -93,11 +91,7 @@ def process_beside(command: list[str], **options: Any) -> Iterator[subprocess.Po
     finally:
         # unlike SIGINT, this also ends without a word a process that is still importing
         process.terminate()
-        try:
-            process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        ended(process)
 
 
 def ros_arguments(arguments: Namespace) -> list[str]:

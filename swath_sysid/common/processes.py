@@ -4,6 +4,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import subprocess
 import sys
 import threading
 from collections import deque
@@ -13,6 +14,8 @@ from typing import Any, TypeVar
 
 Task = TypeVar('Task')
 Result = TypeVar('Result')
+
+END_S = 15.0  #: Within which a process has to end before it is killed.
 
 
 class SerialExecutor(Executor):
@@ -31,6 +34,15 @@ class SerialExecutor(Executor):
 def verb_command(verb: str, *options: str) -> list[str]:
     """The words that run a verb of the command line in a process of its own."""
     return [sys.executable, '-m', 'swath_sysid.start', verb, *options]
+
+
+def ended(process: subprocess.Popen) -> None:
+    """Wait for a process that was asked to end, and kill it if it does not."""
+    try:
+        process.wait(END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], count: int) -> Iterator[Result]:

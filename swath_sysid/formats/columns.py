@@ -55,7 +55,6 @@ MANOEUVRE_QUANTITIES: tuple[Quantity, ...] = (
     *((name, (name,), ('m',)) for name in ('x', 'y', 'east', 'north')),
 )
 
-NO_COLUMN = -1  #: The place of a time that only a sample rate gives.
 EPOCH_SECONDS = 1e8  #: A time that begins beyond this counts from an epoch.
 SIMILAR = 0.85  #: Likeness, from 0 to 1, of a name that may be a slip of the pen.
 SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3  #: Difference of two columns of one quantity, as share or in SI, by rounding.
@@ -72,7 +71,7 @@ class Column:
 
     reading: str
     name: str  #: As written.
-    index: int
+    index: int | None  #: None of a time that only a sample rate gives.
     unit: str
 
     @property
@@ -171,8 +170,8 @@ def read_table(
         if len(matches) != 1:
             raise _choice_is_open(path, tables, matches, problems)
         table, plain, columns, unitless = matches[0]
-        values, advice = table.read([column.index for column in columns if column.index != NO_COLUMN], progress)
-    if columns[0].index == NO_COLUMN:
+        values, advice = table.read([column.index for column in columns if column.index is not None], progress)
+    if columns[0].index is None:
         values = np.vstack([np.arange(values.shape[1]), values])
     if unitless:
         advice += (Advice.of('unit-missing', columns=listed_names(unitless), unit_advice=UNIT_ADVICE),)
@@ -317,11 +316,11 @@ def _find_columns(
                 f"'time={shown(head.names[0])}:s'",
                 UNKNOWN,
             )
-        columns = [Column('time', key, NO_COLUMN, SAMPLES)]
+        columns = [Column('time', key, None, SAMPLES)]
     columns += [
         Column(known[name][0], head.names[k], k, known[name][1]) for k, name in enumerate(plain) if name in known
     ]
-    read = [column.name if column.index == NO_COLUMN else plain[column.index] for column in columns]
+    read = [column.name if column.index is None else plain[column.index] for column in columns]
     twice = next((column.name for k, column in enumerate(columns) if read[k] in read[:k]), None)
     if twice is not None:
         raise InputError(f"{path} has two columns '{shown(twice)}': leave one out, or rename it")

@@ -12,19 +12,9 @@ from swath_sysid.attitude.motion.attitude import quaternion
 from swath_sysid.attitude.motion.intake import NOT_MEASURED
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats import messages
 from swath_sysid.formats.bags import chosen_topic, intact_messages, opened_bag
 from swath_sysid.formats.manoeuvring_messages import CLOCKS_APART, odometry_message, odometry_reading
-from swath_sysid.formats.messages import (
-    FORCE_COVARIANCE,
-    IMU_VALUES,
-    ORIENTATION,
-    RATES,
-    SECOND_NS,
-    ImuMessage,
-    number_message,
-    stamp_ns,
-    typestore,
-)
 from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.topics import IMU, ODOMETRY
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
@@ -104,7 +94,7 @@ def holds_manoeuvres(path: str | Path) -> tuple[bool, bool]:
 def write_manoeuvring_bag(path: str | Path, manoeuvre: Manoeuvre, *, start_stamp_ns: int = 0) -> None:
     """Write a simulated manoeuvre with the topics of VRX; path and stamp are those of `write_imu_bag`."""
     m = manoeuvre
-    imu = ImuMessage('wamv/imu_link')
+    imu = messages.ImuMessage('wamv/imu_link')
     unknown = np.zeros((3, 3))
     sides = [(f'/wamv/thrusters/{side}/thrust', thrust) for side, thrust in (('left', m.port), ('right', m.starboard))]
     with writing_bag(path) as add:
@@ -113,13 +103,13 @@ def write_manoeuvring_bag(path: str | Path, manoeuvre: Manoeuvre, *, start_stamp
             motion = {name: float(getattr(m, name)[k]) for name in MEASURED}
             state = ManoeuvreState(t, **motion, pose_covariance=unknown, twist_covariance=unknown)
             for topic, thrust in sides:
-                add(topic, NUMBERS[0], stamp, number_message(thrust[k]))
+                add(topic, NUMBERS[0], stamp, messages.number_message(thrust[k]))
             odometry = odometry_message(state, 'odom', 'wamv/base_link', stamp)
             add('/wamv/odometry', ODOMETRY, stamp, odometry)
-            values = np.zeros(IMU_VALUES)
-            values[ORIENTATION] = quaternion(0.0, 0.0, state.heading)
-            values[RATES] = 0.0, 0.0, state.yaw_rate
-            values[FORCE_COVARIANCE.start] = NOT_MEASURED
+            values = np.zeros(messages.IMU_VALUES)
+            values[messages.ORIENTATION] = quaternion(0.0, 0.0, state.heading)
+            values[messages.RATES] = 0.0, 0.0, state.yaw_rate
+            values[messages.FORCE_COVARIANCE.start] = NOT_MEASURED
             add('/wamv/sensors/imu/imu/data', IMU, stamp, imu.of_values(stamp, values))
 
 
@@ -153,7 +143,7 @@ def _thruster_topics(path: Path, readers: Sequence[Any], *given: str | None) -> 
 
 def _read(path: Path, readers: Sequence[Any], roles: dict[str, str], advice: list[Advice]) -> dict[str, np.ndarray]:
     """By role the rows of its messages: stamp (NaN without a header) and time of arrival, s, and numbers."""
-    store = typestore()
+    store = messages.typestore()
     rows: dict[str, list[tuple]] = {topic: [] for topic in roles.values()}
     damaged = 0
     for connection, received, raw in intact_messages(path, readers, rows, advice):
@@ -166,8 +156,8 @@ def _read(path: Path, readers: Sequence[Any], roles: dict[str, str], advice: lis
             damaged += 1
             continue
         header = getattr(message, 'header', None)
-        stamp = np.nan if header is None else stamp_ns(header.stamp) / SECOND_NS
-        rows[connection.topic].append((stamp, received / SECOND_NS, *numbers))
+        stamp = np.nan if header is None else messages.stamp_ns(header.stamp) / messages.SECOND_NS
+        rows[connection.topic].append((stamp, received / messages.SECOND_NS, *numbers))
     if damaged:
         advice.append(Advice.of('damaged-messages', path=path, number=damaged))
     empty = next((topic for topic, found in rows.items() if not found), None)

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 SECOND_NS = 1_000_000_000
 #: The last is 1 (roll) or 2 (pitch) in the rows of the free decay for which the window was published by itself, else 0.
 WINDOW_COLUMNS = (*COLUMNS, 'decay')
-FLOAT64 = 8  #: sensor_msgs/PointField's number for doubles.
 ORIENTATION, RATES, FORCE = slice(0, 4), slice(13, 16), slice(25, 28)
 ORIENTATION_COVARIANCE, RATES_COVARIANCE, FORCE_COVARIANCE = slice(4, 13), slice(16, 25), slice(28, 37)
 #: The doubles of an Imu message, in their order.
@@ -206,7 +205,8 @@ def window_message(table: MotionTable, frame_id: str) -> bytes:
     """The sensor_msgs/PointCloud2 of a `MotionTable`: one row for each sample."""
     rows = np.column_stack([table.rows, _marks(table)]).astype('<f8')
     size = FLOAT64_BYTES * len(WINDOW_COLUMNS)
-    fields = [(name, FLOAT64_BYTES * place, FLOAT64, 1) for place, name in enumerate(WINDOW_COLUMNS)]
+    float64 = typestore().types['sensor_msgs/msg/PointField'].FLOAT64
+    fields = [(name, FLOAT64_BYTES * place, float64, 1) for place, name in enumerate(WINDOW_COLUMNS)]
     data, is_dense = rows.view(np.uint8).ravel(), bool(np.isfinite(rows).all())
     head = header(table.stamp_ns, frame_id)
     return serialised(
@@ -237,8 +237,9 @@ def window_table(message: Any) -> MotionTable:
     fields = {field.name: field for field in message.fields}
     order = '>' if message.is_bigendian else '<'
     count = message.width * message.height
+    float64 = typestore().types['sensor_msgs/msg/PointField'].FLOAT64
     for name in WINDOW_COLUMNS:
-        if name not in fields or fields[name].datatype != FLOAT64:
+        if name not in fields or fields[name].datatype != float64:
             raise InputError(f'the window has no FLOAT64 column {name}: publish the table that imu_buffer publishes')
         if fields[name].offset + FLOAT64_BYTES > message.point_step:
             raise InputError(f'the column {name} of the window reaches beyond its rows: check point_step and offsets')

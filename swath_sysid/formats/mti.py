@@ -17,11 +17,8 @@ from swath_sysid.formats.tables import read_columns, read_head
 
 SAMPLE_TIME_FINE_HZ = 10_000  #: Ticks a second of the sensor's clock.
 
-SAMPLE_TIME_FINE_WRAP = 1 << 32
-PACKET_COUNTER_WRAP = 1 << 16
-
-COUNTERS = ('PacketCounter', 'Counter')
-CLOCKS = ('SampleTimeFine', *COUNTERS)
+#: By column, where it starts again.
+CLOCKS = {'SampleTimeFine': 1 << 32, 'PacketCounter': 1 << 16, 'Counter': 1 << 16}
 #: Column to reading: angles in deg, the quaternion with its real part first, rates in rad/s, acceleration in m/s^2.
 READINGS = {
     **dict(zip(('Roll', 'Pitch', 'Yaw'), ('roll', 'pitch', 'yaw'), strict=True)),
@@ -74,18 +71,15 @@ def read_mti(
 
 def _time(path: str | Path, columns: dict[str, np.ndarray], remarks: dict[str, str]) -> np.ndarray:
     """Seconds from the first sample."""
-    if 'SampleTimeFine' in columns:
-        ticks = _unwrapped(columns['SampleTimeFine'], SAMPLE_TIME_FINE_WRAP)
-        if np.isfinite(ticks).any():
-            return ticks / SAMPLE_TIME_FINE_HZ
-    rate = update_rate(remarks)
-    counter = next((columns[name] for name in COUNTERS if name in columns), None)
-    if counter is None or rate is None:
-        raise InputError(
-            f'{path} holds no time: its SampleTimeFine is empty or missing, so give PacketCounter and a '
-            f"line '// Update Rate: 100.0Hz' above the columns"
-        )
-    return _unwrapped(counter, PACKET_COUNTER_WRAP) / rate
+    rates = dict.fromkeys(CLOCKS, update_rate(remarks)) | {'SampleTimeFine': SAMPLE_TIME_FINE_HZ}
+    for name, wrap in CLOCKS.items():
+        rate = rates[name]
+        if name in columns and rate is not None and np.isfinite(columns[name]).any():
+            return _unwrapped(columns[name], wrap) / rate
+    raise InputError(
+        f'{path} holds no time: its SampleTimeFine is empty or missing, so give PacketCounter and a '
+        f"line '// Update Rate: 100.0Hz' above the columns"
+    )
 
 
 def update_rate(remarks: dict[str, str]) -> float | None:
@@ -99,10 +93,6 @@ def update_rate(remarks: dict[str, str]) -> float | None:
 
 def _unwrapped(counter: np.ndarray, period: int) -> np.ndarray:
     """A counter that starts again at `period`, from its first value on, without the jumps."""
-    unwrapped = counter.copy()
-    counted = np.isfinite(counter)
-    if counted.any():
-        unwrapped[counted] = np.unwrap(counter[counted], period=period)
-        unwrapped -= unwrapped[counted][0]
-    unwrapped[~counted] = np.nan
-    return unwrapped
+    unwrapped, counted = counter.copy(), np.isfinite(counter)
+    unwrapped[counted] = np.unwrap(counter[counted], period=period)
+    return unwrapped - unwrapped[counted][0]

@@ -12,27 +12,11 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats import messages, topics
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.forecast_output import ForecastMessages
 from swath_sysid.formats.mcap_checksums import add_checksums
-from swath_sysid.formats.messages import (
-    coefficients_message,
-    diagnostics_message,
-    text_message,
-    typestore,
-    window_message,
-)
 from swath_sysid.formats.model_file import model_to_yaml
-from swath_sysid.formats.topics import (
-    COEFFICIENTS_TOPIC,
-    DESCRIPTION_TOPIC,
-    DIAGNOSTICS_TOPIC,
-    IMU_TOPIC,
-    LATCHED_TOPICS,
-    NEXT_TOPIC,
-    WINDOW_TOPIC,
-    type_of,
-)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,7 +42,7 @@ def writing_bag(path: str | Path) -> Iterator[Callable]:
             def add(topic: str, msgtype: str, time_ns: int, raw: bytes, qos: Sequence[Qos] = ()) -> None:
                 if topic not in connections:
                     connections[topic] = writer.add_connection(
-                        topic, msgtype, typestore=typestore(), offered_qos_profiles=list(qos)
+                        topic, msgtype, typestore=messages.typestore(), offered_qos_profiles=list(qos)
                     )
                 writer.write(connections[topic], time_ns, raw)
 
@@ -92,8 +76,8 @@ class OutputBag:
     def add(self, topic: str, time_ns: int, raw: bytes) -> None:
         """A serialised message on a topic of the nodes."""
         if topic not in self.counts:
-            qos = [offered_qos(topic in LATCHED_TOPICS, topic != IMU_TOPIC)]
-            self._described[topic] = f'/{topic.lstrip("/")}', type_of(topic), qos
+            qos = [offered_qos(topic in topics.LATCHED_TOPICS, topic != topics.IMU_TOPIC)]
+            self._described[topic] = f'/{topic.lstrip("/")}', topics.type_of(topic), qos
             self.counts[topic] = 0
         name, msgtype, qos = self._described[topic]
         self._add(name, msgtype, time_ns, raw, qos)
@@ -103,22 +87,22 @@ class OutputBag:
         """Everything that one step of a play-through, a `Played`, published, in that order."""
         time_ns, step = played.stamp_ns, played.step
         if played.models is not None:
-            self.add(DESCRIPTION_TOPIC, time_ns, text_message(model_to_yaml(played.models)))
-            self.add(COEFFICIENTS_TOPIC, time_ns, coefficients_message(played.models))
+            self.add(topics.DESCRIPTION_TOPIC, time_ns, messages.text_message(model_to_yaml(played.models)))
+            self.add(topics.COEFFICIENTS_TOPIC, time_ns, messages.coefficients_message(played.models))
         if step.next is not None:
-            self.add(NEXT_TOPIC, time_ns, self._forecasts.attitude(step.next))
+            self.add(topics.NEXT_TOPIC, time_ns, self._forecasts.attitude(step.next))
         for topic, raw in self._forecasts.of(step):
             self.add(topic, time_ns, raw)
         if played.window is not None:
-            self.add(WINDOW_TOPIC, time_ns, window_message(played.window, self._forecasts.frame_id))
+            self.add(topics.WINDOW_TOPIC, time_ns, messages.window_message(played.window, self._forecasts.frame_id))
 
     def add_imu(self, time_ns: int, values: np.ndarray) -> None:
         """The IMU message itself, of 37 numbers in the order of the message definition."""
-        self.add(IMU_TOPIC, time_ns, self._forecasts.imu.of_values(time_ns, values))
+        self.add(topics.IMU_TOPIC, time_ns, self._forecasts.imu.of_values(time_ns, values))
 
     def add_diagnostics(self, time_ns: int, statuses: Iterable[tuple[int, str, str, Mapping[str, str]]]) -> None:
         """Statuses as `diagnostics_message` takes them."""
-        self.add(DIAGNOSTICS_TOPIC, time_ns, diagnostics_message(time_ns, statuses))
+        self.add(topics.DIAGNOSTICS_TOPIC, time_ns, messages.diagnostics_message(time_ns, statuses))
 
 
 def offered_qos(latched: bool, reliable: bool) -> Qos:

@@ -12,8 +12,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.input_files import shown
-from swath_sysid.formats.untrusted_yaml import LONGEST_NUMBER
+from swath_sysid.formats.input_files import LONGEST_SHOWN, shown
 
 Built = TypeVar('Built')
 Check = Callable[[Any, str], Any]  #: Of a value and its place in the file.
@@ -137,7 +136,7 @@ def named(checks: Mapping[str, Check], required: Collection[str] = (), build: Ca
             raise InputError(f"{where}: '{shown(value)}' must be names and values; fields are {', '.join(checks)}")
         for name in value:
             if name not in checks:
-                close = difflib.get_close_matches(name[:LONGEST_NUMBER], checks, 1)
+                close = difflib.get_close_matches(name[:LONGEST_SHOWN], checks, 1)
                 meant = f" '{close[0]}' is meant?" if close else ''
                 raise InputError(f"{where}: unknown field '{shown(name)}';{meant} fields are {', '.join(checks)}")
         for name in required:

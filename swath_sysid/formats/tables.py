@@ -13,11 +13,17 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.input_files import BLOCK_BYTES, shown
-from swath_sysid.formats.named_columns import ISO_TIME, MISSING, Progress, known_number, seconds_of_text
+from swath_sysid.formats.named_columns import (
+    ISO_TIME,
+    LARGEST_UNPACKED,
+    MISSING,
+    Progress,
+    known_number,
+    seconds_of_text,
+)
 
 COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
 HEAD_BYTES = 1 << 16  #: How much text is looked at to find the columns.
-LARGEST_RECODED = 1 << 27  #: Bytes of a file in UTF-16 that are read; a longer one is to be saved in UTF-8.
 
 UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
@@ -218,8 +224,8 @@ def _opened(path: str | Path) -> BinaryIO:
     if encoding is None:
         return file
     with file:
-        raw = file.read(LARGEST_RECODED + 1)
-    if len(raw) > LARGEST_RECODED:
+        raw = file.read(LARGEST_UNPACKED + 1)
+    if len(raw) > LARGEST_UNPACKED:
         raise InputError(f'{path} is a long text in UTF-16: save it in UTF-8')
     try:
         return io.BytesIO(raw.decode(encoding).removeprefix('\ufeff').encode('utf-8'))

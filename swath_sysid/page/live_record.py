@@ -18,14 +18,11 @@ from swath_sysid.page.bring_up import Facts
 from swath_sysid.page.release import Release, release_of
 from swath_sysid.pipeline.health import Report
 
-WINDOW_S = 60.0
 RATE = 25.0  #: Hz; faster samples are thinned: a craft rolls in 1 s and more.
-STALE_S = 5.0  #: s after which a status is ignored.
+STALE_S = 5.0  #: s after which a status is ignored, and a campaign's folder read again.
 CHECKED_LEAD = 2.0  #: s; lead of the forecast that is kept until its motion has been measured.
 
-KEPT_FORECASTS = 600
 KEPT_MODELS = 5
-MAX_STATUSES = 100
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ class LiveRecord:
         """Set the sensor mounting; readings are accepted from the first call on."""
         if installation != self._installation:
             self._installation = installation
-            self._window = MotionWindow(WindowSettings(window=WINDOW_S, max_rate=2.0 * RATE, installation=installation))
+            self._window = MotionWindow(WindowSettings(max_rate=2.0 * RATE, installation=installation))
 
     def is_due(self, stamp_ns: int, clock: float) -> bool:
         """Whether a sample of this stamp is due; every sample is counted."""
@@ -101,17 +98,19 @@ class LiveRecord:
             horizon = Horizon(horizon.stamp, horizon.leads, {name: horizon.mean['heave']}, {name: horizon.std['heave']})
         for quantity in horizon.mean:
             self.horizons[quantity] = horizon
-            kept = self.checked.setdefault(quantity, deque(maxlen=KEPT_FORECASTS))
+            kept = self.checked.setdefault(quantity, deque())
             at = int(np.argmin(np.abs(horizon.leads - CHECKED_LEAD)))
             time = horizon.stamp + float(horizon.leads[at])
             if kept and time < kept[-1][0]:
                 kept.clear()
+            while kept and kept[0][0] < time - WindowSettings.window:
+                kept.popleft()
             kept.append((time, float(horizon.mean[quantity][at]), float(horizon.std[quantity][at])))
 
     def add_status(self, report: Report, clock: float) -> None:
         """Add a status, named ``NODE: NAME``."""
-        if report.name in self._statuses or len(self._statuses) < MAX_STATUSES:
-            self._statuses[report.name] = clock, report
+        self._statuses[report.name] = clock, report
+        self._statuses = {name: kept for name, kept in self._statuses.items() if clock - kept[0] < STALE_S}
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
         """Set the published models; an axis without one has none any more."""

@@ -10,8 +10,9 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import END_S
 from swath_sysid.page.layout import SCREEN_PERIOD, build
-from swath_sysid.page.state import END_S, PageState
+from swath_sysid.page.state import PageState
 
 try:
     import fastapi

@@ -14,12 +14,12 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.processes import verb_command
+from swath_sysid.common.processes import ended, verb_command
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Facts, Guidance
 from swath_sysid.page.charts import motion_changes
-from swath_sysid.page.live_record import LiveRecord
+from swath_sysid.page.live_record import STALE_S, LiveRecord
 from swath_sysid.page.live_view import (
     calm_words,
     campaign_words,
@@ -35,9 +35,6 @@ from swath_sysid.page.live_view import (
 from swath_sysid.page.model_words import verdict_of
 from swath_sysid.page.release import Release
 
-CAMPAIGN_PERIOD = 5.0  #: s between scans of the trials' folder.
-
-END_S = 10.0  #: Within which what is asked to end has to.
 SHOWN_ANSWERS = 2
 NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
 
@@ -144,7 +141,7 @@ class PageState:
             releases = releases_in_words(record.tried.get(self._axis, ()))
             words = model_words(record, self._axis, facts.text(IDENTIFICATION, 'last_verdict'))
             waters = calm_words(record), sea_words(record), valid_words(facts.statuses)
-        if self.manifest and now - self._campaign_read > CAMPAIGN_PERIOD:
+        if self.manifest and now - self._campaign_read > STALE_S:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
         self._look_after_recorder()
         self.view = View(
@@ -209,11 +206,8 @@ class PageState:
         """End the recording."""
         if self._recorder is not None:
             self._recorder.send_signal(signal.SIGINT)
-            try:
-                self._recorder.wait(END_S)
-            except subprocess.TimeoutExpired:
-                # what is on the disk is readable
-                self._recorder.kill()
+            # what is on the disk is readable also where it has to be killed
+            ended(self._recorder)
 
     def _save(self) -> bool:
         """Write the present models to a file; False where that failed."""

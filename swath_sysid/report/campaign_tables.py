@@ -8,14 +8,14 @@ import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
-from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
+from swath_sysid.attitude.identification.forecast_check import next_step
 from swath_sysid.campaign.evaluation import Condition, Record, beyond_noise, noise_statement, tied_best
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome, TrialOutcome
 from swath_sysid.common.rounding import digits, percent
 from swath_sysid.report.tables import Column, Table
 
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
-LEAD_NAMES = {0.25: 'a quarter period', 0.5: 'half a period', 1.0: 'one period'}
+LEAD_NAMES = ('a quarter period', 'half a period', 'one period')  #: Of `LEADS`.
 QUANTITIES = {'natural_period_s': 'natural period [s]', 'damping_ratio': 'equivalent damping ratio'}
 CHECKED_SAMPLES = 10
 SCHEDULE_POINTS = 9
@@ -281,8 +281,8 @@ def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bo
         ('next step [rad/s]', lambda item: item[1].next_step, digits(4)),
         ('simulated motion', lambda item: item[1].simulation, percent),
         *(
-            (f'forecast {LEAD_NAMES[lead]} ahead', lambda item, k=k: item[1].forecasts[k], percent)
-            for k, lead in enumerate(LEADS)
+            (f'forecast {name} ahead', lambda item, k=k: item[1].forecasts[k], percent)
+            for k, name in enumerate(LEAD_NAMES)
         ),
         ('simulated, held out', lambda item: item[1].held_out, percent),
     )

@@ -4,14 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from swath_sysid.attitude.prediction.forecast import NORMAL_QUANTILES
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE, Demonstration, LeadForecasts, Verdict
 from swath_sysid.report.figures import MEASURED, Axes, Figure, band, new_figure, quiet
 
 BEFORE, AFTER, BAND = '#e08e2b', '#0b8a83', '#9fd8d2'
-NORMAL_90 = 1.6449
 TRUTH = 'simulated craft'
 DOTS: Any = {'marker': '.', 'linestyle': '', 'markersize': 3}
-MAX_LEADS = 4
 
 
 def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
@@ -21,7 +20,7 @@ def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
     upper, lower = halves
     limit = 1.45 * np.degrees(demonstration.release_angle)
     _draw_run(quiet(upper.subplots()), demonstration, limit)
-    shown = [each for each in demonstration.forecasts if each.lead <= demonstration.period_lead][-MAX_LEADS:]
+    shown = [each for each in demonstration.forecasts if each.lead <= demonstration.period_lead]
     panels = np.atleast_1d(lower.subplots(1, len(shown), sharey=True))
     for panel, forecasts in zip(panels, shown, strict=True):
         _draw_lead(quiet(panel), demonstration, forecasts, limit)
@@ -41,7 +40,7 @@ def _draw_run(axes: Axes, demonstration: Demonstration, limit: float):
     for chosen, colour, name in ((before, BEFORE, 'no model yet'), (after, AFTER, 'identified model')):
         style = DOTS | {'color': colour, 'label': f'{ahead}, {name}'}
         axes.plot(chosen.time - begin, np.degrees(chosen.angle), **style)
-    middle, half_width = np.degrees(after.angle), np.degrees(NORMAL_90 * after.std)
+    middle, half_width = np.degrees(after.angle), np.degrees(NORMAL_QUANTILES[1] * after.std)
     band(axes, after.time - begin, middle, half_width, color=BAND, alpha=0.45, label='its 90 % interval')
     angle = np.degrees(demonstration.angle)
     axes.plot(demonstration.time - begin, angle, color=MEASURED, linewidth=1.2, zorder=1.5, label=TRUTH)

@@ -23,8 +23,8 @@ from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.fit_summary import short_name
 from swath_sysid.report.tables import Table, columns_of
 
-DEGREE = math.pi / 180.0
-CURVE_TERMS = (('p1', '-', 1.0), ('p2', '1/deg', DEGREE), ('p3', '1/deg^2', DEGREE**2), ("Bertin's N", '1/deg', DEGREE))
+#: Name, unit, and its power of an angle.
+CURVE_TERMS = (('p1', '-', 0), ('p2', '1/deg', 1), ('p3', '1/deg^2', 2), ("Bertin's N", '1/deg', 1))
 DAMPING_TERMS = (('b1', '1/s', 'N m s'), ('b2', '1/rad', 'N m s^2'), ('b3', 's/rad^2', 'N m s^3'))
 PEAK_COLUMNS = columns_of(
     {
@@ -59,7 +59,7 @@ def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
                 np.degrees(peaks.decrement),
                 peaks.logarithmic_decrement,
                 peaks.period,
-                peaks.bertin * DEGREE,
+                np.radians(peaks.bertin),
             ],
             ((0, 0), (1, 1)),
             constant_values=np.nan,
@@ -89,8 +89,8 @@ def curve_rows(
     """Rows of the extinction curve, then of the damping terms by curve and by fitted motion; inertia in kg m^2."""
     values, stds = [*extinction.coefficients, extinction.bertin], [*extinction.std, extinction.bertin_std]
     rows: list[tuple] = [
-        (name, unit, float(value * scale), float(std * scale), None, None, None, '', None)
-        for (name, unit, scale), value, std in zip(CURVE_TERMS, values, stds, strict=True)
+        (name, unit, *(float(each * np.radians(1.0) ** power) for each in (value, std)), None, None, None, '', None)
+        for (name, unit, power), value, std in zip(CURVE_TERMS, values, stds, strict=True)
     ]
     for (name, unit, moment), value, std, divisor in zip(
         DAMPING_TERMS, extinction.damping, extinction.damping_std, _damping_units(particulars, axis), strict=True

@@ -12,7 +12,7 @@ from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification.forecast_check import next_step
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.evaluation import TIE
-from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS, DecayStudy, StudiedRecord
+from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DecayStudy, StudiedRecord
 from swath_sysid.common.rounding import digits, percent
 from swath_sysid.report.tables import Column, Table
 
@@ -130,7 +130,7 @@ def _claim_next_step(study: DecayStudy, claim: dict[str, Any]):
 
 
 def _claim_trend(study: DecayStudy, claim: dict[str, Any]):
-    drafts = claim.get('draft_factors', DRAFT_FACTORS)
+    drafts = claim.get('draft_factors', study.publication.draft_factors)
     angles = claim.get('angles_deg', sorted({r.angle_deg for r in study.records}))
     curves = [[(f, a) for a in angles] for f in drafts]
     if claim['against'] == 'draft':
@@ -169,7 +169,7 @@ def _verdict(holds: int, count: int, by_construction: bool = False):
 
 
 def _claim_decays(study: DecayStudy, claim: dict[str, Any]):
-    records = [study.at(factor, claim['angle_deg']) for factor in DRAFT_FACTORS]
+    records = [study.at(factor, claim['angle_deg']) for factor in study.publication.draft_factors]
     peaks = [
         float(np.abs(simulate(r.hull, np.radians(r.angle_deg), 0.0, r.problem.motions[0].time)[1]).max())
         for r in records

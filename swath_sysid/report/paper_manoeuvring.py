@@ -8,13 +8,12 @@ from swath_sysid.campaign.papers.manoeuvring_study import ManoeuvringStudy, trac
 from swath_sysid.campaign.papers.publication import citation
 from swath_sysid.common.rounding import digits
 from swath_sysid.report.campaign_extinction import PARTICULARS
-from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, WIDTH, legend_below
+from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, WIDTH, legend_below, panel
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
 from swath_sysid.report.html_page import Drawing, bullets, figures, page, page_style, paragraph, table_as_html
 from swath_sysid.report.paper_decay_claims import BY_CONSTRUCTION, verdict_mark
 from swath_sysid.report.tables import Column, Table, columns_of
 
-TALL = 1.2 * HEIGHT
 FIGURE_OF_RUN = {'identification': '4', 'validation': '5'}
 
 
@@ -148,7 +147,7 @@ def _models(study: ManoeuvringStudy, run: str):
 def _trajectories(study: ManoeuvringStudy):
     for run, number in FIGURE_OF_RUN.items():
         title = f'{run}, {study.content["runs"][run][1]:g} N starboard'
-        figure, axes = new_panel(WIDTH, TALL, title=title, xlabel='east [m]', ylabel='north [m]')
+        figure, axes = new_panel(WIDTH, WIDTH, title=title, xlabel='east [m]', ylabel='north [m]')
         for motion, label, style in _models(study, run):
             axes.plot(motion.x, motion.y, label=label, **style)
         axes.set_aspect('equal', 'datalim')
@@ -173,7 +172,7 @@ def _turns(study: ManoeuvringStudy):
 def _iterations(study: ManoeuvringStudy):
     for row in ('Y', 'N'):
         labels = {'title': f'{row} derivatives', 'xlabel': 'iteration', 'ylabel': 'over its simulated value'}
-        figure, axes = new_panel(WIDTH, TALL, **labels)
+        figure, axes = panel(**labels)
         names = [name for name in study.free if name.startswith(row)]
         for name, (style, colour) in zip(names, product(LINE_STYLES, SERIES), strict=False):
             values = study.iterations[:, study.free.index(name)]

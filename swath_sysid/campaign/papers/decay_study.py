@@ -15,21 +15,13 @@ from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.identification import search
 from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, prepare
-from swath_sysid.attitude.identification.search import (
-    PRESETS,
-    SearchSettings,
-    full_ratios,
-    published_space,
-    run_search,
-)
 from swath_sysid.campaign.papers.publication import DecayPublication, decay_publication
 
-DRAFT_FACTORS = (0.9, 1.0, 1.1)
 HOLD_S = 1.0
-RATE_HZ = 100.0
 #: The budget of the genetic search: none is printed for the swarm.
 SWARM: dict[str, Any] = {'generations': 2000, 'population': 200}
 
@@ -106,7 +98,7 @@ def study_record(name: str, draft_factor: float, angle_deg: float, seed: int) ->
 def _record(publication: DecayPublication, hull: DecayModel, angle_deg: float, objective_value: float, seed: int):
     """A simulated record, cut from the release to the duration of the study."""
     noise = SensorNoise(rate=objective_value / np.sqrt(2.0))
-    trial = simulated_trial(hull, np.radians(angle_deg), publication.duration_s, RATE_HZ, noise, seed, hold=HOLD_S)
+    trial = simulated_trial(hull, np.radians(angle_deg), publication.duration_s, noise=noise, seed=seed, hold=HOLD_S)
     return prepare([trial.axis(hull.axis)], HOLD_S, HOLD_S + publication.duration_s)
 
 
@@ -128,17 +120,17 @@ def _by_name(equation: Equation, ratios: np.ndarray):
 
 def _searched(problem: Problem, equation: Equation, name: str, seed: int):
     return SearchedEquation(
-        genetic=searched_optimum(problem, equation, name, SearchSettings(preset=name, seed=seed)),
-        swarm=searched_optimum(problem, equation, name, SearchSettings('pso', **SWARM, seed=seed)),
+        genetic=searched_optimum(problem, equation, name, search.SearchSettings(preset=name, seed=seed)),
+        swarm=searched_optimum(problem, equation, name, search.SearchSettings('pso', **SWARM, seed=seed)),
         exact=_exact(problem, equation),
     )
 
 
-def searched_optimum(problem: Problem, equation: Equation, name: str, settings: SearchSettings) -> Optimum:
+def searched_optimum(problem: Problem, equation: Equation, name: str, settings: search.SearchSettings) -> Optimum:
     """Search the published objective in the published variables and ranges."""
-    space, objective = published_space(equation, PRESETS[name], problem.scales), objective_of(problem)
-    found = run_search(lambda c: objective(full_ratios(c, equation, problem.scales)), space, settings)
-    ratios = full_ratios(space.to_ratios(found.best[None]), equation, problem.scales)[0]
+    space, objective = search.published_space(equation, search.PRESETS[name], problem.scales), objective_of(problem)
+    found = search.run_search(lambda c: objective(search.full_ratios(c, equation, problem.scales)), space, settings)
+    ratios = search.full_ratios(space.to_ratios(found.best[None]), equation, problem.scales)[0]
     return Optimum(found.value, float(found.best[0]), _by_name(equation, ratios))
 
 
@@ -183,5 +175,5 @@ def run_decay_study(
     printed = publication.coefficients
     problem = DecayStudy(publication, records, ()).at(printed.draft_factor, printed.angle_deg).problem
     equation = equation_named(publication.chosen)
-    found = [searched_optimum(problem, equation, name, SearchSettings(preset=name, seed=s)) for s in OTHER_SEEDS]
+    found = [searched_optimum(problem, equation, name, search.SearchSettings(preset=name, seed=s)) for s in OTHER_SEEDS]
     return DecayStudy(publication, records, tuple(f.inertia for f in found))

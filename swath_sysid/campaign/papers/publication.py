@@ -55,6 +55,11 @@ class DecayPublication:
         }
 
     @property
+    def draft_factors(self) -> list[float]:
+        """Of its records."""
+        return sorted({factor for factor, _ in self.printed_objective})
+
+    @property
     def out_of_order(self) -> tuple[tuple, ...]:
         """(draft factor, angle, larger, contained equation) where the larger equation has the larger value."""
         return tuple(

@@ -6,6 +6,7 @@ y port, z up the derivatives of a symmetric craft keep their numbers; N0, the le
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.common.errors import InputError
@@ -38,65 +39,6 @@ MATRICES = {
         ('(1 + moment_factor) * lever * (1 - advance * u) * (left - right) + N0',),
     ),
 }
-
-_PYTHON = '''import numpy as np
-
-{numbers}
-
-M = {M}
-
-
-def C(u, v, r):
-    """Coriolis and centripetal matrix of the rigid body; that of added mass is in Xvr, Yur and Nuv of D."""
-    return {C}
-
-
-def D(u, v, r):
-    """Damping matrix."""
-    return {D}
-
-
-def thrust(c):
-    """Force of one thruster under an input, N."""
-    beyond = max(abs(c) / full_input - dead_band, 0.0) / (1.0 - dead_band)
-    if c < 0.0:
-        return -reverse_ratio * gain * full_input * beyond ** (exponent * reverse_exponent_ratio)
-    return gain * full_input * beyond**exponent
-
-
-def tau(port, starboard, u):
-    """Forces of the thrusters and constant ones, N, N, N m."""
-    left, right = (1 - balance) * thrust(port), (1 + balance) * thrust(starboard)
-    return {tau}[:, 0]
-
-
-def acceleration(nu, port, starboard):
-    """Derivative of nu = (u, v, r) through the water under inputs."""
-    return np.linalg.solve(M, tau(port, starboard, nu[0]) - (C(*nu) + D(*nu)) @ nu)
-'''
-
-_MATLAB = """function [nu_dot, M, C, D, tau] = {function}(nu, port, starboard)
-{head}
-% nu_dot is the derivative of nu = [u v r]' through the water under inputs.
-% C is of the rigid body: that of added mass is in Xvr, Yur and Nuv of D.
-
-{numbers}
-
-u = nu(1); v = nu(2); r = nu(3);
-M = {M};
-C = {C};
-D = {D};
-
-beyond = max(abs([port, starboard]) / full_input - dead_band, 0) / (1 - dead_band);
-ahead = [port, starboard] >= 0;
-thrust = gain * full_input * (ahead .* beyond .^ exponent ...
-    - ~ahead * reverse_ratio .* beyond .^ (exponent * reverse_exponent_ratio));
-left = (1 - balance) * thrust(1);
-right = (1 + balance) * thrust(2);
-tau = {tau};
-nu_dot = M \\ (tau - (C + D) * nu(:));
-end
-"""
 
 _PYTHON_AXIS = '''
 {axis}_inertia = {inertia}  # kg m2, with added inertia
@@ -158,11 +100,11 @@ def fossen(model: ManoeuvringModel, language: str = PYTHON, function: str = 'cra
     numbers = '\n'.join(f'{name} = {value!r}{end} {mark} {UNITS[name]}' for name, value in values.items())
     if language == PYTHON:
         rows = {n: _python_matrix(r).replace('\n', '\n' + ' ' * 4 * (n != 'M')) for n, r in MATRICES.items()}
-        text = _commented(head, '#') + _PYTHON.format(numbers=numbers, **rows)
+        text = _commented(head, '#') + _template(language).format(numbers=numbers, **rows)
     else:
         rows = {name: _matlab_matrix(entries) for name, entries in MATRICES.items()}
         name = _matlab_name(function)
-        text = _MATLAB.format(function=name, head=_commented(head, '%').rstrip(), numbers=numbers, **rows)
+        text = _template(language).format(function=name, head=_commented(head, '%').rstrip(), numbers=numbers, **rows)
     return Export(text, advice)
 
 
@@ -200,6 +142,10 @@ def fossen_attitude(
     what = '% s holds inertia, kg m2, and handles of damping and restoring, N m, of each axis.\n'
     first = f'function s = {_matlab_name(function)}()\n{_commented(head, "%")}{what}'
     return Export(first + ''.join(parts) + 'end\n', ())
+
+
+def _template(language: str) -> str:
+    return resources.files(__package__).joinpath(f'fossen_{language}.txt').read_text(encoding='utf-8')
 
 
 def _commented(lines: Iterable[str], mark: str) -> str:

@@ -19,21 +19,11 @@ from scipy.signal import find_peaks
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulated_craft import release_angle
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.export.expressible import (
-    Export,
-    added_mass_advice,
-    added_mass_diverges,
-    change,
-    effective_lever,
-    elements,
-    expressed,
-    force_lines,
-    losses,
-    xml_comment,
-)
+from swath_sysid.formats.export import expressible
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.thrust import thrust_curve
 
@@ -62,11 +52,10 @@ ELEMENTS = {
 EXPRESSIBLE = {*ELEMENTS, 'x_G'}
 AXES = {'roll': ('k', 'P', 'ixx'), 'pitch': ('m', 'Q', 'iyy')}
 EXPRESSED_TERMS = ('b1', 'b2', 'r1')
-TYPICAL_AMPLITUDE = math.radians(5.0)  #: For model files without an amplitude range.
 CRESTS = 3  #: Compared crests after the release.
 
 
-def gazebo(model: ManoeuvringModel) -> Export:
+def gazebo(model: ManoeuvringModel) -> expressible.Export:
     """A manoeuvring model as SDF of the plugins Hydrodynamics and Thruster of gz-sim, Garden or later.
 
     Args:
@@ -80,21 +69,21 @@ def gazebo(model: ManoeuvringModel) -> Export:
         >>> 'gz::sim::systems::Hydrodynamics' in export.text
         True
     """
-    advice = losses(model, EXPRESSIBLE, "gz-sim's Hydrodynamics")
+    advice = expressible.losses(model, EXPRESSIBLE, "gz-sim's Hydrodynamics")
     # what a centre of gravity ahead of the frame adds has the form of added mass with its Coriolis forces
     moment = model['m'] * model['x_G']
     model = model.with_values(
         x_G=0.0, Yr_dot=model['Yr_dot'] - moment, Nv_dot=model['Nv_dot'] - moment, Xrr=model['Xrr'] + moment
     )
-    within_link = added_mass_diverges(model) and model['Yr_dot'] == model['Nv_dot']
-    advice += () if within_link else added_mass_advice(model)
-    reduced, _ = expressed(model, ELEMENTS)
+    within_link = expressible.added_mass_diverges(model) and model['Yr_dot'] == model['Nv_dot']
+    advice += () if within_link else expressible.added_mass_advice(model)
+    reduced, _ = expressible.expressed(model, ELEMENTS)
     derivatives = {element: reduced[name] for name, element in ELEMENTS.items()} | {'nUR': -moment}
     inertial = {'mass': model['m']}
     if within_link:
         inertial['fluid_added_mass'] = {element: -model[name] for name, element in FLUID_ADDED_MASS.items()}
         derivatives = _without_coriolis_of_the_link(derivatives)
-    lever = effective_lever(model)
+    lever = expressible.effective_lever(model)
     notes = [
         'Surge, sway and yaw of an identified craft for gz-sim Garden or later, body x forward, y port, z up.',
         'Merge link inertia and plugins into your model; buoyancy keeps heave, roll and pitch. ixx and iyy are not',
@@ -104,7 +93,7 @@ def gazebo(model: ManoeuvringModel) -> Export:
         f'The joints port_joint and starboard_joint turn propellers about x at y = {lever:.6g} m and {-lever:.6g} m;',
         'send forces to /model/NAME/joint/port_joint/cmd_thrust and .../starboard_joint/cmd_thrust. propeller_diameter',
         'and thrust_coefficient set only how fast the propellers are seen to turn: put your own.',
-        *force_lines(model),
+        *expressible.force_lines(model),
         *(f'WARNING {a.message}' for a in advice),
     ]
     thrusters = [_thruster(reduced, f'{side}_joint', share) for side, share in (('port', -1.0), ('starboard', 1.0))]
@@ -115,7 +104,7 @@ def gazebo(model: ManoeuvringModel) -> Export:
         {'izz': model['Iz']},
         [_hydrodynamics(derivatives, model.current), *thrusters],
     )
-    return Export(text, advice)
+    return expressible.Export(text, advice)
 
 
 def _without_coriolis_of_the_link(derivatives: Mapping[str, float]) -> dict[str, float]:
@@ -153,7 +142,7 @@ def _thruster(model: ManoeuvringModel, joint: str, side: float) -> str:
 
 
 def _plugin(file: str, name: str, values: Mapping[str, Any]) -> str:
-    return f'    <plugin filename="{file}" name="{name}">\n{elements(values, 6)}\n    </plugin>'
+    return f'    <plugin filename="{file}" name="{name}">\n{expressible.elements(values, 6)}\n    </plugin>'
 
 
 def _sdf(
@@ -162,16 +151,16 @@ def _sdf(
     """SDF of one link; unknown moments of inertia are set to the largest known one, which SDF accepts."""
     all_moments = dict.fromkeys(('ixx', 'iyy', 'izz'), max(moments.values())) | moments
     products = dict.fromkeys(('ixy', 'ixz', 'iyz'), 0.0)
-    link = elements({**inertial, 'inertia': all_moments | products}, 8)
-    body = '\n'.join(plugins)
+    link = expressible.elements({**inertial, 'inertia': all_moments | products}, 8)
+    body, head = '\n'.join(plugins), f'<?xml version="1.0"?>\n{expressible.xml_comment(notes)}'
     return (
-        f'<?xml version="1.0"?>\n{xml_comment(notes)}\n<sdf version="1.10">\n  <model name={quoteattr(name)}>\n'
+        f'{head}\n<sdf version="1.10">\n  <model name={quoteattr(name)}>\n'
         f'    <link name="base_link">\n      <inertial>\n{link}\n      </inertial>\n    </link>\n{body}\n'
         '  </model>\n</sdf>\n'
     )
 
 
-def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str, float]) -> Export:
+def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str, float]) -> expressible.Export:
     """SDF of roll and pitch damping of decay models by axis, with their inertias, added inertia included, kg m^2."""
     derivatives: dict[str, float] = {}
     moments, notes, advice = {}, [], []
@@ -196,7 +185,7 @@ def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str
         *notes,
         *(f'WARNING {a.message}' for a in advice),
     ]
-    return Export(_sdf('craft', notes, {}, moments, [_hydrodynamics(derivatives)]), tuple(advice))
+    return expressible.Export(_sdf('craft', notes, {}, moments, [_hydrodynamics(derivatives)]), tuple(advice))
 
 
 def inertia_of(axis: str, inertias: Mapping[str, float]) -> float:
@@ -237,7 +226,7 @@ def _attitude_losses(axis: str, identified: IdentifiedModel, inertia: float) -> 
     dropped = {name: value for name, value in model.terms.items() if value and name not in EXPRESSED_TERMS}
     if dropped:
         largest = identified.amplitude_range[1]
-        angle = largest if 0.0 < largest < float('inf') else TYPICAL_AMPLITUDE
+        angle = largest if 0.0 < largest < float('inf') else release_angle(model)
         whole, part = crest(model, angle), crest(gazebo_decay(model), angle)
         named = ', '.join(f'{n} = {v:.4g}' for n, v in dropped.items())
         found.append(
@@ -247,8 +236,8 @@ def _attitude_losses(axis: str, identified: IdentifiedModel, inertia: float) -> 
                 named=named,
                 angle=math.degrees(angle),
                 crests=CRESTS,
-                time=change('time_s', whole[0], part[0]),
-                height=change('height_deg', math.degrees(whole[1]), math.degrees(part[1])),
+                time=expressible.change('time_s', whole[0], part[0]),
+                height=expressible.change('height_deg', math.degrees(whole[1]), math.degrees(part[1])),
             )
         )
     return found

@@ -6,16 +6,7 @@ with it. It computes further Coriolis forces but does not apply them.
 """
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.formats.export.expressible import (
-    Export,
-    added_mass_advice,
-    effective_lever,
-    elements,
-    expressed,
-    force_lines,
-    losses,
-    xml_comment,
-)
+from swath_sysid.formats.export import expressible
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 
 ELEMENTS = {
@@ -31,7 +22,7 @@ ELEMENTS = {
 }
 
 
-def vrx(model: ManoeuvringModel) -> Export:
+def vrx(model: ManoeuvringModel) -> expressible.Export:
     """A manoeuvring model as SDF of the plugin SimpleHydrodynamics of VRX.
 
     Args:
@@ -46,24 +37,25 @@ def vrx(model: ManoeuvringModel) -> Export:
         True
     """
     implied = {'Xvr': -model['Xu_dot'], 'Yur': model['Yv_dot']}
-    advice = (*losses(model, ELEMENTS, "VRX's SimpleHydrodynamics", **implied), *added_mass_advice(model))
+    advice = expressible.losses(model, ELEMENTS, "VRX's SimpleHydrodynamics", **implied)
+    advice += expressible.added_mass_advice(model)
     if any(model.current):
         advice += (Advice.of('current-not-exported', east=model.current[0], north=model.current[1]),)
-    reduced, _ = expressed(model, ELEMENTS, **implied)
-    lever = effective_lever(model)
+    reduced, _ = expressible.expressed(model, ELEMENTS, **implied)
+    lever = expressible.effective_lever(model)
     notes = [
         'Surge, sway and yaw of an identified craft for VRX: put the plugin in place of the one in',
         'wamv_gazebo/urdf/dynamics/wamv_gazebo_dynamics_plugin.xacro, under <gazebo>.',
         f'All links together are to have mass {model["m"]:.10g} kg and izz {model["Iz"]:.10g} kg m2 about their common',
         f'centre, and the thrusters to be at y = {lever:.6g} m and {-lever:.6g} m.',
         'Keep zW, kP, kPP, mQ and mQQ of your craft beside these; without them VRX takes its own defaults.',
-        *force_lines(model),
+        *expressible.force_lines(model),
         *(f'WARNING {a.message}' for a in advice),
     ]
     values = {'link_name': 'wamv/base_link', **{element: -reduced[name] for name, element in ELEMENTS.items()}}
-    return Export(
-        f'<?xml version="1.0"?>\n{xml_comment(notes)}\n'
+    return expressible.Export(
+        f'<?xml version="1.0"?>\n{expressible.xml_comment(notes)}\n'
         '<plugin filename="libSimpleHydrodynamics.so" name="vrx::SimpleHydrodynamics">\n'
-        f'{elements(values, 2)}\n</plugin>\n',
+        f'{expressible.elements(values, 2)}\n</plugin>\n',
         advice,
     )

@@ -1,15 +1,85 @@
-"""The picture of a forecast's skill: error against lead, a stretch with its fans, reliability."""
+"""A forecast's skill as plain data, and its picture: error against lead, a stretch with its fans, reliability."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecast import LEVELS
+from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.pipeline.record_run import Run
-from swath_sysid.pipeline.scoring import Skill
+from swath_sysid.pipeline.scoring import AFTER_GAP, CONFIDENCE, Skill
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, band, new_figure, quiet
+from swath_sysid.report.fit_summary import warnings_as_data
+
+POINT_UNITS = {'heave': 'm', 'vertical_velocity': 'm_s', 'vertical_acceleration': 'm_s2'}
+
+
+def skill_as_data(skill: Skill) -> dict:
+    """The scores as plain data for JSON; what is not known is None."""
+    data = {
+        'leads_s': skill.leads,
+        'warmup_s': skill.warmup,
+        'until_s': skill.until,
+        'window_s': skill.window,
+        'confidence_of_intervals': CONFIDENCE,
+        'axes': {axis: _scores_as_data(scores, 'rad') for axis, scores in skill.axes.items()},
+        **_points_as_data(skill.points),
+        'step_s': skill.step_time,
+        'refit_s': skill.refit_time,
+        **warnings_as_data(skill.advice),
+    }
+    if skill.quiescence is not None and skill.quiescence_limits is not None:
+        r, limits = skill.quiescence, skill.quiescence_limits
+        data['quiescence'] = {
+            'limits': {name: getattr(limits, name) for name in (*ATTITUDE, 'duration')},
+            'edges': r.edges,
+            'count': r.count,
+            'forecast': r.forecast,
+            'observed': r.observed,
+            'brier': r.brier,
+            'brier_of_climate': r.brier_of_climate,
+        }
+    if skill.decisions is not None:
+        data['decisions'] = asdict(skill.decisions)
+    return finite_or_none(data)
+
+
+def _points_as_data(points: Mapping[str, Mapping[str, Any]]):
+    if not points:
+        return {}
+    return {
+        'points': {
+            name: {kind: _scores_as_data(scores, POINT_UNITS[kind]) for kind, scores in kinds.items()}
+            for name, kinds in points.items()
+        }
+    }
+
+
+def _scores_as_data(scores: Any, unit: str):
+    return {
+        f'deviation_{unit}': scores.deviation,
+        'counted': scores.counted,
+        'unmeasured': scores.unmeasured,
+        'nrmse': scores.nrmse,
+        'nrmse_interval': scores.interval,
+        'nrmse_expected': scores.expected,
+        **({} if scores.valid_lead is None else {'valid_lead': asdict(scores.valid_lead)}),
+        'best_baseline': scores.best,
+        'ratio': scores.ratio,
+        'ratio_interval': scores.ratio_interval,
+        'stood_in': scores.replaced_share,
+        'coverage': {f'{100 * level:g}': scores.coverage[:, k] for k, level in enumerate(LEVELS)},
+        'after_gap': {
+            'within_s': AFTER_GAP,
+            'share': scores.gap_share,
+            'nrmse': scores.gap_nrmse,
+        },
+    }
+
 
 LABELS = {
     'forecast': 'forecast',
