@@ -13,7 +13,7 @@ from swath_sysid import __version__
 from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings
-from swath_sysid.attitude.identification.problem import Problem, prepare
+from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.campaign import evaluation
@@ -192,9 +192,11 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> TrialOutc
         trial = read_trial(entry.path, topic=entry.topic, frame=entry.frame, columns=dict(entry.columns))
         refuse_contradictions(trial, entry.axis)
         problem = prepare([trial.axis(entry.axis)], entry.start, entry.end)
-        angle = entry.initial_angle_deg
-        if angle is None:
-            angle = _rounded_angle(trial, problem)
+        angle, stated = entry.initial_angle_deg, trial.initial_angle
+        if angle is None and stated is not None:
+            angle = round(math.degrees(stated), 6)
+        elif angle is None:
+            angle = round(math.degrees(problem.scales.amplitude) / ANGLE_STEP_DEG) * ANGLE_STEP_DEG
         loading = round(loading_of(entry, trial, manifest.craft, quantity), 9)
     except InputError as error:
         return outcome.left_out(error)
@@ -215,13 +217,6 @@ def _check_drafts(trials: Sequence[TrialOutcome]) -> None:
             f'the files of the trials give several drafts ({", ".join(f"{draft:g}" for draft in drafts)} m), and the '
             "manifest no design draft: write the craft's draft_m under craft:, to which the drafts of trials refer"
         )
-
-
-def _rounded_angle(trial: Trial, problem: Problem) -> float:
-    """Initial angle that the file states, or at which the decay began, deg."""
-    if trial.initial_angle is not None:
-        return round(math.degrees(trial.initial_angle), 6)
-    return round(math.degrees(problem.scales.amplitude) / ANGLE_STEP_DEG) * ANGLE_STEP_DEG
 
 
 def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:

@@ -115,7 +115,10 @@ def _identify(arguments: Namespace):
     data = manoeuvring_summary.identification_as_data(found, time.perf_counter() - began)
     data['warnings'] = [*warnings_as_data(copies)['warnings'], *data['warnings']]
     if arguments.output:
-        write_manoeuvring_model(arguments.output, _for_file(found, data, once))
+        kept = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
+        provenance = {**sources.provenance_of(once), 'runs': data['runs']}
+        identified = found.identified({key: data[key] for key in kept}, provenance)
+        write_manoeuvring_model(arguments.output, calibrated(identified, found.identified_on))
     if arguments.plot:
         folder = Path(arguments.plot)
         folder.mkdir(parents=True, exist_ok=True)
@@ -124,13 +127,6 @@ def _identify(arguments: Namespace):
     show_advice(manoeuvring_summary.condensed(found.advice))
     print_result(arguments.json, data, manoeuvring_summary.identification_in_words(found))
     return 0
-
-
-def _for_file(found: Any, data: dict, paths: Sequence[str]):
-    kept = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
-    metrics = {key: data[key] for key in kept}
-    provenance = {**sources.provenance_of(paths), 'runs': data['runs']}
-    return calibrated(found.identified(metrics, provenance), found.identified_on)
 
 
 def _target(text: str):
@@ -157,7 +153,12 @@ def _recipe(arguments: Namespace) -> int:
                 f'  {name:<16}{share:>5.2f}  ' + (f'lacks {missing[name]}' if name in missing else 'enough')
                 for name, share in shares.items()
             ),
-            *_unmeasured(runs),
+            *(
+                f'No {name.replace("_", " ")} in these runs: record it, or position and heading, to judge its '
+                'derivatives.'
+                for k, name in enumerate(CHANNELS)
+                if not any(np.isfinite(run.smooth[k]).any() for run in runs)
+            ),
         ]
     else:
         lines = [
@@ -166,14 +167,6 @@ def _recipe(arguments: Namespace) -> int:
         ]
     print_result(arguments.json, {'recipe': recipe, 'excitation': finite_or_none(shares), 'lacking': missing}, lines)
     return 0
-
-
-def _unmeasured(runs: Sequence[Run]):
-    return [
-        f'No {name.replace("_", " ")} in these runs: record it, or position and heading, to judge its derivatives.'
-        for k, name in enumerate(CHANNELS)
-        if not any(np.isfinite(run.smooth[k]).any() for run in runs)
-    ]
 
 
 def _forecast(arguments: Namespace):

@@ -107,7 +107,9 @@ def _pipeline_of(
         {'topic': WINDOW_TOPIC},
         identifier['identify_interval_s'],
     )
-    pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
+    own = os.path.expanduser(identifier['model_path'])
+    known = arguments.model or (own if os.path.exists(own) else '')
+    pipeline = PlayThrough(settings, read_model(known) if known else None)
     pipeline.window.record(buffer['record_at_start'])
     return pipeline
 
@@ -126,14 +128,6 @@ def _play_manoeuvres(arguments: Namespace):
     told = f'{arguments.output}: {count} forecasts of surge, sway and yaw (there is no IMU to forecast attitude from)'
     print_result(arguments.json, {'file': arguments.output, 'forecasts': count}, [told])
     return 0
-
-
-def _known_models(model: str | None, model_path: str):
-    """The models at the start: of the file named, else of the node's own file if it has one already."""
-    if model:
-        return read_model(model)
-    own = os.path.expanduser(model_path)
-    return read_model(own) if os.path.exists(own) else None
 
 
 def _report_counts(pipeline: Any) -> dict[str, int]:

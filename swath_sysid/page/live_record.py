@@ -14,6 +14,7 @@ from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.history import past_of
 from swath_sysid.page.bring_up import Facts
 from swath_sysid.page.release import Release, release_of
 from swath_sysid.pipeline.health import Report
@@ -21,8 +22,6 @@ from swath_sysid.pipeline.health import Report
 RATE = 25.0  #: Hz; faster samples are thinned: a craft rolls in 1 s and more.
 STALE_S = 5.0  #: s after which a status is ignored, and a campaign's folder read again.
 CHECKED_LEAD = 2.0  #: s; lead of the forecast that is kept until its motion has been measured.
-
-KEPT_MODELS = 5
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,7 @@ class LiveRecord:
         finished = None if self._window is None else self._window.add(reading).finished
         if finished is not None and (release := release_of(finished)) is not None:
             self.releases[finished.axis] = release
-            self.tried.setdefault(finished.axis, deque(maxlen=KEPT_MODELS)).append((release, ()))
+            self.tried.setdefault(finished.axis, past_of()).append((release, ()))
             self._credit(finished.axis)
 
     def add_horizon(self, horizon: Horizon, name: str = '') -> None:
@@ -115,7 +114,7 @@ class LiveRecord:
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
         """Set the published models; an axis without one has none any more."""
         for axis in AXES:
-            before = self.models_before.setdefault(axis, deque(maxlen=KEPT_MODELS))
+            before = self.models_before.setdefault(axis, past_of())
             if axis not in models:
                 before.clear()
             elif not before or before[-1] != models[axis]:

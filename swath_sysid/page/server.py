@@ -51,7 +51,8 @@ class Guard:
             await self._application(scope, receive, send)
             return
         given = parse_qs(scope.get('query_string', b'').decode()).get('token', [''])[0]
-        if not is_allowed(_headers(scope), self._token, given):
+        headers = {name.decode('latin-1').lower(): value.decode('latin-1') for name, value in scope['headers']}
+        if not is_allowed(headers, self._token, given):
             await _refuse(scope, send)
             return
 
@@ -74,10 +75,6 @@ def is_allowed(headers: dict[str, str], token: str, given: str = '') -> bool:
     cookie = SimpleCookie(headers.get('cookie', '')).get(COOKIE)
     shown = given, cookie.value if cookie else ''
     return any(secrets.compare_digest(each.encode(), token.encode()) for each in shown)
-
-
-def _headers(scope: dict[str, Any]) -> dict[str, str]:
-    return {name.decode('latin-1').lower(): value.decode('latin-1') for name, value in scope['headers']}
 
 
 async def _refuse(scope: dict[str, Any], send: Any) -> None:

@@ -14,6 +14,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.history import past_of
 from swath_sysid.common.processes import ended, verb_command
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.csv_trials import write_csv
@@ -35,7 +36,6 @@ from swath_sysid.page.live_view import (
 from swath_sysid.page.model_words import verdict_of
 from swath_sysid.page.release import Release
 
-SHOWN_ANSWERS = 2
 NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
 
 
@@ -111,7 +111,7 @@ class PageState:
         manifest: str | None = None,
     ) -> None:
         self.view = View()
-        self.answers: deque[str] = deque(maxlen=SHOWN_ANSWERS)
+        self.answers: deque[str] = past_of()
         self.manifest = manifest
         self._source = source
         self._folder = folder

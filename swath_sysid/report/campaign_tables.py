@@ -289,8 +289,10 @@ def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bo
 
 
 def next_step_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
-    """The papers' check: ten samples of measured and next-step rate of one record."""
-    index = axis.best[_design_condition(axis)]
+    """The papers' check, of ten samples of the record from the largest angle at the middle loading."""
+    loadings = sorted({c.loading for c in axis.best})
+    middle = [c for c in axis.best if c.loading == loadings[len(loadings) // 2]]
+    index = axis.best[max(middle, key=lambda c: c.initial_angle_deg)]
     record, fit = axis.records[index], axis.fits['simulation'][index][axis.choice]
     checked = next_step(fit.model.with_trim(fit.states[0].trim), fit.problem.motions[0])
     steady = np.convolve(np.abs(checked.measured), np.ones(CHECKED_SAMPLES), mode='valid')
@@ -309,13 +311,6 @@ def next_step_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
         ('next-step rate [rad/s]', lambda s: s[2], digits(6)),
         ('error', lambda s: abs(s[2] - s[1]) / abs(s[1]) if s[1] else float('nan'), percent),
     )
-
-
-def _design_condition(axis: AxisOutcome):
-    """The largest angle at the middle loading."""
-    loadings = sorted({c.loading for c in axis.best})
-    middle = loadings[len(loadings) // 2]
-    return max((c for c in axis.best if c.loading == middle), key=lambda c: c.initial_angle_deg)
 
 
 def schedule_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:

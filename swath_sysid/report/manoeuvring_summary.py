@@ -48,6 +48,10 @@ def identification_as_data(found: ManoeuvringIdentification, wall_s: float | Non
             name: {'value': value, 'std': float(std[key])}
             for name, key, value in zip(('east', 'north'), CURRENT, model.current, strict=True)
         }
+    by_run = {
+        run.source: {'east': east, 'north': north}
+        for run, (east, north) in zip(found.identified_on, found.currents.tolist(), strict=False)
+    }
     return finite_or_none(
         {
             'thrust_input': model.thrust_input,
@@ -59,7 +63,7 @@ def identification_as_data(found: ManoeuvringIdentification, wall_s: float | Non
                 'density_kg_m3': found.prime_units.density,
             },
             'current_m_s': current,
-            'current_by_run_m_s': _currents_by_run(found),
+            'current_by_run_m_s': by_run if found.has_currents_by_run else None,
             'r2': {channel: both(lambda scores, c=channel: scores.r2[c]) for channel in found.identification.r2},
             'position_error_m': {f'{lead:g}': both(lambda scores, s=lead: scores.position_error[s]) for lead in leads},
             'heading_error_rad': {f'{lead:g}': both(lambda scores, s=lead: scores.heading_error[s]) for lead in leads},
@@ -77,16 +81,6 @@ def identification_as_data(found: ManoeuvringIdentification, wall_s: float | Non
             **warnings_as_data(condensed(found.advice)),
         }
     )
-
-
-def _currents_by_run(found: ManoeuvringIdentification):
-    """East and north by run; None where all have the model's."""
-    if not found.has_currents_by_run:
-        return None
-    return {
-        run.source: {'east': east, 'north': north}
-        for run, (east, north) in zip(found.identified_on, found.currents.tolist(), strict=True)
-    }
 
 
 def terms_in_words() -> list[str]:

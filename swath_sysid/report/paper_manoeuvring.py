@@ -49,6 +49,7 @@ def _unknown(study: ManoeuvringStudy):
 def _in_short(study: ManoeuvringStudy, wall_s: float):
     (here, ours_here), (other, ours_other) = (_errors(study, run) for run in FIGURE_OF_RUN)
     free = [d for d in study.derivatives if np.isfinite(d.std)]
+    near = [d for d in study.derivatives if abs(d.printed - d.mariner) < 0.1 * abs(d.mariner)]
     return [
         f'The turn at {study.content["runs"]["identification"][1]:g} N is fitted by its own method to {here:.2g} m '
         f'(root mean square of the track), and the turn at {study.content["runs"]["validation"][1]:g} N is predicted '
@@ -56,17 +57,10 @@ def _in_short(study: ManoeuvringStudy, wall_s: float):
         f'the truth. {wall_s:.0f} s.',
         f'{len(_unknown(study))} of the {len(free)} derivatives that are estimated have a standard deviation larger '
         'than themselves: one steady turn does not determine them, and the study largely prints its start values.',
-        _resemblance(study),
-    ]
-
-
-def _resemblance(study: ManoeuvringStudy):
-    near = [d for d in study.derivatives if abs(d.printed - d.mariner) < 0.1 * abs(d.mariner)]
-    return (
         f'{len(near)} of the printed values ({", ".join(d.name for d in near)}) lie within 10 % of those of the '
         'Mariner-class cargo ship times 1e-5, 161 m long and unlike a catamaran of 4 m: they look like first guesses '
-        'that the data did not move.'
-    )
+        'that the data did not move.',
+    ]
 
 
 def _craft(study: ManoeuvringStudy):
