@@ -110,7 +110,7 @@ def test_decoding_is_that_of_the_library(tmp_path, frame_id):
 
 
 def test_blocks_and_mixed_frames_keep_the_order(tmp_path, monkeypatch):
-    monkeypatch.setattr(bags, 'MESSAGES_AT_ONCE', 16)
+    monkeypatch.setattr(bags, 'BLOCK_BYTES', 16 * 324)
     messages = [('/imu/data', STAMPS[at], imu(at, frame_id='imu' * (1 + at % 3))) for at in range(COUNT)]
     trial = read_bag(write_bag(tmp_path / 'bag', messages))
     assert_right(trial)

@@ -6,7 +6,6 @@ import time
 from argparse import Namespace
 
 from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
-from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import Comparison, compare
 from swath_sysid.cli import identify
@@ -21,21 +20,15 @@ OF_IDENTIFY = (
 )
 
 
-def equations_asked(text: str, axis: str) -> list[Equation]:
-    """Equations of a list of names, separated by commas outside of compositions, or those of the axis."""
-    if text is None:
-        return equations_of_axis(axis)
-    names = text.split(';') if '|' in text else text.split(',')
-    return [equation_named(name.strip()) for name in names if name.strip()]
-
-
 def run(arguments: Namespace) -> int:
     """Compare, print the ranking, and write what was asked for."""
     began = time.perf_counter()
     settings = identify.settings_of(arguments)
     trials, read_advice, axis = trials_of(arguments)
     motions = motions_of(trials, axis)
-    equations = equations_asked(arguments.equations, axis)
+    # a comma may be within a composition, which has a bar
+    asked = (arguments.equations or '').split(';' if '|' in (arguments.equations or '') else ',')
+    equations = [equation_named(name.strip()) for name in asked if name.strip()] or equations_of_axis(axis)
     problem = prepare(motions, settings.start, settings.end)
     with progress_of('compare') as progress:
         found = compare(

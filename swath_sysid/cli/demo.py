@@ -69,7 +69,13 @@ def run(arguments: Namespace) -> int:
         raise InputError(f'the ROS domain must lie between 0 and 101, not {domain}')
     output.mkdir(parents=True, exist_ok=True)
     check_outputs([Output('the log', output / 'demo.log'), Output('the picture', output / 'demo.png')])
-    os.environ.update(_environment(domain))
+    root = str(Path(swath_sysid.__file__).resolve().parents[1])
+    os.environ |= {
+        'ROS_DOMAIN_ID': str(domain),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        'OMP_NUM_THREADS': '1',
+        'PYTHONPATH': os.pathsep.join(filter(None, [root, os.environ.get('PYTHONPATH')])),
+    }
     # while the sea is forecast the nodes start; SIGTERM must end them too
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with _processes(craft, arguments.seed, output / 'demo.log') as processes:
@@ -122,7 +128,10 @@ def _release(craft: _Craft, processes: Any, output: Path, keeps_running: bool) -
             if keeps_running:
                 # Ctrl-C is the way to end it, not a failure
                 with suppress(KeyboardInterrupt):
-                    _keep_running(stage)
+                    while True:
+                        stage.release('lifting the craft')
+                        stage.pause('running until Ctrl-C', SCORED_SPAN)
+                        stage.listener.forget()
         finally:
             listener.destroy_node()
     return int(not passed)
@@ -152,16 +161,6 @@ class _Craft:
     def pipeline_settings(self) -> PipelineSettings:
         """The predictor's settings."""
         return PipelineSettings(forecaster=ForecasterSettings(leads=self.leads))
-
-
-def _environment(domain: int):
-    root = str(Path(swath_sysid.__file__).resolve().parents[1])
-    return {
-        'ROS_DOMAIN_ID': str(domain),
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        'OMP_NUM_THREADS': '1',
-        'PYTHONPATH': os.pathsep.join(filter(None, [root, os.environ.get('PYTHONPATH')])),
-    }
 
 
 @contextmanager
@@ -279,14 +278,6 @@ def _print_verdict(demonstration: Demonstration, output: Path, began: float):
         print(f'{picture}, after {time.monotonic() - began:.0f} s')
     print(verdict.text, flush=True)
     return verdict.is_good
-
-
-def _keep_running(stage: _Stage) -> None:
-    """Release the craft repeatedly until Ctrl-C."""
-    while True:
-        stage.release('lifting the craft')
-        stage.pause('running until Ctrl-C', SCORED_SPAN)
-        stage.listener.forget()
 
 
 def _table(rows: Any, columns: int, start: int = 0):

@@ -1,7 +1,6 @@
 """Arguments that name a hull: published, from a model file, or an equation with given ratios."""
 
 from argparse import Namespace
-from pathlib import Path
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named, hull_of_family
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
@@ -19,7 +18,13 @@ def hull_of(arguments: Namespace) -> DecayModel:
         return hull_named(arguments.hull).model
     if arguments.model is not None:
         _refuse_ratios(arguments)
-        return _model_of_axis(arguments.model, arguments.axis)
+        path, axis, models = arguments.model, arguments.axis, read_model(arguments.model)
+        if axis is None and len(models) > 1:
+            raise InputError(f'{path} holds {" and ".join(models)}: choose one with --axis')
+        axis = axis or next(iter(models))
+        if axis not in models:
+            raise InputError(f'{path} holds no {axis} model, only {", ".join(models)}')
+        return models[axis].model
     equation = equation_named(arguments.equation)
     values = dict(assignment(text, 'r1=10.1') for text in arguments.ratio)
     if not values:
@@ -51,13 +56,3 @@ def published_ratios_for(equation: Equation, axis: str | None = None) -> DecayMo
 def _refuse_ratios(arguments: Namespace) -> None:
     if arguments.ratio:
         raise InputError('--ratio goes with --equation: a published hull or a model file has its own ratios')
-
-
-def _model_of_axis(path: str | Path, axis: str):
-    models = read_model(path)
-    if axis is None and len(models) > 1:
-        raise InputError(f'{path} holds {" and ".join(models)}: choose one with --axis')
-    axis = axis or next(iter(models))
-    if axis not in models:
-        raise InputError(f'{path} holds no {axis} model, only {", ".join(models)}')
-    return models[axis].model

@@ -31,11 +31,6 @@ def interface_lines() -> Iterator[str]:
         for group in (*profile.iter('topics'), *profile.iter('services')):
             (does,) = (words for key, words in DIRECTIONS.items() if group.get(key))
             for name in (str(item.text) for item in group):
-                if kind := _type_of(name):
+                ours = name in TYPES or name.startswith((LEADS, MANOEUVRING_LEADS))
+                if kind := type_of(name) if ours else OTHER_TYPES.get(name, ''):
                     yield f'{node:<22} {does:<14} {name.replace("~", node):<36} {kind}'
-
-
-def _type_of(name: str) -> str:
-    if name in TYPES or name.startswith((LEADS, MANOEUVRING_LEADS)):
-        return type_of(name)
-    return OTHER_TYPES.get(name, '')

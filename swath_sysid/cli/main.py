@@ -73,16 +73,12 @@ def build_parser(verb: str | None) -> ArgumentParser:
         sub = verbs.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + '.')
         if name == verb:
             add_arguments(sub, name)
-            _add_examples(sub, name)
+            epilog = sub.epilog or ''
+            if sub.formatter_class is HelpFormatter:
+                sub.formatter_class = RawDescriptionHelpFormatter
+                epilog = textwrap.fill(epilog, shutil.get_terminal_size().columns - 2)
+            sub.epilog = f'{epilog.rstrip()}\n\n{examples_of(name)}'.lstrip()
     return parser
-
-
-def _add_examples(parser: ArgumentParser, verb: str):
-    epilog = parser.epilog or ''
-    if parser.formatter_class is HelpFormatter:
-        parser.formatter_class = RawDescriptionHelpFormatter
-        epilog = textwrap.fill(epilog, shutil.get_terminal_size().columns - 2)
-    parser.epilog = f'{epilog.rstrip()}\n\n{examples_of(verb)}'.lstrip()
 
 
 def module_of(verb: str) -> ModuleType:

@@ -16,7 +16,10 @@ def run(arguments: Namespace) -> int:
     """Write the trial."""
     check_outputs([Output('--output', arguments.output, is_recording=True)], [arguments.model])
     model = hull_of(arguments).with_trim(math.radians(arguments.trim_deg))
-    noise = SensorNoise(arguments.angle_noise, _rate_noise(arguments), arguments.accel_noise)
+    studied = hull_named(arguments.hull) if arguments.hull else hull_of_family(arguments.equation or '')
+    usual = SensorNoise.rate if studied is None else studied.rate_noise
+    rate_noise = usual if arguments.rate_noise is None else arguments.rate_noise
+    noise = SensorNoise(arguments.angle_noise, rate_noise, arguments.accel_noise)
     trial = simulated_trial(
         model,
         math.radians(arguments.initial_angle_deg),
@@ -44,10 +47,3 @@ def run(arguments: Namespace) -> int:
         [f'{arguments.output}: {trial.time.size} samples of {model.axis}, {model.equation.name}, true ratios {ratios}'],
     )
     return 0
-
-
-def _rate_noise(arguments: Namespace):
-    if arguments.rate_noise is not None:
-        return arguments.rate_noise
-    hull = hull_named(arguments.hull) if arguments.hull else hull_of_family(arguments.equation or '')
-    return SensorNoise.rate if hull is None else hull.rate_noise

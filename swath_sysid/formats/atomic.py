@@ -1,4 +1,4 @@
-"""Writing files so that no reader ever finds half of one; what one held before is kept as ``NAME.1``, newest of ten."""
+"""Writing files so that no reader ever finds half of one; what one held before is kept beside it, the newest as ``NAME.1``."""
 
 import os
 import shutil
@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.history import LONGEST
 
 
 @contextmanager
@@ -57,16 +58,13 @@ def write_text(path: str | Path, text: str) -> None:
         temporary.write_text(text, encoding='utf-8')
 
 
-KEPT = 10
-
-
 def kept_files(path: Path) -> list[Path]:
     """Those that are there, newest first."""
     return [each for each in _numbered(path) if os.path.exists(each)]
 
 
 def keep_copy(path: Path) -> Path:
-    """Copy a file to ``NAME.1``; earlier copies move up by one, the tenth goes. An interruption loses nothing."""
+    """Copy a file to ``NAME.1``; earlier copies move up by one, the oldest goes. An interruption loses nothing."""
     newest = _make_room(path)
     with replacing(newest) as temporary:
         shutil.copy2(path, temporary)
@@ -81,13 +79,13 @@ def set_aside(path: Path) -> Path:
 
 
 def _numbered(path: Path) -> list[Path]:
-    return [path.with_name(f'{path.name}.{number}') for number in range(1, KEPT + 1)]
+    return [path.with_name(f'{path.name}.{number}') for number in range(1, LONGEST + 1)]
 
 
 def _make_room(path: Path) -> Path:
     names = _numbered(path)
     # from the first gap, which an interruption may have left, so that no file goes before it must
-    free = next((number for number, name in enumerate(names) if not os.path.exists(name)), KEPT - 1)
+    free = next((number for number, name in enumerate(names) if not os.path.exists(name)), LONGEST - 1)
     for number in range(free, 0, -1):
         os.replace(names[number - 1], names[number])
     return names[0]

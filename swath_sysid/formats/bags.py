@@ -18,7 +18,7 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.input_files import existing, reading
+from swath_sysid.formats.input_files import BLOCK_BYTES, existing, reading
 from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC
 from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
 from swath_sysid.formats.messages import IMU_PARTS, IMU_VALUES, SECOND_NS, ImuMessage
@@ -28,8 +28,6 @@ from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC
 METADATA_FILE = 'metadata.yaml'
 #: First bytes of a storage file, and the ending it should have.
 MAGIC = {MCAP_MAGIC: '.mcap', b'SQLite format 3\0': '.db3'}
-
-MESSAGES_AT_ONCE = 50_000
 
 
 @dataclass(frozen=True)
@@ -156,6 +154,7 @@ class _ImuDecoder:
         self.frame_ids: dict[str, None] = {}
         self.damaged = 0
         self._waiting: list[tuple[int, Any]] = []
+        self._bytes = 0
         self._blocks = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, IMU_VALUES)))]
 
     def add(self, received: Any, raw: Any) -> None:
@@ -164,7 +163,8 @@ class _ImuDecoder:
             self.damaged += 1
             return
         self._waiting.append((received, raw))
-        if len(self._waiting) == MESSAGES_AT_ONCE:
+        self._bytes += len(raw)
+        if self._bytes >= BLOCK_BYTES:
             self._decode()
 
     def arrays(self) -> tuple[np.ndarray, ...]:
@@ -176,7 +176,7 @@ class _ImuDecoder:
         alike = defaultdict(list)
         for received, raw in self._waiting:
             alike[raw[:4], raw[12:16], len(raw)].append((received, raw))
-        self._waiting = []
+        self._waiting, self._bytes = [], 0
         for (encoding, name_length, size), messages in alike.items():
             layout = _imu_layout(encoding, name_length, size)
             if layout is None:

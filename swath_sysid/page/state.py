@@ -143,7 +143,11 @@ class PageState:
             waters = calm_words(record), sea_words(record), valid_words(facts.statuses)
         if self.manifest and now - self._campaign_read > STALE_S:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
-        self._look_after_recorder()
+        if self._recorder is not None and self._recorder.poll() is not None:
+            assert self._recorder.stdout is not None, 'it is piped'
+            last = self._recorder.stdout.read().strip() or f'the recording failed in {self._folder}: is it writable?'
+            self.answer(last)
+            self._recorder = None
         self.view = View(
             self._axis,
             self._guides[self._axis].look(facts),
@@ -238,13 +242,6 @@ class PageState:
             start_new_session=True,
         )
         self.answer(f'recording to {path}')
-
-    def _look_after_recorder(self) -> None:
-        if self._recorder is not None and self._recorder.poll() is not None:
-            assert self._recorder.stdout is not None, 'it is piped'
-            last = self._recorder.stdout.read().strip() or f'the recording failed in {self._folder}: is it writable?'
-            self.answer(last)
-            self._recorder = None
 
 
 def refusals(facts: Facts) -> dict[str, str]:

@@ -165,22 +165,17 @@ def amplitude_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
             name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if several else '')
             style = LINE_STYLES[place % len(LINE_STYLES)]
             axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
-        _fit_to_curves(axes)
+        # by the curves: a band that is wide where nothing was measured shall not hide them
+        values = np.concatenate([line.get_ydata() for line in axes.lines])
+        if (values := values[np.isfinite(values)]).size:
+            low, high = values.min(), values.max()
+            margin = 0.35 * (high - low) + 0.01 * abs(high)
+            axes.set_ylim(low - margin, high + margin)
         if quantity == 'damping':
             axes.set_ylim(bottom=0.0)
         legend_below(axes)
         caption = f'{label.partition(" [")[0].capitalize()} against amplitude, bands of two standard deviations'
         yield Drawing(f'{quantity}_against_amplitude_{axis.axis}', caption, figure)
-
-
-def _fit_to_curves(axes: Axes):
-    """Limits by the curves: a band that is wide where nothing was measured shall not hide them."""
-    values = np.concatenate([line.get_ydata() for line in axes.lines])
-    values = values[np.isfinite(values)]
-    if values.size:
-        low, high = values.min(), values.max()
-        margin = 0.35 * (high - low) + 0.01 * abs(high)
-        axes.set_ylim(low - margin, high + margin)
 
 
 def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:

@@ -147,8 +147,13 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
     shown = {kind: figures(items) for kind, items in drawings.items()}
     related = 'Ratios whose correlation is beyond 0.95 cannot be distinguished: use them together only.'
     extinction = [tables[name] for name in ('damping', 'extinction', 'peaks')]
+    equations = 'verdicts', 'Verdicts', [tables.get('verdicts', '')]
+    if axis.is_compared:
+        marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
+        compared = [tables[objective] for objective in axis.fits]
+        equations = 'equations', 'Which equation', [tables['ranking'], paragraph(marks, 'note'), *compared]
     return (
-        _equation_section(axis, tables),
+        equations,
         ('decays', 'Decays', [shown['decays']]),
         ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], tables['repeats']]),
         ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
@@ -158,14 +163,6 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
         ('records', 'Every record', [shown['records']]),
         ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),
     )
-
-
-def _equation_section(axis: AxisOutcome, tables: dict[str, str]):
-    if not axis.is_compared:
-        return 'verdicts', 'Verdicts', [tables['verdicts']]
-    marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
-    compared = [tables[objective] for objective in axis.fits]
-    return 'equations', 'Which equation', [tables['ranking'], paragraph(marks, 'note'), *compared]
 
 
 def _warnings(outcome: CampaignOutcome):

@@ -113,7 +113,10 @@ def _draw_motion(axes: Axes, motion: AxisMotion, decays: Sequence[DecaySegment])
         axes.axvspan(begin, end, color=MODEL, alpha=0.5, linewidth=1)
     for index, decay in enumerate(decays):
         axes.axvspan(decay.start, decay.end, color=BAND, alpha=0.35, linewidth=0)
-        _draw_turning_points(axes, motion, decay)
+        inside = motion.between(decay.start, decay.end)
+        if inside.size > 2:
+            points = find_turning_points(inside, decay.period)
+            axes.plot(points.time, np.degrees(points.value), '.', color=MODEL, markersize=4)
         axes.text(
             decay.start,
             0.985,
@@ -126,14 +129,6 @@ def _draw_motion(axes: Axes, motion: AxisMotion, decays: Sequence[DecaySegment])
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.1 * (high - low) if decays else high)
     axes.set(xlabel='time [s]', ylabel=label)
-
-
-def _draw_turning_points(axes: Axes, motion: AxisMotion, decay: DecaySegment):
-    inside = motion.between(decay.start, decay.end)
-    if inside.size < 3:
-        return
-    points = find_turning_points(inside, decay.period)
-    axes.plot(points.time, np.degrees(points.value), '.', color=MODEL, markersize=4)
 
 
 def _thinned(time: np.ndarray, values: np.ndarray):

@@ -10,8 +10,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.export.expressible import Export
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
+from swath_sysid.manoeuvring.motion.trial import STEP
 
-STEP = 0.1
 DURATION = 180.0  #: s, after which a craft under held inputs is steady.
 SHARES = (0.25, 0.5, 0.75)  #: Mean inputs as shares of the largest; the faster thruster has the rest for steering.
 
