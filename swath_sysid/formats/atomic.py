@@ -1,4 +1,4 @@
-"""Writing files so that no reader ever finds half of one; what one held before is kept beside it, the newest as ``NAME.1``."""
+"""Writing files so that no reader ever finds half of one; what one held before stays beside it as ``NAME.1``."""
 
 import os
 import shutil
