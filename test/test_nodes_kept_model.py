@@ -33,14 +33,14 @@ def took(refitter, models):
     refitter.models = models
 
 
-def test_ten_files_before_are_kept_and_no_more(tmp_path):
+def test_twenty_files_before_are_kept_and_no_more(tmp_path):
     path = tmp_path / 'craft.yaml'
     file = model_file(path)
     assert file.keep(model(0)) == ''
-    for number in range(1, 14):
+    for number in range(1, 24):
         assert file.keep(model(number)).endswith(f'kept as {path}.1')
     held = {each.name: read_model(each) for each in tmp_path.iterdir()}
-    assert held == {'craft.yaml': model(13)} | {f'craft.yaml.{13 - number}': model(number) for number in range(3, 13)}
+    assert held == {'craft.yaml': model(23)} | {f'craft.yaml.{23 - number}': model(number) for number in range(3, 23)}
 
 
 def test_the_way_back_outlives_every_restart(tmp_path):
