@@ -25,15 +25,16 @@ def command_line() -> int:
     cli = import_module('swath_sysid.cli.main')
     if verb in cli.VERBS:
         cli.module_of(verb)
-    if serving:
-        return cli.main()
     # from here on there may be something to clean up
-    for number in ENDING:
+    for number in () if serving else ENDING:
         signal.signal(number, signal.default_int_handler)
     try:
         return cli.main()
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
     finally:
-        _end_on_signals(EXIT_INTERRUPTED)
+        if not serving:
+            _end_on_signals(EXIT_INTERRUPTED)
 
 
 def _end_on_signals(code: int):

@@ -18,11 +18,7 @@ from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.valid_lead import ErrorLimit
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import (
-    check_model_and_plot,
-    columns_of,
-    read_record,
-)
+from swath_sysid.cli.sources import check_model_and_plot, columns_of, read_record
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.upstream import read_upstream
