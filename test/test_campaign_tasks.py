@@ -15,23 +15,8 @@ from swath_sysid.attitude.identification.forecast_check import forecast_errors, 
 from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.search import SearchSettings
-from swath_sysid.campaign.evaluation import (
-    Condition,
-    Judgement,
-    Record,
-    best_repeats,
-    beyond_noise,
-    fit_one,
-    fit_together,
-    joint_problem,
-    judge,
-    noise_statement,
-    out_of_order,
-    rank_campaign,
-    settle,
-    spread_of_repeats,
-    tied_best,
-)
+from swath_sysid.campaign import evaluation
+from swath_sysid.campaign.evaluation import Condition, Judgement, Record
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
 
@@ -51,16 +36,17 @@ def kept(plain, problem, settings):
 
 
 def settled(problem, fits):
-    return [kept(plain, problem, fit.settings) for plain, fit in zip(settle(problem, fits), fits, strict=True)]
+    plain = evaluation.settle(problem, fits)
+    return [kept(each, problem, fit.settings) for each, fit in zip(plain, fits, strict=True)]
 
 
 def fitted(problem, names):
     each = [replace(SIMULATION, equation=name) for name in names]
-    return settled(problem, [kept(fit_one(problem, settings), problem, settings) for settings in each])
+    return settled(problem, [kept(evaluation.fit_one(problem, settings), problem, settings) for settings in each])
 
 
 def judged(fits, other):
-    return from_plain(tuple[Judgement, ...], json.loads(json.dumps(judge(fits, other))))
+    return from_plain(tuple[Judgement, ...], json.loads(json.dumps(evaluation.judge(fits, other))))
 
 
 @pytest.fixture(scope='module')
@@ -87,16 +73,16 @@ def test_settling_repairs_a_search_that_failed(records, fits):
     small, large = fits[0][0], fits[0][1]
     wrong = with_terms(large, **{t: 1.3 * value for t, value in large.model.terms.items()})
     failed = replace(wrong, objective_value=2.0 * small.objective_value)
-    assert out_of_order((small, failed)) == (('swath-pitch-2', 'linear'),)
+    assert evaluation.out_of_order((small, failed)) == (('swath-pitch-2', 'linear'),)
     repaired = settled(records[0].problem, (small, failed))
-    assert out_of_order(repaired) == () and repaired[0].plain() == small.plain()
+    assert evaluation.out_of_order(repaired) == () and repaired[0].plain() == small.plain()
     assert repaired[1].objective_value == pytest.approx(large.objective_value, rel=1e-6)
     assert repaired[1].search.stop == 'refined'
 
 
 def together_of(records, fits, place):
-    problem = joint_problem(records)
-    return kept(fit_together(problem, [f[place] for f in fits]), problem, fits[0][place].settings)
+    problem = evaluation.joint_problem(records)
+    return kept(evaluation.fit_together(problem, [f[place] for f in fits]), problem, fits[0][place].settings)
 
 
 def test_together_is_better_known_than_alone(records, fits):
@@ -159,14 +145,16 @@ def test_measured_states_use_the_past_alone():
 
 def test_the_best_repeat_is_the_best_explained(records, fits):
     worse = [with_terms(f, r1=1.05 * f.model.terms['r1']) for f in fits[0]]
-    assert best_repeats(records, [worse, *fits[1:]]) == {records[0].condition: 1, records[2].condition: 2}
+    assert evaluation.best_repeats(records, [worse, *fits[1:]]) == {records[0].condition: 1, records[2].condition: 2}
 
 
 def test_differences_within_the_noise_are_told(fits, records):
     linear, two, one = fits[2]
     alike = replace(one, objective_value=two.objective_value * (1 - 1e-9))
-    assert beyond_noise((linear, two, alike)) == (True, False, False) and tied_best((linear, two, alike)) == (1, 2)
-    statement = noise_statement(records, [(f[1], f[2]) for f in fits], best_repeats(records, fits))
+    assert evaluation.beyond_noise((linear, two, alike)) == (True, False, False)
+    assert evaluation.tied_best((linear, two, alike)) == (1, 2)
+    pairs, best = [(f[1], f[2]) for f in fits], evaluation.best_repeats(records, fits)
+    statement = evaluation.noise_statement(records, pairs, best)
     assert 'no difference exceeds the noise' in statement and 'between repeats' in statement
 
 
@@ -175,17 +163,17 @@ def test_ranking_takes_the_simplest_adequate(fits, records):
     own = [together_of(records, fits, k) for k in range(len(NAMES))]
     together = settled(own[0].problem, own)
     judgements = [judged(f, records[0].problem) for f in fits]
-    ranking = rank_campaign('pitch', [together], fits, judgements)
+    ranking = evaluation.rank_campaign('pitch', [together], fits, judgements)
     assert {r.name for r in ranking.ranked} == set(NAMES)
     assert ranking.choice.name == 'swath-pitch-2' and 'swath-pitch-2' in ranking.reason
     assert ranking.findings == ()
     with pytest.raises(InputError, match='no equation could be fitted'):
-        rank_campaign('pitch', [], [], [])
+        evaluation.rank_campaign('pitch', [], [], [])
 
 
 def test_spread_between_repeats(fits):
     condition = Condition('pitch', 1.0, 6.0)
-    by_name = {s.quantity: s for s in spread_of_repeats(condition, [f[1] for f in fits[:2]])}
+    by_name = {s.quantity: s for s in evaluation.spread_of_repeats(condition, [f[1] for f in fits[:2]])}
     values = [f[1].ratio('r1')[0] for f in fits[:2]]
     assert by_name['r1'].mean == pytest.approx(np.mean(values))
     assert by_name['r1'].spread == pytest.approx(abs(values[0] - values[1]) / math.sqrt(2.0))

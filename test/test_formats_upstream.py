@@ -9,20 +9,14 @@ from swath_sysid.attitude.motion.attitude import quaternion
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats import topics
 from swath_sysid.formats.bag_replay import ReplaySettings, Timeline
 from swath_sysid.formats.bags import imu_values
 from swath_sysid.formats.messages import ImuMessage, header, make, serialised
 from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.recording import is_ours
 from swath_sysid.formats.tables import write_table
-from swath_sysid.formats.topics import (
-    ACCELERATION,
-    IMU,
-    ODOMETRY,
-    TRAJECTORY,
-    point_acceleration_topic,
-    point_lead_topic,
-)
+from swath_sysid.formats.topics import IMU
 from swath_sysid.formats.upstream import channels_of, field_value, kind_of, read_upstream
 
 FLOAT, RANGE, POINT = 'std_msgs/msg/Float64', 'sensor_msgs/msg/Range', 'geometry_msgs/msg/PointStamped'
@@ -138,13 +132,13 @@ def test_an_imu_without_orientation_is_lost():
     [
         ('imu/data', IMU, True),
         ('forecast/lead_0_5s', IMU, True),
-        ('forecast/horizon', TRAJECTORY, True),
+        ('forecast/horizon', topics.TRAJECTORY, True),
         ('forecast/horizon', IMU, False),
         ('identifier/progress', 'std_msgs/msg/Float32', True),
-        (point_lead_topic('bow', 2.0), ODOMETRY, True),
-        (point_acceleration_topic('bow', 2.0), ACCELERATION, True),
+        (topics.point_lead_topic('bow', 2.0), topics.ODOMETRY, True),
+        (topics.point_acceleration_topic('bow', 2.0), topics.ACCELERATION, True),
         ('imu/data_raw', IMU, False),
-        ('odometry', ODOMETRY, False),
+        ('odometry', topics.ODOMETRY, False),
     ],
 )
 def test_topics_of_the_contract_are_recorded(namespace, topic, kind, taken):
