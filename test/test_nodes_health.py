@@ -135,18 +135,6 @@ def test_what_holds_warns_until_it_is_settled():
     assert report().level == OK and health.counts[NOT_SAVED] == 2
 
 
-def test_the_identifier_tells_what_it_does():
-    health = IdentifierHealth()
-    health.begin()
-    health.progress = 0.4
-    assert '40 %' in health.report('no model', 0, True).message
-    health.end(True, 'pitch: odd-cubic')
-    assert 'pitch: odd-cubic' in health.report('pitch odd-cubic', 1, False).message
-    health.note('identification-worker-died')
-    levels = [health.report('pitch odd-cubic', 1, False).level for _ in range(2)]
-    assert levels == [WARN, OK]
-
-
 def test_a_frame_id_that_changes_is_counted_and_warned_of():
     health = StreamHealth('imu/data')
     report(health, 0.0)

@@ -144,24 +144,6 @@ def test_a_decay_is_noticed_identified_and_forecast_unasked(identified):
     assert shares and shares[-1] == 1.0
 
 
-def test_forecasts_carry_time_frame_and_covariance(identified):
-    bench = identified.bench
-    for heard in bench.heard.values():
-        heard.clear()
-    identified.rest(100)
-    bench.wait_for_forecast_after(identified.stamp)
-    message = bench.heard['forecast/next'][-1]
-    assert stamp_ns(message) == identified.stamp + STEP_NS and message.header.frame_id == 'base_link'
-    assert 0.0 < message.orientation_covariance[0] < 1e-4 and message.linear_acceleration_covariance[0] == -1.0
-    ahead = wait_for(lambda: bench.heard['forecast/lead_0_5s'], 'lead')[-1]
-    assert (stamp_ns(ahead) - EPOCH_NS) % STEP_NS == 0
-    assert ahead.orientation_covariance[4] > message.orientation_covariance[4]
-    horizon = wait_for(lambda: bench.heard['forecast/horizon'], 'horizon')[-1]
-    assert list(horizon.joint_names) == ['roll', 'roll_std', 'pitch', 'pitch_std'] and len(horizon.points) == 50
-    last = horizon.points[-1]
-    assert last.time_from_start.sec == 5 and last.positions[0] == pytest.approx(0.01, abs=0.01)
-
-
 def test_a_changed_craft_is_followed_and_rollback_leads_back(identified):
     def period_in(path):
         return read_model(path)['pitch'].model.natural_period

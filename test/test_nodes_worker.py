@@ -1,6 +1,7 @@
 """The worker process: warm, cancelled, killed, never left behind."""
 
 import contextlib
+import operator
 import os
 import signal
 import subprocess
@@ -15,14 +16,6 @@ from package_process import PATIENCE, environment, is_alive, wait_for
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.nodes.worker import Worker, WorkerError
-
-
-def warm_up():
-    pass
-
-
-def double(value):
-    return 2 * value
 
 
 def process_id(*, progress, should_cancel):
@@ -47,14 +40,6 @@ def refusing(sentence):
     raise InputError(sentence)
 
 
-def broken():
-    return 1 / 0
-
-
-def dying():
-    os._exit(3)
-
-
 @pytest.fixture(scope='module')
 def python_path():
     """The worker imports this module too."""
@@ -66,7 +51,7 @@ def python_path():
 @pytest.fixture(scope='module')
 def worker(python_path):
     deaths = []
-    with contextlib.closing(Worker(warm_up, lambda: deaths.append(time.monotonic()))) as worker:
+    with contextlib.closing(Worker(os.getpid, lambda: deaths.append(time.monotonic()))) as worker:
         worker.deaths = deaths
         yield worker
 
@@ -94,14 +79,14 @@ def submit(worker, function, *arguments, reports=False):
 
 def test_functions_run_one_after_the_other_in_one_other_process(worker):
     worker.cancel()
-    endings = [submit(worker, process_id, reports=True) for _ in range(3)] + [submit(worker, double, 21)]
+    endings = [submit(worker, process_id, reports=True) for _ in range(3)] + [submit(worker, abs, -42)]
     assert {ending.wait().result for ending in endings[:3]} == {worker.pid} and worker.pid != os.getpid()
     assert endings[0].shares == [0.5, 1.0] and endings[3].wait().result == 42
     # errors come back as errors
-    refused, failed = submit(worker, refusing, 'no such decay'), submit(worker, broken)
+    refused, failed = submit(worker, refusing, 'no such decay'), submit(worker, operator.truediv, 1, 0)
     assert isinstance(refused.wait().error, InputError) and str(refused.error) == 'no such decay'
     assert isinstance(failed.wait().error, WorkerError) and 'ZeroDivisionError' in str(failed.error)
-    assert submit(worker, double, 4).wait().result == 8
+    assert submit(worker, abs, -8).wait().result == 8
 
 
 @pytest.mark.parametrize('function', [until_cancelled, deaf])
@@ -111,37 +96,37 @@ def test_cancelled_whether_it_listens_or_not(worker, function):
     worker.cancel()
     ending.wait()
     assert isinstance(ending.error, Cancelled)
-    assert submit(worker, double, 5).wait().result == 10
+    assert submit(worker, abs, -10).wait().result == 10
 
 
 def test_a_worker_that_dies_is_reported_and_started_again(worker):
     before = len(worker.deaths)
-    ending = submit(worker, dying).wait()
+    ending = submit(worker, os._exit, 3).wait()
     assert isinstance(ending.error, WorkerError) and 'was restarted' in str(ending.error)
     assert len(worker.deaths) == before + 1
-    assert submit(worker, double, 7).wait().result == 14
+    assert submit(worker, abs, -14).wait().result == 14
     killed = worker.pid
     os.kill(killed, signal.SIGKILL)
     wait_for(lambda: len(worker.deaths) == before + 2, 'report of the idle worker that was killed')
-    assert worker.pid != killed and submit(worker, double, 8).wait().result == 16
+    assert worker.pid != killed and submit(worker, abs, -16).wait().result == 16
 
 
 def test_a_process_that_is_there_only_while_it_is_needed(python_path):
-    with contextlib.closing(Worker(warm_up, longest_idle=0.1)) as worker:
+    with contextlib.closing(Worker(os.getpid, longest_idle=0.1)) as worker:
         for value in (3, 4):
-            assert submit(worker, double, value).wait().result == 2 * value
+            assert submit(worker, abs, -value).wait().result == value
             wait_for(lambda: not is_alive(worker.pid), 'end of the idle process')
 
 
 def test_closing_ends_what_runs_and_what_warms_up(python_path):
-    worker = Worker(warm_up)
+    worker = Worker(os.getpid)
     ending = submit(worker, deaf, reports=True)
     ending.wait_for_progress()
     pid = worker.pid
     worker.close()
     assert isinstance(ending.error, Cancelled) and not is_alive(pid)
     warming = Worker(time.sleep)
-    ending = submit(warming, double, 1)
+    ending = submit(warming, abs, 1)
     warming.close()
     assert isinstance(ending.wait().error, Cancelled | WorkerError)
 
@@ -151,7 +136,7 @@ def test_the_worker_ends_with_its_node(python_path, how):
     """Even where the node has no time to say farewell."""
     code = textwrap.dedent("""
         import test_nodes_worker as t
-        worker = t.Worker(t.warm_up)
+        worker = t.Worker(t.os.getpid)
         ending = t.submit(worker, t.until_cancelled, reports=True)
         ending.wait_for_progress()
         print(worker.pid, flush=True)

@@ -85,14 +85,6 @@ def test_a_window_that_slid_on_gives_the_least_squares_of_its_own_rows():
     assert found == pytest.approx(now @ right, abs=1e-6)
 
 
-def test_a_lost_sample_leaves_a_regression_without_a_value_for_as_long_as_its_lags():
-    _, values = coupled_sea(4000)
-    kept = np.delete(np.arange(4000), [3000])
-    record = Record.of(Trial(0.1 * kept, roll=values[kept, 0], pitch=values[kept, 1]))
-    found = running_regression(record, (0, 1), (0,), 10, record.time, LEADS, 600.0)[:, 0, 0]
-    assert np.flatnonzero(np.isnan(found[2000:])).tolist() == list(range(1000, 1009))
-
-
 @settings(max_examples=10, deadline=None)
 @given(place=st.integers(700, 1190), seed=st.integers(0, 5))
 def test_no_baseline_changes_when_the_future_does(place, seed):
