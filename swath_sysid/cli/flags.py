@@ -12,7 +12,6 @@ from typing import Any
 
 import yaml
 
-from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.nodes.parameters.table import NodeParameter, table_of
 
 SHARED = 'shared'
@@ -175,14 +174,14 @@ def _limits(text: str) -> tuple[float, ...]:
     return tuple(math.radians(part) or math.inf for part in parts)
 
 
-def _point(text: str) -> Point:
+def _point(text: str) -> Any:
     name, colon, place = text.partition(':')
     if not (colon and name.isidentifier()):
         raise ArgumentTypeError(f"'{text}' is not a point: write NAME:x,y,z with a name of letters, digits and _")
     coordinates = numbers(place)
     if len(coordinates) != 3:
         raise ArgumentTypeError(f"'{text}' is not a point: give three coordinates in m, NAME:x,y,z")
-    return Point(name, coordinates)
+    return import_module('swath_sysid.attitude.prediction.point').Point(name, coordinates)
 
 
 #: Of the values of flags, as the table names them.
