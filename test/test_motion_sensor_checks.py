@@ -277,3 +277,17 @@ def test_the_standard_deviation_of_a_delay_is_that_of_repeats():
         lags.append(found.lag)
         told.append(found.lag_std)
     assert 0.3 < np.std(lags) / np.mean(told) < 1.5
+
+
+def test_a_little_more_than_a_tolerance_shows_and_a_little_less_does_not():
+    angles, rates = rolling(3)
+    size = np.radians(1.0) / angles.std(axis=0)
+    assert [len(sensor_checks.compare_rates(STEP, degrees * size * angles, rates)) for degrees in (0.2, 0.3)] == [0, 2]
+    for gain, differs in ((1 / 1.4, True), (1 / 1.2, False), (1.2, False), (1.4, True)):
+        assert [slope.differs for slope in sensor_checks.compare_rates(STEP, angles, gain * rates)] == [differs] * 2
+    time, noise = np.arange(60) * 0.1, np.random.default_rng(1).normal(0.0, 1e-3, (60, 3))
+    for force, code in ((0.75, 'gravity-missing'), (0.85, 'accelerations-in-g'), (1.25, 'gravity-missing')):
+        found = sensor_checks.judge(
+            time, noise, noise * np.nan, noise + [0, 0, force], installation=STRAIGHT, interval=0.1
+        )
+        assert [each.code for each in found.contradictions] == [code]

@@ -20,8 +20,6 @@ from swath_sysid.attitude.motion.turning_points import EvenSignal
 #: Part of the first double amplitude below which a candidate has ended: 1.5 % carries no information.
 FAINTEST_DOUBLE_AMPLITUDE = 0.015
 
-GROWTH = 0.02  #: Part by which a double amplitude may exceed the last one: light damping loses 1 % per half-cycle.
-
 #: Largest loss of a half-cycle over the usual one: friction keeps it, linear damping lowers it, braking raises it.
 LOSS_GROWTH = 1.5
 
@@ -29,13 +27,13 @@ PERIOD_CHANGE = 1.25  #: Ratio by which a period may differ from those before: r
 BRIDGED_GAP = 0.15  #: Part of a half-cycle that a gap must cover to hide a turning point.
 RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the double amplitude away.
 JUMP_PERIODS = 0.05  #: A rise to it faster than the craft oscillates: it was dropped, or the record was cut.
-HOLD_BAND = 0.5  #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest.
+#: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest. Motion that reaches this
+#: part of a double amplitude within a period is motion like it.
+HOLD_BAND = 0.5
 #: Rest means within this part of the first double amplitude about a level; what breaks a candidate below it is the
 #: background.
 REST_BAND = 0.07
 HALF_CYCLES_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
-LONGEST_REST = 8.0  #: Rest is looked for over this many periods: more proves nothing further.
-ACTIVE_PART = 0.45  #: Motion that reaches, within a period, this part of the first double amplitude is motion like it.
 
 
 @dataclass(frozen=True)
@@ -175,8 +173,7 @@ class DecayCandidate:
         """Rest about the centre at the end, in periods."""
         signal = self.signal
         begin, end = signal.index(self.release), signal.index(self.end)
-        future = signal.value[begin : end + int(LONGEST_REST * self.period / signal.interval)]
-        low = np.abs(future - self.centre) <= REST_BAND * self.double_amplitudes[0]
+        low = np.abs(signal.value[begin:] - self.centre) <= REST_BAND * self.double_amplitudes[0]
         rest = _leading(low[: end - begin][::-1]) + _leading(low[end - begin :])
         return max(rest - 1, 0) * signal.interval / self.period
 
@@ -185,7 +182,7 @@ class DecayCandidate:
         """Mask of the samples around which the signal moves like the candidate, shape of the signal."""
         size = max(3, round(self.period / self.signal.interval))
         reach = maximum_filter1d(self.signal.value, size) - minimum_filter1d(self.signal.value, size)
-        return reach > ACTIVE_PART * self.double_amplitudes[0]
+        return reach > HOLD_BAND * self.double_amplitudes[0]
 
     def is_decay(self, decays: Sequence['DecayCandidate']) -> bool:
         """Whether it is amid more rest, in periods, than motion, in its own durations, that is none of the decays."""
@@ -267,7 +264,7 @@ def _end_of_candidate(
             return at, double_amplitudes[known] > background
         if double_amplitudes[at] < floor:
             return at, False
-        if loss < -(GROWTH * double_amplitudes[known] + 0.5 * least):
+        if loss < -0.5 * least:
             return at, double_amplitudes[at] > background
         if judged:
             if at >= first + 2:
@@ -275,8 +272,6 @@ def _end_of_candidate(
                 if periods and not 1.0 / PERIOD_CHANGE < period / median(periods) < PERIOD_CHANGE:
                     return at, double_amplitudes[at] > background
                 periods.append(period)
-            # The record may begin in the middle of a half-cycle, which then loses too little.
-            if known > 0:
-                losses.append(loss)
+            losses.append(loss)
         known = at
     return len(double_amplitudes), False

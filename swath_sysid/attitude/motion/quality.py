@@ -11,12 +11,13 @@ from swath_sysid.attitude.motion.turning_points import find_gaps, find_turning_p
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.signals import SPIKE_NEIGHBOURS, quantum, spikes
 
-MIN_CYCLES = 1.5  #: One loss each for linear, quadratic and cubic damping, less the part left out at the release.
+#: One loss each for linear, quadratic and cubic damping, less the part left out at the release; given bounds may reach
+#: as far beyond the decay found in them.
+MIN_CYCLES = 1.5
 
 MIN_SAMPLES = 20.0  #: Per period: the straight line between two of 20 errs by 1 % of the amplitude.
 MAX_GAP = 0.25  #: Periods; a longer gap hides a turning point.
 MIN_SPIKE = 0.05  #: Part of the largest amplitude that a spike must reach to bend a fit.
-BOUNDS_TOLERANCE = 1.6  #: Periods by which given bounds may reach beyond the decay found in them.
 
 UNITS = {'angle': 'deg', 'rate': 'deg/s'}
 
@@ -116,7 +117,7 @@ def _bounds(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
         if explain_absence(inside).code == 'forced-motion':
             yield Advice.of('forced-motion: bounds', start=segment.start, end=segment.end)
         return
-    found, late = decays[0], BOUNDS_TOLERANCE * segment.period
+    found, late = decays[0], MIN_CYCLES * segment.period
     if segment.beginning == 'given' and found.start > inside.time[0] + late:
         yield Advice.of('late-start', found=found.start, start=segment.start)
     if segment.ending == 'given' and found.ending == 'disturbed' and found.end < inside.time[-1] - late:

@@ -50,8 +50,8 @@ LAG_PHASE = 0.15  #: rad of the mean circular frequency up to which a delay is n
 
 #: What is wrong where the rate is this many times the slope of the angle.
 UNITS = {
-    57.29578: 'the rate is in deg/s where rad/s is expected',
-    1.0 / 57.29578: 'the angle is in degrees where rad is expected',
+    float(np.degrees(1.0)): 'the rate is in deg/s where rad/s is expected',
+    float(np.radians(1.0)): 'the angle is in degrees where rad is expected',
 }
 
 #: Slopes (columns: angles) that roll and pitch rates (rows) hold; the first needs one moving axis, the others two.

@@ -20,8 +20,7 @@ NANOSECOND = 1e-9
 GAP_INTERVALS = 2.5
 FOLLOWING = {True: 0.02, False: 0.1}  #: Largest relative step per sample of the tracked interval, settled or not.
 SETTLING_SAMPLES = 50
-SETTLED = 1.15  #: The interval is settled when it has moved by less than this factor over `SETTLING_SAMPLES`.
-RATE_CHANGE = 1.4
+RATE_CHANGE = 1.4  #: Factor; the interval is settled when it has moved by less than its root over `SETTLING_SAMPLES`.
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ class StampOrder:
             return True
         self._until_look -= 1
         if self._until_look == 0:
-            if _alike(interval, self._looked_at, SETTLED):
+            if _alike(interval, self._looked_at, RATE_CHANGE**0.5):
                 self._settled_interval = interval
             self._looked_at, self._until_look = interval, SETTLING_SAMPLES
         return False

@@ -17,7 +17,6 @@ MAX_SAMPLES = 65536  #: Longer records are averaged down to this many samples: 2
 MIN_PER_PERIOD = 32  #: Samples per period on the coarsest grid used: its smoothing takes 2 % of the amplitude at most.
 MIN_PER_PERIOD_UNSMOOTHED = 5  #: On the finest grid nothing is smoothed, and slow sampling is all there is.
 PROMINENCE = 5.0  #: A turning point stands out by this many standard deviations of the noise left on its grid.
-RESOLVED_STEPS = 1.5  #: ... by this many steps of rounded values: where the motion is slow, averaging does not help,
 SMALLEST_PROMINENCE = 0.002  #: ... and by this part of the record's range, to ignore trifles.
 LONGEST_BRIDGED_GAP = 0.2  #: A pause longer than this part of the record splits it in two.
 
@@ -192,7 +191,7 @@ def prominence_of(signal: EvenSignal) -> float:
     if signal.value.size < 2:
         return 0.0
     trifle = SMALLEST_PROMINENCE * float(np.ptp(signal.value))
-    return max(PROMINENCE * signal.noise, RESOLVED_STEPS * signal.resolution, trifle)
+    return max(PROMINENCE * signal.noise, signal.resolution, trifle)
 
 
 def turning_points_of(signal: EvenSignal) -> TurningPoints:

@@ -40,8 +40,8 @@ PARTS = 3  #: Parts of a step in the last fit; thrust held for as long as its la
 
 USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
 USUAL = tuple('Yvv Nrr Nuv Xvr Yur Nuur exponent dead_band deviation_B deviation_C sensor_x sensor_y'.split())
-#: Terms added to the first start, and the factor on its sway damping.
-STARTS = ((USUAL_HULL, 1.0), (USUAL, 1.0), (USUAL, SLOW_SWAY))
+#: Terms added to the first start, and whether it begins in the other basin.
+STARTS = ((USUAL_HULL, False), (USUAL, False), (USUAL, True))
 LAST = {'X0', 'N0'}  #: Tried only when nothing else helps, as they imitate many other terms.
 EXCLUSIVE = {'Nur': 'Nuur', 'Nuur': 'Nur'}  #: Terms that replace each other: after one the other is not tried.
 
@@ -173,12 +173,12 @@ def first_fit(problem: Problem, shooting: Shooting, names: Sequence[str], values
     exchanged = _exchanged(found[0], values)
     if exchanged is not None:
         found = [_best([*found, fit(problem, shooting, names, exchanged)])]
-    for some, sway in STARTS:
+    for some, is_slow in STARTS:
         usual = [n for group in problem.candidates for n in group if n in some and n not in names]
-        if usual and (sway == 1.0 or 'Yv' in names):
+        if usual and ('Yv' in names or not is_slow):
             start = np.concatenate([found[0].values, problem.start(usual)])
-            if 'Yv' in names:
-                start[names.index('Yv')] *= sway
+            if is_slow:
+                start[names.index('Yv')] *= SLOW_SWAY
             found.append(fit(problem, found[0].shooting, (*names, *usual), start))
     return _best(found)
 

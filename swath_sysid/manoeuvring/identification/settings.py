@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.manoeuvring.hull.terms import INDEX
 from swath_sysid.manoeuvring.identification.windows import LENGTH
 
@@ -44,10 +44,8 @@ class ManoeuvringSettings:
             if value is not None and not 0.0 < value < 1e9:
                 raise InputError(f'{name} must be a positive number, not {value}')
         for name in (*(self.terms or ()), *self.fixed, *self.towards):
-            if name not in INDEX:
-                raise InputError(f"there is no manoeuvring parameter '{name}': choose from {', '.join(INDEX)}")
-        if self.current not in CURRENT_CHOICES:
-            raise InputError(f"there is no choice '{self.current}' for the current: {', '.join(CURRENT_CHOICES)}")
+            check_choice(name, INDEX, 'manoeuvring parameter')
+        check_choice(self.current, CURRENT_CHOICES, 'choice of the current')
         if self.generations < 0:
             raise InputError('generations must not be negative')
         if self.population < 8:
