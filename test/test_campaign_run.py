@@ -314,7 +314,8 @@ def test_the_command_line_refuses_what_makes_no_sense(trials, tmp_path, capsys):
 
 
 def test_a_cluster_that_does_not_answer(monkeypatch):
-    config = pytest.importorskip('distributed').config
+    pytest.importorskip('distributed')
+    config = pytest.importorskip('dask.config')
     monkeypatch.setitem(config.config['distributed']['comm']['timeouts'], 'connect', 1)
     with pytest.raises(InputError, match='no Dask scheduler answers'), executor_of(1, 'tcp://127.0.0.1:9'):
         pass
