@@ -271,8 +271,8 @@ def with_verdicts(
     ]
     others = [record for record, fit in by_record.items() if fit.verdict.level != ADEQUATE]
     if others:
-        counts = {'number': len(others), 'records': len(by_record)}
-        findings.append(Advice.of('record-not-adequate', **counts, names=listed_names(others)))
+        names, number = listed_names(others), len(others)
+        findings.append(Advice.of('record-not-adequate', number=number, records=len(by_record), names=names))
     return replace(ranking, reason=reason, findings=tuple(findings))
 
 
