@@ -124,6 +124,16 @@ def test_two_releases_in_one_record(seed):
     assert [a.code for a in find_decay(both).advice] == ['several-decays']
 
 
+@pytest.mark.parametrize('hull', ['swath-pitch', 'swath-usv-pitch', 'hydrofoil-pitch'])
+@pytest.mark.parametrize('rate_hz', [5.0, 10.0])
+def test_a_small_sparse_release_at_the_start_of_the_record(hull, rate_hz):
+    """Of few half-cycles, after which a sample's noise may hide that the craft is at rest."""
+    for seed in (1, 2, 3):
+        trial = simulated_trial(hull_named(hull).model, np.radians(2.0), 15.0, rate_hz, SensorNoise(1e-3, 0.0165), seed)
+        (decay,) = find_decays(trial.axis('pitch'))
+        assert decay.start <= 2.0 / rate_hz
+
+
 def test_the_hand_that_releases_again_is_no_disturbance_to_tell_of():
     craft = SimulatedCraft(CraftSettings(hull_named('swath-roll').model, np.radians(6.0), rate_hz=50.0))
     angle = []

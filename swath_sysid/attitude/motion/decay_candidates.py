@@ -170,12 +170,13 @@ class DecayCandidate:
 
     @cached_property
     def rest(self) -> float:
-        """Rest about the centre at the end, in periods."""
+        """Longest rest about the centre, in periods, that begins at the end or, if noise hides it, up to one later."""
         signal = self.signal
         begin, end = signal.index(self.release), signal.index(self.end)
         low = np.abs(signal.value[begin:] - self.centre) <= REST_BAND * self.double_amplitudes[0]
-        rest = _leading(low[: end - begin][::-1]) + _leading(low[end - begin :])
-        return max(rest - 1, 0) * signal.interval / self.period
+        later = (signal.index(self.end + part * self.period) - begin for part in (0.25, 0.5, 0.75, 1.0))
+        rests = _leading(low[: end - begin][::-1]) + _leading(low[end - begin :]), *(_leading(low[at:]) for at in later)
+        return (max(*rests, 1) - 1) * signal.interval / self.period
 
     @cached_property
     def activity(self) -> np.ndarray:
