@@ -25,16 +25,15 @@ def command_line() -> int:
     cli = import_module('swath_sysid.cli.main')
     if verb in cli.VERBS:
         cli.module_of(verb)
+    if serving:
+        return cli.main()
     # from here on there may be something to clean up
-    for number in () if serving else ENDING:
+    for number in ENDING:
         signal.signal(number, signal.default_int_handler)
     try:
         return cli.main()
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
     finally:
-        if not serving:
-            _end_on_signals(EXIT_INTERRUPTED)
+        _end_on_signals(EXIT_INTERRUPTED)
 
 
 def _end_on_signals(code: int):

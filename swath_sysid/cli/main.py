@@ -21,6 +21,7 @@ from swath_sysid.common.sentences import with_flags
 
 VERBS = {verb: entry['summary'] for verb, entry in table_of_verbs().items() if verb != SHARED}
 EXIT_INPUT = 2
+EXIT_INTERRUPTED = 130
 
 
 class OneSentenceParser(ArgumentParser):
@@ -102,6 +103,8 @@ def main(argv: list[str] | None = None) -> int:
         program = f'swath-sysid {verb}' if verb in VERBS else 'swath-sysid'
         print(f'{program}: {with_flags(error.code, str(error))}', file=sys.stderr)
         return EXIT_INPUT
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()
         return 0

@@ -45,7 +45,7 @@ def text_of(path: str | Path, what: str = 'model file') -> str:
         with open(path, 'rb') as file:
             content = file.read(LARGEST_TEXT + 1)
     except OSError as error:
-        raise InputError(f'cannot read the {what} {shown(path)}: {error.strerror}') from error
+        raise InputError(f'cannot read the {what} {path}: {error.strerror}') from error
     except ValueError as error:
         if isinstance(error, InputError):
             raise
