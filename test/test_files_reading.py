@@ -175,7 +175,10 @@ def test_damaged_bytes_give_a_trial_or_one_sentence(tmp_path, name, data):
     trial_or_sentence(path)
 
 
-def test_a_mat_file_over_which_its_reader_crashes_is_damaged(tmp_path):
+def test_a_mat_file_over_which_its_reader_crashes_is_damaged(tmp_path, monkeypatch):
+    # what lies in the working folder is not run
+    (tmp_path / 'scipy.py').write_text('raise SystemExit')
+    monkeypatch.chdir(tmp_path)
     savemat(tmp_path / 'a.mat', {'run': {'time_s': TRIAL.time, 'roll_rad': TRIAL.roll}})
     content = bytearray((tmp_path / 'a.mat').read_bytes())
     kind_of_the_numbers = content.index((9).to_bytes(4, 'little') + TRIAL.time.nbytes.to_bytes(4, 'little'))

@@ -36,7 +36,6 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import as_plain
 from swath_sysid.common.rounding import percent
-from swath_sysid.formats.named_columns import listed_names
 from swath_sysid.pipeline.scoring import CONFIDENCE
 
 TIE = 1e-7  #: Relative difference of objective values below which they are equal.
@@ -271,8 +270,8 @@ def with_verdicts(
     ]
     others = [record for record, fit in by_record.items() if fit.verdict.level != ADEQUATE]
     if others:
-        names, number = listed_names(others), len(others)
-        findings.append(Advice.of('record-not-adequate', number=number, records=len(by_record), names=names))
+        names = '; '.join(others[:3]) + ('; ...' if len(others) > 3 else '')
+        findings.append(Advice.of('record-not-adequate', number=len(others), records=len(by_record), names=names))
     return replace(ranking, reason=reason, findings=tuple(findings))
 
 

@@ -208,7 +208,7 @@ def read_manifest(path: str | Path) -> Manifest:
             faults.append(str(error))
     trials = _without_duplicates(trials, faults)
     if not trials:
-        raise InputError(f'{path}: no trial is left to use: {faults[0]}')
+        raise InputError(f'{path}: no trial is left to use: {first_of(faults)}')
     craft = plain.get('craft', Craft())
     # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
     objectives = {OBJECTIVES[0], *plain.get('objectives', ())}
@@ -223,6 +223,11 @@ def read_manifest(path: str | Path) -> Manifest:
         predictions=tuple(plain.get('predictions', ())),
         faults=tuple(faults),
     )
+
+
+def first_of(reasons: Sequence[str]) -> str:
+    """The first of several reasons, and how many more there are."""
+    return reasons[0] + (f' (and {len(reasons) - 1} more)' if len(reasons) > 1 else '')
 
 
 def _trials_of(entry: Any, where: str, folder: Path, usual: dict, faults: list[str]) -> list[TrialEntry]:
@@ -306,8 +311,9 @@ def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
     found = []
     for path in candidates:
         if match := expression.fullmatch(Path(os.path.relpath(path, root)).as_posix()):
-            said = {name: plain_content(said.replace(',', '.'), path.name) for name, said in match.groupdict().items()}
-            found.append((path, {PLACEHOLDERS[name][0]: value for name, value in said.items()}))
+            said = match.groupdict().items()
+            values = {PLACEHOLDERS[name][0]: plain_content(text.replace(',', '.'), path.name) for name, text in said}
+            found.append((path, values))
     if not found:
         parent = root / Path(glob).parent
         names = sorted(p.name for p in parent.iterdir() if not p.name.startswith('.')) if parent.is_dir() else []

@@ -19,7 +19,7 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.campaign import evaluation
 from swath_sysid.campaign.evaluation import Condition, Record
 from swath_sysid.campaign.executors import connection_losses
-from swath_sysid.campaign.manifest import Craft, Manifest, TrialEntry
+from swath_sysid.campaign.manifest import Craft, Manifest, TrialEntry, first_of
 from swath_sysid.campaign.result_store import ResultStore, key_of
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -132,13 +132,14 @@ def run_campaign(
     _check_drafts(trials)
     axes = {t.record.condition.series for t in trials if t.record is not None}
     if not axes:
-        raise InputError(f'no trial of the campaign can be used: {trials[0].name}: {trials[0].reason}')
+        reasons = [f'{t.name}: {t.reason}' for t in trials]
+        raise InputError(f'no trial of the campaign can be used: {first_of(reasons)}')
     work = _Work(store, executor, on_progress)
     plans = [_AxisPlan(axis, manifest, trials, work) for axis in sorted(axes)]
     work.total = sum(plan.task_count for plan in plans)
     found = [plan.carry_out(quantity) for plan in plans]
     if not any(found):
-        raise InputError(f'no fit of the campaign succeeded: {work.failures[0]}')
+        raise InputError(f'no fit of the campaign succeeded: {first_of(work.failures)}')
     left_out = {name: reason for plan in plans for name, reason in plan.left_out.items()}
     trials = [t.left_out(left_out[str(t.record)]) if t.record and str(t.record) in left_out else t for t in trials]
     return CampaignOutcome(

@@ -16,6 +16,7 @@ from swath_sysid.report.campaign_report import REPORTED, write_report
 
 MANIFEST = 'campaign.yaml'
 RESULTS = 'results'
+EXIT_LEFT_OUT = 1
 
 
 def run(arguments: Namespace) -> int:
@@ -57,7 +58,7 @@ def run(arguments: Namespace) -> int:
     report = write_report(outcome, arguments.output, time.perf_counter() - began)
     _print_outcome(outcome, report, time.perf_counter() - began, arguments.json)
     is_whole = all(t.record is not None for t in outcome.trials) and not (manifest.faults or outcome.failures)
-    return int(not is_whole)
+    return 0 if is_whole else EXIT_LEFT_OUT
 
 
 def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_json: bool):

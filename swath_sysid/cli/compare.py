@@ -26,9 +26,11 @@ def run(arguments: Namespace) -> int:
     settings = identify.settings_of(arguments)
     trials, read_advice, axis = trials_of(arguments)
     motions = motions_of(trials, axis)
-    # a comma may be within a composition, which has a bar
-    asked = (arguments.equations or '').split(';' if '|' in (arguments.equations or '') else ',')
-    equations = [equation_named(name.strip()) for name in asked if name.strip()] or equations_of_axis(axis)
+    equations = equations_of_axis(axis)
+    if arguments.equations is not None:
+        # a comma may be within a composition, which has a bar
+        names = arguments.equations.split(';' if '|' in arguments.equations else ',')
+        equations = tuple(equation_named(name.strip()) for name in names if name.strip())
     problem = prepare(motions, settings.start, settings.end)
     with progress_of('compare') as progress:
         found = compare(

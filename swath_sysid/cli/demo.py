@@ -52,6 +52,8 @@ SEA, RELEASE = 'sea', 'release'
 START_TIMEOUT_S = 300.0
 TIMEOUT_S = 60.0  #: For an answer, and for a model.
 ATTEMPTS = 2
+EVERY_S = 20.0  #: Between releases with --keep-running.
+EXIT_FAILED = 1
 
 
 def run(arguments: Namespace) -> int:
@@ -130,11 +132,11 @@ def _release(craft: _Craft, processes: Any, output: Path, keeps_running: bool) -
                 with suppress(KeyboardInterrupt):
                     while True:
                         stage.release('lifting the craft')
-                        stage.pause('running until Ctrl-C', SCORED_SPAN)
+                        stage.pause('running until Ctrl-C', EVERY_S)
                         stage.listener.forget()
         finally:
             listener.destroy_node()
-    return int(not passed)
+    return 0 if passed else EXIT_FAILED
 
 
 class _Craft:

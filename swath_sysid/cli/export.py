@@ -22,16 +22,6 @@ from swath_sysid.report.fit_summary import warnings_as_data
 
 GAZEBO, VRX, NAV2, FOSSEN = TARGETS = ('gazebo', 'vrx', 'nav2', 'fossen')
 ATTITUDE_TARGETS = (GAZEBO, FOSSEN)
-TARGETS_IN_WORDS = """\
-targets:
-  gazebo          SDF of gz-sim's Hydrodynamics and Thruster plugins, Garden or later
-  vrx             the plugin SimpleHydrodynamics of VRX
-  nav2            parameters of the MPPI controller and the velocity smoother, and what the craft does at three speeds
-  fossen          M, C, D and the thrust in Fossen's axes, as a Python module or a MATLAB function
-
-The file and the terminal list what a target cannot express, and how far a turning circle and a zig-zag, or a decay,
-differ because of it. Roll and pitch models can be exported to gazebo and fossen.
-"""
 
 
 def run(arguments: Namespace) -> int:

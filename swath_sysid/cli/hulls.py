@@ -18,7 +18,8 @@ def hull_of(arguments: Namespace) -> DecayModel:
         return hull_named(arguments.hull).model
     if arguments.model is not None:
         _refuse_ratios(arguments)
-        path, axis, models = arguments.model, arguments.axis, read_model(arguments.model)
+        path, axis = arguments.model, arguments.axis
+        models = read_model(path)
         if axis is None and len(models) > 1:
             raise InputError(f'{path} holds {" and ".join(models)}: choose one with --axis')
         axis = axis or next(iter(models))

@@ -25,6 +25,8 @@ from swath_sysid.report.fit_figure import at_sea_figure, fit_figure
 from swath_sysid.report.fit_summary import at_sea_as_data, at_sea_in_words, fit_as_data, fit_in_words, warnings_as_data
 from swath_sysid.report.tables import table_as_data, table_in_words
 
+EXIT_POOR_FIT = 1
+
 
 def settings_of(arguments: Namespace, equation: str = AUTO) -> IdentificationSettings:
     """Identification settings of the command line."""
@@ -50,7 +52,8 @@ def particulars_of(arguments: Namespace) -> Particulars:
 
 def type_b_of(arguments: Namespace) -> TypeB:
     """Uncertainties of the command line."""
-    given, sources = {}, [f.name for f in fields(TypeB)]
+    given: dict[str, float] = {}
+    sources = [f.name for f in fields(TypeB)]
     for text in arguments.uncertainty:
         name, _, share = text.partition('=')
         check_choice(name, sources, 'source of uncertainty')
@@ -95,7 +98,7 @@ def exit_code_of(arguments: Namespace, verdict: Verdict) -> int:
     is_poor = not is_to_be_written(arguments, verdict)
     if is_poor and arguments.output:
         print(f'{arguments.output} was not written; --force writes it nevertheless', file=sys.stderr)
-    return int(is_poor)
+    return EXIT_POOR_FIT if is_poor else 0
 
 
 def _problem_of(arguments: Namespace, motions: Sequence[AxisMotion]) -> Problem | None:

@@ -21,6 +21,7 @@ from swath_sysid.pipeline.health import Report
 
 RATE = 25.0  #: Hz; faster samples are thinned: a craft rolls in 1 s and more.
 STALE_S = 5.0  #: s after which a status is ignored, and a campaign's folder read again.
+MAX_STATUSES = 100  #: Names; of a flood no more are kept.
 CHECKED_LEAD = 2.0  #: s; lead of the forecast that is kept until its motion has been measured.
 
 
@@ -97,7 +98,7 @@ class LiveRecord:
             horizon = Horizon(horizon.stamp, horizon.leads, {name: horizon.mean['heave']}, {name: horizon.std['heave']})
         for quantity in horizon.mean:
             self.horizons[quantity] = horizon
-            kept = self.checked.setdefault(quantity, deque())
+            kept = self.checked.setdefault(quantity, deque(maxlen=round(RATE * WindowSettings.window)))
             at = int(np.argmin(np.abs(horizon.leads - CHECKED_LEAD)))
             time = horizon.stamp + float(horizon.leads[at])
             if kept and time < kept[-1][0]:
@@ -108,8 +109,11 @@ class LiveRecord:
 
     def add_status(self, report: Report, clock: float) -> None:
         """Add a status, named ``NODE: NAME``."""
+        if report.name not in self._statuses and len(self._statuses) >= MAX_STATUSES:
+            self._statuses = {name: kept for name, kept in self._statuses.items() if clock - kept[0] < STALE_S}
+            if len(self._statuses) >= MAX_STATUSES:
+                return
         self._statuses[report.name] = clock, report
-        self._statuses = {name: kept for name, kept in self._statuses.items() if clock - kept[0] < STALE_S}
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
         """Set the published models; an axis without one has none any more."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
-from swath_sysid.attitude.identification.forecast_check import next_step
+from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
 from swath_sysid.campaign.evaluation import Condition, Record, beyond_noise, noise_statement, tied_best
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome, TrialOutcome
 from swath_sysid.common.rounding import digits, percent
@@ -282,7 +282,7 @@ def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bo
         ('simulated motion', lambda item: item[1].simulation, percent),
         *(
             (f'forecast {name} ahead', lambda item, k=k: item[1].forecasts[k], percent)
-            for k, name in enumerate(LEAD_NAMES)
+            for k, (_, name) in enumerate(zip(LEADS, LEAD_NAMES, strict=True))
         ),
         ('simulated, held out', lambda item: item[1].held_out, percent),
     )

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.prediction.forecast import NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE, Demonstration, LeadForecasts, Verdict
 from swath_sysid.report.figures import MEASURED, Axes, Figure, band, new_figure, quiet
 
@@ -40,7 +40,7 @@ def _draw_run(axes: Axes, demonstration: Demonstration, limit: float):
     for chosen, colour, name in ((before, BEFORE, 'no model yet'), (after, AFTER, 'identified model')):
         style = DOTS | {'color': colour, 'label': f'{ahead}, {name}'}
         axes.plot(chosen.time - begin, np.degrees(chosen.angle), **style)
-    middle, half_width = np.degrees(after.angle), np.degrees(NORMAL_QUANTILES[1] * after.std)
+    middle, half_width = np.degrees(after.angle), np.degrees(NORMAL_QUANTILES[LEVELS == 0.9].item() * after.std)
     band(axes, after.time - begin, middle, half_width, color=BAND, alpha=0.45, label='its 90 % interval')
     angle = np.degrees(demonstration.angle)
     axes.plot(demonstration.time - begin, angle, color=MEASURED, linewidth=1.2, zorder=1.5, label=TRUTH)

@@ -48,10 +48,12 @@ def identification_as_data(found: ManoeuvringIdentification, wall_s: float | Non
             name: {'value': value, 'std': float(std[key])}
             for name, key, value in zip(('east', 'north'), CURRENT, model.current, strict=True)
         }
-    by_run = {
-        run.source: {'east': east, 'north': north}
-        for run, (east, north) in zip(found.identified_on, found.currents.tolist(), strict=False)
-    }
+    by_run = None
+    if found.has_currents_by_run:
+        by_run = {
+            run.source: {'east': east, 'north': north}
+            for run, (east, north) in zip(found.identified_on, found.currents.tolist(), strict=True)
+        }
     return finite_or_none(
         {
             'thrust_input': model.thrust_input,

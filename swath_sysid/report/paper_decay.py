@@ -216,7 +216,7 @@ def _motion(study: DecayStudy, spec: dict[str, Any]) -> Iterator[Drawing]:
         yield Drawing(f'motion_{quantity}', f'{quantity}, simulated record and identified models, {place}', figure)
 
 
-def _objective_by_equation(study: DecayStudy, spec: dict[str, Any]) -> Iterator[Drawing]:
+def _objective_by_equation(study: DecayStudy, _spec: dict[str, Any]) -> Iterator[Drawing]:
     p = study.publication
     places = np.arange(1, len(p.equations) + 1)
     for angle in sorted({r.angle_deg for r in study.records}):

@@ -152,7 +152,8 @@ def _sdf(
     all_moments = dict.fromkeys(('ixx', 'iyy', 'izz'), max(moments.values())) | moments
     products = dict.fromkeys(('ixy', 'ixz', 'iyz'), 0.0)
     link = expressible.elements({**inertial, 'inertia': all_moments | products}, 8)
-    body, head = '\n'.join(plugins), f'<?xml version="1.0"?>\n{expressible.xml_comment(notes)}'
+    head = f'<?xml version="1.0"?>\n{expressible.xml_comment(notes)}'
+    body = '\n'.join(plugins)
     return (
         f'{head}\n<sdf version="1.10">\n  <model name={quoteattr(name)}>\n'
         f'    <link name="base_link">\n      <inertial>\n{link}\n      </inertial>\n    </link>\n{body}\n'

@@ -2,6 +2,7 @@
 
 import math
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,24 +12,36 @@ from scipy.io import loadmat, whosmat
 from swath_sysid.formats.named_columns import NamedColumns, check_size
 from swath_sysid.formats.tank.nested import nested_tables
 
-FIRST_TAG = slice(128, 132)  #: Bytes of a file: the kind of its first element, after the header.
-COMPRESSED = 15  #: The kind of an element with a checksum.
-LOAD = 'import sys; from scipy.io import loadmat; loadmat(sys.argv[1], appendmat=False)'
+HEADER_BYTES = 128  #: The last two tell the byte order.
+COMPRESSED = 15  #: The kind of an element that has a checksum.
+#: Run without the working folder among the places of modules: it may hold anything.
+LOAD = '-P', '-c', 'import sys; from scipy.io import loadmat; loadmat(sys.argv[1], appendmat=False)'
+CRASHES = {-signal.SIGSEGV, -signal.SIGBUS, -signal.SIGABRT}
 
 
 def tables(path: str | Path) -> list[NamedColumns]:
     """The tables in variables and structs."""
     check_size(path, sum(math.prod(shape) for _, shape, _ in whosmat(path, appendmat=False)))
-    _check_tags(path)
+    if not _has_checksums(path):
+        _load_elsewhere(path)
     content = loadmat(path, appendmat=False, simplify_cells=True)
     return nested_tables({key: value for key, value in content.items() if not key.startswith('__')})
 
 
-def _check_tags(path: str | Path):
-    """Without a checksum, a wrong tag in a struct may end the process that loads it: let that be another one."""
+def _has_checksums(path: str | Path) -> bool:
+    """Whether every element is compressed."""
     with open(path, 'rb') as file:
-        tag = file.read(FIRST_TAG.stop)[FIRST_TAG]
-    if COMPRESSED not in (int.from_bytes(tag, 'little'), int.from_bytes(tag, 'big')):
-        loaded = subprocess.run([sys.executable, '-c', LOAD, os.fspath(path)], capture_output=True, check=False)
-        if loaded.returncode < 0:
-            raise ValueError('SciPy crashes over a tag in it')
+        is_little = file.read(HEADER_BYTES).endswith(b'IM')
+        while len(tag := file.read(8)) == 8:
+            kind, size = (int.from_bytes(part, 'little' if is_little else 'big') for part in (tag[:4], tag[4:]))
+            if kind != COMPRESSED:
+                return False
+            file.seek(size, os.SEEK_CUR)
+    return True
+
+
+def _load_elsewhere(path: str | Path):
+    """Load a file in another process first, which a wrong tag in a struct may end."""
+    loaded = subprocess.run([sys.executable, *LOAD, os.fspath(path)], capture_output=True, check=False)
+    if loaded.returncode in CRASHES:
+        raise ValueError('SciPy crashes over a tag in it')
