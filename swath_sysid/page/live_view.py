@@ -21,6 +21,7 @@ from swath_sysid.pipeline.health import OK, WARN, Report
 from swath_sysid.report.sea_report import sea_in_words
 
 SHOWN_S = 30.0
+SHOWN_POINTS = 300  #: Of a motion: a chart has hardly more pixels, and every browser gets them twice a second.
 #: Half widths in standard deviations.
 INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NORMAL_QUANTILES, strict=True)}
 
@@ -64,7 +65,8 @@ def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -
     chart: dict[str, list] = {'measured': [], 'forecast': [], 'checked': [], 'bands': [[] for _ in INTERVALS]}
     if motion is not None and motion.angle is not None:
         late = motion.time > now - SHOWN_S
-        chart['measured'] = _points(motion.time[late] - now, motion.angle[late] * scale)
+        step = max(1, int(np.count_nonzero(late)) // SHOWN_POINTS)
+        chart['measured'] = _points(motion.time[late][::-step][::-1] - now, motion.angle[late][::-step][::-1] * scale)
     horizon = record.horizons.get(quantity)
     if horizon is None or abs(now - horizon.stamp) > SHOWN_S:
         return chart
