@@ -293,6 +293,26 @@ ROOT = Path(__file__).resolve().parents[1]
 TRUE = simulated_trial(hull_named('swath-pitch').model, np.radians(6.0), 15.0, 50.0, SensorNoise(), 1, 1.0)
 
 
+def test_a_softening_hull_that_accelerates_little_at_first_was_released():
+    at = np.radians(20.0)
+    hull = DecayModel.from_terms(
+        EQUATIONS['odd-cubic'], {'b1': 0.25, 'r1': 9.87, 'r3': -9.87 * 0.75 / at**2}, axis='roll'
+    )
+    trial = simulated_trial(hull, at, 20.0, 50.0, SensorNoise(1e-3, 0.0165), 1, 2.0)
+    assert identify([trial.axis('roll')]).verdict.level == 'adequate'
+
+
+@pytest.mark.parametrize('rate_of', [lambda rate: -rate, np.degrees, lambda rate: np.roll(rate, 3)])
+def test_a_wrong_rate_is_told_of_few_samples_too(rate_of):
+    """Two cycles of twenty samples are too few for the checks of a sensor."""
+    hull = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.5, 'r1': 9.87}, axis='roll')
+    motion = simulated_trial(hull, np.radians(6.0), 3.8, 10.0, SensorNoise(5e-4, 5e-3), 1).axis('roll')
+    verdict = identify(
+        [replace(motion, rate=rate_of(motion.rate))], IdentificationSettings('linear', start=0.0, end=3.7)
+    ).verdict
+    assert (verdict.level, verdict.code) == (REJECTED, 'angle-against-rate')
+
+
 def test_rates_that_contradict_the_angle_are_no_noise(tmp_path, capsys):
     faulty = replace(TRUE, pitch_rate=-TRUE.pitch_rate)
     verdict = identify([faulty.axis('pitch')], IdentificationSettings('swath-pitch-2')).verdict

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hypothesis_numpy
 
 from swath_sysid.attitude.motion.cleaning import MIN_ROWS, clean
-from swath_sysid.attitude.motion.time_base import check_time_base
+from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
 
@@ -145,6 +145,11 @@ def test_stamps_that_few_rows_share_are_not_taken_for_rounded(rate, code):
 
 def swing(size, samples_a_cycle):
     return 0.1 * np.sin(2.0 * np.pi * np.arange(size) / samples_a_cycle)
+
+
+def test_period_is_that_of_the_swing():
+    assert motion_period(0.02 * np.arange(2000), swing(2000, 150.0)) == pytest.approx(3.0, rel=1e-2)
+    assert motion_period(np.arange(50.0), np.full(50, 2.0)) is None
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@ Values stand in braces by name. A key is a code, or a code and after a colon wha
 import re
 
 SENTENCES = {
+    'angle-against-rate': 'the measured rate differs from the slope of the measured angle by {mismatch:.0%} of itself: '
+    'check unit, sign and delay of both columns',
     'absent-term': '{equation} lacks a term that the motion shows ({term}, {stds:.0f} standard deviations from zero), '
     'which biases its other coefficients: fit an equation that has {term}',
     'absurd-values': 'impossible values were left out ({channels}): check the units in the column names, and look for '

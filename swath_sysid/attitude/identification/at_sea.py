@@ -134,12 +134,13 @@ class AtSeaIdentification:
         return tuple(found)
 
     def gain_over(self, model: DecayModel) -> float:
-        """Rise of the log-likelihood from a linear model to this one, to second order.
+        """Rise of the log-likelihood from a linear model to this one, to second order in the logarithms of the ratios.
 
         Twice that is chi-squared with two degrees of freedom if the model is true (Wald 1943).
         """
-        away = np.array([model.terms[name] - value for name, value in self.model.terms.items()])
-        return 0.5 * float(away @ np.linalg.solve(self.covariance, away))
+        # half and twice are equally far away
+        away = [value * np.log(max(model.terms[name] / value, 1e-4)) for name, value in self.model.terms.items()]
+        return 0.5 * float(np.array(away) @ np.linalg.solve(self.covariance, away))
 
     def identified_model(self, provenance: dict) -> IdentifiedModel:
         """The content of a model file; ``provenance`` is the caller's record of the sources, and gets `AT_SEA`."""

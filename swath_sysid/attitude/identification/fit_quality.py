@@ -9,10 +9,12 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD
 from swath_sysid.attitude.identification.uncertainty import release_error
-from swath_sysid.attitude.motion.sensor_checks import contradictions_in
-from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.quality import MIN_CYCLES
+from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.time_base import LONGEST_PERIOD
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.noise import white_noise
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.identify import Identification
@@ -25,6 +27,8 @@ LEAST_USABLE = 0.5  #: Least share of a record's rows that must be usable.
 CHANCE_STDS = 2.0  #: Standard deviations of the products of white residuals that are attributed to chance.
 #: Least righting moment at the release over that of the linear stiffness; a craft that was moved has less.
 LEAST_RIGHTING = 0.3
+LARGEST_PERIOD_RATIO = 2.2  #: Of the natural period and that of the oscillation, or its inverse.
+MAX_RATE_MISMATCH = 0.35  #: Of `rate_mismatch`: above, a unit, sign or delay is wrong.
 
 
 @dataclass(frozen=True)
@@ -78,12 +82,9 @@ def _causes(
     found: 'Identification', uncertain: float, unexplained: float, other_side: float
 ) -> Iterator[tuple[str, Advice]]:
     """Level and sentence of each cause, first those that make the numbers wrong beyond doubt; NaN is one."""
-    for motion in (r.motion for r in found.records):
-        channels = {motion.axis: motion.angle, f'{motion.axis}_rate': motion.rate}
-        measured = {name: values for name, values in channels.items() if values is not None}
-        for contradiction in contradictions_in(motion.time, measured, Installation()):
-            if contradiction.is_plain:
-                yield REJECTED, Advice('angle-against-rate', contradiction.message)
+    mismatch = max(rate_mismatch(r.motion, r.segment.period) for r in found.records)
+    if not mismatch <= MAX_RATE_MISMATCH:
+        yield REJECTED, Advice.of('angle-against-rate', mismatch=mismatch)
     poor_fit = Advice.of('poor-fit', left=min(unexplained, 1.0))
     if not unexplained <= LARGEST_UNEXPLAINED:
         yield REJECTED, poor_fit
@@ -104,7 +105,11 @@ def _causes(
     start = largest_release(found)
     righting = -float(found.model.acceleration(found.model.trim + start, 0.0)) / start
     brief = any(r.segment.beginning == 'pushed' and r.segment.cycles < 1.0 for r in found.records)
-    if brief or not righting >= LEAST_RIGHTING * found.model.natural_frequency**2:
+    # a hull that softens accelerates little at first, too, but swings for several cycles with the period it is given
+    few = all(r.segment.cycles < MIN_CYCLES for r in found.records)
+    ratio = period * found.problem.scales.frequency / (2.0 * np.pi)
+    odd = few or not 1.0 / LARGEST_PERIOD_RATIO < ratio < LARGEST_PERIOD_RATIO
+    if brief or (odd and not righting >= LEAST_RIGHTING * found.model.natural_frequency**2):
         seen = 'less than one oscillation was recorded' if brief else 'it hardly accelerated at first'
         yield DOUBTFUL, Advice.of('no-release', seen=seen)
     absent, equation = found.absent_term, found.model.equation.name
@@ -147,3 +152,20 @@ def unexplained_share(found: 'Identification', quantity: str) -> float:
             error += residual.size * (float(np.mean(products)) - chance)
             motion += float(np.sum((measured - measured.mean()) ** 2))
     return float(np.sqrt(max(error, 0.0) / motion)) if motion > 0.0 else 0.0
+
+
+def rate_mismatch(motion: AxisMotion, period: float) -> float:
+    """Rms difference of the rate and the angle's slope over a sixth of a period, over the rate; zero without both.
+
+    The contributions of the angle's white noise and of an uncalibrated gyroscope's offset are subtracted.
+    """
+    span = max(1, round(period / 6.0 / motion.sample_interval))
+    if motion.angle is None or motion.rate is None or motion.size < 8 * span:
+        return 0.0
+    at = np.arange(motion.size - span)
+    elapsed = motion.time[at + span] - motion.time[at]
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (motion.rate[1:] + motion.rate[:-1]) * np.diff(motion.time))])
+    slope, rate = (motion.angle[at + span] - motion.angle[at]) / elapsed, (integral[at + span] - integral[at]) / elapsed
+    noise = np.sqrt(2.0) * white_noise(motion.angle) / float(np.median(elapsed))
+    offset = max(abs(float(np.mean(slope - rate))) - MAX_OFFSET, 0.0)
+    return float(np.hypot(np.sqrt(max(np.var(slope - rate) - noise**2, 0.0)), offset) / max(np.std(rate), 1e-12))

@@ -21,6 +21,7 @@ PERTURBATION = 1e-6
 TOLERANCE = 1e-11
 STARTING_TOLERANCE = 1e-5  #: Of what another search goes on from.
 BOUND_MARGIN = 1e-9
+MAX_EVALUATIONS = 100
 
 
 @dataclass(frozen=True)
@@ -201,6 +202,7 @@ class MotionFit:
             ftol=tolerance,
             xtol=tolerance,
             gtol=tolerance,
+            max_nfev=MAX_EVALUATIONS,
         )
 
     def _simulate(self, x: np.ndarray, rate: np.ndarray, ratios: np.ndarray):

@@ -22,7 +22,12 @@ from swath_sysid.attitude.identification.problem import Problem, block_means, mo
 def misfit(problem: Problem, model: DecayModel) -> float:
     """Rms residual of a model on decays, weighted by noise, from its best initial states; infinite if it diverges."""
     count = sum(values.size for values in _measured(problem))
-    return float(np.sqrt(_least_squares(problem, model.equation, [model], held=True) / count))
+    return float(
+        np.sqrt(
+            _least_squares(replace(problem, friction_rate=model.friction_rate), model.equation, [model], held=True)
+            / count
+        )
+    )
 
 
 def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayModel], held: bool = False) -> float:

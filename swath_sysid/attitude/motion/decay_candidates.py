@@ -273,6 +273,8 @@ def _end_of_candidate(
                 if periods and not 1.0 / PERIOD_CHANGE < period / median(periods) < PERIOD_CHANGE:
                     return at, double_amplitudes[at] > background
                 periods.append(period)
-            losses.append(loss)
+            # a record that begins in the middle of a half-cycle loses too little in it
+            if known > 0:
+                losses.append(loss)
         known = at
     return len(double_amplitudes), False

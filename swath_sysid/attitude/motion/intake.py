@@ -20,8 +20,8 @@ UNKNOWN_COVARIANCE = 'unknown-covariance'
 ABSURD_COVARIANCE = 'absurd-covariance'
 NEAR_VERTICAL = 'near-vertical'
 EMPTY = 'nothing-usable'
-#: Everything that is counted; only the last two leave the whole sample out.
 _PARTS = NOT_FINITE, ABSURD, BAD_QUATERNION, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE, ABSURD_COVARIANCE
+#: Everything that is counted; only the last two leave the whole sample out.
 INTAKE_REASONS = (*_PARTS, NEAR_VERTICAL, EMPTY)
 
 NOT_MEASURED = -1.0  #: First element of a covariance whose quantity the sensor does not measure (sensor_msgs/Imu).

@@ -18,8 +18,8 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import noise_level
 
-#: rad and rad/s: below it friction and the basin's motion dominate the damping, and a smaller double amplitude is
-#: coupled from the other axis; published tests start at 1 deg.
+#: rad and rad/s: below it friction and the basin's motion dominate the damping (published tests start at 1 deg); what
+#: moves by less from peak to peak is coupled from the other axis.
 SMALLEST_AMPLITUDE = {'angle': float(np.radians(0.5)), 'rate': float(np.radians(1.25))}
 ASYMMETRY = 2.2  #: Largest ratio of the first half-cycle to the usual one: it may be held, and restoring asymmetric.
 MIN_HALF_CYCLES = 3  #: Three show two losses and one rhythm; fewer are those of a heavily damped hull.
@@ -86,8 +86,8 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     return tuple(replace(each, advice=()) if _is_ended_by_the_next(each, segments) else each for each in segments)
 
 
-def _is_ended_by_the_next(segment: DecaySegment, others: Sequence[DecaySegment]):
-    """Whether the hand that released the craft again left out its tail, which nobody needs to be told."""
+def _is_ended_by_the_next(segment: DecaySegment, others: Sequence[DecaySegment]) -> bool:
+    """Whether another release follows so soon that the missing tail needs no warning."""
     return any(0.0 <= other.start - segment.end < BREAKING_PERIODS * segment.period for other in others)
 
 

@@ -464,7 +464,7 @@ def compare_rates(step: float, angles: np.ndarray, rates: np.ndarray) -> tuple[S
     known = np.isfinite(differences).all(axis=0) & np.isfinite(means[:, :2]).all(axis=0)
     if not known.any():
         return ()
-    lively = _lively(differences[:, known], step)
+    lively = _lively(differences[:, known])
     angles, differences, means = angles[lively], differences[lively], means[lively]
     slopes = (_slope(int(axis), step, angles[:, axis], differences[:, axis], means) for axis in np.flatnonzero(known))
     return tuple(slope for slope in slopes if slope is not None)
@@ -498,7 +498,7 @@ def _taper(size: int) -> np.ndarray:
     return np.concatenate([rise, np.ones(size - 2 * edge), rise[::-1]])
 
 
-def _lively(differences: np.ndarray, step: float) -> slice:
+def _lively(differences: np.ndarray) -> slice:
     """The part of a stretch in which the angles change: a decay is short beside what lies before and after it."""
     width = MIN_BINS // 8
     energy = np.cumsum(np.sum(uniform_filter1d(differences - differences.mean(axis=0), width, axis=0) ** 2, axis=1))

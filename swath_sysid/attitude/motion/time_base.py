@@ -42,7 +42,10 @@ def check_time_base(
 
 
 def motion_period(time: np.ndarray, motion: np.ndarray) -> float | None:
-    """Mean period, s, of a motion (N,) from a deviation below its median to one above; None: less than a cycle."""
+    """Mean period, s, of a motion (N,), by its way up from a standard deviation below the median to one above.
+
+    None with less than a cycle.
+    """
     known = np.isfinite(motion)
     if not known.any():
         return None
