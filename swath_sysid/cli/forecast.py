@@ -23,7 +23,16 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.upstream import read_upstream
 from swath_sysid.pipeline.record_run import run_through
-from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, Skill, score, usual_limits, usual_warmup
+from swath_sysid.pipeline.scoring import (
+    AFTER_GAP,
+    FORECAST,
+    SENSOR,
+    Skill,
+    check_warmup,
+    score,
+    usual_limits,
+    usual_warmup,
+)
 from swath_sysid.pipeline.vertical_record import even_stretches
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, forecast_figure, methods_of, skill_as_data
@@ -56,6 +65,7 @@ def scored(arguments: Namespace) -> Skill:
     if points:
         even_stretches(trial)
     warmup = usual_warmup(trial) if arguments.warmup is None else arguments.warmup
+    check_warmup(trial, warmup, arguments.leads[-1], arguments.until)
     angles, rates = (given or (math.inf, math.inf) for given in (arguments.quiet_deg, arguments.quiet_rate_deg_s))
     base = ForecasterSettings()
     quiet_for = arguments.quiet_for or base.horizon
@@ -126,6 +136,9 @@ def _print_valid_lead(console: Console, axis: str, found: Any) -> None:
     if not np.isfinite(found.lead[0]):
         return
     median, low, high = found.lead
+    if found.beyond_horizon == 1.0:
+        console.print(f'valid lead of {axis}: beyond the horizon of {high:.2g} s')
+        return
     beyond = f', and beyond the horizon {100.0 * found.beyond_horizon:.0f} % of the time' * (found.beyond_horizon > 0.0)
     console.print(
         f'valid lead of {axis}: {median:.2g} s (80 %: {low:.2g} to {high:.2g} s){beyond}; '

@@ -110,6 +110,16 @@ def usual_limits(
     return replace(limits, **found)
 
 
+def check_warmup(trial: Trial, warmup: float, longest_lead: float, until: float | None = None) -> None:
+    """Refuse a warm-up, s, after which no forecast up to ``until``, s, is left to score."""
+    duration = float(trial.time[-1] - trial.time[0])
+    if (duration if until is None else min(until, duration)) <= warmup or duration <= warmup + longest_lead:
+        raise InputError(
+            f'{trial.source or "the record"} lasts {duration:.0f} s so no forecast is left to score after the warm-up '
+            f'of {warmup:.0f} s at the longest lead of {longest_lead:g} s: shorten the warm-up'
+        )
+
+
 def score(
     trial: Trial,
     run: Run,
@@ -158,13 +168,9 @@ def score(
     axes, name = [axis for axis in AXES if axis in trial.channels], trial.source or 'the record'
     if not axes:
         raise InputError(f'{name} has no angles to score forecasts on: give roll or pitch')
+    check_warmup(trial, warmup, leads[-1], until)
     start, end = float(trial.time[0]), float(trial.time[-1])
     until = end - start if until is None else float(until)
-    if min(until, end - start) <= warmup or end - start <= warmup + leads[-1]:
-        raise InputError(
-            f'{name} lasts {end - start:.0f} s so no forecast is left to score after the warm-up of {warmup:.0f} s at '
-            f'the longest lead of {leads[-1]:g} s: shorten the warm-up'
-        )
     scored = tuple(s for s in run.steps if start + warmup <= s.stamp <= start + until)
     if not scored:
         raise InputError(f'no forecast of {name} was issued between {warmup:.0f} and {until:.0f} s: score more of it')

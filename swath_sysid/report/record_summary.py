@@ -6,7 +6,7 @@ import numpy as np
 
 from swath_sysid.attitude.identification.at_sea import sea_of
 from swath_sysid.attitude.motion.quality import check_decay, check_motion
-from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, find_decays
+from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, TOO_SMALL, DecaySegment, find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, find_turning_points, mean_period
 from swath_sysid.common.advice import Advice
@@ -22,6 +22,7 @@ DECAY_FIELDS = 'cycles', 'initial_amplitude', 'final_amplitude', 'beginning', 'e
 def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
     """What ``inspect --json`` prints of a whole record and the motions of it that are to be described."""
     interval = float(np.median(np.diff(trial.time)))
+    decays = [find_decays(motion) for motion in motions]
     return finite_or_none(
         {
             'source': trial.source,
@@ -31,16 +32,21 @@ def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
             'rate_hz': 1.0 / interval,
             'longest_interval_s': float(np.diff(trial.time).max()),
             'channels': list(trial.channels),
-            'axes': {motion.axis: _axis_as_data(motion) for motion in motions},
+            'axes': {
+                motion.axis: _axis_as_data(motion, own, is_idle=any(decays) and not own)
+                for motion, own in zip(motions, decays, strict=True)
+            },
             **warnings_as_data(trial.advice),
         }
     )
 
 
-def _axis_as_data(motion: AxisMotion):
-    decays = find_decays(motion)
+def _axis_as_data(motion: AxisMotion, decays: Sequence[DecaySegment], is_idle: bool):
+    """Of one axis; of an ``is_idle`` one, beside which the craft was released, nobody expects motion."""
     values, _ = measured_channel(motion)
-    advice = [_of_waves(motion, each) for each in check_motion(motion, decays)]
+    advice = [
+        _of_waves(motion, each) for each in check_motion(motion, decays) if not (is_idle and each.code == TOO_SMALL)
+    ]
     advice += [a for decay in decays for a in (*decay.advice, *check_decay(motion, decay))]
     return {
         'samples': motion.size,

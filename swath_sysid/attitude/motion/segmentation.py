@@ -46,7 +46,7 @@ HAND = 3  #: Degree of the polynomial that follows a hand's wobble before the re
 HULL = 4  #: ... and of that which follows the free motion after it.
 CANDIDATES = 40  #: Times tried.
 
-FORCED_MOTION = 'forced-motion'
+FORCED_MOTION, TOO_SMALL = 'forced-motion', 'too-small'  #: Codes of `explain_absence`.
 
 
 @dataclass(frozen=True)
