@@ -170,6 +170,13 @@ def test_messages_that_are_none_are_left_out_and_stamps_not_set_are_times_of_arr
     assert codes(trial) == ['damaged-messages', 'gaps']
 
 
+def test_a_folder_of_several_bags_is_none(tmp_path):
+    for name in ('first', 'second'):
+        write_imu_bag(tmp_path / f'{name}.mcap', Trial(np.arange(9.0), roll=np.zeros(9)))
+    with pytest.raises(InputError, match='several bags .first, second.: give one of them'):
+        read_bag(tmp_path)
+
+
 @pytest.mark.parametrize('storage', STORAGES)
 def test_bag_whose_recorder_was_killed(tmp_path, storage):
     folder = write_bag(tmp_path / 'bag', plain_messages(), storage)

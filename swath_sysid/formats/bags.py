@@ -1,5 +1,6 @@
 """Rosbag2 bags: IMU topics as trials, and trials as IMU topics."""
 
+import re
 import tempfile
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
@@ -226,8 +227,13 @@ def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]
             return [stack.enter_context(Reader(path))], []
         except Exception as error:  # the libraries raise whatever a broken byte leads them to
             problem = _reason(path, error)
+    files = _storage_files(path)
+    # rosbag2 numbers the files of one bag
+    names = sorted({re.sub(r'_\d+$', '', file.stem) for file in files})
+    if len(names) > 1:
+        raise InputError(f'{path} holds several bags ({", ".join(names)}): give one of them')
     readers, advice = [], [Advice.of('damaged-bag', path=path, reason=problem)]
-    for file in _storage_files(path):
+    for file in files:
         try:
             opened, more = _open_storage(file, stack)
         except InputError as error:
