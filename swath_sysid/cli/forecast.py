@@ -137,12 +137,12 @@ def _print_valid_lead(console: Console, axis: str, found: Any) -> None:
         return
     median, low, high = found.lead
     if found.beyond_horizon == 1.0:
-        console.print(f'valid lead of {axis}: beyond the horizon of {high:.2g} s')
+        console.print(f'valid lead of {axis}: the whole horizon of {high:.2g} s or more')
         return
-    beyond = f', and beyond the horizon {100.0 * found.beyond_horizon:.0f} % of the time' * (found.beyond_horizon > 0.0)
+    beyond = f', the horizon or more for {found.beyond_horizon:.0%}' * (found.beyond_horizon > 0.0)
     console.print(
-        f'valid lead of {axis}: {median:.2g} s (80 %: {low:.2g} to {high:.2g} s){beyond}; '
-        f'measured error there over the limit: {found.error_over_limit:.2f}'
+        f'valid lead of {axis}: {median:.2g} s in the median, {low:.2g} to {high:.2g} s for 80 % of the forecasts'
+        f'{beyond}; the error measured there is {found.error_over_limit:.2f} of the limit'
     )
 
 
