@@ -155,11 +155,11 @@ def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials,
         (signal.SIGINT, 130, stopped),
         (signal.SIGTERM, 130, stopped),
     ):
-        known = len(list(tmp_path.rglob('*.json')))
+        known = len(list(tmp_path.glob('results/??/*.json')))
         pipes = {'stdout': subprocess.DEVNULL, 'stderr': subprocess.PIPE, 'text': True}
         running = subprocess.Popen(command, env=environment, start_new_session=True, **pipes)
         deadline = time.monotonic() + 600
-        while len(list(tmp_path.rglob('*.json'))) < known + 2 and time.monotonic() < deadline:
+        while len(list(tmp_path.glob('results/??/*.json'))) < known + 2 and time.monotonic() < deadline:
             time.sleep(0.02)
         if number == signal.SIGINT:
             # as a terminal does: to the workers as well
