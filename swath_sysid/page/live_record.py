@@ -14,15 +14,17 @@ from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.history import past_of
 from swath_sysid.page.bring_up import Facts
 from swath_sysid.page.release import Release, release_of
 from swath_sysid.pipeline.health import Report
 
 RATE = 25.0  #: Hz; faster samples are thinned: a craft rolls in 1 s and more.
-STALE_S = 5.0  #: s after which a status is ignored, and a campaign's folder read again.
-MAX_STATUSES = 100  #: Names; of a flood no more are kept.
+STALE_S = 5.0  #: s after which a status is ignored.
 CHECKED_LEAD = 2.0  #: s; lead of the forecast that is kept until its motion has been measured.
+
+KEPT_FORECASTS = 600
+KEPT_MODELS = 5
+MAX_STATUSES = 100
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class LiveRecord:
         finished = None if self._window is None else self._window.add(reading).finished
         if finished is not None and (release := release_of(finished)) is not None:
             self.releases[finished.axis] = release
-            self.tried.setdefault(finished.axis, past_of()).append((release, ()))
+            self.tried.setdefault(finished.axis, deque(maxlen=KEPT_MODELS)).append((release, ()))
             self._credit(finished.axis)
 
     def add_horizon(self, horizon: Horizon, name: str = '') -> None:
@@ -98,27 +100,22 @@ class LiveRecord:
             horizon = Horizon(horizon.stamp, horizon.leads, {name: horizon.mean['heave']}, {name: horizon.std['heave']})
         for quantity in horizon.mean:
             self.horizons[quantity] = horizon
-            kept = self.checked.setdefault(quantity, deque(maxlen=round(RATE * WindowSettings.window)))
+            kept = self.checked.setdefault(quantity, deque(maxlen=KEPT_FORECASTS))
             at = int(np.argmin(np.abs(horizon.leads - CHECKED_LEAD)))
             time = horizon.stamp + float(horizon.leads[at])
             if kept and time < kept[-1][0]:
                 kept.clear()
-            while kept and kept[0][0] < time - WindowSettings.window:
-                kept.popleft()
             kept.append((time, float(horizon.mean[quantity][at]), float(horizon.std[quantity][at])))
 
     def add_status(self, report: Report, clock: float) -> None:
         """Add a status, named ``NODE: NAME``."""
-        if report.name not in self._statuses and len(self._statuses) >= MAX_STATUSES:
-            self._statuses = {name: kept for name, kept in self._statuses.items() if clock - kept[0] < STALE_S}
-            if len(self._statuses) >= MAX_STATUSES:
-                return
-        self._statuses[report.name] = clock, report
+        if report.name in self._statuses or len(self._statuses) < MAX_STATUSES:
+            self._statuses[report.name] = clock, report
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
         """Set the published models; an axis without one has none any more."""
         for axis in AXES:
-            before = self.models_before.setdefault(axis, past_of())
+            before = self.models_before.setdefault(axis, deque(maxlen=KEPT_MODELS))
             if axis not in models:
                 before.clear()
             elif not before or before[-1] != models[axis]:

@@ -10,7 +10,6 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.history import LONGEST
 from swath_sysid.common.processes import END_S
 from swath_sysid.page.layout import SCREEN_PERIOD, build
 from swath_sysid.page.state import PageState
@@ -25,6 +24,9 @@ except ImportError:  # `check_installed` says what to install
 
 COOKIE = 'swath_sysid_page'
 LOCAL_NAMES = ('localhost', '127.0.0.1', '::1')
+#: Messages kept for a browser that reconnects; the next update replaces them, so few are needed.
+FEW_MESSAGES = 10
+
 REFUSAL = b'Open the address that swath-sysid page printed, with its token.'
 
 
@@ -98,8 +100,7 @@ def served(state: PageState, host: str, port: int, token: str) -> Iterator[str]:
         title='swath_sysid',
         dark=None,
         language='en-US',
-        # for a browser that reconnects; the next update replaces them, so few are needed
-        message_history_length=LONGEST,
+        message_history_length=FEW_MESSAGES,
         show_welcome_message=False,
     )
     pages.timer(SCREEN_PERIOD, state.refresh)

@@ -14,13 +14,12 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.history import past_of
 from swath_sysid.common.processes import ended, verb_command
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Facts, Guidance
 from swath_sysid.page.charts import motion_changes
-from swath_sysid.page.live_record import STALE_S, LiveRecord
+from swath_sysid.page.live_record import LiveRecord
 from swath_sysid.page.live_view import (
     calm_words,
     campaign_words,
@@ -36,6 +35,9 @@ from swath_sysid.page.live_view import (
 from swath_sysid.page.model_words import verdict_of
 from swath_sysid.page.release import Release
 
+CAMPAIGN_PERIOD = 5.0  #: s between scans of the trials' folder.
+
+SHOWN_ANSWERS = 2
 NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
 
 
@@ -111,7 +113,7 @@ class PageState:
         manifest: str | None = None,
     ) -> None:
         self.view = View()
-        self.answers: deque[str] = past_of()
+        self.answers: deque[str] = deque(maxlen=SHOWN_ANSWERS)
         self.manifest = manifest
         self._source = source
         self._folder = folder
@@ -141,7 +143,7 @@ class PageState:
             releases = releases_in_words(record.tried.get(self._axis, ()))
             words = model_words(record, self._axis, facts.text(IDENTIFICATION, 'last_verdict'))
             waters = calm_words(record), sea_words(record), valid_words(facts.statuses)
-        if self.manifest and now - self._campaign_read > STALE_S:
+        if self.manifest and now - self._campaign_read > CAMPAIGN_PERIOD:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
         if self._recorder is not None and self._recorder.poll() is not None:
             assert self._recorder.stdout is not None, 'it is piped'
