@@ -1,7 +1,6 @@
 """The upstream channels of predictor: their topics subscribed, and their values handed to the pipeline."""
 
 import time
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -12,13 +11,12 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.upstream import channels_of, field_value, kind_of, stamp_of
 from swath_sysid.nodes.message_types import message_class
 from swath_sysid.nodes.qos import waiting, watched_subscription
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.pipeline.health import BAD_UPSTREAM, LONGEST_SILENCE, OK, WARN, Reasons, Report
+from swath_sysid.pipeline.health import BAD_UPSTREAM, OK, WARN, Arrivals, Reasons, Report
 
 #: s at the start in which the publishers of entries without a field are looked for: discovery takes up to three.
 DISCOVERY = 5.0
@@ -32,24 +30,9 @@ class Source:
     kind: str
     fields: dict[str, str] = field(default_factory=dict)
     subscription: Subscription | None = None
-    received: int = 0
+    arrivals: Arrivals = field(default_factory=Arrivals)
     left_out: int = 0
     newest_ns: int = 0
-    heard_ns: int = 0  #: Stamp of the IMU when the newest message came.
-    #: s between messages, by the stamps of the IMU, which stand still while a replay is paused.
-    gaps: deque[float] = field(default_factory=lambda: deque(maxlen=100))
-
-    def hear(self, now_ns: int) -> None:
-        """Count a message that came when the IMU's newest stamp was this."""
-        self.received += 1
-        if self.heard_ns:
-            self.gaps.append((now_ns - self.heard_ns) * NANOSECOND)
-        self.heard_ns = now_ns
-
-    def silence(self, now_ns: int) -> float:
-        """s without a message; zero while that may be no more than usual."""
-        silence = (now_ns - self.heard_ns) * NANOSECOND
-        return silence if self.gaps and silence > max(LONGEST_SILENCE, 5.0 * max(self.gaps)) else 0.0
 
 
 class Upstream:
@@ -107,11 +90,11 @@ class Upstream:
         values: dict[str, object] = {}
         problems = []
         for source in self._sources.values():
-            values[f'received_{source.topic}'] = source.received
+            values[f'received_{source.topic}'] = source.arrivals.received
             values[f'left_out_{source.topic}'] = source.left_out
-            if not source.received:
+            if not source.arrivals.received:
                 problems.append(self._why_silent(source))
-            elif silence := source.silence(self._pipeline.newest_ns):
+            elif silence := source.arrivals.silence(self._pipeline.newest_ns):
                 problems.append(
                     f'no message on {source.topic} for {silence:.0f} s: check its sensor and the link to it'
                 )
@@ -119,7 +102,7 @@ class Upstream:
         return [Report('upstream', WARN if problems else OK, '; '.join(problems) or f'receiving {names}', values)]
 
     def _take(self, source: Source, message: Any) -> None:
-        source.hear(self._pipeline.newest_ns)
+        source.arrivals.note(self._pipeline.newest_ns)
         stamp_ns = stamp_of(message)
         if stamp_ns is not None:
             if stamp_ns == source.newest_ns:

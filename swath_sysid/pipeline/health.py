@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import isnan
 from typing import TYPE_CHECKING
 
-from swath_sysid.attitude.motion.intake import NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
+from swath_sysid.attitude.motion.intake import NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.window import MotionWindow
 from swath_sysid.common.sentences import CURES
 
@@ -48,6 +48,7 @@ LONGEST_SILENCE = 1.0
 STARTING_TIME = 5.0  #: s after which a sensor that has never published is an error: discovery takes up to three.
 
 LARGEST_STAMP_AGE = 1.0  #: s; more means that clocks differ, or a replay at another time.
+REMEMBERED_GAPS = 100  #: Messages; the longest of their intervals is usual.
 REMEMBERED_AGES = 60  #: Reports; much older stamps than the best of these have waited in a queue.
 
 
@@ -135,6 +136,32 @@ class Reasons:
         return '; '.join(dict.fromkeys(self._holding.values()))
 
 
+def is_unusual(silence: float, interval: float) -> bool:
+    """Whether a silence, s, is more than messages at this interval, s, leave."""
+    return silence > max(LONGEST_SILENCE, 5.0 * interval)
+
+
+class Arrivals:
+    """How the messages of a topic come, timed by the stamps of another, which stand still while a replay is paused."""
+
+    def __init__(self) -> None:
+        self.received = 0
+        self._newest_ns = 0
+        self._gaps: deque[float] = deque(maxlen=REMEMBERED_GAPS)
+
+    def note(self, now_ns: int) -> None:
+        """Count a message that came at this stamp of the other topic, ns; 0 before that has one."""
+        self.received += 1
+        if self._newest_ns:
+            self._gaps.append((now_ns - self._newest_ns) * NANOSECOND)
+        self._newest_ns = now_ns
+
+    def silence(self, now_ns: int) -> float:
+        """s without a message; zero while that may be no more than usual."""
+        silence = (now_ns - self._newest_ns) * NANOSECOND
+        return silence if self._gaps and is_unusual(silence, max(self._gaps)) else 0.0
+
+
 class StreamHealth(Reasons):
     """How the messages of one topic arrive, counting further reasons beside those of every stream."""
 
@@ -185,7 +212,7 @@ class StreamHealth(Reasons):
         if self._begun is None:
             self._begun, self._reported_ns = now, now_ns
         self._note_silence(now, now_ns)
-        is_silent = self.received > 0 and self._silence > max(LONGEST_SILENCE, 5.0 * (interval or 0.0))
+        is_silent = self.received > 0 and is_unusual(self._silence, interval or 0.0)
         if is_silent and not self._silent:
             self.note(SILENT)
         self._silent = is_silent

@@ -45,7 +45,7 @@ from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.covariance import sandwich_covariance
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.common.plain import as_plain, from_plain
 from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 
@@ -78,8 +78,7 @@ class IdentificationSettings:
     end: float | None = None  #: Of the decay in the record's time, s; None: it is found.
 
     def __post_init__(self):
-        if self.objective not in OBJECTIVES:
-            raise InputError(f"there is no objective '{self.objective}': choose from {', '.join(OBJECTIVES)}")
+        check_choice(self.objective, OBJECTIVES, 'objective')
         if not self.equation:
             raise InputError(f"an equation without a name cannot be fitted: leave it out, or give '{AUTO}' or a name")
         if self.equation != AUTO:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scaling import LOWER, UPPER, Scales
 from swath_sysid.attitude.hull.terms import TERM_NAMES
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
 from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 from swath_sysid.common.swarm import ParticleSwarm, SwarmSettings
@@ -108,10 +108,9 @@ class SearchSettings:
     seed: int = 1  #: Ranges are in `WHOLE_NUMBERS`.
 
     def __post_init__(self):
-        if self.algorithm not in ALGORITHMS:
-            raise InputError(f"there is no search algorithm '{self.algorithm}': choose from {', '.join(ALGORITHMS)}")
-        if self.preset is not None and self.preset not in PRESETS:
-            raise InputError(f"there is no preset '{self.preset}': choose from {', '.join(PRESETS)}")
+        check_choice(self.algorithm, ALGORITHMS, 'search algorithm')
+        if self.preset is not None:
+            check_choice(self.preset, PRESETS, 'preset')
         if self.preset is not None and self.algorithm != 'ga':
             raise InputError('the presets are settings of the genetic algorithm: leave the search at ga')
         for name, (lowest, highest) in WHOLE_NUMBERS.items():
