@@ -201,7 +201,7 @@ def test_each_is_refused_warned_of_or_right(malformed, capsys):
         out, error = capsys.readouterr()
         assert 'Traceback' not in error and time.process_time() - began < MAX_SECONDS, name
         if code == 2:
-            assert 'swath-sysid inspect: ' in error or 'warning [' in error, name
+            assert error.startswith('swath-sysid inspect: ') or 'warning [' in error, name
             assert len(error.strip().splitlines()[-1]) < 800 and not out, name
             outcomes['refused'] += 1
         elif 'warning [' in error:
@@ -234,3 +234,11 @@ def test_unusual_but_clear_tables_are_read_right(malformed):
     commas = ("separated by ';', decimal commas", "separated by '\\t', decimal commas", 'quoted decimal commas')
     for name in (*encodings, *commas, 'lines end in cr', 'rad and the same deg'):
         assert is_true(name, malformed[name]), name
+
+
+def test_nothing_is_written_of_what_is_refused(malformed, tmp_path, capsys):
+    of_tables = ('cut off at 0.001', 'decimal commas between commas', 'time: ms', 'degrees called rad')
+    for name in (*of_tables, 'db3 cut off at 0.5'):
+        command = ['identify', str(malformed[name]), '--output', str(tmp_path / 'm.yaml')]
+        assert main([*command, '--plot', str(tmp_path / 'm.png')]) == 2, name
+    assert not list(tmp_path.iterdir())

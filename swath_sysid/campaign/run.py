@@ -27,6 +27,7 @@ from swath_sysid.common.plain import from_plain
 from swath_sysid.formats.columns import UNKNOWN
 from swath_sysid.formats.reading import read_trial, source_hash
 
+RESULT_FORMAT = 4  #: Raised when earlier results can no longer be used.
 ANGLE_STEP_DEG = 0.5  #: Resolution of an initial angle that is not given but taken from the decay.
 
 
@@ -575,4 +576,4 @@ def _place_name(place: Condition | float) -> str:
 def _identity(trial: TrialOutcome) -> list:
     """All that a prepared record depends on."""
     e = trial.entry
-    return [__version__, trial.sha256, e.axis, e.start, e.end, e.frame, e.topic, e.columns]
+    return [RESULT_FORMAT, __version__, trial.sha256, e.axis, e.start, e.end, e.frame, e.topic, e.columns]

@@ -14,7 +14,6 @@ from swath_sysid.formats.export.fossen import MATLAB, PYTHON, fossen, fossen_att
 from swath_sysid.formats.export.gazebo import gazebo, gazebo_attitude
 from swath_sysid.formats.export.nav2 import nav2
 from swath_sysid.formats.export.vrx import vrx
-from swath_sysid.formats.input_files import BLOCK_BYTES
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
 from swath_sysid.formats.model_file import FORMAT, read_model
 from swath_sysid.formats.outputs import Output, check_outputs
@@ -22,6 +21,7 @@ from swath_sysid.report.fit_summary import warnings_as_data
 
 GAZEBO, VRX, NAV2, FOSSEN = TARGETS = ('gazebo', 'vrx', 'nav2', 'fossen')
 ATTITUDE_TARGETS = (GAZEBO, FOSSEN)
+SNIFFED_BYTES = 4096
 
 
 def run(arguments: Namespace) -> int:
@@ -72,7 +72,7 @@ def _is_attitude(path: str) -> bool:
     """Whether a file begins as a decay model; what cannot be read is left to the reader's sentence."""
     try:
         with open(path, 'rb') as file:
-            return FORMAT.format.encode() in file.read(BLOCK_BYTES)
+            return FORMAT.format.encode() in file.read(SNIFFED_BYTES)
     except (OSError, ValueError):
         return False
 

@@ -15,7 +15,7 @@ import yaml
 from swath_sysid.nodes.parameters.table import NodeParameter, table_of
 
 SHARED = 'shared'
-CORES = os.cpu_count()
+CORES = os.cpu_count()  #: A default in the table.
 
 
 @cache
@@ -181,7 +181,9 @@ def _point(text: str) -> Any:
     coordinates = numbers(place)
     if len(coordinates) != 3:
         raise ArgumentTypeError(f"'{text}' is not a point: give three coordinates in m, NAME:x,y,z")
-    return import_module('swath_sysid.attitude.prediction.point').Point(name, coordinates)
+    from swath_sysid.attitude.prediction.point import Point  # numpy, which the help does without
+
+    return Point(name, coordinates)
 
 
 #: Of the values of flags, as the table names them.

@@ -20,6 +20,7 @@ from swath_sysid.formats.input_files import LONGEST_SHOWN, shown
 LARGEST_TEXT = 256 * 1024  #: Bytes. A model of both axes scheduled on five drafts has about 32,000.
 DEEPEST = 20  #: Lists and mappings inside each other; the deepest that is written here has nine.
 MAX_VALUES = 8_000  #: A model of both axes scheduled on five drafts has about 2,200; that many are read within 25 ms.
+LONGEST_NUMBER = 40  #: Characters; a float has at most 24, and nothing that is counted here has 39 digits.
 
 
 _PARSER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
@@ -111,9 +112,9 @@ def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...]) -> str | int |
         return None
     if text in _TRUE or text in _FALSE:
         return text in _TRUE
-    if len(text) > LONGEST_SHOWN:
+    if len(text) > LONGEST_NUMBER:
         if _LIKE_A_NUMBER.fullmatch(text):
-            raise InputError(f'{_place(path)}: {shown(text)} has {len(text)} characters: {LONGEST_SHOWN} are enough')
+            raise InputError(f'{_place(path)}: {shown(text)} has {len(text)} characters: {LONGEST_NUMBER} are enough')
         return text
     if _INTEGER.fullmatch(text):
         return int(text)
