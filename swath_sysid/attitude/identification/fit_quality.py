@@ -72,7 +72,8 @@ def judge(found: 'Identification') -> Verdict:
     error = float(np.hypot(uncertain, unexplained))
     other = f' ({other_side:.0%} to the other side)' if other_side > ADEQUATE_ERROR else ''
     ahead = f'the next release should be forecast to within {error:.1%} of its motion{other}'
-    good = Advice(ADEQUATE, f'{ahead}; the fit leaves {unexplained:.1%} of the motion unexplained')
+    left = f'{unexplained:.1%}' if unexplained >= 0.0005 else 'less than 0.1%'
+    good = Advice(ADEQUATE, f'{ahead}; the fit leaves {left} of the motion unexplained')
     causes = [*_causes(found, uncertain, unexplained, other_side), (ADEQUATE, good)]
     level, cause = min(causes, key=lambda each: LEVELS.index(each[0]))
     return Verdict(level, cause.code, cause.message, error)
