@@ -3,7 +3,6 @@
 import asyncio
 import concurrent.futures
 import contextlib
-import logging
 from collections.abc import Iterator
 
 from swath_sysid.common.errors import InputError
@@ -53,8 +52,6 @@ def _cluster(address: str) -> Iterator[concurrent.futures.Executor]:
     try:
         if not client.scheduler_info()['workers']:
             raise InputError(f'the Dask scheduler at {address} has no workers: start some with dask worker {address}')
-        # the loss of the connection is reported in one sentence, not by its tracebacks
-        logging.getLogger('distributed').setLevel(logging.CRITICAL)
         yield client.get_executor(pure=False)
     finally:
         with contextlib.suppress(OSError, TimeoutError, *connection_losses()):

@@ -1,5 +1,6 @@
 """``swath-sysid campaign``: a whole trial matrix to tables, figures and a model that depends on the draft."""
 
+import logging
 import sys
 import time
 from argparse import Namespace
@@ -39,6 +40,8 @@ def run(arguments: Namespace) -> int:
     refuse_inputs_among([folder / name for name in (*REPORTED, RESULTS)], read)
     for fault in manifest.faults:
         print(f'warning: {arguments.manifest}, {fault}', file=sys.stderr)
+    # the loss of a scheduler is reported in one sentence, not by the tracebacks of its client
+    logging.getLogger('distributed').setLevel(logging.CRITICAL)
     store = ResultStore(folder / RESULTS)
     try:
         with (

@@ -28,7 +28,7 @@ from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.cli import forecast
 from swath_sysid.cli.main import build_parser
-from swath_sysid.cli.progress import ros_needed
+from swath_sysid.cli.ros import ros_needed
 from swath_sysid.cli.run import craft_command, process_beside
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import verb_command

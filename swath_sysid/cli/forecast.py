@@ -35,7 +35,8 @@ from swath_sysid.pipeline.scoring import (
 )
 from swath_sysid.pipeline.vertical_record import even_stretches
 from swath_sysid.report.figures import save_figure
-from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, forecast_figure, methods_of, skill_as_data
+from swath_sysid.report.forecast_figure import forecast_figure
+from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, methods_of, skill_as_data
 
 
 def run(arguments: Namespace) -> int:

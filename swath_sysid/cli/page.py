@@ -7,7 +7,7 @@ from argparse import Namespace
 from contextlib import ExitStack
 from pathlib import Path
 
-from swath_sysid.cli.progress import ros_needed
+from swath_sysid.cli.ros import ros_needed
 from swath_sysid.cli.run import remappings
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.worker_process import NICENESS

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from typing import Any
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import with_flags
 
 PLAIN_STEP = 0.25
@@ -49,15 +48,3 @@ def show_advice(advice: Iterable[Advice]) -> None:
 def print_result(as_json: bool, data: Any, lines: Iterable[str]) -> None:
     """Print one JSON object where it was asked for, else lines for a reader."""
     print(json.dumps(data, indent=2) if as_json else '\n'.join(lines))
-
-
-@contextmanager
-def ros_needed(without: str = '') -> Iterator[None]:
-    """Around imports of ROS: `InputError` where it is not installed, with what the verb does ``without`` it."""
-    try:
-        yield
-    except ImportError as error:
-        raise InputError(
-            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
-            + (without and f'; {without}')
-        ) from error

@@ -4,7 +4,7 @@ import sys
 from argparse import Namespace
 from datetime import datetime
 
-from swath_sysid.cli.progress import ros_needed
+from swath_sysid.cli.ros import ros_needed
 from swath_sysid.formats.outputs import Output, check_outputs
 
 

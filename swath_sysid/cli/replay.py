@@ -5,7 +5,8 @@ from argparse import Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from swath_sysid.cli.progress import ros_needed, show_advice
+from swath_sysid.cli.progress import show_advice
+from swath_sysid.cli.ros import ros_needed
 
 if TYPE_CHECKING:
     from swath_sysid.nodes.replay import Replay

@@ -12,7 +12,7 @@ from typing import Any
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.cli.interfaces import interface_lines
-from swath_sysid.cli.progress import ros_needed
+from swath_sysid.cli.ros import ros_needed
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import ended, verb_command
 from swath_sysid.formats.outputs import Output, check_outputs

@@ -20,13 +20,14 @@ def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
     upper, lower = halves
     limit = 1.45 * np.degrees(demonstration.release_angle)
     _draw_run(quiet(upper.subplots()), demonstration, limit)
-    shown = [each for each in demonstration.forecasts if each.lead <= demonstration.period_lead]
-    panels = np.atleast_1d(lower.subplots(1, len(shown), sharey=True))
-    for panel, forecasts in zip(panels, shown, strict=True):
-        _draw_lead(quiet(panel), demonstration, forecasts, limit)
+    published = [each for each in demonstration.forecasts if each.lead <= demonstration.period_lead]
+    unaided = {each.lead: each for each in demonstration.unaided}
+    panels = np.atleast_1d(lower.subplots(1, len(published), sharey=True))
+    for panel, forecasts in zip(panels, published, strict=True):
+        _draw_lead(quiet(panel), demonstration, forecasts, unaided[forecasts.lead], limit)
     panels[0].set_ylabel(f'{demonstration.axis} [deg]')
     panels[0].legend(frameon=False, loc='upper right', fontsize='small', handlelength=1.4)
-    lower.supxlabel('time since the release [s]', fontsize='medium')
+    lower.supxlabel('time since the second release [s]', fontsize='medium')
     figure.suptitle(_headline(demonstration, verdict), fontsize='large', fontweight='bold', color=MEASURED)
     return figure
 
@@ -59,27 +60,31 @@ def _draw_run(axes: Axes, demonstration: Demonstration, limit: float):
     axes.legend(frameon=False, loc='upper center', ncols=4, fontsize='small', bbox_to_anchor=(0.5, 1.1))
 
 
-def _draw_lead(axes: Axes, demonstration: Demonstration, forecasts: LeadForecasts, limit: float):
-    first, second = demonstration.releases
-    moving = (demonstration.time >= second - 0.5) & (demonstration.time <= demonstration.end(1))
-    time, angle = demonstration.time[moving] - second, np.degrees(demonstration.angle[moving])
+def _draw_lead(
+    axes: Axes, demonstration: Demonstration, published: LeadForecasts, unaided: LeadForecasts, limit: float
+):
+    """The second release at one lead: what was published, and what would have been without a model."""
+    release = demonstration.releases[1]
+    moving = (demonstration.time >= release - 0.5) & (demonstration.time <= demonstration.end(1))
+    time, angle = demonstration.time[moving] - release, np.degrees(demonstration.angle[moving])
     axes.plot(time, angle, color=MEASURED, linewidth=1.2, zorder=1.5, label=TRUTH)
-    for number, (release, colour, name) in enumerate(((first, BEFORE, 'previous'), (second, AFTER, 'this'))):
-        scored, style = demonstration.during(forecasts, number), DOTS | {'label': f'forecast, {name} release'}
+    for forecasts, colour, name in ((unaided, BEFORE, 'without a model'), (published, AFTER, 'identified model')):
+        scored, style = demonstration.during(forecasts, 1), DOTS | {'label': f'forecast, {name}'}
         axes.plot(scored.time - release, np.degrees(scored.angle), color=colour, **style)
-    blind = forecasts.lead + UNAWARE
+    blind = published.lead + UNAWARE
     axes.axvspan(-0.5, blind, color=MEASURED, alpha=0.05, linewidth=0)
     if blind > 0.25 * SCORED_SPAN:
         place, words = (0.5 * blind - 0.25, -0.9 * limit), 'forecast before\nthe release'
         axes.text(*place, words, ha='center', fontsize='x-small', color=MEASURED, alpha=0.7)
-    before, after = (demonstration.error(forecasts, number) for number in (0, 1))
-    ahead = f'{forecasts.lead:g} s ahead ({forecasts.lead / demonstration.period:.2g} period)'
-    axes.set_title(f'{ahead}\nNRMSE {before:.2f} → {after:.2f}', fontsize='medium', color=MEASURED)
+    before, after = (100.0 * demonstration.error(forecasts, 1) for forecasts in (unaided, published))
+    ahead = f'{published.lead:g} s ahead ({published.lead / demonstration.period:.2g} period)'
+    axes.set_title(f'{ahead}\nerror {before:.0f} % → {after:.0f} %', fontsize='medium', color=MEASURED)
     axes.set(xlim=(-0.5, SCORED_SPAN), ylim=(-limit, limit))
 
 
 def _headline(demonstration: Demonstration, verdict: Verdict):
+    after, unaided = (f'{100 * error:.0f} %' for error in (verdict.after, verdict.unaided))
     return (
-        f'{demonstration.hull}: the next natural period of {demonstration.axis}, forecast with '
-        f'{100 * verdict.after:.0f} % error once a release was seen (without the model: {100 * verdict.unaided:.0f} %)'
+        f'{demonstration.hull}: {demonstration.axis} forecast one natural period ahead, error {after} of the motion '
+        f'with the identified model, {unaided} without'
     )
