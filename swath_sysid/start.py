@@ -9,9 +9,9 @@ import signal
 import sys
 from importlib import import_module
 
-SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is the regular end of.
+from swath_sysid.common.errors import DONE, INTERRUPTED
 
-EXIT_INTERRUPTED = 130
+SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is the regular end of.
 
 #: Also where a shell without job control has started the process with SIGINT ignored.
 ENDING = (signal.SIGINT, signal.SIGTERM)
@@ -21,7 +21,7 @@ def command_line() -> int:
     """``swath-sysid``; returns the exit code."""
     verb = next((word for word in sys.argv[1:] if not word.startswith('-')), None)
     serving = verb in SERVING_VERBS
-    _end_on_signals(0 if serving else EXIT_INTERRUPTED)
+    _end_on_signals(DONE if serving else INTERRUPTED)
     cli = import_module('swath_sysid.cli.main')
     if verb in cli.VERBS:
         cli.module_of(verb)
@@ -33,7 +33,7 @@ def command_line() -> int:
     try:
         return cli.main()
     finally:
-        _end_on_signals(EXIT_INTERRUPTED)
+        _end_on_signals(INTERRUPTED)
 
 
 def _end_on_signals(code: int):

@@ -11,13 +11,12 @@ from swath_sysid.campaign.manifest import read_manifest, write_new_manifest
 from swath_sysid.campaign.result_store import ResultStore
 from swath_sysid.campaign.run import CampaignOutcome, run_campaign
 from swath_sysid.cli.progress import print_result, progress_of
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
 from swath_sysid.report.campaign_report import REPORTED, write_report
 
 MANIFEST = 'campaign.yaml'
 RESULTS = 'results'
-EXIT_LEFT_OUT = 1
 
 
 def run(arguments: Namespace) -> int:
@@ -29,7 +28,7 @@ def run(arguments: Namespace) -> int:
         check_outputs([Output('--output', path)])
         write_new_manifest(arguments.new, path)
         print(f'{path}: check it, then run: swath-sysid campaign {path} --output FOLDER')
-        return 0
+        return DONE
     if arguments.output is None:
         raise InputError('give --output with the folder of the report')
     began = time.perf_counter()
@@ -61,7 +60,7 @@ def run(arguments: Namespace) -> int:
     report = write_report(outcome, arguments.output, time.perf_counter() - began)
     _print_outcome(outcome, report, time.perf_counter() - began, arguments.json)
     is_whole = all(t.record is not None for t in outcome.trials) and not (manifest.faults or outcome.failures)
-    return 0 if is_whole else EXIT_LEFT_OUT
+    return DONE if is_whole else PARTLY_DONE
 
 
 def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_json: bool):

@@ -30,7 +30,7 @@ from swath_sysid.cli import forecast
 from swath_sysid.cli.main import build_parser
 from swath_sysid.cli.ros import ros_needed
 from swath_sysid.cli.run import craft_command, process_beside
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.common.processes import verb_command
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
@@ -53,7 +53,6 @@ START_TIMEOUT_S = 300.0
 TIMEOUT_S = 60.0  #: For an answer, and for a model.
 ATTEMPTS = 2
 EVERY_S = 20.0  #: Between releases with --keep-running.
-EXIT_FAILED = 1
 
 
 def run(arguments: Namespace) -> int:
@@ -62,7 +61,7 @@ def run(arguments: Namespace) -> int:
     check_outputs([Output('--output', output, is_folder=True)])
     if arguments.only == SEA:
         _forecast_sea(output)
-        return 0
+        return DONE
     with ros_needed(f'the forecast of a measured sea needs none: --only {SEA}'):
         import rclpy  # noqa: F401 - only to say what to do where it is missing
     craft = _Craft(arguments.hull, arguments.axis)
@@ -136,7 +135,7 @@ def _release(craft: _Craft, processes: Any, output: Path, keeps_running: bool) -
                         stage.listener.forget()
         finally:
             listener.destroy_node()
-    return 0 if passed else EXIT_FAILED
+    return DONE if passed else PARTLY_DONE
 
 
 class _Craft:

@@ -18,15 +18,13 @@ from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import motions_of, trials_of, write_fit
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.errors import InputError, check_choice
+from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError, check_choice
 from swath_sysid.common.plain import finite_or_none
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.extinction_tables import tank_tables
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import at_sea_as_data, at_sea_in_words, fit_as_data, fit_in_words, warnings_as_data
 from swath_sysid.report.tables import table_as_data, table_in_words
-
-EXIT_POOR_FIT = 1
 
 
 def settings_of(arguments: Namespace, equation: str = AUTO) -> IdentificationSettings:
@@ -99,7 +97,7 @@ def exit_code_of(arguments: Namespace, verdict: Verdict) -> int:
     is_poor = not is_to_be_written(arguments, verdict)
     if is_poor and arguments.output:
         print(f'{arguments.output} was not written; --force writes it nevertheless', file=sys.stderr)
-    return EXIT_POOR_FIT if is_poor else 0
+    return PARTLY_DONE if is_poor else DONE
 
 
 def _problem_of(arguments: Namespace, motions: Sequence[AxisMotion]) -> Problem | None:

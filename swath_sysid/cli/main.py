@@ -16,12 +16,10 @@ from swath_sysid import __version__
 from swath_sysid.cli.completion import actions_of, completion_script
 from swath_sysid.cli.flags import SHARED, add_arguments, examples_of, table_of_verbs
 from swath_sysid.common.advice import did_you_mean
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import DONE, INTERRUPTED, NOTHING_DONE, InputError
 from swath_sysid.common.sentences import with_flags
 
 VERBS = {verb: entry['summary'] for verb, entry in table_of_verbs().items() if verb != SHARED}
-EXIT_INPUT = 2
-EXIT_INTERRUPTED = 130
 
 
 class OneSentenceParser(ArgumentParser):
@@ -96,18 +94,18 @@ def main(argv: list[str] | None = None) -> int:
             for name, parser in verbs.items():
                 add_arguments(parser, name)
             print(completion_script(verbs))
-            return 0
+            return DONE
         arguments = build_parser(verb).parse_args(argv or ['--help'])
         return module_of(arguments.verb).run(arguments)
     except InputError as error:
         program = f'swath-sysid {verb}' if verb in VERBS else 'swath-sysid'
         print(f'{program}: {with_flags(error.code, str(error))}', file=sys.stderr)
-        return EXIT_INPUT
+        return NOTHING_DONE
     except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
+        return INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()
-        return 0
+        return DONE
 
 
 if __name__ == '__main__':

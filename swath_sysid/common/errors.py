@@ -1,13 +1,17 @@
-"""The one error that callers show to users instead of a traceback."""
+"""The one error that callers show to users instead of a traceback, and the exit codes of commands."""
 
+import signal
 from collections.abc import Collection
+
+DONE, PARTLY_DONE, NOTHING_DONE = range(3)  #: Exit codes; the second also of a result that is not what was promised.
+INTERRUPTED = 128 + signal.SIGINT  #: Exit code of a command that Ctrl-C or SIGTERM ended, as shells have it.
 
 
 class InputError(ValueError):
     """What was given cannot be used.
 
     The message is one sentence that names what was wrong and what to do. The command
-    line prints it and exits with code 2; a node counts it and reports a diagnostic.
+    line prints it and exits with `NOTHING_DONE`; a node counts it and reports a diagnostic.
 
     Args:
         message: The sentence.

@@ -11,7 +11,8 @@ from swath_sysid.formats.messages import SECOND_NS, header, make, serialised, st
 from swath_sysid.formats.topics import ODOMETRY, PATH
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState, OdometryReading
 
-PLANAR = (0, 1, 5)  #: Rows of x, y, yaw (and of their rates) in a covariance of six.
+#: Rows of x, y, yaw (and of their rates) in a covariance of six.
+PLANAR = [('x', 'y', 'z', 'roll', 'pitch', 'yaw').index(name) for name in ('x', 'y', 'yaw')]
 CLOCKS_APART = 1.0  #: s; clocks of odometry and of its receiver that differ by more are two.
 LARGEST_VARIANCE = 1e4  #: A larger variance marks a quantity that is not measured.
 

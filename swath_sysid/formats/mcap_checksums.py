@@ -16,13 +16,13 @@ from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 from swath_sysid.formats.input_files import BLOCK_BYTES
 
 MAGIC = b'\x89MCAP0\r\n'
-FOOTER, CHUNK, DATA_END = 0x02, 0x06, 0x0F
-HEAD = struct.Struct('<BQ')
+FOOTER, CHUNK, DATA_END = b'\x02', b'\x06', b'\x0f'
+HEAD = struct.Struct('<cQ')
 FOOTER_BYTES = HEAD.size + 20 + len(MAGIC)
-CHUNK_CHECKSUM_AT = 24  #: Behind its times and its uncompressed size.
+CHUNK_BEGIN = struct.Struct('<QQQ')  #: First and last time and uncompressed size of a chunk; its checksum follows.
 
 
-def _records(file: BinaryIO) -> Iterator[tuple[int, int, int]]:
+def _records(file: BinaryIO) -> Iterator[tuple[bytes, int, int]]:
     """Code, place and length of the content of one record after the other, to the footer; the file may be moved in."""
     at, code = len(MAGIC), None
     file.seek(at)
@@ -69,7 +69,7 @@ def add_checksums(path: Path) -> None:
 
         for code, at, length in _records(file):
             if code == CHUNK:
-                write(at + CHUNK_CHECKSUM_AT, crc32(_unpacked(file.read(length))))
+                write(at + CHUNK_BEGIN.size, crc32(_unpacked(file.read(length))))
             elif code == DATA_END:
                 write(at, _sum_of(file, 0, at - HEAD.size))
         end = file.seek(0, os.SEEK_END) - len(MAGIC) - 4
@@ -84,14 +84,14 @@ def copy_whole_records(path: Path, target: Path) -> None:
     with open(path, 'rb') as source, open(target, 'wb') as copy:
         copy.write(MAGIC)
         source.seek(len(MAGIC))
-        while len(head := source.read(HEAD.size)) == HEAD.size and head[0] not in (FOOTER, DATA_END):
+        while len(head := source.read(HEAD.size)) == HEAD.size and head[:1] not in (FOOTER, DATA_END):
             length = HEAD.unpack(head)[1]
             if source.tell() + length <= size:
                 content = source.read(length)
-                if head[0] != CHUNK or _chunk_holds(content):
+                if head[:1] != CHUNK or _chunk_holds(content):
                     copy.write(head + content)
                 continue
-            if head[0] != CHUNK or _number(source, source.tell() + CHUNK_CHECKSUM_AT + 4):
+            if head[:1] != CHUNK or _number(source, source.tell() + CHUNK_BEGIN.size + 4):
                 break
             source.seek(8, os.SEEK_CUR)
         copy.write(HEAD.pack(FOOTER, 20) + bytes(20) + MAGIC)
@@ -99,7 +99,7 @@ def copy_whole_records(path: Path, target: Path) -> None:
 
 def _chunk_holds(content: bytes) -> bool:
     """Whether the check sum of a chunk holds, or it has none."""
-    expected = int.from_bytes(content[CHUNK_CHECKSUM_AT : CHUNK_CHECKSUM_AT + 4], 'little')
+    expected = int.from_bytes(content[CHUNK_BEGIN.size : CHUNK_BEGIN.size + 4], 'little')
     try:
         return not expected or crc32(_unpacked(content)) == expected
     except Exception:  # noqa: BLE001 - the libraries raise whatever a broken byte leads them to
@@ -108,10 +108,10 @@ def _chunk_holds(content: bytes) -> bool:
 
 def _unpacked(content: bytes) -> bytes:
     """The records in a chunk."""
-    at = CHUNK_CHECKSUM_AT + 8
+    at = CHUNK_BEGIN.size + 8
     end = at + int.from_bytes(content[at - 4 : at], 'little')
     compression, size = content[at:end].decode(), int.from_bytes(content[end : end + 8], 'little')
-    return DECOMPRESSORS[compression](content[end + 8 : end + 8 + size], int.from_bytes(content[16:24], 'little'))
+    return DECOMPRESSORS[compression](content[end + 8 : end + 8 + size], CHUNK_BEGIN.unpack_from(content)[-1])
 
 
 def _sum_of(file: BinaryIO, start: int, end: int) -> int:

@@ -17,8 +17,8 @@ from swath_sysid.formats.tables import read_columns, read_head
 
 SAMPLE_TIME_FINE_HZ = 10_000  #: Ticks a second of the sensor's clock.
 
-#: By column, where it starts again.
-CLOCKS = {'SampleTimeFine': 1 << 32, 'PacketCounter': 1 << 16, 'Counter': 1 << 16}
+#: By column, the type of the counter, which starts again behind its largest number.
+CLOCKS = {'SampleTimeFine': 'uint32', 'PacketCounter': 'uint16', 'Counter': 'uint16'}
 #: Column to reading: angles in deg, the quaternion with its real part first, rates in rad/s, acceleration in m/s^2.
 READINGS = {
     **dict(zip(('Roll', 'Pitch', 'Yaw'), ('roll', 'pitch', 'yaw'), strict=True)),
@@ -72,10 +72,10 @@ def read_mti(
 def _time(path: str | Path, columns: dict[str, np.ndarray], remarks: dict[str, str]) -> np.ndarray:
     """Seconds from the first sample."""
     rates = dict.fromkeys(CLOCKS, update_rate(remarks)) | {'SampleTimeFine': SAMPLE_TIME_FINE_HZ}
-    for name, wrap in CLOCKS.items():
+    for name, kind in CLOCKS.items():
         rate = rates[name]
         if name in columns and rate is not None and np.isfinite(columns[name]).any():
-            return _unwrapped(columns[name], wrap) / rate
+            return _unwrapped(columns[name], np.iinfo(kind).max + 1) / rate
     raise InputError(
         f'{path} holds no time: its SampleTimeFine is empty or missing, so give PacketCounter and a '
         f"line '// Update Rate: 100.0Hz' above the columns"

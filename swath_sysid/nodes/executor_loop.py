@@ -13,7 +13,7 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import DONE, NOTHING_DONE, InputError
 
 #: Makers of executors, each with the makers of the nodes that it runs.
 Plan = Sequence[tuple[Callable[[], Executor], Sequence[Callable[[], Node]]]]
@@ -60,7 +60,7 @@ def run(plan: Plan, args: list[str] | None = None) -> int:
             return _run_until(stop, plan)
     except (InputError, InvalidParameterTypeException, InvalidParameterValueException) as error:
         print(f'swath_sysid: {error}', file=sys.stderr)
-        return 2
+        return NOTHING_DONE
 
 
 def _run_until(stop: threading.Event, plan: Plan) -> int:
@@ -74,7 +74,7 @@ def _run_until(stop: threading.Event, plan: Plan) -> int:
                 executors[-1].add_node(nodes[-1])
         _log_ready(nodes)
         _spin_all(executors, stop)
-        return 0
+        return DONE
     finally:
         for executor in executors:
             executor.shutdown()

@@ -11,7 +11,8 @@ from swath_sysid.attitude.motion.trial import AXES
 #: The ratios to inertia, the trim, rad, and in the rows of values the verdict and the amplitudes, rad, of the record.
 COEFFICIENT_NAMES = (*TERM_NAMES, 'offset', 'verdict', 'smallest_amplitude', 'largest_amplitude')
 
-VERDICT_NUMBERS = {'': -1.0, 'doubtful': 1.0, 'adequate': 2.0}  #: The empty one is not known; any other is 0.
+#: The empty one is not known; any that is not here is as bad as rejected.
+VERDICT_NUMBERS = {name: number for number, name in enumerate(('', 'rejected', 'doubtful', 'adequate'), -1)}
 
 
 def coefficients(models: Mapping[str, IdentifiedModel]) -> tuple[tuple[str, ...], np.ndarray]:
@@ -24,7 +25,7 @@ def coefficients(models: Mapping[str, IdentifiedModel]) -> tuple[tuple[str, ...]
 
 def _rows(identified: IdentifiedModel) -> tuple[list[float], list[float]]:
     model, std = identified.model, identified.std
-    verdict = VERDICT_NUMBERS.get(identified.verdict, 0.0)
+    verdict = VERDICT_NUMBERS.get(identified.verdict, VERDICT_NUMBERS['rejected'])
     return (
         [*model.ratios.tolist(), model.trim, verdict, *identified.amplitude_range],
         [*(std.get(name, 0.0) for name in TERM_NAMES), identified.trim_std, 0.0, 0.0, 0.0],

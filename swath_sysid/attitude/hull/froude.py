@@ -5,6 +5,7 @@ by its power of time. Scale effects on damping: ITTC recommended procedure 7.5-0
 """
 
 import math
+import reprlib
 from dataclasses import replace
 from fractions import Fraction
 
@@ -28,13 +29,12 @@ RATE_METRICS = ('rate_rmse_rad_s',)
 
 LARGEST_RATIO = 10_000  #: And its inverse: from a bath tub to the largest ship it is 1,000.
 
-LONGEST_SHOWN = 40
 LONGEST_RATIO = 200  #: Characters; the product of several scalings is kept as an exact fraction.
 
 
 def length_ratio(text: str) -> Fraction:
     """An exact length ratio from text such as ``25``, ``0.04`` or ``1/25``."""
-    shown = text if len(text) <= LONGEST_SHOWN else f'{text[:LONGEST_SHOWN]}...'
+    shown = reprlib.repr(text)[1:-1]
     try:
         if len(text) > LONGEST_RATIO:
             raise ValueError(text)

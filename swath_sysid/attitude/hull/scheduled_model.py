@@ -1,6 +1,7 @@
 """A decay model whose ratios follow the draft (or displacement) that the craft floats at."""
 
 import bisect
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,6 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 QUANTITIES = ('draft_factor', 'draft_m', 'displacement_kg')
-SAME = 1e-9  #: Relative difference below which two loadings are one.
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class ScheduledModel:
             raise InputError('a schedule needs one model for each loading, and at least one')
         if not all(v > 0 and np.isfinite(v) for v in loadings):
             raise InputError(f'{self.quantity} must be greater than zero')
-        if any(b <= a * (1.0 + SAME) for a, b in zip(loadings, loadings[1:], strict=False)):
+        if any(b <= a or math.isclose(a, b) for a, b in zip(loadings, loadings[1:], strict=False)):
             raise InputError(f'{self.quantity} must increase from model to model: sort them, and give each once')
         first = self.models[0].model
         for other in (m.model for m in self.models[1:]):
@@ -68,20 +68,20 @@ class ScheduledModel:
         if not (np.isfinite(loading) and loading > 0.0):
             raise InputError(f'{self.quantity} must be a number greater than zero, not {loading}')
         first, last = self.loadings[0], self.loadings[-1]
-        if not first * (1.0 - SAME) <= loading <= last * (1.0 + SAME):
-            nearest = min(max(loading, first), last)
+        nearest = min(max(loading, first), last)
+        if not math.isclose(loading, nearest):
             advice = Advice.of(
                 'loading-outside', quantity=self.quantity, lowest=first, highest=last, loading=loading, nearest=nearest
             )
             return self._mixed(nearest), (advice,)
-        mixed = self._mixed(min(max(loading, first), last))
-        if len(self.loadings) == 2 and min(abs(loading - v) / v for v in self.loadings) > SAME:
+        mixed = self._mixed(nearest)
+        if len(self.loadings) == 2 and not any(math.isclose(loading, v) for v in self.loadings):
             return mixed, (Advice.of('loading-curvature-unknown', quantity=self.quantity),)
         return mixed, ()
 
     def _mixed(self, loading: float) -> IdentifiedModel:
         right = min(bisect.bisect_left(self.loadings, loading), len(self.loadings) - 1)
-        if abs(self.loadings[right] - loading) <= SAME * loading:
+        if math.isclose(self.loadings[right], loading):
             return self.models[right]
         left = right - 1
         before, after = self.models[left], self.models[right]

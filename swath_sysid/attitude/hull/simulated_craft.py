@@ -1,5 +1,6 @@
 """A craft in still water or in waves, sample by sample: floating, lifted about one axis, held and released."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +12,6 @@ from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.errors import InputError
 
-FREE_SPAN = 5.0  #: s of free motion that are simulated at once.
 RETURN_SPAN = 30.0  #: s after which a craft that returns has returned.
 RELEASE_ANGLES = np.radians((6.0, 5.0, 4.0, 3.0, 2.0))  #: Of which the first from which the hull returns is taken.
 WAVE_COMPONENTS = 40  #: Sinusoids in the motion in waves.
@@ -90,7 +90,8 @@ class SimulatedCraft:
         return self._measured(angle, rate)
 
     def _move_freely(self) -> None:
-        model, count = self.settings.model, round(FREE_SPAN * self.settings.rate_hz)
+        model = self.settings.model
+        count = math.ceil(model.natural_period * self.settings.rate_hz)
         if self._waves.size:
             self._angles, self._rates = self._driven(count)
         else:

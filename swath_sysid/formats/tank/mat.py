@@ -3,6 +3,7 @@
 import math
 import os
 import signal
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ from scipy.io import loadmat, whosmat
 from swath_sysid.formats.named_columns import NamedColumns, check_size
 from swath_sysid.formats.tank.nested import nested_tables
 
-HEADER_BYTES = 128  #: The last two tell the byte order.
+HEADER = struct.Struct('116s8sH2s')  #: Text, place of the subsystem's data, version, byte order.
 COMPRESSED = 15  #: The kind of an element that has a checksum.
 #: Run without the working folder among the places of modules: it may hold anything.
 LOAD = '-P', '-c', 'import sys; from scipy.io import loadmat; loadmat(sys.argv[1], appendmat=False)'
@@ -31,7 +32,7 @@ def tables(path: str | Path) -> list[NamedColumns]:
 def _has_checksums(path: str | Path) -> bool:
     """Whether every element is compressed."""
     with open(path, 'rb') as file:
-        is_little = file.read(HEADER_BYTES).endswith(b'IM')
+        is_little = file.read(HEADER.size).endswith(b'IM')
         while len(tag := file.read(8)) == 8:
             kind, size = (int.from_bytes(part, 'little' if is_little else 'big') for part in (tag[:4], tag[4:]))
             if kind != COMPRESSED:

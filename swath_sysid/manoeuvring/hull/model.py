@@ -10,7 +10,7 @@ from swath_sysid.manoeuvring.hull import terms
 from swath_sysid.manoeuvring.hull.terms import NEUTRAL, Numbers
 from swath_sysid.manoeuvring.motion.trial import FORCE, INPUTS
 
-DIFFERENCE = 1e-5  #: m/s and rad/s, of numerical derivatives.
+DIFFERENCE = float(np.cbrt(np.finfo(float).eps))  #: m/s and rad/s; the best step of central differences.
 
 
 @dataclass(frozen=True)
