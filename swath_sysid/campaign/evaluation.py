@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swath_sysid.attitude.hull.catalogue import composed, title_of
+from swath_sysid.attitude.hull.catalogue import composed
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.hull.terms import TERM_INDEX
@@ -213,7 +213,7 @@ class Ranking:
     ranked: tuple[RankedEquation, ...]
     choice: RankedEquation  #: The simplest adequate one.
     reason: str
-    findings: tuple[Advice, ...]  #: What the comparison says of friction; of one equation alone, the verdicts.
+    findings: tuple[Advice, ...]  #: What a comparison says of friction, and the verdicts.
 
 
 def rank_campaign(
@@ -258,12 +258,9 @@ def with_open_choice(fits: Sequence[Identification], pruned: Identification) -> 
 
 
 def with_verdicts(
-    ranking: Ranking, by_draft: dict[float, Identification], by_record: dict[str, Identification], was_named: bool
+    ranking: Ranking, by_draft: dict[float, Identification], by_record: dict[str, Identification]
 ) -> Ranking:
-    """The ranking with the verdicts of its only equation, which is compared with no other."""
-    first = next(iter(by_draft.values()))
-    name = title_of(first.model.equation, first.model.axis)
-    reason = ranking.reason if was_named else f'{name}: the terms of the general hull that the records of a draft show.'
+    """The ranking with the verdicts of fits of the chosen equation."""
     findings = [
         Advice(fit.verdict.code, f'the fit of all records at {place:g} is {fit.verdict}')
         for place, fit in by_draft.items()
@@ -272,7 +269,7 @@ def with_verdicts(
     if others:
         names = '; '.join(others[:3]) + ('; ...' if len(others) > 3 else '')
         findings.append(Advice.of('record-not-adequate', number=len(others), records=len(by_record), names=names))
-    return replace(ranking, reason=reason, findings=tuple(findings))
+    return replace(ranking, findings=(*ranking.findings, *findings))
 
 
 def _root_mean_square(values: Iterable[float]) -> float:

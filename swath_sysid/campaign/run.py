@@ -1,53 +1,23 @@
-"""Running a campaign: what is asked for by the manifest, what is known already, and the rest."""
+"""Running a campaign: what is asked for by the manifest, as tasks in their order, and what they give."""
 
 import concurrent.futures
-import math
-import time
 from collections.abc import Callable, Sequence
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from typing import Any
 
 from swath_sysid import __version__
-from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named
+from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named, title_of
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings
-from swath_sysid.attitude.identification.problem import prepare
-from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
-from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.campaign import evaluation
 from swath_sysid.campaign.evaluation import Condition, Record
-from swath_sysid.campaign.executors import connection_losses
-from swath_sysid.campaign.manifest import Craft, Manifest, TrialEntry, first_of
+from swath_sysid.campaign.manifest import Manifest, first_of
 from swath_sysid.campaign.result_store import ResultStore, key_of
-from swath_sysid.common.advice import Advice
+from swath_sysid.campaign.trials import TrialOutcome, prepared_trials
+from swath_sysid.campaign.work import Progress, Task, Work
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
-from swath_sysid.formats.columns import UNKNOWN
-from swath_sysid.formats.reading import read_trial, source_hash
-
-RESULT_FORMAT = 4  #: Raised when earlier results can no longer be used.
-ANGLE_STEP_DEG = 0.5  #: Resolution of an initial angle that is not given but taken from the decay.
-
-
-@dataclass(frozen=True)
-class TrialOutcome:
-    """One trial's record, or the reason why it was left out; no hash where it could not be read."""
-
-    entry: TrialEntry
-    name: str
-    sha256: str = ''
-    record: Record | None = None
-    reason: str = ''
-    advice: tuple[Advice, ...] = ()
-    unused_draft: float | None = None  #: m; that the file gives, of a craft whose design draft is unknown.
-
-    def left_out(self, reason: object) -> 'TrialOutcome':
-        """The same, not used."""
-        if getattr(reason, 'code', '') == UNKNOWN:
-            reason = f"{reason} (columns: {{time: 't:s', roll: 'Phi:deg'}} in the manifest)"
-        return replace(self, record=None, reason=f'{self.entry.where}: {reason}', advice=())
 
 
 @dataclass(frozen=True)
@@ -101,25 +71,6 @@ class CampaignOutcome:
     cpu_s: float  #: Processor time of all tasks, also of those kept.
 
 
-@dataclass(frozen=True)
-class Task:
-    """Something to compute: a function of plain arguments, its key, and what to call it."""
-
-    key: str
-    label: str
-    function: Callable
-    arguments: tuple = field(repr=False)
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Progress of a campaign: tasks done and in all, and the labels of those running."""
-
-    done: int
-    total: int
-    running: tuple[str, ...]
-
-
 def run_campaign(
     manifest: Manifest,
     store: ResultStore,
@@ -129,13 +80,12 @@ def run_campaign(
     """Carry a campaign out; results in the store are not computed again."""
     # that of the first entry which names one
     quantity = next((t.loading[0] for t in manifest.trials if t.loading is not None), 'draft_factor')
-    trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
-    _check_drafts(trials)
+    trials = prepared_trials(manifest, quantity)
     axes = {t.record.condition.series for t in trials if t.record is not None}
     if not axes:
         reasons = [f'{t.name}: {t.reason}' for t in trials]
         raise InputError(f'no trial of the campaign can be used: {first_of(reasons)}')
-    work = _Work(store, executor, on_progress)
+    work = Work(store, executor, on_progress)
     plans = [_AxisPlan(axis, manifest, trials, work) for axis in sorted(axes)]
     work.total = sum(plan.task_count for plan in plans)
     found = [plan.carry_out(quantity) for plan in plans]
@@ -155,198 +105,15 @@ def run_campaign(
     )
 
 
-def hides_drafts(craft: Craft, quantity: str) -> bool:
-    """Whether drafts in files have nothing to refer to, so that every trial counts as one at the design draft."""
-    return quantity == 'draft_factor' and craft.draft_m is None
-
-
-def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> float:
-    """Loading of a trial in the campaign's quantity."""
-    given = entry.loading
-    if (
-        given is None
-        and trial.draft is not None
-        and quantity != 'displacement_kg'
-        and not hides_drafts(craft, quantity)
-    ):
-        given = ('draft_m', trial.draft)
-    if given is None:
-        design = craft.design_loading(quantity)
-        if design is None:
-            raise InputError(f"its {quantity} is not given: write it beside the file, or the craft's design value")
-        return design
-    name, value = given
-    if name == quantity:
-        return value
-    if craft.draft_m is not None and {name, quantity} == {'draft_factor', 'draft_m'}:
-        return value * craft.draft_m if quantity == 'draft_m' else value / craft.draft_m
-    raise InputError(
-        f"its {name} cannot be converted to {quantity}, which the campaign's other trials give: give {quantity}, or "
-        "the craft's draft_m for drafts and draft factors"
-    )
-
-
-def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> TrialOutcome:
-    """Read, cut and check one trial; whatever is wrong becomes the reason to leave it out."""
-    outcome = TrialOutcome(entry, entry.path.name)
-    try:
-        sha256 = source_hash(entry.path)
-        trial = read_trial(entry.path, topic=entry.topic, frame=entry.frame, columns=dict(entry.columns))
-        refuse_contradictions(trial, entry.axis)
-        problem = prepare([trial.axis(entry.axis)], entry.start, entry.end)
-        angle, stated = entry.initial_angle_deg, trial.initial_angle
-        if angle is None and stated is not None:
-            angle = round(math.degrees(stated), 6)
-        elif angle is None:
-            angle = round(math.degrees(problem.scales.amplitude) / ANGLE_STEP_DEG) * ANGLE_STEP_DEG
-        loading = round(loading_of(entry, trial, manifest.craft, quantity), 9)
-    except InputError as error:
-        return outcome.left_out(error)
-    except Exception as error:  # noqa: BLE001 - one damaged file must not stop the others; its reason is reported
-        return outcome.left_out(f'{type(error).__name__} while reading it: {error}')
-    condition = Condition(entry.axis, loading, float(angle), entry.speed_m_s or 0.0)
-    record = Record(outcome.name, condition, entry.repeat or 0, trial.axis(entry.axis), problem)
-    advice = tuple(dict.fromkeys((*trial.advice, *problem.advice)))
-    draft = trial.draft if entry.loading is None and hides_drafts(manifest.craft, quantity) else None
-    return replace(outcome, sha256=sha256, record=record, advice=advice, unused_draft=draft)
-
-
-def _check_drafts(trials: Sequence[TrialOutcome]) -> None:
-    """Refuse trials of several drafts that would all count as the design draft."""
-    drafts = sorted({t.unused_draft for t in trials if t.record is not None and t.unused_draft is not None})
-    if len(drafts) > 1:
-        raise InputError(
-            f'the files of the trials give several drafts ({", ".join(f"{draft:g}" for draft in drafts)} m), and the '
-            "manifest no design draft: write the craft's draft_m under craft:, to which the drafts of trials refer"
-        )
-
-
-def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
-    """Leave out trials with the content, axis and bounds of an earlier one: a copy is not a repeat."""
-    found = []
-    first: dict[tuple, TrialOutcome] = {}
-    for t in trials:
-        if t.record is not None:
-            what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic, t.entry.columns
-            original = first.setdefault(what, t)
-            if original is not t:
-                t = t.left_out(f'it has the same content as {original.name}: a copy is not a repeat')
-        found.append(t)
-    return found
-
-
-def _numbered(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
-    """Give repeats without a number the next free one of their condition; refuse those taken twice."""
-    stated = {(t.record.condition, t.record.repeat) for t in trials if t.record is not None}
-    found, used = [], set()
-    for t in trials:
-        if (record := t.record) is not None:
-            condition, number = record.condition, record.repeat
-            numbers = [number] if number else [k for k in range(1, len(trials) + 2) if (condition, k) not in stated]
-            free = next((k for k in numbers if (condition, k) not in used), None)
-            if free is None:
-                t = t.left_out(f'its condition and repeat ({record}) are those of another trial: give another repeat')
-            else:
-                used.add((condition, free))
-                t = replace(t, record=replace(record, repeat=free))
-        found.append(t)
-    return found
-
-
-def _timed(function: Callable, arguments: tuple) -> tuple[Any, float]:
-    """Result, plain data, and the processor time that it took, s; runs in the worker."""
-    began = time.process_time()
-    return function(*arguments), time.process_time() - began
-
-
-class _Work:
-    """Gets results of tasks: from the store, or by the executor and then into the store."""
-
-    def __init__(
-        self, store: ResultStore, executor: concurrent.futures.Executor, on_progress: Callable[[Progress], None]
-    ) -> None:
-        self._store, self._executor, self._on_progress = store, executor, on_progress
-        self._done = self.total = 0
-        self.computed = self.kept = 0
-        self.cpu_s = 0.0
-        self.failures: list[str] = []
-
-    def results(self, tasks: Sequence[Task]) -> dict[str, Any]:
-        """Key to plain result of every task that succeeded."""
-        tasks = list({task.key: task for task in tasks}.values())
-        found, pending = {}, {}
-        for task in tasks:
-            kept = self._store.get(task.key)
-            if kept is not None:
-                found[task.key] = kept['result']
-                self._count(kept['cpu_s'])
-                self.kept += 1
-        try:
-            for task in tasks:
-                if task.key not in found:
-                    future = self._executor.submit(_timed, task.function, task.arguments)
-                    if future.done():
-                        self._finish(future, task, found)
-                    else:
-                        pending[future] = task
-                    self._say(pending)
-            while pending:
-                finished, _ = concurrent.futures.wait(pending, return_when=concurrent.futures.FIRST_COMPLETED)
-                for future in finished:
-                    self._finish(future, pending.pop(future), found)
-                self._say(pending)
-        except connection_losses() as error:
-            raise InputError(
-                'the connection to the Dask scheduler was lost: start it again, and give the same command again; '
-                'it goes on from the results that are kept'
-            ) from error
-        except BrokenProcessPool as error:
-            raise InputError(
-                'a worker process was killed, perhaps because memory ran out: give the same command again, with '
-                'fewer processes; it goes on from the results that are kept',
-                'worker-killed',
-            ) from error
-        return found
-
-    def _finish(self, future: concurrent.futures.Future, task: Task, found: dict[str, Any]) -> None:
-        fatal: tuple[type[BaseException], ...] = (BrokenProcessPool, *connection_losses())
-        try:
-            result, cpu_s = future.result()
-        except fatal:
-            raise
-        except InputError as error:
-            self._fail(task, str(error))
-        except Exception as error:  # noqa: BLE001 - one failed fit must not stop the others; its reason is reported
-            self._fail(task, f'{type(error).__name__}: {error}')
-        else:
-            self._store.put(task.key, {'label': task.label, 'cpu_s': cpu_s, 'result': result})
-            # read back, so that a result is the same whether it was computed now or before
-            found[task.key] = self._store.get(task.key)['result']
-            self._count(cpu_s)
-            self.computed += 1
-
-    def _fail(self, task: Task, reason: str) -> None:
-        self.failures.append(f'{task.label}: {reason}')
-        self._count(0.0)
-
-    def _count(self, cpu_s: float) -> None:
-        self._done += 1
-        self.cpu_s += cpu_s
-
-    def _say(self, pending: dict[concurrent.futures.Future, Task]) -> None:
-        running = tuple(task.label for future, task in pending.items() if future.running())
-        self._on_progress(Progress(self._done, max(self.total, self._done), running))
-
-
 class _AxisPlan:
     """The tasks of one series: an axis at one speed."""
 
-    def __init__(self, axis: str, manifest: Manifest, trials: Sequence[TrialOutcome], work: _Work) -> None:
+    def __init__(self, axis: str, manifest: Manifest, trials: Sequence[TrialOutcome], work: Work) -> None:
         used = [(t.record, t) for t in trials if t.record is not None and t.record.condition.series == axis]
         used.sort(key=lambda pair: (pair[0].condition, pair[0].repeat))
         self._axis, self._manifest, self._work = axis, manifest, work
         self._records = [record for record, _ in used]
-        self._ids = {str(record): _identity(t) for record, t in used}
+        self._ids = {str(record): t.identity for record, t in used}
         self._sources = {str(record): {'file': t.name, 'sha256': t.sha256} for record, t in used}
         self._names = list(manifest.equations)
         self._pruned: dict[float, Identification] = {}
@@ -384,11 +151,17 @@ class _AxisPlan:
         if self._pruned:
             by_draft = {k: evaluation.with_open_choice(v, self._pruned[k]) for k, v in by_draft.items()}
         ranking = evaluation.rank_campaign(self._axis, list(by_draft.values()), fits['simulation'], judgements)
-        if len(self._names) == 1:
-            own = dict(zip(order, (only for (only,) in fits['simulation']), strict=True))
-            joint = {k: only for k, (only,) in by_draft.items()}
-            ranking = evaluation.with_verdicts(ranking, joint, own, bool(self._manifest.equations))
         choice = self._names.index(ranking.choice.name)
+        joint = {loading: own[choice] for loading, own in by_draft.items()}
+        single_fits = [own[choice] for own in fits['simulation']]
+        # of equations that are compared the page shows no verdicts of single records
+        judged = dict(zip(order, single_fits, strict=True)) if len(self._names) == 1 else {}
+        ranking = evaluation.with_verdicts(ranking, joint, judged)
+        if not self._manifest.equations:
+            name = title_of(ranking.choice.equation, self._records[0].condition.axis)
+            ranking = replace(
+                ranking, reason=f'{name}: the terms of the general hull that the records of a draft show.'
+            )
         schedule = evaluation.schedule_of(
             list(by_draft.values()),
             ranking.choice.name,
@@ -397,7 +170,7 @@ class _AxisPlan:
             [self._provenance(group) for group in self._drafts().values()],
         )
         spreads = (
-            evaluation.spread_of_repeats(condition, [fits['simulation'][order.index(str(r))][choice] for r in group])
+            evaluation.spread_of_repeats(condition, [single_fits[order.index(str(r))] for r in group])
             for condition, group in self._conditions().items()
             if len(group) > 1
         )
@@ -571,9 +344,3 @@ def _grouped(records: Sequence[Record], key: Callable[[Record], Any]) -> dict[An
 
 def _place_name(place: Condition | float) -> str:
     return str(place) if isinstance(place, Condition) else f'all at {place:g}'
-
-
-def _identity(trial: TrialOutcome) -> list:
-    """All that a prepared record depends on."""
-    e = trial.entry
-    return [RESULT_FORMAT, __version__, trial.sha256, e.axis, e.start, e.end, e.frame, e.topic, e.columns]

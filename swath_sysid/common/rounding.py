@@ -4,6 +4,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 
 def digits(count: int) -> Callable[[Any], str]:
     """A function that shows numbers with this many significant digits, and what is not known as a dash."""
@@ -11,7 +13,7 @@ def digits(count: int) -> Callable[[Any], str]:
     def show(value: Any) -> str:
         if value is None or (isinstance(value, float) and math.isnan(value)):
             return '-'
-        return f'{float(f"{value:.{count}g}"):.12g}'
+        return np.format_float_positional(float(f'{value:.{count}g}'), trim='-')
 
     return show
 

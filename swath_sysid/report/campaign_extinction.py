@@ -172,9 +172,10 @@ def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator
         items = [each for each in every if each.condition.loading == loading]
         title, name = f'{LOADING_NAMES[outcome.quantity]} {loading:g}', f'{axis.axis}_{loading:g}'
         curves = f'Extinction curves, {title}: half a cycle, every repeat'
+        predicted = ', crosses as predicted' if outcome.manifest.predictions else ''
         damping = (
             f'Equivalent damping against amplitude, {title}: points of the decrements, bands of the fitted motion '
-            '(two standard deviations), crosses as predicted'
+            f'(two standard deviations){predicted}'
         )
         yield Drawing(f'extinction_{name}', curves, _extinction_figure(items, title, axis))
         yield Drawing(f'damping_{name}', damping, _damping_figure(outcome, items, title, axis))

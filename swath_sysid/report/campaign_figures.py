@@ -204,9 +204,12 @@ def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterato
         matrix, count = correlation(fit.covariance), len(terms)
         figure = new_figure(3.4, 3.1)
         axes = figure.subplots()
-        axes.pcolormesh(matrix[::-1], cmap='RdBu_r', vmin=-1.0, vmax=1.0, alpha=0.75, edgecolors='none')
+        # of the colours those on which black is read, whatever the page's own
+        axes.pcolormesh(matrix[::-1], cmap='RdBu_r', vmin=-1.5, vmax=1.5, edgecolors='none')
         for (i, j), value in np.ndenumerate(matrix):
-            axes.text(j + 0.5, count - i - 0.5, f'{value:.2f}', ha='center', va='center', fontsize='small')
+            axes.text(
+                j + 0.5, count - i - 0.5, f'{value:.2f}', ha='center', va='center', fontsize='small', color='black'
+            )
         axes.set_xticks(np.arange(count) + 0.5, terms)
         axes.set_yticks(np.arange(count) + 0.5, terms[::-1])
         axes.tick_params(length=0)

@@ -9,6 +9,7 @@ import numpy
 import scipy
 
 from swath_sysid import __version__
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.campaign.evaluation import out_of_order
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.common.errors import InputError
@@ -167,7 +168,13 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
 
 def _warnings(outcome: CampaignOutcome):
     left_out = [f'{t.name}: {t.reason}' for t in outcome.trials if t.record is None]
-    lines = [f'Manifest, {fault}' for fault in outcome.manifest.faults]
+    lines = [
+        f'{axis.axis.capitalize()}, all records at {loading:g}: {verdict}.'
+        for axis in outcome.axes
+        for loading, fits in axis.by_draft.items()
+        if (verdict := fits[axis.choice].verdict).level != ADEQUATE
+    ]
+    lines += [f'Manifest, {fault}' for fault in outcome.manifest.faults]
     lines += [f'Left out: {line}' for line in left_out]
     lines += [f'Failed: {line}' for line in outcome.failures]
     gathered: dict[str, list[str]] = {}

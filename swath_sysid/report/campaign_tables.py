@@ -10,7 +10,8 @@ from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
 from swath_sysid.campaign.evaluation import Condition, Record, beyond_noise, noise_statement, tied_best
-from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome, TrialOutcome
+from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
+from swath_sysid.campaign.trials import TrialOutcome
 from swath_sysid.common.rounding import digits, percent
 from swath_sysid.report.tables import Column, Table
 
@@ -191,7 +192,7 @@ def verdict_table(axis: AxisOutcome) -> Table:
         items,
         ('fit of', lambda item: item[0]),
         ('verdict', lambda item: item[1].verdict.level),
-        ('error of the next release', lambda item: item[1].verdict.motion_error, percent),
+        ('error of the next release, same side', lambda item: item[1].verdict.motion_error, percent),
         ('why', lambda item: item[1].verdict.sentence),
     )
     table.marks.update({(k, 1): 'beyond' for k, (_, fit) in enumerate(items) if fit.verdict.level != ADEQUATE})

@@ -315,11 +315,6 @@ def decay_page(study: DecayStudy, wall_s: float) -> str:
 
 def _in_short(study: DecayStudy, wall_s: float):
     p, records = study.publication, study.records
-    contained = sum(
-        big != small and equation_named(big).contains(equation_named(small))
-        for big in p.equations
-        for small in p.equations
-    )
     beyond = max(s.genetic.value / s.exact.value - 1.0 for r in records for s in r.searched.values())
     inside = [
         abs(value - r.hull.terms[term]) <= TWO_STD * std
@@ -329,16 +324,15 @@ def _in_short(study: DecayStudy, wall_s: float):
     ]
     printed = [min(values.values()) for values in p.printed_objective.values()]
     ratio = np.median(np.array([study.chosen(r).genetic.value for r in records]) / printed)
-    repeats = 'one repeat' if p.repeats == 1 else f'the best of {p.repeats}'
+    repeats = 'one repeat' if p.repeats == 1 else f'the best of {p.repeats} repeats'
     return [
-        f'{len(records)} simulated records, each {repeats}, {len(p.equations)} equations: searched with the ranges and '
-        'the budget of the study by genetic algorithm and by particle swarm, and fitted by the simulated motion; '
+        f'{len(records)} simulated records, each {repeats}, and {len(p.equations)} equations: searched with the ranges '
+        'and the budget of the study by genetic algorithm and by particle swarm, and fitted by the simulated motion; '
         f'{wall_s:.0f} s.',
         f'The objective values come out at {ratio:.2f} of the printed ones (median): they are the noise of the rate, '
         'one step ahead, whatever the equation.',
-        f'In the printed table an equation is worse than one that it contains in {len(p.out_of_order)} of '
-        f'{contained * len(records)} comparisons, which no converged search can be. Here the genetic search ends '
-        f'within {percent(max(beyond, 1e-6), 1)} of the exact optimum, found by bounded least squares, everywhere.',
+        f'The genetic search ends within {percent(max(beyond, 1e-6), 1)} of the exact optimum, found by bounded least '
+        'squares, everywhere.',
         f'The simulated motion brings back the hull: {sum(inside)} of {len(inside)} ratios within two standard '
         f'deviations. The objective of the study does not: {_bias(study)}.',
     ]

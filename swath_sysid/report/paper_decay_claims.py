@@ -108,7 +108,7 @@ def claims(study: DecayStudy) -> Table:
 
 def verdict_mark(verdict: str) -> str:
     """How a verdict on a conclusion is marked."""
-    return '' if verdict == BY_CONSTRUCTION else 'best' if verdict.startswith('yes') else 'beyond'
+    return 'best' if verdict.startswith('yes') else 'beyond' if verdict.startswith(('no', 'in ')) else ''
 
 
 def _claim_least(study: DecayStudy, claim: dict[str, Any]):
