@@ -9,6 +9,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.simulated_trial import simulated_trial
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.flags import table_of_verbs
@@ -75,6 +77,21 @@ def test_identify_writes_model_and_picture_and_says_the_published_form(trial_fil
     again = ['simulate', '--model', str(model), '--initial-angle-deg', '3', '--output', str(tmp_path / 'a.csv')]
     assert main(again) == 0
     assert 'true ratios b1' in capsys.readouterr().out
+
+
+def test_identify_names_the_decays_that_it_does_not_use(tmp_path, capsys):
+    parts = [
+        simulated_trial(hull_named(name).model, angle, 15.0, 25.0, hold=3.0, seed=seed)
+        for seed, (name, angle) in enumerate((('swath-roll', 0.1), ('swath-roll', 0.08), ('swath-pitch', 0.06)))
+    ]
+    channels = {name: np.concatenate([part.channels[name] for part in parts]) for name in parts[0].channels}
+    write_csv(tmp_path / 'all.csv', Trial(np.arange(3 * parts[0].time.size) / 25.0, **channels))
+    words = ['identify', str(tmp_path / 'all.csv'), '--equation', 'linear', '--json', '--force']
+    for axis, expected in (([], {'several-decays', 'decay-of-other-axis'}), (['--axis', 'roll'], {'several-decays'})):
+        assert main([*words, *axis]) == 0
+        warnings = {each['code']: each['message'] for each in json.loads(capsys.readouterr().out)['warnings']}
+        assert set(warnings) & {'several-decays', 'decay-of-other-axis'} == expected
+        assert '(21.0 to 3' in warnings['several-decays']
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
-from swath_sysid.cli.sources import motions_of, trials_of, write_fit
+from swath_sysid.cli.sources import decays_of_other_axes, motions_of, trials_of, write_fit
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError, check_choice
 from swath_sysid.common.plain import finite_or_none
@@ -72,16 +72,18 @@ def run(arguments: Namespace) -> int:
     problem = _problem_of(arguments, motions_of(trials, axis))
     if problem is None:
         return _run_at_sea(arguments, trials, axis, read_advice, began)
+    others = () if arguments.axis else decays_of_other_axes(trials, axis, problem.segments)
     with progress_of('identify') as progress:
         found = identify_problem(problem, settings, progress=progress)
     inertia = particulars.inertia_of(found.model)
     tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
     written = write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict))
     # the lines of the result begin with the verdict
-    show_advice((*found.advice, *found.verdict.warnings) if arguments.json else found.advice)
+    shown = (*others, *found.advice)
+    show_advice((*shown, *found.verdict.warnings) if arguments.json else shown)
     data = fit_as_data(found, time.perf_counter() - began, inertia)
     data |= {table.name: table_as_data(table) for table in tables}
-    data |= warnings_as_data((*read_advice, *found.advice, *found.verdict.warnings))
+    data |= warnings_as_data((*read_advice, *shown, *found.verdict.warnings))
     lines = [*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t))), *written]
     print_result(arguments.json, finite_or_none(data), lines)
     return exit_code_of(arguments, found.verdict)

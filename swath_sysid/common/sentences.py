@@ -59,6 +59,8 @@ SENTENCES = {
     'damaged-bag': '{path} is damaged ({reason}), and only its intact part was read; stop the recorder before its '
     'power is cut',
     'damaged-messages': '{path}: {number} messages cannot be read and were left out: check the recorder',
+    'decay-of-other-axis': '{source} also holds a free decay in {axis}, from {start:.1f} to {end:.1f} s, which is not '
+    'used: identify that axis by itself',
     'disturbed-tail': 'the motion after {end:.1f} s was left out because its half-cycles or its period jump there, '
     'when {left:.0f} % of the first half-cycle was left: inspect it, and give a later end if it belongs to the decay',
     'disturbed-tail: bounds': 'the motion before the given end seems free only until {found:.1f} s, where its '
@@ -223,8 +225,8 @@ SENTENCES = {
     'its driver, and look for one that repeats its last message',
     'sensor-turned': 'the attitude averages roll {roll} deg and pitch {pitch} deg, at which no craft floats, so this '
     'is its mounting: set mounting_deg to {mounting} (roll, pitch, yaw, of which the yaw does not show)',
-    'several-decays': '{number} free decays were found, and the one with the most motion is used, from {start:.1f} to '
-    '{end:.1f} s: give start and end to use another ({others})',
+    'several-decays': '{number} free decays were found, and only the one with most motion is used, from {start:.1f} to '
+    '{end:.1f} s: fit each of the others by itself, by its start and end ({others})',
     'short-rows': '{number} rows end early, the first in line {line}, and their missing cells are treated as missing '
     'values: check that the file was written to the end',
     'speed-derived': '{source} has no {missing}: it was derived from position and heading',
@@ -294,6 +296,7 @@ FLAGS = {
     'added-mass-diverges': '--fix m=KG',
     'columns-unknown': '--column QUANTITY=NAME:UNIT; in a manifest, columns:',
     'current-by-run': '--current shared',
+    'decay-of-other-axis': '--axis',
     'disturbed-tail': '--end',
     'forced-motion': '--at-sea, or --start and --end',
     'inertia-includes-added': '--inertia',

@@ -4,7 +4,7 @@ import re
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 import rclpy
@@ -83,16 +83,29 @@ def _run_until(stop: threading.Event, plan: Plan) -> int:
 
 
 def _log_ready(nodes: Sequence[Node]) -> None:
-    """One line: which nodes run, on which topics, and what has to come first; for nodes that wait for something."""
+    """Which nodes run, what has to come first, and on which topics; for nodes that wait for something."""
     first = dict.fromkeys(node.resolve_topic_name(node.waits_for) for node in nodes if hasattr(node, 'waits_for'))
     made = {publisher.topic_name for node in nodes for publisher in node.publishers} - OF_ROS
     inputs = {subscription.topic_name for node in nodes for subscription in node.subscriptions} - made - OF_ROS
     if first:
-        nodes[0].get_logger().info(
-            f'ready: {", ".join(node.get_name() for node in nodes)}; subscribed to {", ".join(sorted(inputs))}; '
-            f'waiting for the first message on {" and ".join(topic for topic in first if topic not in made)}; '
-            f'publishing {", ".join(sorted(made))}'
+        log, awaited = nodes[0].get_logger(), [topic for topic in first if topic not in made]
+        log.info(
+            f'ready: {", ".join(node.get_name() for node in nodes)}; '
+            f'waiting for the first message on {" and ".join(awaited)}'
         )
+        log.info(f'subscribed to {_listed(inputs)}')
+        log.info(f'publishing {_listed(made)}')
+
+
+def _listed(topics: Iterable[str]) -> str:
+    """Topics in order, with what they have in common up to the last slash said once."""
+    groups: dict[str, list[str]] = {}
+    for topic in sorted(topics):
+        folder, _, name = topic.rpartition('/')
+        groups.setdefault(f'{folder}/', []).append(name)
+    return ', '.join(
+        folder + (names[0] if len(names) == 1 else f'{{{", ".join(names)}}}') for folder, names in groups.items()
+    )
 
 
 def _initialise(args: list[str] | None) -> None:
