@@ -21,7 +21,7 @@ from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.prediction import hull_filter
 from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, HullFilter, HullFilterSettings, HullPrior
-from swath_sysid.attitude.prediction.hull_step import HULL_STATES, RATIOS, hull_step, predict
+from swath_sysid.attitude.prediction.hull_step import HULL_STATES, RATIOS, hull_step, predict, predict_to
 from swath_sysid.attitude.prediction.hull_track import HullTrack
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, sum_of_moments
 from swath_sysid.common.errors import InputError
@@ -146,9 +146,18 @@ def test_the_sparse_prediction_is_the_dense_one():
     wanted = a @ covariance @ a.T + driven @ (moment.stationary - f @ moment.stationary @ f.T) @ driven.T
     wanted[OF_HULL, OF_HULL] += step * drift
     wanted_mean = np.concatenate([[angle, rate], mean[OF_HULL], f @ z])
-    predict(mean, covariance, (moment.blocks, h, moment.stationary), hull, drift, step, 0.05)
+    moment_now = moment.blocks, h, moment.stationary
+    durations = np.array([step, 0.0, 0.13, 1.1, 0.1])
+    means, spreads = predict_to(mean, covariance, moment_now, hull, drift, durations, 0.05)
+    predict(mean, covariance, moment_now, hull, drift, step, 0.05)
     assert mean == pytest.approx(wanted_mean, rel=1e-12)
     assert covariance == pytest.approx(wanted, rel=1e-9, abs=1e-14)
+    # a forecast follows angle and rate alone, and is the same
+    for place, duration in enumerate(durations):
+        if place and duration:
+            predict(mean, covariance, moment_now, hull, drift, duration, 0.05)
+        assert means[place] == pytest.approx(mean[:2], rel=1e-9)
+        assert spreads[place] == pytest.approx(covariance[:2, :2], rel=1e-7)
 
 
 def test_what_is_considered_stays_and_goes_on_to_count():

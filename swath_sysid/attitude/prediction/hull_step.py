@@ -176,12 +176,45 @@ def predict_to(
     durations: np.ndarray,
     longest: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predict over successive durations, in place: angle and rate (L, 2) and their covariance (L, 2, 2) after each."""
+    """Angle and rate (L, 2) and their covariance (L, 2, 2) after successive durations of `predict`; nothing changes.
+
+    The motion does not act on the rest of the state, whose covariance after any time is therefore known at once: only
+    the covariances of angle and rate with the whole state are followed, ``rows`` (2, n).
+    """
+    blocks, output, stationary = moment
+    n, first = mean.size, HULL_STATES
+    settled, growth, whole_output = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    settled[first:, first:], growth[TRIM:first, TRIM:first], whole_output[first:] = stationary, drift, output
+    # what the rest's covariance still differs by from that of a moment on its own, which dies out
+    unsettled = covariance - settled
+    unsettled[:2], unsettled[:, :2] = 0.0, 0.0
+    state, rows, time = mean.copy(), covariance[:2].copy(), 0.0
     means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
     for k in range(durations.size):
-        if durations[k] > 0.0:
-            predict(mean, covariance, moment, hull, drift, durations[k], longest)
-        means[k], spreads[k] = mean[:2], covariance[:2, :2]
+        count = math.ceil(durations[k] / longest - 1e-6)
+        step = durations[k] / max(1, count)
+        f = transition(blocks, step)
+        mean_output = 0.5 * (whole_output + whole_output @ f)
+        of_settled = mean_output @ settled
+        of_moment = 0.5 * (whole_output @ settled - (whole_output @ f) @ settled @ f.T)
+        moment_variance = 0.5 * (of_moment @ whole_output)
+        for _ in range(count):
+            since = transition(blocks, time)
+            output_then = mean_output @ since
+            angle, rate, slopes = hull_step(state, output_then @ mean, rows[1, 1], step, hull)
+            by_motion, gain, by_hull = np.ascontiguousarray(slopes[:, :2]), slopes[:, first:], np.zeros((2, n))
+            by_hull[:, TRIM:first] = slopes[:, TRIM:first]
+            by_rest = by_hull + gain * mean_output
+            moved = by_motion @ rows + (by_hull + gain * output_then) @ unsettled @ since.T
+            moved += gain * of_settled + time * (by_hull @ growth)
+            moved[:, :2] += (rows @ by_rest.T).T
+            motion = np.ascontiguousarray(moved[:, :2]) @ by_motion.T + moved @ by_rest.T
+            rows = moved @ f.T + gain * of_moment
+            rows[:, :2] = motion + gain * gain.T * moment_variance
+            limit(rows)
+            state[0], state[1] = angle, rate
+            time += step
+        means[k], spreads[k] = state[:2], rows[:, :2]
     return means, spreads
 
 

@@ -73,8 +73,7 @@ class HullTrack:
     def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean, (L, 2), and covariance, (L, 2, 2), of angle and rate at increasing leads, s."""
         durations = np.diff(np.asarray(leads, dtype=float), prepend=0.0)
-        mean, covariance = self.x.copy(), self.P.copy()
-        return hull_step.predict_to(mean, covariance, self.moment, self.hull, self.drift, durations, self.longest)
+        return hull_step.predict_to(self.x, self.P, self.moment, self.hull, self.drift, durations, self.longest)
 
     def predict(self, duration: float) -> None:
         """Move the state on by a duration, s, longer than zero."""
