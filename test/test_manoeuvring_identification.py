@@ -30,7 +30,7 @@ from swath_sysid.manoeuvring.identification.shooting import jacobian, residuals
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.identification.windows import cut
 from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
-from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, FORCE
 from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 
 pytestmark = pytest.mark.slow
@@ -314,7 +314,10 @@ def test_memory_is_fixed_and_the_oldest_give_way():
     trial = window.trial()
     assert trial.thrust_input == COMMAND
     assert trial.time[-1] - trial.time[0] == pytest.approx(60.0, abs=0.2)
-    assert window.size <= 1200
+    assert 1150 <= window.size <= 1200
+    thrusts(window, 1.2, 0.4)
+    window.add_motion(201.0, 1.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+    assert window.trial().thrust_input == FORCE
 
 
 def test_what_is_wrong_is_counted_and_left_out():

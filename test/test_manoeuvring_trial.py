@@ -1,10 +1,12 @@
 """Manoeuvring records: CSV, bags, reversed channels, gaps."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from manoeuvring_runs import OLD, STORE, codes, copy_bag, trial_of
+from scipy.signal import lfilter
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
@@ -12,7 +14,8 @@ from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv, write_mano
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
 from swath_sysid.manoeuvring.motion.polarity import mirrored
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.resampling import smoothed
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, turned
 
 
 @pytest.fixture(scope='module')
@@ -107,17 +110,34 @@ def test_reversed_channels_are_set_right_and_named(trials, code, damage):
             assert np.allclose(getattr(found, name), getattr(prepare(trial), name), atol=1e-9), name
 
 
+@pytest.mark.parametrize('others, code', [(1.2, {'yaw-rate-reversed'}), (2.4, set())])
+def test_a_channel_is_reversed_only_by_clear_evidence(trials, others, code):
+    """Motion that the heading does not have, in standard deviations of the yaw rate."""
+    trial = trials[2]
+    unlike = others * math.sqrt(2.0) * np.std(trial.yaw_rate) * np.sin(trial.time * 2.0 * math.pi / 7.0)
+    assert codes(prepare(replace(trial, yaw_rate=unlike - trial.yaw_rate))) & {'yaw-rate-reversed'} == code
+
+
+@pytest.mark.parametrize('noise, width', [(1.0, 4.0), (0.05, 2.0)])
+def test_smoothing_leaves_of_white_noise_what_a_gaussian_window_does(noise, width):
+    """Of motion with a twentieth of noise half as wide a window as of noise alone: steps of 0.1 s."""
+    motion, white = np.sin(0.02 * np.arange(40_000)) / math.sqrt(0.5), np.random.default_rng(1).standard_normal(40_000)
+    left = smoothed(motion + noise * white, 0.1) - motion if noise < 1.0 else smoothed(white, 0.1)
+    assert np.var(left) == pytest.approx(noise**2 / (2.0 * math.sqrt(math.pi) * width), rel=0.1)
+
+
 def test_gap_means_zero_or_nothing(trials):
     trial = trials[0]
     silent = (trial.time > 40) & (trial.time < 50)
     port, starboard = (np.where(silent, np.nan, side) for side in (trial.port, trial.starboard))
     gappy = replace(trial, port=port, starboard=starboard)
     run = prepare(gappy, gap_means_zero=True)
-    assert np.all(run.port[(run.time > 41) & (run.time < 49.9)] == 0)
-    assert run.driven.all()
+    assert np.all(run.port[(run.time > 41.2) & (run.time < 49.9)] == 0)
+    assert run.port[np.abs(run.time - 40.7) < 0.2].all() and run.driven.all()
     run = prepare(gappy)
     assert 'thrust-gaps' in codes(run)
-    assert not run.driven[(run.time > 41.5) & (run.time < 49.9)].any()
+    assert not run.driven[(run.time > 41.2) & (run.time < 49.9)].any()
+    assert run.driven[run.time < 40.9].all()
 
 
 def test_wraps_nans_spikes_disorder_and_held_samples(trials):
@@ -128,15 +148,19 @@ def test_wraps_nans_spikes_disorder_and_held_samples(trials):
     time[100] = time[99]
     surge, struck = np.where(holes, np.nan, trial.surge), [200, 333, 334, 700]
     surge[struck] += 3.0
+    surge[500], yaw_rate = 60.0, trial.yaw_rate.copy()
+    yaw_rate[500:504] = 12.0
     damaged = replace(
         trial,
         time=time,
         heading=np.angle(np.exp(1j * trial.heading)),
         surge=surge,
+        yaw_rate=yaw_rate,
         sway=np.repeat(trial.sway[::10], 10)[: trial.sway.size],
     )
     run = prepare(damaged)
-    assert {'time-disorder', 'held-samples', 'spikes'} <= codes(run)
+    assert {'time-disorder', 'held-samples', 'spikes', 'absurd-values'} <= codes(run)
+    assert np.isnan(run.yaw_rate[500:503]).all()
     assert np.ptp(np.diff(run.heading)) < 0.2
     assert np.isfinite(run.sway).sum() == pytest.approx(trial.time.size / 10, abs=2)
     reference = prepare(trial)
@@ -187,3 +211,39 @@ def test_a_compass_askew_is_turned_along_the_keel():
     # on one course only it may as well be a current
     one = replace(askew, heading=np.full(time.size, -np.radians(10.0)), x=1.2 * time, y=0.0 * time)
     assert 'compass-misaligned' not in codes(prepare(one))
+
+
+def zigzag(span):
+    """Two courses so far apart, deg, for half a minute each."""
+    return lambda t: np.where((t % 80 >= 36) & (t % 80 < 40), span, np.where(t % 80 >= 76, -span, 0.0)) / 4.0
+
+
+def arcs(rate, share):
+    """Turns to port at a rate, deg/s, for a share of the time."""
+    return lambda t: np.where(t % 20 < 20 * share, rate, 0.0)
+
+
+@pytest.mark.parametrize(
+    'turns, speed, askew, drift, is_found',
+    [
+        (zigzag(90), 1.2, 5.0, 0.0, True),
+        (zigzag(90), 1.2, 3.0, 0.0, False),  # too small to be sure of
+        (zigzag(90), 0.35, 10.0, 0.0, True),
+        (zigzag(90), 0.25, 10.0, 0.0, False),  # a craft so slow drifts
+        (zigzag(60), 1.2, 10.0, 0.0, True),
+        (zigzag(50), 1.2, 10.0, 0.0, False),  # the deviation may do it
+        (zigzag(180), 1.2, 10.0, 0.15, False),  # side gusts hide it
+        (arcs(3.0, 0.7), 1.2, 10.0, 0.0, True),
+        (arcs(3.0, 0.9), 1.2, 10.0, 0.0, False),  # always turning to one side drifts
+        (arcs(0.8, 0.9), 1.2, 10.0, 0.0, True),
+        (arcs(1.2, 0.9), 1.2, 10.0, 0.0, False),
+    ],
+)
+def test_a_compass_is_corrected_only_where_nothing_else_explains_it(turns, speed, askew, drift, is_found):
+    time = np.arange(0.0, 320.0, 0.1)
+    heading, gusts = 0.1 * np.cumsum(np.radians(turns(time))), np.random.default_rng(1).standard_normal(time.size)
+    side = drift * lfilter([1.0], [1.0, -math.exp(-0.05)], gusts)
+    x, y = 0.1 * np.cumsum(turned(np.full(time.size, speed), side, -heading), axis=1)
+    inputs = np.full(time.size, 50.0)
+    trial = ManoeuvringTrial(time, inputs, inputs, heading=heading - np.radians(askew), x=x, y=y, frame='enu')
+    assert ('compass-misaligned' in codes(prepare(trial))) == is_found
