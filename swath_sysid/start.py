@@ -9,8 +9,6 @@ import signal
 import sys
 from importlib import import_module
 
-from swath_sysid.common.errors import DONE, INTERRUPTED
-
 SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is the regular end of.
 
 #: Also where a shell without job control has started the process with SIGINT ignored.
@@ -21,7 +19,8 @@ def command_line() -> int:
     """``swath-sysid``; returns the exit code."""
     verb = next((word for word in sys.argv[1:] if not word.startswith('-')), None)
     serving = verb in SERVING_VERBS
-    _end_on_signals(DONE if serving else INTERRUPTED)
+    interrupted = 128 + signal.SIGINT  # as shells have it
+    _end_on_signals(0 if serving else interrupted)
     cli = import_module('swath_sysid.cli.main')
     if verb in cli.VERBS:
         cli.module_of(verb)
@@ -33,7 +32,7 @@ def command_line() -> int:
     try:
         return cli.main()
     finally:
-        _end_on_signals(INTERRUPTED)
+        _end_on_signals(interrupted)
 
 
 def _end_on_signals(code: int):

@@ -30,7 +30,7 @@ from swath_sysid.manoeuvring.identification.shooting import jacobian, residuals
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.identification.windows import cut
 from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
-from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, FORCE
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE
 from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 
 pytestmark = pytest.mark.slow

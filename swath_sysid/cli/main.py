@@ -6,6 +6,7 @@ A verb's module has ``run(arguments) -> int``, and is imported only when it is a
 import importlib
 import re
 import shutil
+import signal
 import sys
 import textwrap
 from argparse import Action, ArgumentParser, HelpFormatter, RawDescriptionHelpFormatter
@@ -16,7 +17,7 @@ from swath_sysid import __version__
 from swath_sysid.cli.completion import actions_of, completion_script
 from swath_sysid.cli.flags import SHARED, add_arguments, examples_of, table_of_verbs
 from swath_sysid.common.advice import did_you_mean
-from swath_sysid.common.errors import DONE, INTERRUPTED, NOTHING_DONE, InputError
+from swath_sysid.common.errors import DONE, NOTHING_DONE, InputError
 from swath_sysid.common.sentences import with_flags
 
 VERBS = {verb: entry['summary'] for verb, entry in table_of_verbs().items() if verb != SHARED}
@@ -102,7 +103,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f'{program}: {with_flags(error.code, str(error))}', file=sys.stderr)
         return NOTHING_DONE
     except KeyboardInterrupt:
-        return INTERRUPTED
+        return 128 + signal.SIGINT
     except BrokenPipeError:
         sys.stderr.close()
         return DONE

@@ -1,10 +1,8 @@
 """The one error that callers show to users instead of a traceback, and the exit codes of commands."""
 
-import signal
 from collections.abc import Collection
 
 DONE, PARTLY_DONE, NOTHING_DONE = range(3)  #: Exit codes; the second also of a result that is not what was promised.
-INTERRUPTED = 128 + signal.SIGINT  #: Exit code of a command that Ctrl-C or SIGTERM ended, as shells have it.
 
 
 class InputError(ValueError):

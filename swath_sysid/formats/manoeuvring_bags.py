@@ -14,7 +14,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import messages
 from swath_sysid.formats.bags import chosen_topic, intact_messages, opened_bag
-from swath_sysid.formats.manoeuvring_messages import CLOCKS_APART, odometry_message, odometry_reading
+from swath_sysid.formats.manoeuvring_messages import odometry_message, odometry_reading
 from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.topics import IMU, ODOMETRY
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
@@ -22,6 +22,7 @@ from swath_sysid.manoeuvring.motion.resampling import LONGEST_GAP
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, MEASURED, ManoeuvringTrial
 from swath_sysid.manoeuvring.motion.window import LARGEST_COMMAND
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState
+from swath_sysid.pipeline.health import LARGEST_STAMP_AGE
 
 Series = tuple[np.ndarray, np.ndarray]  #: Times, s, and values.
 
@@ -199,7 +200,7 @@ def _clock_offset(odometry: np.ndarray, path: Path, advice: list[Advice]) -> flo
     difference = stamps - received
     if not np.all(np.isfinite(difference)) or np.ptp(stamps) == 0.0:
         return None
-    if np.ptp(difference) > CLOCKS_APART:
+    if np.ptp(difference) > LARGEST_STAMP_AGE:
         advice.append(Advice.of('clocks-apart', path=path))
         return None
     # the least delayed messages give the offset of the clocks

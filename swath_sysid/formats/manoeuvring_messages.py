@@ -13,7 +13,6 @@ from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState, Odometry
 
 #: Rows of x, y, yaw (and of their rates) in a covariance of six.
 PLANAR = [('x', 'y', 'z', 'roll', 'pitch', 'yaw').index(name) for name in ('x', 'y', 'yaw')]
-CLOCKS_APART = 1.0  #: s; clocks of odometry and of its receiver that differ by more are two.
 LARGEST_VARIANCE = 1e4  #: A larger variance marks a quantity that is not measured.
 
 

@@ -21,8 +21,6 @@ from swath_sysid.formats.topics import DESCRIPTION_TOPIC, IMU_TOPIC, NEXT_TOPIC,
 from swath_sysid.nodes.qos import LATCHED, bag_qos
 from swath_sysid.pipeline.demonstration import attitude_at
 
-RECENT = 6000  #: Samples that are kept when everything is not needed any more.
-
 
 @dataclass
 class Received:
@@ -66,9 +64,9 @@ class Listener(Node):
         return self._release.call_async(Trigger.Request())
 
     def forget(self) -> None:
-        """Keep what is recent only."""
+        """Keep the newest of each only."""
         for kept in (self.received.readings, self.received.angles, *self.received.forecasts.values()):
-            while len(kept) > RECENT:
+            while len(kept) > 1:
                 kept.popleft()
 
     def _on_imu(self, message: Any) -> None:

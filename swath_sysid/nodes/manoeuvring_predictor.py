@@ -11,7 +11,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64, Float64MultiArray, String
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.manoeuvring_messages import CLOCKS_APART, odometry_message, odometry_reading, path_message
+from swath_sysid.formats.manoeuvring_messages import odometry_message, odometry_reading, path_message
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model
 from swath_sysid.formats.messages import SECOND_NS, stamp_ns
 from swath_sysid.formats.topics import PATH_TOPIC, manoeuvring_lead_topic
@@ -23,7 +23,7 @@ from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, SENSOR, THRUSTERS
-from swath_sysid.pipeline.health import Report
+from swath_sysid.pipeline.health import LARGEST_STAMP_AGE, Report
 from swath_sysid.pipeline.manoeuvring_health import ManoeuvringHealth
 
 
@@ -118,9 +118,9 @@ class ManoeuvringPredictor(Node):
     def _now(self) -> float:
         """Stamp for a message without one: the node's clock, unless that is not the clock of the odometry."""
         now = self.get_clock().now().nanoseconds / SECOND_NS
-        if self._stamp is None or abs(now - self._stamp) < CLOCKS_APART:
+        if self._stamp is None or abs(now - self._stamp) < LARGEST_STAMP_AGE:
             return now
-        return self._stamp + min(perf_counter() - self._arrival, CLOCKS_APART)
+        return self._stamp + min(perf_counter() - self._arrival, LARGEST_STAMP_AGE)
 
     def _reports(self) -> list[Report]:
         # also while the odometry is silent

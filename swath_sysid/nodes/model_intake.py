@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import shown
 from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT
 
 MAX_WAITING = 16  #: Texts; of a flood the oldest are dropped, as they are superseded anyway.
 MAX_ENDINGS = 1000  #: Models and rejections, more than are read between two diagnostics.
-LONGEST_SENTENCE = 300
 
 
 class ModelIntake:
@@ -60,7 +60,6 @@ class ModelIntake:
         try:
             return self._read(text), None
         except InputError as error:
-            refusal = str(error)
+            return None, str(error)
         except Exception as error:  # whatever a text causes, the node reports it and goes on
-            refusal = f'{type(error).__name__}: {error}'
-        return None, refusal[:LONGEST_SENTENCE]
+            return None, shown(f'{type(error).__name__}: {error}')

@@ -19,12 +19,12 @@ from swath_sysid.formats.messages import SECOND_NS, raw_stamp_ns, stamp_ns
 from swath_sysid.formats.topics import NEXT_TOPIC
 from swath_sysid.nodes.message_types import message_class, time_message
 from swath_sysid.nodes.qos import BAG_DEPTH, NEWEST, bag_qos
+from swath_sysid.pipeline.health import DISCOVERY
 
 CLOCK_PERIOD = 0.01  #: s of wall clock between /clock messages.
 SETTLING = 0.5  #: s from the last connection to the first message: the other side may still be making it.
 AHEAD_NS = 2 * SECOND_NS  #: By which samples may be ahead of the forecasts: few enough to wait at the node.
 PATIENCE = 5.0  #: s from one forecast to the next (rejected samples bring none), and for the last messages to arrive.
-DISCOVERY = 3.5  #: s in which a subscription that is there is found: mostly 0.2 s, now and then three.
 
 
 class Replay(Node):

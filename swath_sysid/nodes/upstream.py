@@ -16,10 +16,7 @@ from swath_sysid.formats.upstream import channels_of, field_value, kind_of, stam
 from swath_sysid.nodes.message_types import message_class
 from swath_sysid.nodes.qos import waiting, watched_subscription
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.pipeline.health import BAD_UPSTREAM, OK, WARN, Arrivals, Reasons, Report
-
-#: s at the start in which the publishers of entries without a field are looked for: discovery takes up to three.
-DISCOVERY = 5.0
+from swath_sysid.pipeline.health import BAD_UPSTREAM, DISCOVERY, OK, WARN, Arrivals, Reasons, Report
 
 
 @dataclass

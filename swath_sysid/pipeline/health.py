@@ -45,7 +45,7 @@ LASTING = {NO_RATES}  #: Warned of when they begin; then reported while they las
 CALM_SINCE_WARNING = 30.0  #: s without a warning after which the log reports its end.
 
 LONGEST_SILENCE = 1.0
-STARTING_TIME = 5.0  #: s after which a sensor that has never published is an error: discovery takes up to three.
+DISCOVERY = 4.0  #: s in which publishers and subscriptions that are there are found: mostly 0.2, now and then three.
 
 LARGEST_STAMP_AGE = 1.0  #: s; more means that clocks differ, or a replay at another time.
 REMEMBERED_GAPS = 100  #: Messages; the longest of their intervals is usual.
@@ -249,7 +249,7 @@ class StreamHealth(Reasons):
 
     def _verdict(self, age: float | None, fresh: Mapping[str, int], clock_is_stopped: bool) -> tuple[int, str]:
         if age is None:
-            if self._silence <= STARTING_TIME:
+            if self._silence <= DISCOVERY:
                 return OK, f'waiting for the first message on {self.topic}'
             return ERROR, f'no message on {self.topic} yet: {CURES[NO_MESSAGE_YET]}'
         if self._silent:

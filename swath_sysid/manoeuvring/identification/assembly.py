@@ -19,10 +19,10 @@ from swath_sysid.manoeuvring.identification.settings import AUTO, SHARED, Manoeu
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, Unknowns
 from swath_sysid.manoeuvring.identification.starts import surge_ratios, sway_ratios, yaw_ratios
 from swath_sysid.manoeuvring.motion.compass import USUAL_CURRENT
+from swath_sysid.manoeuvring.motion.resampling import TURNING
 from swath_sysid.manoeuvring.motion.trial import COMMAND, Run
 
 AT_ANCHOR = 0.15  #: m/s; craft that are never faster, and do not turn, are at anchor.
-NO_TURN = 0.02  #: rad/s; a lower yaw rate identifies nothing of a turn.
 SWAY_SEEN = 0.03  #: m/s.
 #: s; time constants assumed where the runs show none; lag and delay of the thrusters each start from theirs.
 USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0, 'thrusters': 0.15}
@@ -80,7 +80,7 @@ def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...
     kept, advice = [], []
     for run in runs:
         speed, rate = _largest(run.smooth[0]), _largest(run.smooth[2])
-        if speed < AT_ANCHOR and rate < NO_TURN:
+        if speed < AT_ANCHOR and rate < TURNING:
             advice.append(Advice.of('at-anchor', source=run.source, speed=speed, rate=np.degrees(rate)))
         elif not np.any((run.port != 0.0) | (run.starboard != 0.0)):
             advice.append(Advice.of('no-thrust', source=run.source))
@@ -160,7 +160,7 @@ def _facts(runs: Sequence[Run], settings: ManoeuvringSettings) -> frozenset[str]
     difference = np.concatenate([run.starboard - run.port for run in runs])
     inputs, size = _inputs(runs), max(_largest(total), 1e-12)
     surges = np.isfinite(np.concatenate([run.smooth[0] for run in runs])).any()
-    turns = rate > NO_TURN and _largest(difference) > 0.02 * size
+    turns = rate > TURNING and _largest(difference) > 0.02 * size
     has_heading = all(run.heading is not None for run in runs)
     given = {*settings.fixed, *settings.towards}
     facts = {

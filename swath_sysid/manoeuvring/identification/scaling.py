@@ -1,5 +1,6 @@
 """Natural units, ranges and regularisation of the parameters."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,9 +33,6 @@ _SPREADS = {
     **dict.fromkeys(('deviation_B', 'deviation_C'), USUAL_DEVIATION),
 }
 
-#: Powers of mass and yaw inertia with the dimension of an inertia parameter.
-_POWERS = {'kg': (1.0, 0.0), 'kg m': (0.5, 0.5), 'kg m2': (0.0, 1.0), 'm': (-0.5, 0.5)}
-
 
 @dataclass(frozen=True)
 class Scales:
@@ -49,8 +47,8 @@ class Scales:
         """The size of a parameter that is one in natural units."""
         parameter = PARAMETERS[INDEX[name]]
         if parameter.kind == INERTIA:
-            of_mass, of_inertia = _POWERS[parameter.unit]
-            return self.mass**of_mass * self.inertia**of_inertia
+            radius = math.sqrt(self.inertia / self.mass)
+            return {'kg': self.mass, 'kg m': self.mass * radius, 'kg m2': self.inertia, 'm': radius}[parameter.unit]
         if name == 'gain':
             return self.mass * self.speed / RESPONSE
         if name == 'advance':

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.measurement import recorded_speeds, through_water
-from swath_sysid.manoeuvring.hull.model import jacobians
+from swath_sysid.manoeuvring.hull.model import DIFFERENCE, jacobians
 from swath_sysid.manoeuvring.hull.simulation import STABLE_STEP, UNDISTURBED, runge_kutta_columns
 from swath_sysid.manoeuvring.hull.stability import growth_rates
 from swath_sysid.manoeuvring.hull.terms import BALANCE, DELAY, LAG, NAMES
@@ -22,12 +22,12 @@ from swath_sysid.manoeuvring.motion.trial import turned
 
 THRUSTER = sorted({*CURVE, BALANCE, LAG, DELAY})
 CURRENT = ('current_east', 'current_north')
-PERTURBATION = 1e-4  #: Of an unknown or an initial state, in its unit.
 STATE_STEPS = 3  #: Gauss-Newton steps of the initial states for each step of the unknowns.
 ROBUST_AT = 3.0  #: Standard deviations beyond which a residual counts less (soft_l1).
 MIN_DECAY = 0.02  #: 1/s; slower decays of small motions on straight courses are penalised.
 STABILITY_WEIGHT = 20.0  #: Of an excess of 1/s, times the root of the number of samples.
-LARGEST_INFORMATION = 1e14  #: Windows with more have diverged and do not determine their initial state.
+#: Windows with more have diverged and do not determine their initial state.
+LARGEST_INFORMATION = np.reciprocal(np.finfo(float).eps)
 MIN_PARTS = 3  #: Least number of parts of the runs, of which one is held out at a time.
 
 
@@ -178,13 +178,13 @@ def linearised(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Weighted residuals (3, S + 1, W), and derivatives by initial states, (3, ...), and unknowns, (n or 0, ...)."""
     unknowns, count = shooting.unknowns, values.size if by_unknowns else 0
-    steps = PERTURBATION * unknowns.units[:count]
+    steps = DIFFERENCE * unknowns.units[:count]
     # from the side of the range that is open
     steps = np.where(values[:count] + steps > unknowns.upper[:count], -steps, steps)
     candidates = np.repeat(values[None], 4 + count, axis=0)
     candidates[4:] += steps[:, None] * np.eye(count, values.size)
     states = np.repeat(hidden.states[:, None], 4 + count, axis=1)
-    state_steps = PERTURBATION * np.maximum(shooting.noise, 1e-2)
+    state_steps = DIFFERENCE * np.maximum(shooting.noise, 1e-2)
     states[:, 1:4] += np.diag(state_steps)[:, :, None]
     found = misses(shooting, *shooting.parameters(candidates), states, hidden.drift) * shooting.weights
     with np.errstate(over='ignore', invalid='ignore'):
@@ -314,7 +314,7 @@ def _instability(shooting: Shooting, columns: np.ndarray):
 
 def instability_slopes(shooting: Shooting, values: np.ndarray) -> np.ndarray:
     """Derivatives of the demand of stable straight courses by the unknowns, shape (speeds, n)."""
-    steps = PERTURBATION * shooting.unknowns.units
+    steps = DIFFERENCE * shooting.unknowns.units
     candidates = np.concatenate([values[None], values + np.diag(steps)])
     found = _instability(shooting, shooting.parameters(candidates)[0])
     return (found[:, 1:] - found[:, :1]) / steps

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.manoeuvring.motion.resampling import MOVING, even, lowpass, speeds_of_track
+from swath_sysid.manoeuvring.motion.resampling import MOVING, TURNING, even, lowpass, speeds_of_track
 from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial, turned
 
 MIN_MISALIGNMENT = math.radians(4.0)
@@ -18,9 +18,8 @@ USUAL_CURRENT = 0.3  #: m/s, prior standard deviation of a current.
 #: rad, prior standard deviation of the compass deviation by course, which the identification finds.
 USUAL_DEVIATION = 0.15
 
-#: rad/s, and the largest share of time that runs may turn faster than that to one side: drift would then look like
-#: misalignment.
-TURNING, ONE_SIDED = math.radians(1.0), 0.75
+#: Largest share of time that runs may turn to one side: drift would then look like misalignment.
+ONE_SIDED = 0.75
 REMEMBERED = 10.0  #: Half seconds of correlated sway, which count as one sample.
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.motion.resampling import MOVING, even, lowpass, speeds_of_track
+from swath_sysid.manoeuvring.motion.resampling import MOVING, TURNING, even, lowpass, speeds_of_track
 from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial
 
 SEEN = 0.5  #: A pooled correlation beyond this, of the wrong sign, shows a reversed channel.
@@ -113,7 +113,7 @@ def _heading_and_rate(trial: ManoeuvringTrial):
     if heading is None or rate is None:
         return None
     slope, rate = np.gradient(lowpass(heading, 0.5), STEP), lowpass(rate, 0.5)
-    return (slope - slope.mean(), rate - rate.mean()) if min(np.std(rate), np.std(slope)) > 0.02 else None
+    return (slope - slope.mean(), rate - rate.mean()) if min(np.std(rate), np.std(slope)) > TURNING else None
 
 
 def _speed_and_track(name: str, place: int):

@@ -12,6 +12,7 @@ from swath_sysid.common.signals import bin_means, white_noise
 from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial, turned
 
 MOVING = 0.3  #: m/s; above this the course indicates the heading.
+TURNING = 0.02  #: rad/s; a craft with less yaw rate is on a straight course, which says nothing of turns.
 LONGEST_GAP = 1.0  #: s for which a command holds at least; over longer gaps the thrust is unknown, or zero.
 SMOOTHING = 0.4  #: s, width of the Gaussian window.
 NOISY = 0.1  #: Noise of this share of the motion gets the full smoothing.
