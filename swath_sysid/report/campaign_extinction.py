@@ -27,14 +27,11 @@ from swath_sysid.common.rounding import digits
 from swath_sysid.report.campaign_figures import legend_below, panel
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.extinction_tables import (
-    CURVE_COLUMNS,
-    CURVE_NOTE,
     QUANTITY_COLUMNS,
     curve_rows,
-    disagreement,
+    curve_table,
     peaks_table,
     quantity_row,
-    terms_apart,
 )
 from swath_sysid.report.figures import CROSS, MEASURED, SERIES, two_std_band
 from swath_sysid.report.html_page import Drawing
@@ -72,7 +69,7 @@ def conditions_table(outcome: CampaignOutcome) -> Table:
         number = '' if craft.length_m is None else f', Froude number {froude_number(speed, craft.length_m):.3g}'
         rows.append(('speed [m/s]', f'{speed:g}{number}'))
     note = 'As the manifest says; at the design draft.'
-    return Table('conditions', 'Conditions', note, (Column('what'), Column('value')), tuple(rows))
+    return Table('conditions', '', note, (Column('what'), Column('value')), tuple(rows))
 
 
 def particulars_of(outcome: CampaignOutcome, condition: Condition) -> Particulars:
@@ -134,7 +131,7 @@ class _Decays:
 
 def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, Table]:
     """Tables of one axis: ``damping`` with its budget, ``extinction`` curves, and ``peaks``, every one."""
-    damping, curves, labelled, findings = [], [], [], []
+    damping, curves, labelled = [], [], []
     loading = LOADING_NAMES[outcome.quantity]
     for each in _Decays.all_of(outcome, axis):
         fit, place = each.fit, (each.condition.loading, each.condition.initial_angle_deg)
@@ -147,20 +144,15 @@ def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
             terms = {name: fit.ratio(name) for name in fit.model.terms}
             rows = curve_rows(each.curve, terms, each.inertia, each.particulars, axis.motion)
             curves += [(*place, *row) for row in rows]
-            apart = terms_apart(rows)
-            findings.append(apart and f'{loading} {place[0]:g}, {each.label}: {apart}')
     where = columns_of({loading: digits(4), 'initial angle [deg]': digits(4)})
     note = (
         'Of the repeats of a condition together, at the geometric mean of the amplitudes seen. Standard uncertainties; '
         'U = 2 times their root sum of squares. Damping in N m s where the inertia is known (GM and mass, or inertia).'
     )
     budget_columns = (*where, Column('at [deg]', digits(3)), *QUANTITY_COLUMNS)
-    name, columns = f'extinction_{axis.axis}', (*where, *CURVE_COLUMNS)
     return {
         'damping': Table(f'damping_{axis.axis}', f'Damping, {axis.axis}', note, budget_columns, tuple(damping)),
-        'extinction': Table(
-            name, f'Extinction curves, {axis.axis}', CURVE_NOTE, columns, tuple(curves), finding=disagreement(findings)
-        ),
+        'extinction': curve_table(f'extinction_{axis.axis}', f'Extinction curves, {axis.axis}', curves, where),
         'peaks': peaks_table(f'peaks_{axis.axis}', labelled),
     }
 
@@ -199,7 +191,7 @@ def _damping_figure(outcome: CampaignOutcome, items: Sequence[_Decays], title: s
     """In N m s where the inertia is known in every condition of the loading, else as a ratio."""
     dimensional = all(each.inertia is not None for each in items)
     symbol = {'roll': 'B44', 'pitch': 'B55'}[axis.motion]
-    ylabel = f'{symbol} [N m s]' if dimensional else 'equivalent damping ratio [-]'
+    ylabel = f'{symbol} [N m s]' if dimensional else 'damping ratio [-]'
     figure, axes = panel(title=title, xlabel=f'{axis.motion} mean amplitude [deg]', ylabel=ylabel)
     highest = 0.0
     for colour, decays in zip(cycle(SERIES), items):

@@ -22,6 +22,7 @@ from swath_sysid.report.figures import (
     Figure,
     curves_of,
     draw_fit,
+    measured_channel,
     new_figure,
     new_panel,
     quiet,
@@ -29,7 +30,7 @@ from swath_sysid.report.figures import (
 )
 from swath_sysid.report.html_page import Drawing
 
-WIDTH, HEIGHT = 4.6, 3.1
+WIDTH, HEIGHT = 4.0, 2.8
 LINE_STYLES = ('-', '--', ':', '-.')
 MAX_POINTS = 500
 
@@ -64,17 +65,15 @@ def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Draw
         groups.setdefault(condition.initial_angle_deg if several else 0.0, []).append((condition, motion))
     for angle, members in sorted(groups.items()):
         title, suffix = (f'from {angle:g} deg', f'{angle:g}deg') if several else ('all angles', 'all')
-        for what, label in (('angle', '[deg]'), ('rate', 'rate [deg/s]')):
-            if any(getattr(motion, what) is None for _, motion in members):
-                continue
-            figure, axes = panel(title=title, xlabel='time since release [s]', ylabel=f'{axis.motion} {label}')
-            for condition, motion in members:
-                name = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
-                thinned = _thinned(motion.size)
-                time, value = motion.time[thinned] - motion.time[0], np.degrees(getattr(motion, what)[thinned])
-                axes.plot(time, value, linewidth=1.1, label=name)
-            axes.legend(frameon=False)
-            yield Drawing(f'decays_{axis.axis}_{what}_{suffix}', f'Recorded decays {title}, best repeats', figure)
+        figure, axes = panel(title=title, xlabel='time since release [s]')
+        for condition, motion in members:
+            name = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
+            measured, label = measured_channel(motion)
+            thinned = _thinned(motion.size)
+            axes.plot(motion.time[thinned] - motion.time[0], np.degrees(measured[thinned]), linewidth=1.1, label=name)
+            axes.set_ylabel(label)
+        axes.legend(frameon=False)
+        yield Drawing(f'decays_{axis.axis}_{suffix}', f'Recorded decays {title}, best repeats', figure)
 
 
 def _loading(outcome: CampaignOutcome, condition: Condition):

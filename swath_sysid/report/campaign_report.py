@@ -10,7 +10,7 @@ import scipy
 
 from swath_sysid import __version__
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
-from swath_sysid.campaign.evaluation import out_of_order
+from swath_sysid.campaign.evaluation import noise_statement, out_of_order
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
@@ -23,7 +23,6 @@ from swath_sysid.report.campaign_tables import (
     errors_table,
     fits_table,
     next_step_table,
-    noise_statement,
     objective_table,
     ranking_table,
     schedule_table,
@@ -146,8 +145,8 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
     shown_peaks = replace(peaks, note=note, rows=tuple(row for row in peaks.rows if row[0] in best))
     tables = {name: table_as_html(table) for name, table in (found | {'peaks': shown_peaks}).items()}
     shown = {kind: figures(items) for kind, items in drawings.items()}
+    damping = figures([*drawings['amplitude'], *drawings['extinction']])
     related = 'Ratios whose correlation is beyond 0.95 cannot be distinguished: use them together only.'
-    extinction = [tables[name] for name in ('damping', 'extinction', 'peaks')]
     equations = 'verdicts', 'Verdicts', [tables.get('verdicts', '')]
     if axis.is_compared:
         marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
@@ -158,8 +157,7 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
         ('decays', 'Decays', [shown['decays']]),
         ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], tables['repeats']]),
         ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
-        ('amplitude', 'Period and damping', [shown['amplitude']]),
-        ('extinction', 'Extinction and damping', [shown['extinction'], *extinction]),
+        ('damping', 'Period, damping and extinction', [damping, *map(tables.get, ('damping', 'extinction', 'peaks'))]),
         ('errors', 'Next step, simulation, forecast', [tables['errors'], tables['next_step']]),
         ('records', 'Every record', [shown['records']]),
         ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),

@@ -9,7 +9,7 @@ import numpy as np
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
-from swath_sysid.campaign.evaluation import Condition, Record, beyond_noise, noise_statement, tied_best
+from swath_sysid.campaign.evaluation import Condition, Record, beyond_noise, tied_best
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.campaign.trials import TrialOutcome
 from swath_sysid.common.rounding import digits, percent
@@ -40,7 +40,7 @@ def trials_table(outcome: CampaignOutcome) -> Table:
         speed = []
     table = Table.of(
         'trials',
-        'Trials',
+        '',
         'Used: the decay that was found and fitted; best: the repeat of its condition that the equations explain best.',
         outcome.trials,
         ('trial', lambda t: t.name),
@@ -77,11 +77,11 @@ def objective_table(outcome: CampaignOutcome, axis: AxisOutcome, objective: str)
     """Objective values by condition and equation of the best repeats, as the papers give them."""
     fits = axis.fits[objective]
     best = [(axis.records[index], fits[index]) for index in axis.best.values()]
-    unit = 'rad/s, one Euler step ahead' if objective == 'one-step' else 'dimensionless: residuals over noise'
+    unit = 'rad/s, one Euler step ahead' if objective == 'one-step' else 'Dimensionless: residuals over noise'
     table = Table.of(
         f'objective_{axis.axis}_{objective}',
         f'Objective values, {axis.axis}, {objective}',
-        f'{unit[0].upper()}{unit[1:]}. {noise_statement(axis.records, fits, axis.best)}',
+        f'{unit}.',
         best,
         *_condition_columns(outcome),
         *((name, lambda item, k=k: item[1][k].objective_value, digits(7)) for k, name in enumerate(axis.names)),
@@ -186,7 +186,7 @@ def verdict_table(axis: AxisOutcome) -> Table:
     ]
     table = Table.of(
         f'verdicts_{axis.axis}',
-        f'Verdicts, {axis.axis}',
+        '',
         f'Of {axis.ranking.choice.name}, by all records of a draft together and by each record alone. A record '
         'that is not adequate where all together are differs from the others: look at its residual.',
         items,
@@ -235,8 +235,8 @@ def spread_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     return Table.of(
         f'repeats_{axis.axis}',
         f'Agreement of repeats, {axis.axis}',
-        f'{spread_statement(axis)} Spread: standard deviation. Where it is much larger than stated, something other '
-        f'than noise differs between repeats.',
+        'Spread: standard deviation. Where it is much larger than stated, something other than noise differs between '
+        'repeats.',
         axis.spreads,
         loading,
         angle,

@@ -1,7 +1,8 @@
 """A tank's standard output as tables: peaks, extinction curve, damping in dimensions, uncertainty."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.rounding import digits
 from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.fit_summary import short_name
-from swath_sysid.report.tables import Table, columns_of
+from swath_sysid.report.tables import Column, Table, columns_of
 
 #: Name, unit, and its power of an angle.
 CURVE_TERMS = (('p1', '-', 0), ('p2', '1/deg', 1), ('p3', '1/deg^2', 2), ("Bertin's N", '1/deg', 1))
@@ -46,6 +47,30 @@ SOURCES = {
     'metacentric_height': 'GM',
     'inertia': 'inertia',
 }
+CURVE_COLUMNS = columns_of(
+    {
+        'quantity': str,
+        'unit': str,
+        'extinction curve': digits(4),
+        'std': digits(2),
+        'motion fit': digits(4),
+        'motion fit std': digits(2),
+        'times inertia': digits(4),
+        'its unit': str,
+        'without dimension': digits(4),
+    }
+)
+CURVE_NOTE = (
+    'Extinction curve: decrement = p1 a + p2 a^2 + p3 a^3 over the mean amplitude a in deg, whose terms mean linear, '
+    'quadratic and cubic damping over inertia b1, b2, b3. Beside them those of the motion fitted as a whole. Times '
+    'inertia and without dimension: of the motion fit; roll over rho V B^2, pitch over rho V L^2, with sqrt(B / 2 g) '
+    'or sqrt(L / g) for the unit of time. Dry friction, for which the curve has no term, makes its p1 large and p2 '
+    'negative.'
+)
+UNCERTAINTIES = 'U (k = 2)', 'type A, fit', 'type A, repeats', *(f'type B, {name}' for name in SOURCES.values())
+QUANTITY_COLUMNS = columns_of(
+    {'quantity': str, 'unit': str, 'value': digits(5), **dict.fromkeys(UNCERTAINTIES, digits(2))}
+)
 
 
 def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
@@ -103,51 +128,27 @@ def curve_rows(
     return rows
 
 
-def terms_apart(rows: Iterable[tuple]) -> str:
-    """The terms in which curve and fitted motion differ by more than their intervals; empty where they agree."""
-    return ' and '.join(
-        f'{name} ({digits(3)(curve)} ± {digits(2)(TWO_STD * std)} against {digits(3)(fitted)} ± '
-        f'{digits(2)(TWO_STD * fitted_std)} {unit})'
-        for name, unit, curve, std, fitted, fitted_std, *_ in rows
-        if fitted is not None and std > 0.0 and abs(curve - fitted) > TWO_STD * (std + fitted_std)
+def curve_table(name: str, title: str, rows: Sequence[tuple], where: tuple[Column, ...] = ()) -> Table:
+    """Rows of `curve_rows`, each after its values of ``where``; marked where curve and motion fit differ by more than
+    their intervals.
+    """
+    first = len(where)
+    marks: dict[tuple[int, int], str] = {}
+    apart: Counter[str] = Counter()
+    for k, row in enumerate(rows):
+        term, _, curve, std, fitted, fitted_std, *_ = row[first:]
+        if fitted is not None and std > 0.0 and abs(curve - fitted) > TWO_STD * (std + fitted_std):
+            apart[term] += 1
+            marks |= {(k, first + place): 'beyond' for place in (2, 4)}
+    conditions = len({row[:first] for row in rows})
+    named = ', '.join(
+        f'{term} (of {count} in {conditions} conditions)' if first else term for term, count in apart.items()
     )
-
-
-def disagreement(apart: Iterable[str]) -> str:
-    """The sentence on what `terms_apart` gave; empty where nothing differs."""
-    shown = '; '.join(filter(None, apart))
-    return shown and (
-        'The extinction curve, which sees the peaks alone, and the fitted motion differ by more than their intervals '
-        f'in: {shown}.'
+    finding = named and (
+        'The extinction curve, which sees the peaks alone, and the motion fit differ by more than their intervals in: '
+        f'{named}.'
     )
-
-
-CURVE_COLUMNS = columns_of(
-    {
-        'quantity': str,
-        'unit': str,
-        'extinction curve': digits(4),
-        'std': digits(2),
-        'motion fit': digits(4),
-        'motion fit std': digits(2),
-        'times inertia': digits(4),
-        'its unit': str,
-        'without dimension': digits(4),
-    }
-)
-CURVE_NOTE = (
-    'Extinction curve: decrement = p1 a + p2 a^2 + p3 a^3 over the mean amplitude a in deg, whose terms mean linear, '
-    'quadratic and cubic damping over inertia b1, b2, b3. Beside them those of the motion fitted as a whole. Times '
-    'inertia and without dimension: of the motion fit; roll over rho V B^2, pitch over rho V L^2, with sqrt(B / 2 g) '
-    'or sqrt(L / g) for the unit of time. Dry friction, for which the curve has no term, makes its p1 large and p2 '
-    'negative.'
-)
-
-
-UNCERTAINTIES = 'U (k = 2)', 'type A, fit', 'type A, repeats', *(f'type B, {name}' for name in SOURCES.values())
-QUANTITY_COLUMNS = columns_of(
-    {'quantity': str, 'unit': str, 'value': digits(5), **dict.fromkeys(UNCERTAINTIES, digits(2))}
-)
+    return Table(name, title, CURVE_NOTE, (*where, *CURVE_COLUMNS), tuple(rows), marks, finding)
 
 
 def quantity_row(quantity: TankQuantity) -> tuple:
@@ -170,10 +171,7 @@ def tank_tables(identification: Identification, particulars: Particulars, type_b
     try:
         rows = curve_rows(extinction_of([p for _, p in labelled]), terms, inertia, particulars, axis)
         title = 'Extinction curve and damping terms'
-        curve = Table(
-            'extinction', title, CURVE_NOTE, CURVE_COLUMNS, tuple(rows), finding=disagreement([terms_apart(rows)])
-        )
-        found.append(curve)
+        found.append(curve_table('extinction', title, rows))
     except InputError as error:
         found[0] = replace(found[0], note=f'{error}.')
     title = f'Damping at {math.degrees(at):.3g} deg and its uncertainty'

@@ -18,6 +18,7 @@ from swath_sysid.report.figures import MEASURED, SERIES
 from swath_sysid.report.tables import Table
 
 LONG_WORDS = 28  #: Characters from which a cell is broken into lines.
+FOLDED_ROWS, FOLDED_FIGURES = 16, 12  #: Of what is longer the page shows the number, until it is opened.
 #: Of every figure of a page, where it is 350 to 500 px wide, so that a point is about a pixel.
 FIGURE_STYLE: Any = {
     **dict.fromkeys(('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color'), MEASURED),
@@ -100,13 +101,18 @@ def table_as_html(table: Table) -> str:
     ]
     if not rows:
         return ''
+    body = '\n'.join(f'<tr>{row}</tr>' for row in rows)
+    scrolled = f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table></div>'
     return (
-        f'<h3>{escaped(table.title)}</h3><p class="note">{escaped(table.note)}</p><div class="scroll">'
-        f'<table><thead><tr>{head}</tr></thead><tbody>\n'
-        + '\n'.join(f'<tr>{row}</tr>' for row in rows)
-        + '\n</tbody></table></div>'
+        f'<div class="table">{table.title and f"<h3>{escaped(table.title)}</h3>"}{paragraph(table.note, "note")}'
+        + _folded(scrolled, len(rows), FOLDED_ROWS, 'rows')
         + (paragraph(table.finding, 'finding') if table.finding else '')
+        + '</div>'
     )
+
+
+def _folded(body: str, count: int, most: int, what: str):
+    return body if count <= most else f'<details><summary>{count} {what}</summary>{body}</details>'
 
 
 def _css(*kinds: str | None):
@@ -132,4 +138,7 @@ def inline(drawing: Drawing) -> str:
 
 def figures(drawings: Sequence[Drawing]) -> str:
     """A grid of drawings; nothing where there are none."""
-    return f'<div class="figures">{"".join(map(inline, drawings))}</div>' if drawings else ''
+    if not drawings:
+        return ''
+    grid = f'<div class="figures">{"".join(map(inline, drawings))}</div>'
+    return _folded(grid, len(drawings), FOLDED_FIGURES, 'figures')

@@ -103,7 +103,7 @@ def claims(study: DecayStudy) -> Table:
         "draft as the study concludes. A trend with the angle that the study's method shows here therefore comes from "
         'the method, and what the simulated hull has been given holds by construction, which confirms nothing.'
     )
-    return Table('claims', 'Conclusions of the study, and whether they hold here', note, columns, tuple(rows), marks)
+    return Table('claims', '', note, columns, tuple(rows), marks)
 
 
 def verdict_mark(verdict: str) -> str:

@@ -200,4 +200,4 @@ def _claims(study: ManoeuvringStudy):
         'The runs are simulated by the same equations that are identified: agreement of the tracks holds by '
         'construction, which confirms nothing.'
     )
-    return Table('claims', 'Conclusions of the study, and whether they hold here', note, columns, rows, marks)
+    return Table('claims', '', note, columns, rows, marks)

@@ -25,7 +25,7 @@ class Table:
     """A table."""
 
     name: str  #: File name without ending.
-    title: str
+    title: str  #: Empty where the section of the page says it.
     note: str
     columns: tuple[Column, ...]
     rows: tuple[tuple, ...]  #: Raw values, as the CSV file holds them.
