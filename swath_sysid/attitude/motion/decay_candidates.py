@@ -185,14 +185,18 @@ class DecayCandidate:
         reach = maximum_filter1d(self.signal.value, size) - minimum_filter1d(self.signal.value, size)
         return reach > HOLD_BAND * self.double_amplitudes[0]
 
+    @cached_property
+    def evidence(self) -> float:
+        """How much it looks like a release, in periods of rest: below one it is none."""
+        return self.rest + self.hold + self.double_amplitudes.size / HALF_CYCLES_FOR_REST
+
     def is_decay(self, decays: Sequence['DecayCandidate']) -> bool:
         """Whether it is amid more rest, in periods, than motion, in its own durations, that is none of the decays."""
         moving, time = self.activity.copy(), self.signal.time
         for decay in (self, *decays):
             moving &= (time < decay.arrival - decay.period) | (time > decay.end + decay.period)
         unexplained = self.signal.interval * float(np.count_nonzero(moving))
-        evidence = self.rest + self.hold + self.double_amplitudes.size / HALF_CYCLES_FOR_REST
-        return evidence >= 1.0 + unexplained / (self.end - self.release)
+        return self.evidence >= 1.0 + unexplained / (self.end - self.release)
 
 
 def _leading(mask: np.ndarray) -> int:

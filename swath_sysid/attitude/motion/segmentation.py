@@ -152,7 +152,7 @@ def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     """The candidates that waves did not make."""
     # of one without a rhythm, the first half-cycle
     possible = [each if _is_rhythmic(each) else replace(each, last=each.first + 1, broken=False) for each in candidates]
-    possible = [candidate for candidate in possible if candidate.is_suited and _comes_to_trim(candidate)]
+    possible = [each for each in possible if _comes_to_trim(each) and each.is_suited and each.evidence >= 1.0]
     free: list[DecayCandidate] = []
     while found := [candidate for candidate in possible if candidate.is_decay(free)]:
         free += found
@@ -162,8 +162,9 @@ def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
 
 def _is_rhythmic(candidate: DecayCandidate) -> bool:
     """Long enough to show a rhythm, which its first half-cycle keeps, and truly decaying."""
-    keeps_time = 1.0 / ASYMMETRY < 2.0 * candidate.first_half_duration / candidate.period < ASYMMETRY
-    return candidate.double_amplitudes.size >= MIN_HALF_CYCLES and keeps_time and candidate.decrement >= MIN_DECREMENT
+    if candidate.double_amplitudes.size < MIN_HALF_CYCLES or candidate.decrement < MIN_DECREMENT:
+        return False
+    return 1.0 / ASYMMETRY < 2.0 * candidate.first_half_duration / candidate.period < ASYMMETRY
 
 
 def _comes_to_trim(candidate: DecayCandidate) -> bool:
