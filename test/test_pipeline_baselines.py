@@ -33,6 +33,8 @@ def test_a_record_is_read_between_its_samples_but_not_across_what_is_missing():
     assert np.allclose(record.at(wanted)[:, 0], known, equal_nan=True)
     assert record.at(np.array([1.5]), [1]) == pytest.approx(np.array([[1.5]]))
     assert record.interval == pytest.approx(1.0)
+    # so near to a sample a time is the sample's
+    assert np.allclose(record.at(np.array([5.985, 6.015, 5.972, 6.028]))[:, 0], [12.0, 12.0, 11.944, 12.056])
 
 
 def test_what_is_issued_in_a_gap_and_for_some_time_after_it_is_known_by_the_channel():

@@ -18,7 +18,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import Run, run_through
-from swath_sysid.pipeline.scoring import METHODS, SENSOR, score, usual_limits
+from swath_sysid.pipeline.scoring import METHODS, SENSOR, resampled, score, usual_limits, usual_warmup
 from swath_sysid.report.forecast_skill import skill_as_data
 
 LEADS = (0.1, 1.0)
@@ -122,7 +122,15 @@ def test_quiescence_is_scored_after_the_warm_up_by_limits_that_the_warm_up_sugge
     assert told['limits']['roll_rate'] is None and told['limits']['duration'] == duration
     assert 90 <= sum(told['count']) <= 100
     assert told['brier'] < told['brier_of_climate']
-    assert usual_limits(trial, settings.quiescence, 0.0) is None
+    assert usual_limits(trial, settings.quiescence, 25.0) is None
+    assert usual_limits(trial, settings.quiescence, 35.0) is not None
+
+
+def test_an_hour_is_scored_from_the_tenth_minute_and_intervals_need_eight_blocks():
+    hour, short = (Trial(np.linspace(0.0, end, 9), roll=np.zeros(9)) for end in (3600.0, 300.0))
+    assert (usual_warmup(hour), usual_warmup(short)) == (600.0, 100.0)
+    assert usual_limits(hour, QuiescenceLimits(), 600.0) is None  # a craft that never moves has no limits
+    assert np.isnan(resampled(np.ones((1, 7, 1)), 0)).all() and (resampled(np.ones((1, 8, 1)), 0) == 8.0).all()
 
 
 def test_the_verb_scores_the_first_minute_and_prints_one_json_object(tmp_path, capsys):

@@ -42,7 +42,7 @@ def test_an_amplitude_is_that_of_the_last_two_periods():
     for time, amplitude in seen.items():
         if 2.0 * PERIOD < time < 10.0 + 0.8 * PERIOD:
             assert amplitude == pytest.approx(0.1, rel=0.02)
-        elif time > 10.0 + 2.3 * PERIOD:
+        elif time > 10.0 + 2.15 * PERIOD:
             assert amplitude == 0.0
 
 
