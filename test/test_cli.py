@@ -15,6 +15,7 @@ from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.flags import table_of_verbs
 from swath_sysid.cli.main import VERBS, build_parser, main, module_of
+from swath_sysid.cli.progress import progress_of
 from swath_sysid.common.sentences import FLAGS, with_flags
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_model
@@ -107,6 +108,13 @@ def test_compare_ranks_and_chooses_the_same_in_one_process_and_two(dense_file, t
     assert 'Choice: swath-pitch-3' in capsys.readouterr().out
     one, two = (read_model(tmp_path / f'{name}.yaml')['pitch'].model for name in ('one', 'two'))
     assert one == two and one.equation.name == 'swath-pitch-3'
+
+
+def test_progress_without_a_terminal_is_a_line_for_each_quarter(capsys):
+    with progress_of('work') as progress:
+        for share in range(101):
+            progress(share / 100.0)
+    assert capsys.readouterr().err.splitlines() == [f'work: {share}%' for share in (0, 25, 50, 75, 100)]
 
 
 def test_inspect_names_the_decay(trial_file, tmp_path, capsys):

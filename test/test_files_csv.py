@@ -8,7 +8,7 @@ import pytest
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import tables
-from swath_sysid.formats.columns import plain_name
+from swath_sysid.formats.columns import agree, plain_name
 from swath_sysid.formats.csv_trials import read_csv, write_csv
 
 
@@ -129,6 +129,7 @@ def test_line_numbers_hold_across_blocks(tmp_path, monkeypatch):
         ('hour,roll_rad', '(?s)time_ns.*hour, roll_rad'),
         ('time_s,wave', '(?s)roll_rate_rad_s.*time_s, wave'),
         ('time_s,rol_deg', "'rol_deg': did you mean roll_deg"),
+        ('time_s,' + 99_000 * 'x', 'longer than 65536 bytes'),
     ],
 )
 def test_heads_that_are_refused(tmp_path, head, words):
@@ -238,3 +239,31 @@ def test_a_slip_in_a_name_a_column_without_a_unit_and_a_time_that_runs_backwards
     assert trial.pitch is None and codes(trial) == ['unit-missing']
     with pytest.raises(InputError, match='backwards, from 1.9 to 0 s'):
         read_csv(written(tmp_path, lines('time_s,roll_rad', TIME[::-1], ROLL)))
+
+
+@pytest.mark.parametrize(
+    'apart, size, is_same', [(0.015, 1.0, True), (0.025, 1.0, False), (9e-4, 1e-3, True), (1.2e-3, 1e-3, False)]
+)
+def test_two_columns_of_a_quantity_agree_within_two_hundredths_or_a_thousandth_in_si(apart, size, is_same):
+    values = size * np.sin(np.linspace(0.0, 60.0, 1000))
+    assert agree(values, values + apart) == is_same
+
+
+@pytest.mark.parametrize('broken, is_read', [(8, True), (13, False)])
+def test_degrees_called_rad_are_refused_but_not_for_a_few_broken_packets(tmp_path, broken, is_read):
+    roll = 0.1 * np.sin(np.linspace(0.0, 60.0, 1000))
+    roll[:: 1000 // broken][:broken] = 500.0
+    path = tmp_path / 'a.csv'
+    path.write_text('time_s,roll_rad\n' + ''.join(f'{0.1 * k},{value}\n' for k, value in enumerate(roll)))
+    if is_read:
+        read_csv(path)
+    else:
+        with pytest.raises(InputError, match='more than an angle in rad'):
+            read_csv(path)
+
+
+@pytest.mark.parametrize('samples, is_told', [(10, True), (6, False)])
+def test_the_other_unit_is_likely_only_of_a_motion_that_turns_slowly(tmp_path, samples, is_told):
+    rows = ''.join(f'{0.1 * k:.1f},{0.1 * np.sin(2.0 * np.pi * k / samples)}\n' for k in range(600))
+    (tmp_path / 'a.csv').write_text('time_s,roll_deg\n' + rows)
+    assert ('other-unit-likely' in [a.code for a in read_csv(tmp_path / 'a.csv').advice]) == is_told

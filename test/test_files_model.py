@@ -15,6 +15,7 @@ from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model, write_model
+from swath_sysid.formats.model_format import Stated, covariance
 
 
 def example():
@@ -99,3 +100,9 @@ def test_rows_of_the_covariance_are_those_of_the_file():
 def test_faults_are_named(text, words):
     with pytest.raises(InputError, match=words):
         model_from_yaml(text)
+
+
+def test_a_deviation_is_that_of_the_covariance_but_for_rounding():
+    covariance([[4.0]], ['b1'], {'b1': Stated(1.0, 2.0 * (1.0 + 8e-7), '1/s')}, 'x')
+    with pytest.raises(InputError, match='not that of the covariance'):
+        covariance([[4.0]], ['b1'], {'b1': Stated(1.0, 2.0 * (1.0 + 1.2e-6), '1/s')}, 'x')

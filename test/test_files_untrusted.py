@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats import untrusted_yaml
+from swath_sysid.formats import schema, untrusted_yaml
+from swath_sysid.formats.input_files import shown
 from swath_sysid.formats.manoeuvring_model_file import (
     manoeuvring_from_yaml,
     manoeuvring_to_yaml,
@@ -236,3 +237,17 @@ def test_files_that_are_none(tmp_path):
         for read in (text_of, read_model, read_manoeuvring_model, read_manifest):
             with pytest.raises(InputError, match=words):
                 read(path)
+
+
+def test_limits_are_those_that_the_sentences_name():
+    plain_content('[' * 20 + ']' * 20, 'x')
+    plain_content(f'[{",".join(7999 * "1")}]', 'x')
+    schema.text()('a' * 200, 'x')
+    assert len(shown('a' * 500)) == 80
+    for build, words in (
+        (lambda: plain_content('[' * 21 + ']' * 21, 'x'), 'more than 20 deep'),
+        (lambda: plain_content(f'[{",".join(8000 * "1")}]', 'x'), 'more than 8000 values'),
+        (lambda: schema.text()('a' * 201, 'x'), 'at most 200 characters'),
+    ):
+        with pytest.raises(InputError, match=words):
+            build()

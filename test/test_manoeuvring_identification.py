@@ -306,6 +306,10 @@ def test_the_window_keeps_what_came_and_its_pieces_do_not_span_gaps(window):
         pieces(replace(run, time=run.time[:300]))
 
 
+def test_the_last_twenty_models_can_be_returned_to():
+    assert ManoeuvreRefitter(None, range(30)).steps_back == 20
+
+
 def test_memory_is_fixed_and_the_oldest_give_way():
     window = ManoeuvringWindow(duration=60.0)
     thrusts(window, 0.5, 0.4)

@@ -51,6 +51,13 @@ def test_csv_round_trip_dates_a_slip_in_a_name_and_pulses(tmp_path, manoeuvres):
     assert trial.thrust_input == 'command'
     assert trial.port[:2].tolist() == pytest.approx([0.0, 1.0 / 400.0])
     assert np.allclose(trial.starboard, -0.5)
+    path.write_text(f'{names}\n{rows}')
+    assert read_manoeuvring_csv(path).port[:2].tolist() == pytest.approx([0.05, 0.0525])
+    # from 1973 on a time counts from an epoch, and commands a little beyond full ones are commands
+    for start, first in ((1.2e8, 0.0), (0.8e8, 0.8e8)):
+        rows = ''.join(f'{start + k},1.4,1,0.1\n' for k in range(9))
+        path.write_text('time_s,port_command,starboard_command,surge_m_s\n' + rows)
+        assert read_manoeuvring_csv(path).time[0] == first
 
 
 @pytest.mark.parametrize('name', ['run.mcap', 'run.db3', 'run'])
@@ -182,7 +189,7 @@ def test_bad_files_and_too_short_trials_are_refused_in_one_sentence(tmp_path, tr
         ('time_s,port_thrust_n\n0,1\n', 'starboard'),
         ('time_s,port_thrust_n,starboard_thrust_n\n0,1,1\n', 'no motion'),
         ('port_thrust_n,starboard_thrust_n,surge_m_s\n0,1,1\n', 'time'),
-        ('time_s,port_command,starboard_command,surge_m_s\n0,50,1,1\n', 'normalise'),
+        ('time_s,port_command,starboard_command,surge_m_s\n0,1.6,1,1\n', 'normalise'),
         ('# frame: foo\ntime_s,port_command,starboard_command,surge_m_s\n0,0.5,1,1\n', 'enu or ned'),
     ):
         path.write_text(text)

@@ -17,11 +17,11 @@ from swath_sysid.formats.export.vrx import vrx
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
 from swath_sysid.formats.model_file import FORMAT, read_model
 from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.untrusted_yaml import text_of
 from swath_sysid.report.fit_summary import warnings_as_data
 
 GAZEBO, VRX, NAV2, FOSSEN = TARGETS = ('gazebo', 'vrx', 'nav2', 'fossen')
 ATTITUDE_TARGETS = (GAZEBO, FOSSEN)
-SNIFFED_BYTES = 4096
 
 
 def run(arguments: Namespace) -> int:
@@ -69,11 +69,10 @@ def _check_inertias(inertias: dict[str, float], axes: tuple[str, ...]) -> None:
 
 
 def _is_attitude(path: str) -> bool:
-    """Whether a file begins as a decay model; what cannot be read is left to the reader's sentence."""
+    """Whether a file is a decay model; what cannot be read is left to the reader's sentence."""
     try:
-        with open(path, 'rb') as file:
-            return FORMAT.format.encode() in file.read(SNIFFED_BYTES)
-    except (OSError, ValueError):
+        return FORMAT.format in text_of(path)
+    except InputError:
         return False
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings
 from swath_sysid.attitude.motion.attitude import euler_angles
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.motion.trial import AXES
@@ -15,7 +16,7 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 
 UNAWARE = 0.3  #: s after the release; no forecast issued earlier can know of it.
 SCORED_SPAN = 10.0  #: s of motion after the release that are scored.
-LIFTING = 3.0  #: s; the longest time for which the craft is lifted and held before its release.
+LIFTING = CraftSettings.lift + CraftSettings.hold  #: s before a release in which the craft is not free.
 
 #: Largest NRMSE of the one-period-ahead forecast, and largest part of that without a model.
 LARGEST_ERROR, LARGEST_SHARE = 0.1, 0.25
