@@ -63,8 +63,6 @@ def test_patterns_tell_folder_axis_and_draft(tmp_path):
 
 FAULTS = [
     ('  - file: absent.csv\n', 'file not found'),
-    ('  - file: pitch_3deg_repeat1.csv\n    repeat: 9\n', 'already given in trials, 1'),
-    ('  - {file: pitch_8.4deg_repeat1.csv, initial_angle_deg: 3, repeat: 1}\n', 'same condition and repeat'),
     ('  - file: pitch_3deg_repeat2.csv\n    angel_deg: 3\n', "unknown field 'angel_deg'"),
     ('  - {file: pitch_3deg_repeat2.csv, axis: yaw}\n', "no axis 'yaw'"),
     ('  - {file: pitch_3deg_repeat2.csv, frame: ned}\n', "no frame 'ned'"),

@@ -193,12 +193,16 @@ def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys, mon
     (tmp_path / 'roll_only.csv').write_text('time_s,roll_deg\n' + ''.join(f'{k / 50},{k % 7}\n' for k in range(400)))
     contradictory = next(trials.glob('*0.9T*')).read_text().replace('pitch_rate_rad_s', 'pitch_rate_deg_s')
     (tmp_path / 'contradictory.csv').write_text(contradictory)
+    cut = next(trials.glob('*0.9T*')).read_text().splitlines()[:-3]
+    (tmp_path / 'cut.csv').write_text('\n'.join(cut))
     text = MANIFEST.replace('[linear, swath-pitch-6]', '[linear]').replace('[one-step]', '[simulation]') + (
         '  - {file: torn.mcap, initial_angle_deg: 6}\n'
         '  - {file: noise.csv, initial_angle_deg: 6}\n'
         '  - {file: roll_only.csv, initial_angle_deg: 6}\n'
         '  - {file: absent.csv, initial_angle_deg: 6}\n'
         '  - {file: contradictory.csv, initial_angle_deg: 6, draft_factor: 0.9}\n'
+        '  - {file: pitch_6deg_0.9T_repeat1.csv, initial_angle_deg: 6, draft_factor: 0.9, repeat: 5}\n'
+        '  - {file: cut.csv, initial_angle_deg: 6, draft_factor: 0.9, repeat: 1}\n'
     )
     (tmp_path / 'campaign.yaml').write_text(text)
     output = tmp_path / 'out'
@@ -210,13 +214,15 @@ def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys, mon
         (4, 'no pitch motion'),
         (5, 'file not found: absent.csv'),
         (6, 'times the derivative of the pitch angle'),
+        (7, 'it has the same content as pitch_6deg_0.9T_repeat1.csv'),
+        (8, 'are those of pitch_6deg_0.9T_repeat1.csv: give another repeat'),
     ):
         assert any(f'trials, {number}' in told and words in told for told in said.err.splitlines()), said.err
     told = json.loads(said.out)
-    assert told['trials'] == 6 and len(told['left_out']) >= 4 and told['axes']['pitch']['choice']
+    assert told['trials'] == 8 and len(told['left_out']) >= 4 and told['axes']['pitch']['choice']
     page = (output / 'report.html').read_text()
     assert 'torn.mcap' in page and 'absent.csv' in page
-    assert len(rows_of(output / 'tables' / 'trials.csv')) == 6
+    assert len(rows_of(output / 'tables' / 'trials.csv')) == 8
 
 
 def test_an_equation_that_suits_no_record_is_left_out(trials, tmp_path):

@@ -206,7 +206,6 @@ def read_manifest(path: str | Path) -> Manifest:
             trials += _trials_of(entry, f'trials, {place}', path.parent, usual, faults)
         except InputError as error:
             faults.append(str(error))
-    trials = _without_duplicates(trials, faults)
     if not trials:
         raise InputError(f'{path}: no trial is left to use: {first_of(faults)}')
     craft = plain.get('craft', Craft())
@@ -320,29 +319,6 @@ def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
         there = f'there are {listed_names(names)}' if names else f'the folder {parent} is empty or does not exist'
         raise InputError(f"no file matches '{shown(pattern)}' ({there}): check the folder and the placeholders")
     return found
-
-
-def _without_duplicates(trials: Sequence[TrialEntry], faults: list[str]) -> list[TrialEntry]:
-    kept: list[TrialEntry] = []
-    known: dict[tuple, TrialEntry] = {}
-    for trial in trials:
-        file = trial.path.resolve(), trial.axis, trial.start, trial.end
-        stated = trial.axis, trial.loading, trial.speed_m_s, trial.initial_angle_deg, trial.repeat
-        complete = None not in (trial.initial_angle_deg, trial.repeat)
-        name = f'{trial.where}: {trial.path.name}'
-        if file in known:
-            faults.append(f'{name} is already given in {known[file].where}: it would count twice, name it once')
-        elif complete and stated in known:
-            other = known[stated]
-            faults.append(
-                f'{name} has the same condition and repeat as {other.path.name} ({other.where}): give it another repeat'
-            )
-        else:
-            kept.append(trial)
-            known[file] = trial
-            if complete:
-                known[stated] = trial
-    return kept
 
 
 def new_manifest(folder: str | Path, name: str = 'campaign.yaml', at: str | Path | None = None) -> str:

@@ -134,16 +134,18 @@ def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
 def _numbered(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
     """Give repeats without a number the next free one of their condition; refuse those taken twice."""
     stated = {(t.record.condition, t.record.repeat) for t in trials if t.record is not None}
-    found, used = [], set()
+    found: list[TrialOutcome] = []
+    used: dict[tuple, str] = {}
     for t in trials:
         if (record := t.record) is not None:
             condition, number = record.condition, record.repeat
             numbers = [number] if number else [k for k in range(1, len(trials) + 2) if (condition, k) not in stated]
             free = next((k for k in numbers if (condition, k) not in used), None)
             if free is None:
-                t = t.left_out(f'its condition and repeat ({record}) are those of another trial: give another repeat')
+                other = used[condition, number]
+                t = t.left_out(f'its condition and repeat ({record}) are those of {other}: give another repeat')
             else:
-                used.add((condition, free))
+                used[condition, free] = t.name
                 t = replace(t, record=replace(record, repeat=free))
         found.append(t)
     return found

@@ -188,11 +188,12 @@ def verdict_table(axis: AxisOutcome) -> Table:
         f'verdicts_{axis.axis}',
         '',
         f'Of {axis.ranking.choice.name}, by all records of a draft together and by each record alone. A record '
-        'that is not adequate where all together are differs from the others: look at its residual.',
+        'that is not adequate where all together are differs from the others: look at its residual. Next release: the '
+        'error of its forecast, released from the same side as the records.',
         items,
         ('fit of', lambda item: item[0]),
         ('verdict', lambda item: item[1].verdict.level),
-        ('error of the next release, same side', lambda item: item[1].verdict.motion_error, percent),
+        ('next release, same side', lambda item: item[1].verdict.motion_error, percent),
         ('why', lambda item: item[1].verdict.sentence),
     )
     table.marks.update({(k, 1): 'beyond' for k, (_, fit) in enumerate(items) if fit.verdict.level != ADEQUATE})
