@@ -13,22 +13,54 @@ from swath_sysid.manoeuvring.prediction.skill import ForecastScores
 from swath_sysid.report.fit_summary import warnings_as_data
 
 MAX_ALIKE = 2  #: Number of warnings of one kind shown in full.
+OF_PARAMETERS = ('not-separable', 'uncertain', 'at-bound')  #: Warnings that are not about single runs.
+#: Of the parameters that are no force or moment by a power of the motion.
+_MEANINGS = {
+    'm': 'mass',
+    'Iz': 'yaw inertia',
+    'gain': 'thrust per unit of input at full input ahead',
+    'reverse_ratio': 'thrust at full input astern as a share of that ahead',
+    'dead_band': 'share of the full input that gives no thrust',
+    'exponent': 'of the thrust curve ahead',
+    'reverse_exponent_ratio': 'exponent astern as a multiple of that ahead',
+    'balance': 'share by which the starboard thruster is stronger',
+    'advance': 'loss of thrust by speed',
+    'lag': 'of the thrusters, first order',
+    'delay': 'of the thrusters',
+    'deduction': 'thrust lost at the hull, a share',
+    'lever': 'half the distance between the thrusters',
+    'moment_factor': 'gain of the yaw moment at the hull, a share',
+    'full_input': 'input at which the thrust curve is 1: 1 for commands, N for forces',
+    'deviation_B': 'of the compass, by the sine of the heading (from east to north)',
+    'deviation_C': 'of the compass, by the cosine of the heading',
+    'sensor_x': 'sensor ahead of the origin',
+    'sensor_y': 'sensor to port of the origin',
+    'x_G': 'centre of gravity ahead of the origin, about which the hull is symmetric',
+}
+#: Of a quantity, by the ending of its name; the longest first.
+_UNITS = {
+    '_rad_s': 'rad/s',
+    '_rad': 'rad',
+    '_deg_s_per_input': 'deg/s per unit of input',
+    '_deg_s': 'deg/s',
+    '_m_s': 'm/s',
+    '_deg': 'deg',
+    '_m': 'm',
+    '_s': 's',
+}
 
 
 def condensed(advice: Iterable[Advice]) -> tuple[Advice, ...]:
     """Warnings without repetitions; of one kind from many runs, the first few and the number of the others."""
-    advice = tuple(dict.fromkeys(advice))
+    kinds: dict[str, list[Advice]] = {}
+    for item in dict.fromkeys(advice):
+        kinds.setdefault(item.code, []).append(item)
     shown: list[Advice] = []
-    counts: dict[str, int] = {}
-    per_run = {a.code for a in advice} - {'not-separable', 'uncertain', 'at-bound'}
-    for item in advice:
-        counts[item.code] = counts.get(item.code, 0) + 1
-        if item.code not in per_run or counts[item.code] <= MAX_ALIKE:
-            shown.append(item)
-    for code, count in counts.items():
-        if code in per_run and count > MAX_ALIKE:
-            last = max(k for k, item in enumerate(shown) if item.code == code)
-            shown[last] = Advice(code, f'{shown[last].message} (and {count - MAX_ALIKE} more runs)')
+    for code, alike in kinds.items():
+        more = 0 if code in OF_PARAMETERS else max(len(alike) - MAX_ALIKE, 0)
+        shown += alike[: len(alike) - more]
+        if more:
+            shown[-1] = Advice(code, f'{shown[-1].message} (and {more} more runs)')
     return tuple(shown)
 
 
@@ -94,30 +126,6 @@ def terms_in_words() -> list[str]:
         return _MEANINGS.get(p.name) or (f'{sides[p.row]} by {by}' if by else f'steady {sides[p.row]}')
 
     return [f'  {p.name:<24}{p.unit:<10}{meaning(p)}' for p in PARAMETERS]
-
-
-_MEANINGS = {
-    'm': 'mass',
-    'Iz': 'yaw inertia',
-    'gain': 'thrust per unit of input at full input ahead',
-    'reverse_ratio': 'thrust at full input astern as a share of that ahead',
-    'dead_band': 'share of the full input that gives no thrust',
-    'exponent': 'of the thrust curve ahead',
-    'reverse_exponent_ratio': 'exponent astern as a multiple of that ahead',
-    'balance': 'share by which the starboard thruster is stronger',
-    'advance': 'loss of thrust by speed',
-    'lag': 'of the thrusters, first order',
-    'delay': 'of the thrusters',
-    'deduction': 'thrust lost at the hull, a share',
-    'lever': 'half the distance between the thrusters',
-    'moment_factor': 'gain of the yaw moment at the hull, a share',
-    'full_input': 'input at which the thrust curve is 1: 1 for commands, N for forces',
-    'deviation_B': 'of the compass, by the sine of the heading (from east to north)',
-    'deviation_C': 'of the compass, by the cosine of the heading',
-    'sensor_x': 'sensor ahead of the origin',
-    'sensor_y': 'sensor to port of the origin',
-    'x_G': 'centre of gravity ahead of the origin, about which the hull is symmetric',
-}
 
 
 def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
@@ -214,18 +222,6 @@ def forecast_in_words(scores: ForecastScores, future: str) -> list[str]:
             values = ''.join(f'{value:>11.0%}' if value == value else f'{"-":>11}' for value in scores.spread[quantity])
             lines.append(f'    {"model, 90 % interval":<20}{values}')
     return lines
-
-
-_UNITS = {
-    '_rad_s': 'rad/s',
-    '_rad': 'rad',
-    '_deg_s_per_input': 'deg/s per unit of input',
-    '_deg_s': 'deg/s',
-    '_m_s': 'm/s',
-    '_deg': 'deg',
-    '_m': 'm',
-    '_s': 's',
-}
 
 
 def _label_and_unit(name: str):

@@ -104,7 +104,7 @@ def objective_values(study: DecayStudy) -> Table:
             rows.append((f'{record.angle_deg:g} deg', f'{record.draft_factor:g} T', kind, *values))
     columns = (Column('from'), Column('at'), Column('value'), *(Column(e, digits(7)) for e in p.equations))
     note = (
-        f'rad/s; the least of a row is marked, with all that equal it to {TIE:g}. Printed ({p.objective.table}): with '
+        f'rad/s; the least of a row is marked, and what equals it. Printed ({p.objective.table}): with '
         'its own records; the others: with those simulated here.'
     )
     return Table('objective', 'Objective values by equation, angle and draft', note, columns, tuple(rows), marks)
