@@ -291,6 +291,12 @@ def test_the_page_needs_nothing_else_and_holds_together(done):
     assert '<script' not in page and '@import' not in page and 'url(http' not in page
     for words in ('A &lt;small&gt; campaign', 'Repeats agree to', 'No equation fits worse'):
         assert words in page
+    (axis,) = done[0].axes
+    short, _, warnings = page.partition('<section id="warnings">')
+    for loading, fits in axis.by_draft.items():
+        verdict = fits[axis.choice].verdict
+        assert f'the fit of all records at {loading:g} is {verdict}' in short
+        assert (verdict.level == 'adequate') != (f'all records at {loading:g}: {verdict}' in warnings)
 
 
 def test_the_command_line_scales_there_and_back(done, tmp_path, capsys):

@@ -10,6 +10,7 @@ from scipy.signal import find_peaks
 from scipy.stats import qmc
 
 from swath_sysid.common.latin_hypercube import latin_hypercube
+from swath_sysid.common.rounding import digits, percent
 from swath_sysid.common.row_buffer import RowBuffer
 from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, white_noise
 
@@ -25,6 +26,19 @@ def test_white_noise_and_resolution_are_found():
     assert noise_level(np.repeat(noise, 4)) == pytest.approx(2.0 * white_noise(noise))
     assert quantum(np.round(np.sin(np.linspace(0.0, 6.0, 500)), 2)) == pytest.approx(0.01)
     assert quantum(np.ones(5)) == 0.0
+
+
+def test_numbers_for_readers_are_never_powers_of_ten():
+    shown = {
+        270.4: '270',
+        7.2e-5: '0.000072',
+        1234567.0: '1230000',
+        -0.5: '-0.5',
+        float('inf'): 'inf',
+        float('nan'): '-',
+    }
+    assert {value: digits(3)(value) for value in shown} == shown
+    assert percent(2.704) == '270 %' and digits(2)(None) == '-'
 
 
 def test_means_over_bins_are_those_of_a_loop():

@@ -26,6 +26,8 @@ from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
+from swath_sysid.report.extinction_tables import curve_rows, curve_table
+from swath_sysid.report.tables import Column
 
 
 def decay(b1=0.0, b2=0.0, b3=0.0, w0=3.0, start=0.2, duration=40.0, trim=0.0):
@@ -163,6 +165,18 @@ def test_measured_roll_of_a_tanker_decays_by_its_curve_as_by_its_fitted_motion(d
     by_motion = 2.0 * np.pi * np.interp(amplitude, found.bands.curves.amplitude, found.bands.curves.damping_ratio)
     assert 2.0 * curve.curve(amplitude) / amplitude == pytest.approx(by_motion, rel=0.1)
     assert curve.period == pytest.approx(period, rel=0.01)
+
+
+def test_terms_in_which_curve_and_motion_fit_differ_are_marked_and_counted():
+    motion = decay(b1=0.06, b2=0.3, duration=30.0)
+    terms = {'b1': (0.06, 0.02), 'b2': (3.0, 0.01)}
+    rows = curve_rows(extinction(motion), terms, None, Particulars(), 'roll')
+    alone = curve_table('extinction', '', rows)
+    assert alone.finding.endswith('differ by more than their intervals in: b2.')
+    assert alone.marks == {(5, 2): 'beyond', (5, 4): 'beyond'}
+    several = curve_table('extinction', '', [(at, *row) for at in (1, 2) for row in rows], (Column('draft'),))
+    assert 'b2 (in 2 of 2 conditions)' in several.finding and len(several.marks) == 4
+    assert not curve_table('extinction', '', rows[:4]).finding
 
 
 @pytest.mark.slow

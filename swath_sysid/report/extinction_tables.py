@@ -142,7 +142,7 @@ def curve_table(name: str, title: str, rows: Sequence[tuple], where: tuple[Colum
             marks |= {(k, first + place): 'beyond' for place in (2, 4)}
     conditions = len({row[:first] for row in rows})
     named = ', '.join(
-        f'{term} (of {count} in {conditions} conditions)' if first else term for term, count in apart.items()
+        f'{term} (in {count} of {conditions} conditions)' if first else term for term, count in apart.items()
     )
     finding = named and (
         'The extinction curve, which sees the peaks alone, and the motion fit differ by more than their intervals in: '
