@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from manoeuvring_runs import OLD
 from scipy.integrate import solve_ivp
 from scipy.optimize import approx_fprime, fsolve
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.measurement import recorded_heading, recorded_speeds, through_water
+from swath_sysid.manoeuvring.hull.measurement import deviation, recorded_heading, recorded_speeds, through_water
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
+from swath_sysid.manoeuvring.hull.physical_range import check_physical
 from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
+from swath_sysid.manoeuvring.hull.programme import RECIPE, trial_programme
 from swath_sysid.manoeuvring.hull.simulation import simulate, steady_speed
 from swath_sysid.manoeuvring.hull.stability import Region, check_stability
 from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
@@ -227,3 +230,34 @@ def test_stability_check_knows_the_unstable_craft():
         found = check_stability(stable.with_values(Nv=-share * critical), region)
         assert (found.largest_growth < 0) == expected
         assert check_stability(stable.with_values(Nv=-share * critical), region).stable == expected
+
+
+def test_numbers_of_the_public_craft_of_the_sea_and_of_what_is_to_be_driven():
+    assert (OLD.length, OLD['lever']) == (4.88, 1.027135)
+    assert PrimeUnits(2.0, 1.0).unit('m') == pytest.approx(4.0 * 1025.0)
+    runs = trial_programme(OLD).values()
+    assert [duration for _, _, duration in RECIPE] == pytest.approx([run.time[-1] for run in runs], abs=0.2)
+    assert max(np.max(np.abs(run.port)) for run in runs) <= OLD.largest_input
+    check_physical(OLD.with_values(Xuu=-0.9e12))
+    with pytest.raises(InputError, match='Xuu'):
+        check_physical(OLD.with_values(Xuu=-1.2e12))
+
+
+def test_a_compass_reading_is_found_from_the_heading_to_a_thousandth():
+    p = OLD.with_values(deviation_B=0.2, deviation_C=-0.15).values
+    heading = np.linspace(-3.0, 3.0, 100)
+    reading = recorded_heading(heading, p)
+    assert np.max(np.abs(reading - deviation(reading, p) - heading)) < 1e-3
+
+
+def test_a_motion_that_dies_within_a_step_is_stepped_through_finely_enough():
+    """The scheme diverges at 2.78 of damping rate times step."""
+    stiff = OLD.with_values(Nr=-29.0 * OLD['Iz'], Nrr=0.0)
+    found = simulate(stiff, np.zeros(100), np.zeros(100), 0.1, (0.0, 0.0, 0.01))
+    assert abs(found.yaw_rate[-1]) < 1e-6
+
+
+def test_a_test_begins_after_five_seconds_and_ends_after_fifteen_minutes():
+    run = run_test('turning-circle', OLD, DriveSettings(difference=1e-5)).manoeuvre
+    assert run.time[-1] == pytest.approx(900.0, abs=0.2)
+    assert run.time[np.flatnonzero(run.heading)[0]] == pytest.approx(5.0, abs=0.3)

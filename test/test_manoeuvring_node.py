@@ -43,6 +43,8 @@ def test_odometry_message_round_trip():
     assert reading.std['heading'] == pytest.approx(0.1)
     assert reading.std['sway'] == pytest.approx(np.sqrt(0.5))
     assert message.pose.covariance[35] == pytest.approx(0.01)
+    message.pose.covariance[[0, 7]] = 0.8e4, 1.2e4  # so large a variance says that nothing was measured
+    assert {'x', 'y'} & odometry_reading(message).std.keys() == {'x'}
 
 
 START = 1000.0

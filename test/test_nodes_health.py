@@ -15,6 +15,7 @@ from swath_sysid.pipeline.health import (
     OK,
     SILENT,
     WARN,
+    Arrivals,
     Changes,
     IdentifierHealth,
     StreamHealth,
@@ -118,6 +119,24 @@ def test_a_backlog_is_none_of_the_clocks():
     other = StreamHealth('imu/data')
     receive(other, 0.0, 1.0, age=86400.0)
     assert 'use_sim_time' in report(other, 1.0, age=86400.0).message
+
+
+@pytest.mark.parametrize('age, level', [(0.8, OK), (1.2, WARN)])
+def test_stamps_may_differ_from_the_clock_by_a_second(age, level):
+    health = StreamHealth('imu/data')
+    receive(health, 0.0, 1.0, age=age)
+    assert report(health, 1.0, age=age).level == level
+
+
+def test_a_silence_is_held_against_the_longest_gap_of_the_last_hundred_messages():
+    arrivals, now = Arrivals(), 0
+    for interval in (1.0, 1.0, *99 * (0.1,)):
+        now += round(interval * 1e9)
+        arrivals.note(now)
+    assert arrivals.silence(now + 4 * 10**9) == 0.0
+    arrivals.note(now + 10**8)
+    now += 10**8
+    assert arrivals.silence(now + 9 * 10**8) == 0.0 and arrivals.silence(now + 12 * 10**8) == pytest.approx(1.2)
 
 
 def test_what_holds_warns_until_it_is_settled():

@@ -22,8 +22,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.sea_state import sea_as_yaml, sea_from_yaml
 from swath_sysid.page import live_view as view
-from swath_sysid.page.charts import motion_options, motion_series
-from swath_sysid.page.live_record import KEPT_FORECASTS, MAX_STATUSES, LiveRecord, horizon_of
+from swath_sysid.page.charts import motion_changes, motion_options, motion_series
+from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.page.release import Release
 from swath_sysid.page.state import PageState
 from swath_sysid.pipeline.health import Report
@@ -79,13 +79,25 @@ def test_memory_does_not_grow_and_of_a_fast_sensor_25_samples_a_second_are_kept(
     for k in range(1200):
         record.add_horizon(forecast(k * 10**8))
         record.add_status(Report(f'node {k}: imu', 0, ''), 0.0)
-    assert len(record.checked['pitch']) == KEPT_FORECASTS
-    assert len(record.statuses(0.0)) == MAX_STATUSES
+    assert len(record.checked['pitch']) == 600
+    assert (len(record.statuses(0.0)), len(record.statuses(4.0)), len(record.statuses(6.0))) == (100, 100, 0)
+    hull = hull_named('swath-roll').model
+    for k in range(9):
+        record.set_models({'roll': IdentifiedModel(hull.with_trim(0.01 * k), np.zeros((5, 5)), 0.0)})
+    assert len(record.models_before['roll']) == 5
     for k in range(400):
         if record.is_due(EPOCH_NS + k * step, 0.005 * k):
             record.add_reading(reading(EPOCH_NS + k * step))
     time = record.motions()['roll'].time
     assert np.diff(time) == pytest.approx(0.04, abs=1e-6) and time.size == 50
+
+
+def test_a_chart_shows_half_a_minute_in_few_points_and_does_not_magnify_noise():
+    record, time = LiveRecord(), np.arange(-60.0, 0.0, 0.04)
+    chart = view.motion_chart(record, 'roll', AxisMotion('roll', time, 1e-4 * np.sin(time), None))
+    times = [time for time, _ in chart['measured']]
+    assert min(times) == pytest.approx(-30.0, abs=0.5) and 350 <= len(times) <= 400
+    assert motion_changes(chart, 'deg')['yAxis']['max'] == 1.0
 
 
 def test_a_softening_decay_is_drawn_as_softening_with_the_model_over_it():

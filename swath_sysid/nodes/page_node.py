@@ -35,12 +35,12 @@ from swath_sysid.nodes.parameters.predictor import quiescence_limits
 from swath_sysid.nodes.parameters.sensor import installation
 from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.page.live_record import LiveRecord, horizon_of
+from swath_sysid.page.state import SELDOM
 from swath_sysid.pipeline.health import Report
 
 SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Lossy: it slows nobody else.
 NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  #: No publisher waits for a page.
 
-INSTALLATION_PERIOD = 3.0  #: s between requests for the predictor's parameters: it may have been restarted.
 #: The predictor's parameters that the page shows.
 ASKED = (
     'frame mounting_deg points horizon_s quiet_for_s quiet_roll_deg quiet_pitch_deg quiet_roll_rate_deg_s '
@@ -71,7 +71,7 @@ class PageNode(Node):
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self._requests.carry_out, clock=steady)
-        self.create_timer(INSTALLATION_PERIOD, self._ask_predictor, clock=steady)
+        self.create_timer(SELDOM, self._ask_predictor, clock=steady)
 
     def _note_kept(self, is_kept: bool) -> None:
         with self.lock:

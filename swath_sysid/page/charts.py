@@ -3,10 +3,11 @@
 import math
 from typing import Any
 
+from swath_sysid.page.live_record import CHECKED_LEAD
 from swath_sysid.page.live_view import INTERVALS, SHOWN_S
 
+EARLIER = f'{CHECKED_LEAD:g} s before'
 MEASURED, FORECAST, CHECKED = '#8a94a0', '#d95f02', '#7570b3'
-BAND_OPACITY = 0.16
 SMALLEST = {'deg': 1.0, 'm': 0.1}  #: Least half height of a chart; below, noise would look like motion.
 
 ZOOM = {'dataZoom': {'yAxisIndex': 'none', 'title': {'zoom': 'zoom', 'back': 'zoom back'}}}
@@ -19,12 +20,12 @@ def motion_options(unit: str) -> dict[str, Any]:
     frame['xAxis']['min'] = -SHOWN_S
     return {
         **frame,
-        'legend': _legend('measured', 'forecast', '2 s before'),
+        'legend': _legend('measured', 'forecast', EARLIER),
         'series': [
             *(series for interval in INTERVALS for series in _band(interval)),
             {**QUIET, 'name': 'measured', 'lineStyle': {'width': 2}, 'color': MEASURED},
             {**QUIET, 'name': 'forecast', 'lineStyle': {'width': 2}, 'color': FORECAST},
-            {**QUIET, 'name': '2 s before', 'lineStyle': {'width': 1, 'type': 'dashed'}, 'color': CHECKED},
+            {**QUIET, 'name': EARLIER, 'lineStyle': {'width': 1, 'type': 'dashed'}, 'color': CHECKED},
         ],
     }
 
@@ -119,7 +120,7 @@ def _frame(name: str, below: str) -> dict[str, Any]:
 def _band(name: str) -> list[dict[str, Any]]:
     """An area between two lines: the lower one, not drawn, with the distance to the upper stacked on it."""
     stacked = {**QUIET, 'stack': name, 'stackStrategy': 'all', 'lineStyle': {'width': 0}, 'color': FORECAST}
-    return [{**stacked, 'name': f'{name} below'}, {**stacked, 'name': name, 'areaStyle': {'opacity': BAND_OPACITY}}]
+    return [{**stacked, 'name': f'{name} below'}, {**stacked, 'name': name, 'areaStyle': {'opacity': 0.16}}]
 
 
 def _stacked(rows: list) -> list[list]:

@@ -35,7 +35,7 @@ from swath_sysid.page.live_view import (
 from swath_sysid.page.model_words import verdict_of
 from swath_sysid.page.release import Release
 
-CAMPAIGN_PERIOD = 5.0  #: s between scans of the trials' folder.
+SELDOM = 3.0  #: s between looks at what rarely changes: the trials' folder, the predictor's parameters.
 
 SHOWN_ANSWERS = 2
 NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
@@ -143,7 +143,7 @@ class PageState:
             releases = releases_in_words(record.tried.get(self._axis, ()))
             words = model_words(record, self._axis, facts.text(IDENTIFICATION, 'last_verdict'))
             waters = calm_words(record), sea_words(record), valid_words(facts.statuses)
-        if self.manifest and now - self._campaign_read > CAMPAIGN_PERIOD:
+        if self.manifest and now - self._campaign_read > SELDOM:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
         if self._recorder is not None and self._recorder.poll() is not None:
             assert self._recorder.stdout is not None, 'it is piped'

@@ -3,12 +3,25 @@
 Units: length L, speed U, mass rho L^3 / 2, thus force rho L^2 U^2 / 2 and moment rho L^3 U^2 / 2.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, INERTIA, PARAMETERS
+from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, INERTIA, PARAMETERS, Parameter
 
 SEA_WATER = 1025.0  #: kg/m^3.
+
+
+def unit_of(parameter: Parameter, mass: float, radius: float, motion: Mapping[str, float], response: float) -> float:
+    """Size of a derivative that is one for a mass, kg, a radius of inertia, m, motions by ``u``, ``v``, ``r``, and a
+    time, s, within which the loads change them.
+    """
+    if parameter.kind == INERTIA:
+        return {'kg': mass, 'kg m': mass * radius, 'kg m2': mass * radius**2, 'm': radius}[parameter.unit]
+    load = (mass * radius**2 * motion['r'] if parameter.row == 'N' else mass * motion['u']) / response
+    for factor in parameter.factors:
+        load /= motion[factor]
+    return load
 
 
 @dataclass(frozen=True)
@@ -28,15 +41,8 @@ class PrimeUnits:
         parameter = PARAMETERS[INDEX[name]] if name in INDEX else None
         if parameter is None or parameter.kind not in HULL:
             raise InputError(f"'{name}' is not a derivative of the prime system: give one such as Xuu or Nr")
-        length, speed = self.length, self.speed
-        mass = 0.5 * self.density * length**3
-        if parameter.kind == INERTIA:
-            return {'kg': mass, 'kg m': mass * length, 'kg m2': mass * length**2, 'm': length}[parameter.unit]
-        load = mass * speed**2 / length * (length if parameter.row == 'N' else 1.0)
-        sizes = {'u': speed, 'v': speed, 'r': speed / length}
-        for factor in parameter.factors:
-            load /= sizes[factor]
-        return load
+        motion = {'u': self.speed, 'v': self.speed, 'r': self.speed / self.length}
+        return unit_of(parameter, 0.5 * self.density * self.length**3, self.length, motion, self.length / self.speed)
 
     def to_prime(self, name: str, value: float) -> float:
         """Prime value of a dimensional derivative."""

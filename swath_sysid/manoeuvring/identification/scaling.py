@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.physical_range import PARAMETER_RANGES
+from swath_sysid.manoeuvring.hull.prime import unit_of
 from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, INDEX, INERTIA, OFFSET, PARAMETERS, SENSOR, THRUST
 from swath_sysid.manoeuvring.motion.compass import USUAL_DEVIATION
 
@@ -46,9 +47,6 @@ class Scales:
     def unit(self, name: str) -> float:
         """The size of a parameter that is one in natural units."""
         parameter = PARAMETERS[INDEX[name]]
-        if parameter.kind == INERTIA:
-            radius = math.sqrt(self.inertia / self.mass)
-            return {'kg': self.mass, 'kg m': self.mass * radius, 'kg m2': self.inertia, 'm': radius}[parameter.unit]
         if name == 'gain':
             return self.mass * self.speed / RESPONSE
         if name == 'advance':
@@ -57,12 +55,8 @@ class Scales:
             return 0.1
         if parameter.kind in (THRUST, SENSOR):
             return 1.0
-        load = self.inertia * self.yaw_rate if parameter.row == 'N' else self.mass * self.speed
-        load /= RESPONSE
-        sizes = {'u': self.speed, 'v': SWAY_SHARE * self.speed, 'r': self.yaw_rate}
-        for factor in parameter.factors:
-            load /= sizes[factor]
-        return load
+        motion = {'u': self.speed, 'v': SWAY_SHARE * self.speed, 'r': self.yaw_rate}
+        return unit_of(parameter, self.mass, math.sqrt(self.inertia / self.mass), motion, RESPONSE)
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Range of a parameter."""

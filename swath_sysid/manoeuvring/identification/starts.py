@@ -1,6 +1,6 @@
 """First guesses: linear regression of speed changes on smoothed motion and thrust.
 
-The change of each speed over a second or so is the integral of its acceleration, which is linear in the ratios to
+The change of each speed over the first of `LAGS` is the integral of its acceleration, which is linear in the ratios to
 inertia; bounded least squares (scipy's lsq_linear) keeps damping negative.
 """
 
@@ -9,9 +9,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from swath_sysid.manoeuvring.identification.disturbances import LAGS
 from swath_sysid.manoeuvring.motion.trial import Run
-
-SPAN = 1.0  #: s.
 
 Thrusts = Sequence[np.ndarray]  #: Acting thrust of port and starboard, N, of each run.
 
@@ -22,7 +21,7 @@ def _regressed(runs: Sequence[Run], thrusts: Thrusts, series: Callable, signs: S
     """
     targets, rows = [], []
     for run, sides in zip(runs, thrusts, strict=True):
-        span = max(1, round(SPAN / run.step))
+        span = max(1, round(LAGS[0] / run.step))
         target, *columns = series(*run.smooth, *sides)
         known = np.array(columns) + np.where(run.driven, 0.0, np.nan)
         total = np.cumsum(0.5 * (known[:, 1:] + known[:, :-1]), axis=1) * run.step
