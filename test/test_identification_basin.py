@@ -167,6 +167,23 @@ def test_gradient_is_that_of_finite_differences(bench):
     assert likelihood.minimise([likelihood.start(ratios, 0.003)]) == []
 
 
+def test_a_basin_may_move_as_much_as_the_craft(bench):
+    """Waves of a tenth of the release need that of a hull whose damping is strong."""
+    made = bench.made_trial('hydrofoil-pitch 3', bench.SCENES['waves-0.3'], 10)
+    motion = motion_of(made).between(made.release + 0.01, None)
+    state, frequency = InitialState(float(motion.angle[:5].mean()), 0.0, 0.0), np.sqrt(made.truth['r1'])
+    problem = problem_of([motion], [state], Scales(state.x, frequency))
+    likelihood = BasinLikelihood(problem, equation_named(bench.equation_of(made.truth)))
+    ratios = np.array([made.truth.get(name, 0.0) for name in TERM_NAMES])
+    for level in (0.003, 0.3):
+        _, basin, _ = likelihood.unpack(likelihood.start(ratios, level))
+        assert basin[0] == pytest.approx(level * frequency**2 * state.x, rel=0.25)
+    found = likelihood.described(likelihood.minimise(likelihood.starts(ratios, [state])))
+    std = np.sqrt(np.diag(found.covariance))
+    assert np.all(np.abs(found.ratios - ratios)[likelihood.equation.indices] < 4.0 * std)
+    assert found.basin[0] > 0.05 * frequency**2 * state.x
+
+
 def test_scoring_learns_a_curvature_that_is_not_expected():
     rng = np.random.default_rng(3)
     directions, _ = np.linalg.qr(rng.normal(size=(5, 5)))
@@ -213,6 +230,14 @@ def test_intervals_hold_in_waves_at_resonance(bench, hull):
             held.append(low <= truth <= high)
             assert abs(found.model.terms[name] - truth) < 5.0 * found.std[name]
     assert np.mean(held) >= 0.8
+
+
+@pytest.mark.slow
+def test_optima_that_the_record_cannot_tell_apart_are_averaged(bench):
+    """The likelier of two has r1 of 4 +- 2.5 1/s^2, the truth is 33."""
+    made = bench.made_trial('hydrofoil-pitch 3', bench.SCENES['coloured'], 0)
+    found = fit(made, bench.equation_of(made.truth))
+    assert abs(found.model.terms['r1'] - made.truth['r1']) < 2.0 * found.std['r1']
 
 
 @pytest.mark.parametrize('scene', ['white', 'wobble-trim', 'coloured', 'waves-0.3'])

@@ -38,10 +38,11 @@ BASIN_PRIORS = (
 )
 #: Of the disturbance, as its prior: the first two from the first estimate, the last two from a linear hull as well.
 STARTING_LEVELS = 0.003, 0.05, 0.3
-#: Logarithms of the disturbance's level and frequency, as in `BASIN_PRIORS`, over which the posterior is summed.
-DISTURBANCES = np.arange(-11.0, 2.5), np.linspace(-0.8, 0.8, 9)
-UNLIKELY = 3.0  #: Logarithm of the probability below the largest from which no neighbour on that grid is looked at.
-LOG_LIMITS = 7.0
+UNLIKELY = 3.0  #: Logarithm of the probability below the largest from which an optimum is left out.
+#: Steps from an optimum to disturbances over which the posterior is summed; the probability of the first is half as
+#: unlikely, that of the second twice.
+GRID = [(i, j) for i in range(-2, 3) for j in range(-2, 3) if i * i + j * j <= 4]
+FARTHEST = 7.0  #: Standard deviations of its prior beyond which no parameter of the basin is looked for.
 LARGEST_SHAPE = 0.9  #: Damping and spread of the disturbance stay below this.
 MIN_NOISE = 1e-4  #: Of the amplitude: white noise where third differences show none.
 PERTURBATION = 1e-5
@@ -150,8 +151,8 @@ class BasinLikelihood(LogPosterior):
         n, shared = self._terms.size, self._shared
         ratios = np.zeros((*z.shape[:-1], len(TERM_NAMES)))
         ratios[..., self._terms] = z[..., :n] * self._ratio_units
-        mean = self.mean[n:shared]
-        basin = np.exp(mean + LOG_LIMITS * np.tanh((z[..., n:shared] - mean) / LOG_LIMITS))
+        mean, reach = self.mean[n:shared], FARTHEST * self._weight[n:shared] ** -0.5
+        basin = np.exp(mean + reach * np.tanh((z[..., n:shared] - mean) / reach))
         shape = basin[..., 2:4]
         shape[...] = LARGEST_SHAPE * shape / (LARGEST_SHAPE + shape)
         states = z[..., shared:].reshape(*z.shape[:-1], -1, 3) * self._state_units
@@ -216,41 +217,33 @@ class BasinLikelihood(LogPosterior):
         return BasinFit(ratios, covariance[:n, :n] * np.outer(units, units), basin, trim_std)
 
     def _over_disturbances(self, optima: Sequence[Evaluation]):
-        """Log probability, but for what all share, and optimum at each of `DISTURBANCES`, from some optima on."""
-        frontier = {
-            tuple(int(np.argmin(np.abs(g - v))) for g, v in zip(DISTURBANCES, o.z[self._disturbance], strict=True)): o
-            for o in reversed(optima)
-        }
-        nodes: dict[tuple[int, ...], tuple[float, Evaluation]] = {}
-        tried = set(frontier)
-        while frontier:
-            held = np.isin(np.arange(self.mean.size), self._disturbance)
-            points = [start.z.copy() for start in frontier.values()]
-            for point, cell in zip(points, frontier, strict=True):
-                point[held] = [grid[k] for grid, k in zip(DISTURBANCES, cell, strict=True)]
-            found = {
-                cell: (-e.cost - 0.5 * np.linalg.slogdet(e.information[self._others])[1], e)
-                for cell, e in zip(frontier, self.search_each(points, [held] * len(points)), strict=True)
-                if e.is_finite
-            }
-            nodes |= found
-            likely = max((height for height, _ in nodes.values()), default=-np.inf)
-            frontier = {
-                neighbour: optimum
-                for cell, (height, optimum) in found.items()
-                if height > likely - UNLIKELY
-                for neighbour in _neighbours(cell)
-                if neighbour not in tried
-            }
-            tried |= frontier.keys()
-        return list(nodes.values()) or [(0.0, optima[0])]
+        """Log probability, but for what all share, and optimum at disturbances about each likely optimum.
+
+        The prior of the ratios is that of Jeffreys for a given disturbance: a flat one would favour large moments, for
+        which any ratios will do.
+        """
+        n, place = self._terms.size, self._disturbance
+        held = np.isin(np.arange(self.mean.size), place)
+        heights = [_height(optimum, n) for optimum in optima]
+        nodes: list[tuple[float, Evaluation]] = []
+        for optimum in (o for height, o in zip(heights, optima, strict=True) if height > max(heights) - UNLIKELY):
+            variances, axes = np.linalg.eigh(np.linalg.inv(optimum.information)[np.ix_(place, place)])
+            points = np.tile(optimum.z, (len(GRID), 1))
+            points[:, held] += np.array(GRID) @ (axes * np.sqrt(UNLIKELY * variances)).T
+            found = self.search_each(list(points), [held] * len(points))
+            others = [other for _, other in nodes]
+            area = 0.5 * float(np.sum(np.log(variances)))
+            nodes += [
+                (area + _height(e, place[-1] + 1), e)
+                for e in found
+                if e.is_finite and not any(self._is_at(e, other) for other in others)
+            ]
+        return nodes or [(0.0, optima[0])]
 
 
-def _neighbours(cell: tuple[int, ...]):
-    """Cells of the grid of `DISTURBANCES` beside one."""
-    level, frequency = cell
-    beside = (level - 1, frequency), (level + 1, frequency), (level, frequency - 1), (level, frequency + 1)
-    return [each for each in beside if all(0 <= k < grid.size for k, grid in zip(each, DISTURBANCES, strict=True))]
+def _height(optimum: Evaluation, first: int) -> float:
+    """Log probability of an optimum, the parameters from a place on integrated, but for what all optima share."""
+    return -optimum.cost - 0.5 * float(np.linalg.slogdet(optimum.information[first:, first:])[1])
 
 
 def interval(value: float, std: float, bounded: bool) -> tuple[float, float]:
