@@ -94,17 +94,22 @@ def released_again(hull, angle_deg, count, seed):
     for size in np.radians(angle_deg) * rng.uniform(0.7, 1.0, count):
         rest, raising, holding = rng.uniform(2.0, 6.0), rng.uniform(1.5, 4.0), rng.uniform(1.5, 6.0)
         held = np.arange(round((rest + raising + holding) * rate_hz)) / rate_hz
-        share = 0.5 - 0.5 * np.cos(np.pi * np.clip((held - rest) / raising, 0.0, 1.0))
         w, phase = 2 * np.pi * rng.uniform(0.4, 1.5, 3), rng.uniform(0, 2 * np.pi, 3)
         wobble = 0.02 * size * rng.rayleigh(1, 3)
-        hand = share * (size + np.sum(wobble * np.sin(w * held[:, None] + phase), axis=1))
-        hand_speed = np.gradient(hand, held)
         free = np.arange(round(rng.uniform(10.0, 20.0) * rate_hz)) / rate_hz
         lag = rng.uniform(0.0, 1.0) / rate_hz
+        let_go = held[-1] + 1.0 / rate_hz - lag
+        moments = np.append(held, let_go)
+        turn, swing = np.pi * np.clip((moments - rest) / raising, 0.0, 1.0), w * moments[:, None] + phase
+        share, level_held = 0.5 - 0.5 * np.cos(turn), size + np.sum(wobble * np.sin(swing), axis=1)
+        hand = share * level_held
+        hand_speed = 0.5 * np.pi / raising * np.sin(turn) * level_held + share * ((wobble * w) * np.cos(swing)).sum(
+            axis=1
+        )
         angle, speed = basin.free_motion(c, hand[-1], hand_speed[-1], np.r_[0.0, free + lag])
-        angles += [hand, angle[1:]]
-        speeds += [hand_speed, speed[1:]]
-        releases.append(now + held[-1] + 1.0 / rate_hz - lag)
+        angles += [hand[:-1], angle[1:]]
+        speeds += [hand_speed[:-1], speed[1:]]
+        releases.append(now + let_go)
         now += (held.size + free.size) / rate_hz
     side = rng.choice([-1.0, 1.0])
     angle, speed = side * np.concatenate(angles), side * np.concatenate(speeds)
