@@ -41,7 +41,7 @@ def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
         'decays': list(decay_drawings(outcome, axis)),
         'against_angle': list(against_angle(outcome, axis)),
         'against_draft': list(against_draft(outcome, axis)),
-        'amplitude': list(amplitude_drawings(axis)),
+        'damping': list(period_drawings(axis)),
         'records': list(record_drawings(outcome, axis)),
         'correlations': list(correlation_drawings(outcome, axis)),
     }
@@ -148,33 +148,31 @@ def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawi
         yield Drawing(f'{term}_against_draft_{axis.axis}', caption, figure)
 
 
-def amplitude_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
-    """Natural period and equivalent damping against amplitude, all conditions on one axis."""
+def period_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
+    """Natural period against amplitude, all conditions on one axis."""
     loadings = sorted({c.loading for c in axis.together})
     angles = sorted({c.initial_angle_deg for c in axis.together})
     several = len(loadings) > 1
     height = HEIGHT + 0.22 * math.ceil(len(axis.together) / 2)
-    for quantity, label in (('period', 'natural period [s]'), ('damping', 'equivalent damping ratio [-]')):
-        figure, axes = new_panel(WIDTH, height, xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
-        for condition, fits in sorted(axis.together.items()):
-            bands, place = fits[axis.choice].bands, angles.index(condition.initial_angle_deg)
-            amplitude, (value, std) = np.degrees(bands.curves.amplitude), curves_of(bands)[label]
-            colour = SERIES[(loadings.index(condition.loading) if several else place) % len(SERIES)]
-            two_std_band(axes, amplitude, value, std, color=colour, alpha=0.12)
-            name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if several else '')
-            style = LINE_STYLES[place % len(LINE_STYLES)]
-            axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
-        # by the curves: a band that is wide where nothing was measured shall not hide them
-        values = np.concatenate([line.get_ydata() for line in axes.lines])
-        if (values := values[np.isfinite(values)]).size:
-            low, high = values.min(), values.max()
-            margin = 0.35 * (high - low) + 0.01 * abs(high)
-            axes.set_ylim(low - margin, high + margin)
-        if quantity == 'damping':
-            axes.set_ylim(bottom=0.0)
-        legend_below(axes)
-        caption = f'{label.partition(" [")[0].capitalize()} against amplitude, bands of two standard deviations'
-        yield Drawing(f'{quantity}_against_amplitude_{axis.axis}', caption, figure)
+    label = 'natural period [s]'
+    figure, axes = new_panel(WIDTH, height, xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
+    for condition, fits in sorted(axis.together.items()):
+        bands, place = fits[axis.choice].bands, angles.index(condition.initial_angle_deg)
+        amplitude, (value, std) = np.degrees(bands.curves.amplitude), curves_of(bands)[label]
+        colour = SERIES[(loadings.index(condition.loading) if several else place) % len(SERIES)]
+        two_std_band(axes, amplitude, value, std, color=colour, alpha=0.12)
+        name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if several else '')
+        style = LINE_STYLES[place % len(LINE_STYLES)]
+        axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
+    # by the curves: a band that is wide where nothing was measured shall not hide them
+    values = np.concatenate([line.get_ydata() for line in axes.lines])
+    if (values := values[np.isfinite(values)]).size:
+        low, high = values.min(), values.max()
+        margin = 0.35 * (high - low) + 0.01 * abs(high)
+        axes.set_ylim(low - margin, high + margin)
+    legend_below(axes)
+    caption = 'Natural period against amplitude, bands of two standard deviations'
+    yield Drawing(f'period_against_amplitude_{axis.axis}', caption, figure)
 
 
 def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:

@@ -48,10 +48,9 @@ def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) ->
     except OSError as error:
         raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
     with page_style():
-        drawings = [
-            campaign_drawings(outcome, axis) | {'extinction': list(extinction_drawings(outcome, axis))}
-            for axis in outcome.axes
-        ]
+        drawings = [campaign_drawings(outcome, axis) for axis in outcome.axes]
+        for axis, drawn in zip(outcome.axes, drawings, strict=True):
+            drawn['damping'] += extinction_drawings(outcome, axis)
         for drawing in (each for kinds in drawings for items in kinds.values() for each in items):
             write_text(folder / FIGURES / f'{drawing.name}.svg', drawing.svg)
     tables = [_axis_tables(outcome, axis) for axis in outcome.axes]
@@ -145,7 +144,7 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
     shown_peaks = replace(peaks, note=note, rows=tuple(row for row in peaks.rows if row[0] in best))
     tables = {name: table_as_html(table) for name, table in (found | {'peaks': shown_peaks}).items()}
     shown = {kind: figures(items) for kind, items in drawings.items()}
-    damping = figures([*drawings['amplitude'], *drawings['extinction']])
+    extinction = [tables[name] for name in ('damping', 'extinction', 'peaks')]
     related = 'Ratios whose correlation is beyond 0.95 cannot be distinguished: use them together only.'
     equations = 'verdicts', 'Verdicts', [tables.get('verdicts', '')]
     if axis.is_compared:
@@ -157,7 +156,7 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
         ('decays', 'Decays', [shown['decays']]),
         ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], tables['repeats']]),
         ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
-        ('damping', 'Period, damping and extinction', [damping, *map(tables.get, ('damping', 'extinction', 'peaks'))]),
+        ('damping', 'Period, damping and extinction', [shown['damping'], *extinction]),
         ('errors', 'Next step, simulation, forecast', [tables['errors'], tables['next_step']]),
         ('records', 'Every record', [shown['records']]),
         ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),

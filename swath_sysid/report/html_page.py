@@ -18,7 +18,7 @@ from swath_sysid.report.figures import MEASURED, SERIES
 from swath_sysid.report.tables import Table
 
 LONG_WORDS = 28  #: Characters from which a cell is broken into lines.
-FOLDED_ROWS, FOLDED_FIGURES = 16, 12  #: Of what is longer the page shows the number, until it is opened.
+FOLDED = 16  #: Rows or figures; of more the page shows the number, until it is opened.
 #: Of every figure of a page, where it is 350 to 500 px wide, so that a point is about a pixel.
 FIGURE_STYLE: Any = {
     **dict.fromkeys(('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color'), MEASURED),
@@ -105,14 +105,14 @@ def table_as_html(table: Table) -> str:
     scrolled = f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table></div>'
     return (
         f'<div class="table">{table.title and f"<h3>{escaped(table.title)}</h3>"}{paragraph(table.note, "note")}'
-        + _folded(scrolled, len(rows), FOLDED_ROWS, 'rows')
+        + _folded(scrolled, len(rows), 'rows')
         + (paragraph(table.finding, 'finding') if table.finding else '')
         + '</div>'
     )
 
 
-def _folded(body: str, count: int, most: int, what: str):
-    return body if count <= most else f'<details><summary>{count} {what}</summary>{body}</details>'
+def _folded(body: str, count: int, what: str):
+    return body if count <= FOLDED else f'<details><summary>{count} {what}</summary>{body}</details>'
 
 
 def _css(*kinds: str | None):
@@ -141,4 +141,4 @@ def figures(drawings: Sequence[Drawing]) -> str:
     if not drawings:
         return ''
     grid = f'<div class="figures">{"".join(map(inline, drawings))}</div>'
-    return _folded(grid, len(drawings), FOLDED_FIGURES, 'figures')
+    return _folded(grid, len(drawings), 'figures')
