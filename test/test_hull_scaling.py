@@ -245,6 +245,13 @@ def test_every_ratio_has_both_ends(name):
             check_physical(DecayModel.from_terms(Equation('e', tuple(values)), values))
 
 
+def test_the_ranges_are_those_of_the_quickest_craft_at_the_smallest_amplitude():
+    quickest, smallest = 2.0 * math.pi / 0.05, math.radians(0.05)
+    assert RATIO_RANGES['b3'][1] == pytest.approx(12.0 / (2.0 * math.pi / 1000.0) / smallest**2)
+    assert RATIO_RANGES['r3'] == pytest.approx((-6.0 * (quickest / smallest) ** 2, 6.0 * (quickest / smallest) ** 2))
+    assert RATIO_RANGES['b0'][1] == pytest.approx(0.5 * math.pi * quickest**2)
+
+
 def test_every_craft_there_is_passes():
     for hull in PUBLISHED_HULLS.values():
         for ratio in (1 / 25, 1.0, 25.0, 500.0):

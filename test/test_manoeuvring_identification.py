@@ -15,7 +15,7 @@ from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.stability import check_stability
 from swath_sysid.manoeuvring.hull.standard_tests import run_test
 from swath_sysid.manoeuvring.identification import held_out
-from swath_sysid.manoeuvring.identification.assembly import assemble, seen_region
+from swath_sysid.manoeuvring.identification.assembly import assemble, moving_runs, seen_region
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring, split
 from swath_sysid.manoeuvring.identification.least_squares import minimise
 from swath_sysid.manoeuvring.identification.refit import (
@@ -304,6 +304,33 @@ def test_the_window_keeps_what_came_and_its_pieces_do_not_span_gaps(window):
         assert part.smooth.shape == (3, part.time.size)
     with pytest.raises(InputError, match='too short'):
         pieces(replace(run, time=run.time[:300]))
+
+
+@pytest.mark.parametrize(
+    'gains, helps',
+    [
+        (8 * (0.35,), True),
+        (8 * (0.25,), False),  # a quarter percent is nothing
+        (4 * (12.1, -7.9), True),
+        (4 * (11.5, -8.5), False),  # less than half a standard error
+        ((100.0, *7 * (-2.0,)), False),  # one run cannot outvote all others
+    ],
+)
+def test_terms_help_where_runs_held_out_gain_beyond_their_scatter(gains, helps):
+    before = np.full(8, 100.0)
+    assert held_out.helps(before - gains, before) == helps
+
+
+@pytest.mark.parametrize(
+    'speed, rate, moves', [(0.14, 0.0, False), (0.16, 0.0, True), (0.0, 0.018, False), (0.0, 0.022, True)]
+)
+def test_a_craft_at_anchor_neither_moves_nor_turns(speed, rate, moves):
+    still = SimpleNamespace(smooth=np.zeros((3, 9)), port=np.ones(9), starboard=np.ones(9), source='still')
+    run = SimpleNamespace(**{**vars(still), 'smooth': np.full((3, 9), [[speed], [0.0], [rate]])})
+    try:
+        assert moving_runs([run])[0] == (run,) and moves
+    except InputError:
+        assert not moves
 
 
 def test_the_last_twenty_models_can_be_returned_to():

@@ -254,6 +254,11 @@ def test_the_scale_makes_intervals_hold():
     assert _scale(errors, variances, 0.3, 0.9) == pytest.approx(2.0, rel=0.08)
 
 
+def test_a_share_of_motion_of_its_own_below_fifteen_percent_is_too_little():
+    assert lacking({'Xu': 0.16}) == {} and set(lacking({'Xu': 0.14})) == {'Xu'}
+    assert _scale(np.zeros(9), np.ones(9), 0.1, 0.9) == 0.1  # and no interval shrinks to less than a tenth
+
+
 def test_a_model_file_holds_the_noise_of_forecasts(runs, truth):
     noise = forecast_noise(truth, runs[2:4])
     identified = replace(
