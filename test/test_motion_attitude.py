@@ -8,10 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.assembly import assemble_trial, turn_rate
-from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, is_orientation
 from swath_sysid.attitude.motion.intake import LARGEST_PITCH, ImuReading, convert
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.vertical import (
+    ACCELERATION,
     EDGE,
     HEAVE,
     VELOCITY,
@@ -255,7 +256,7 @@ def test_gravity_is_removed_by_the_orientation():
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.07])
-@pytest.mark.parametrize('frequency', [0.06, 0.2, 1.0])
+@pytest.mark.parametrize('frequency', [0.05, 0.2, 1.4])
 def test_a_sine_is_integrated_without_phase_error(frequency, delay):
     w = 2.0 * np.pi * frequency
     signal = -(w**2) * np.sin(w * (TIME - delay))
@@ -266,6 +267,15 @@ def test_a_sine_is_integrated_without_phase_error(frequency, delay):
     # drift and a bias are no motion
     found = zero_phase_integral(0.3 + 0.1 * np.sin(2.0 * np.pi * 0.002 * TIME), STEP, HEAVE)
     assert np.abs(found[INNER]).max() < 0.2
+    for outside in (0.03, 2.0):
+        assert np.abs(zero_phase_integral(np.sin(2.0 * np.pi * outside * TIME), STEP, ACCELERATION)).max() < 0.02
+
+
+@pytest.mark.parametrize('number', [float, np.float64, lambda value: np.full(3, value)])
+def test_an_orientation_is_a_quaternion_of_nearly_unit_length(number):
+    sizes = np.sqrt([0.87, 0.92, 1.08, 1.13])
+    valid = [np.all(is_orientation(*map(number, (0.6 * size, 0.0, 0.0, 0.8 * size)))) for size in sizes]
+    assert valid == [False, True, True, False]
 
 
 def test_leaky_integrals_level_off_at_their_time_constant_and_are_the_same_row_by_row():

@@ -291,3 +291,18 @@ def test_a_little_more_than_a_tolerance_shows_and_a_little_less_does_not():
             time, noise, noise * np.nan, noise + [0, 0, force], installation=STRAIGHT, interval=0.1
         )
         assert [each.code for each in found.contradictions] == [code]
+    for rows, codes in ((35, []), (45, ['accelerations-in-g'])):
+        found = sensor_checks.judge(
+            time[:rows],
+            noise[:rows],
+            noise[:rows] * np.nan,
+            noise[:rows] + [0, 0, 1],
+            installation=STRAIGHT,
+            interval=0.1,
+        )
+        assert [each.code for each in found.contradictions] == codes
+    time, still = np.arange(100) * 0.1, np.full((100, 3), np.nan)
+    for turned, codes in ((2.4, []), (3.6, ['angles-frozen'])):
+        rates = np.radians(0.5 * turned) * 2.5 * np.cos(2.5 * time)[:, None] * [1.0, 0.0, 0.0]
+        found = sensor_checks.judge(time, 0.0 * rates, rates, still, installation=STRAIGHT, interval=0.1)
+        assert [each.code for each in found.contradictions] == codes

@@ -1,5 +1,6 @@
 """Continuous check of a running sensor's installation by its own data."""
 
+from math import ceil
 from operator import itemgetter
 
 import numpy as np
@@ -8,10 +9,10 @@ from swath_sysid.attitude.motion import sensor_checks
 from swath_sysid.attitude.motion.intake import NANOSECOND, CraftSample
 from swath_sysid.attitude.motion.sensor_checks import GRAVITY_CODES, PARTS, RATE_CODES, Contradiction, Judgement
 from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.common.row_buffer import RowBuffer
 
 CONFIRMATIONS = 2  #: Successive judgements that must agree on a contradiction, or on its end.
-MAX_SAMPLES = 30_000  #: Of a window: half a minute at 1 kHz.
 
 _values_of = itemgetter(*[CraftSample._fields.index(name) for names in PARTS for name in names])
 
@@ -21,7 +22,7 @@ class InstallationCheck:
 
     def __init__(self, installation: Installation) -> None:
         self._installation = installation
-        self._rows = RowBuffer(MAX_SAMPLES, 10)
+        self._rows = RowBuffer(ceil(sensor_checks.WINDOW * WindowSettings.max_rate), 10)
         self._origin_ns = self._newest_ns = self._judged_ns = 0
         self._votes: dict[tuple[str, str | None], tuple[int, Contradiction]] = {}
         self._decided: frozenset[str] = frozenset()
