@@ -186,8 +186,9 @@ def equation_of(truth):
 
 def fit_of(made, equation):
     """The package's fit of a trial made, or its refusal."""
-    from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+    from swath_sysid.attitude.identification.identify import identify_problem
     from swath_sysid.attitude.identification.problem import prepare
+    from swath_sysid.attitude.identification.result import IdentificationSettings
     from swath_sysid.attitude.motion.trial import AxisMotion
     from swath_sysid.common.errors import InputError
 

@@ -102,8 +102,9 @@ def made_motion(kind, seed):
 
 def verdict_on(motion):
     """Level, code and sentence of the default fit; ``no decay`` where there is nothing to fit."""
-    from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+    from swath_sysid.attitude.identification.identify import identify_problem
     from swath_sysid.attitude.identification.problem import decays_or_waves
+    from swath_sysid.attitude.identification.result import IdentificationSettings
     from swath_sysid.common.errors import InputError
 
     try:

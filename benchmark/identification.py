@@ -19,13 +19,10 @@ from scipy.optimize import differential_evolution
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
 from swath_sysid.attitude.hull.scaling import LOWER, UPPER
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.attitude.identification.identify import (
-    IdentificationSettings,
-    _search_objective,
-    identify_problem,
-)
+from swath_sysid.attitude.identification.identify import _search_objective, identify_problem
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.accelerator import has_numba
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings

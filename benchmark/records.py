@@ -24,8 +24,9 @@ from record_forecasts import DATA, only, without_samples
 
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
 from swath_sysid.attitude.identification.fit_quality import REJECTED
-from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import decays_or_waves, prepare
+from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.hull.simulated_trial import simulated_trial as simulated_trial
     from swath_sysid.attitude.hull.simulation import simulate as simulate
     from swath_sysid.attitude.identification.fit_quality import Verdict as Verdict
-    from swath_sysid.attitude.identification.identify import Identification as Identification
-    from swath_sysid.attitude.identification.identify import IdentificationSettings as IdentificationSettings
     from swath_sysid.attitude.identification.identify import identify as identify
+    from swath_sysid.attitude.identification.result import Identification as Identification
+    from swath_sysid.attitude.identification.result import IdentificationSettings as IdentificationSettings
     from swath_sysid.attitude.motion.intake import ImuReading as ImuReading
     from swath_sysid.attitude.motion.trial import Trial as Trial
     from swath_sysid.attitude.prediction.forecaster import ForecasterSettings as ForecasterSettings
@@ -47,7 +47,8 @@ _HOMES = {
     'attitude.hull.catalogue': ('hull_named',),
     'attitude.hull.simulation': ('simulate',),
     'attitude.hull.simulated_trial': ('simulated_trial',),
-    'attitude.identification.identify': ('identify', 'IdentificationSettings', 'Identification'),
+    'attitude.identification.identify': ('identify',),
+    'attitude.identification.result': ('IdentificationSettings', 'Identification'),
     'attitude.identification.fit_quality': ('Verdict',),
     'attitude.hull.identified_model': ('IdentifiedModel',),
     'formats.model_file': ('read_model', 'write_model'),

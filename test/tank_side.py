@@ -3,8 +3,8 @@
 import numpy as np
 from imu_stream import EPOCH_NS, reading, released
 
-from swath_sysid.attitude.identification.identify import IdentificationSettings
 from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
+from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import Intake
 from swath_sysid.attitude.motion.sensor_mount import Installation

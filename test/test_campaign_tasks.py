@@ -12,8 +12,8 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, measured_states, next_step
-from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.campaign import evaluation
 from swath_sysid.campaign.evaluation import Condition, Judgement, Record

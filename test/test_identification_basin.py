@@ -16,9 +16,10 @@ from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, interval
-from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
+from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, disturbance, innovations
 from swath_sysid.attitude.identification.motion_fit import InitialState
+from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.scoring import Evaluation, clipped_step, scoring
 from swath_sysid.attitude.motion.segmentation import find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion

@@ -19,7 +19,8 @@ from swath_sysid.attitude.identification.extinction import (
     measured_peaks,
     tank_quantities,
 )
-from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
+from swath_sysid.attitude.identification.identify import identify
+from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.main import main

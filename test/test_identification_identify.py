@@ -24,9 +24,10 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE, DOUBTFUL, REJECTED, judge, posterior_errors
-from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
+from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.pruning import log_evidence, prune
+from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.scoring import LogPosterior
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.selection import compare, first_part, held_out_error, information_criterion

@@ -7,8 +7,8 @@ import pytest
 
 import swath_sysid.nodes
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
-from swath_sysid.attitude.identification.identify import OBJECTIVES
 from swath_sysid.attitude.identification.refit import RefitSettings
+from swath_sysid.attitude.identification.result import OBJECTIVES
 from swath_sysid.attitude.identification.search import ALGORITHMS
 from swath_sysid.attitude.motion.sensor_mount import FRAMES
 from swath_sysid.attitude.motion.trial import AXES

@@ -16,13 +16,9 @@ from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.hull.terms import TERM_INDEX
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, next_step, simulation_error
-from swath_sysid.attitude.identification.identify import (
-    Identification,
-    IdentificationSettings,
-    identify_problem,
-    refit_from,
-)
+from swath_sysid.attitude.identification.identify import identify_problem, refit_from
 from swath_sysid.attitude.identification.problem import Problem, motion_fit, problem_of
+from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchResult
 from swath_sysid.attitude.identification.selection import (
     CRITERION_MARGIN,

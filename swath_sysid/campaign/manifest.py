@@ -16,7 +16,7 @@ import yaml
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.scheduled_model import QUANTITIES
 from swath_sysid.attitude.identification.extinction import TypeB
-from swath_sysid.attitude.identification.identify import OBJECTIVES
+from swath_sysid.attitude.identification.result import OBJECTIVES
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.advice import counted

@@ -9,7 +9,7 @@ from typing import Any
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named, title_of
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
-from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings
+from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.campaign import evaluation
 from swath_sysid.campaign.evaluation import Condition, Record
 from swath_sysid.campaign.manifest import Manifest, first_of

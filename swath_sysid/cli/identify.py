@@ -10,8 +10,9 @@ from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
 from swath_sysid.attitude.identification.extinction import Particulars, TypeB
 from swath_sysid.attitude.identification.fit_quality import REJECTED, Verdict
-from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
+from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial

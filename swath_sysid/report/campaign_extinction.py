@@ -18,7 +18,7 @@ from swath_sysid.attitude.identification.extinction import (
     measured_peaks,
     tank_quantities,
 )
-from swath_sysid.attitude.identification.identify import Identification
+from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.campaign.evaluation import Condition
 from swath_sysid.campaign.manifest import PredictedDamping
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome

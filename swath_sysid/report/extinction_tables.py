@@ -17,7 +17,7 @@ from swath_sysid.attitude.identification.extinction import (
     measured_peaks,
     tank_quantities,
 )
-from swath_sysid.attitude.identification.identify import Identification
+from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.rounding import digits
 from swath_sysid.report.figures import TWO_STD

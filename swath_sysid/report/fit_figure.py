@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.attitude.identification.identify import Identification
+from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.report.figures import (
     BAND,
     MODEL,

@@ -8,7 +8,7 @@ from swath_sysid.attitude.hull.catalogue import published_alike, title_of
 from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RATIO_UNITS
 from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
-from swath_sysid.attitude.identification.identify import Identification
+from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.attitude.identification.selection import Comparison
 from swath_sysid.attitude.identification.uncertainty import known_together
 from swath_sysid.common.advice import Advice

@@ -17,7 +17,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.noise import white_noise
 
 if TYPE_CHECKING:
-    from swath_sysid.attitude.identification.identify import Identification
+    from swath_sysid.attitude.identification.result import Identification
 
 LEVELS = REJECTED, DOUBTFUL, ADEQUATE = 'rejected', 'doubtful', 'adequate'  #: The worst first.
 

@@ -21,7 +21,7 @@ from swath_sysid.attitude.identification.at_sea import (
 )
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE, REJECTED
 from swath_sysid.attitude.identification.hull_terms import CHANCE
-from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.live_decays import (
     HeldDecays,
     LiveDecay,
@@ -38,6 +38,7 @@ from swath_sysid.attitude.identification.replacement import (
     reason_to_keep,
     verdict_text,
 )
+from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch

@@ -1,7 +1,7 @@
 """From the parameters of identifier to the settings of the core."""
 
-from swath_sysid.attitude.identification.identify import IdentificationSettings
 from swath_sysid.attitude.identification.refit import RefitSettings
+from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import StabilitySettings
 from swath_sysid.nodes.parameters.table import Values, check

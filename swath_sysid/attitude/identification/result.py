@@ -1,0 +1,243 @@
+"""What to fit, and what is known of the model that was fitted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Self, get_type_hints
+
+import numpy as np
+
+from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES
+from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
+from swath_sysid.attitude.identification.fit_quality import Verdict, judge
+from swath_sysid.attitude.identification.hull_terms import AbsentTerm
+from swath_sysid.attitude.identification.motion_fit import InitialState
+from swath_sysid.attitude.identification.problem import Problem, motion_fit
+from swath_sysid.attitude.identification.search import SearchResult, SearchSettings
+from swath_sysid.attitude.identification.uncertainty import AmplitudeBands, amplitude_bands
+from swath_sysid.attitude.motion.segmentation import DecaySegment
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError, check_choice
+from swath_sysid.common.plain import as_plain, from_plain
+
+OBJECTIVES = ('simulation', 'one-step')
+CURVE_POINTS = 40
+
+
+@dataclass(frozen=True)
+class IdentificationSettings:
+    """What to fit and how.
+
+    Raises:
+        InputError: There is no such equation or objective, or the bounds are in the wrong order.
+
+    Example:
+        >>> settings = IdentificationSettings(equation='odd-cubic', start=5.0, end=60.0)
+        >>> settings.chosen_equation.terms
+        ('b1', 'b2', 'r1', 'r3')
+    """
+
+    #: A name that `equation_named` takes; ``auto``: the general hull, pruned to the terms that the records show.
+    equation: str = AUTO
+    objective: str = 'simulation'  #: ``simulation`` or ``one-step``.
+    search: SearchSettings = field(default_factory=SearchSettings)
+    start: float | None = None  #: Of the decay in the record's time, s; None: it is found.
+    end: float | None = None  #: Of the decay in the record's time, s; None: it is found.
+
+    def __post_init__(self):
+        check_choice(self.objective, OBJECTIVES, 'objective')
+        if not self.equation:
+            raise InputError(f"an equation without a name cannot be fitted: leave it out, or give '{AUTO}' or a name")
+        if self.equation != AUTO:
+            equation_named(self.equation)
+        if self.start is not None and self.end is not None and not self.start < self.end:
+            raise InputError('the start must lie before the end')
+
+    @property
+    def chosen_equation(self) -> Equation:
+        """The equation to search with: every smooth term where none is named."""
+        return GENERAL_HULL if self.equation == AUTO else equation_named(self.equation)
+
+
+@dataclass(frozen=True)
+class RecordFit:
+    """Measured and simulated motion of one record."""
+
+    motion: AxisMotion  #: The free decay.
+    segment: DecaySegment
+    state: InitialState
+    angle: np.ndarray  #: (N,); Simulated, rad.
+    rate: np.ndarray  #: (N,); Simulated, rad/s.
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Measured less simulated: of the angle, or of the rate where no angle was measured."""
+        return self.motion.primary - (self.rate if self.motion.angle is None else self.angle)
+
+
+@dataclass(frozen=True)
+class Identification:
+    """An identified model and what must be known to use it.
+
+    Example:
+        >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')])
+        >>> f'{found.damping_ratio:.4f} of critical, R2 {found.r2:.3f}'
+        '0.0050 of critical, R2 1.000'
+        >>> fit = found.records[0]  # measured and simulated motion of the first record
+        >>> fit.angle.shape == fit.motion.time.shape
+        True
+    """
+
+    model: DecayModel
+    covariance: np.ndarray  #: (n, n); Of the ratios of the model's terms, in their order.
+    trim_std: float  #: rad; NaN where no angle was measured.
+    states: tuple[InitialState, ...]  #: Of each record.
+    #: Root mean square of the weighted residuals (simulation), or F in rad/s (one-step), at its own optimum.
+    objective_value: float
+    effective_samples: float  #: Independent samples that would leave the same uncertainty.
+    search: SearchResult
+    problem: Problem
+    settings: IdentificationSettings
+    basin: BasinFit | None = None  #: Fit of the likelihood; None where the ratios are those of least squares.
+    absent_term: AbsentTerm | None = None  #: That the equation lacks and the motion shows most.
+    posterior: HullPosterior | None = None  #: Of every term, those pruned included; None where the equation was named.
+
+    @classmethod
+    def restored(cls, plain: dict, problem: Problem, settings: IdentificationSettings) -> Self:
+        """From what `plain` gave, with the problem that was solved."""
+        hints = get_type_hints(cls)
+        kept = {name: from_plain(hints[name], plain[name]) for name in KEPT}
+        return cls(problem=problem, settings=settings, **kept)
+
+    def plain(self) -> dict:
+        """All that the problem and the settings do not give again: lists, numbers and texts."""
+        return {name: as_plain(getattr(self, name)) for name in KEPT}
+
+    @cached_property
+    def records(self) -> tuple[RecordFit, ...]:
+        """Measured and simulated motion of each record."""
+        fit = motion_fit(self.problem, self.model.equation)
+        simulated = fit.simulated(fit.pack(self.model.ratios, self.states))
+        measured = zip(self.problem.motions, self.problem.segments, self.states, simulated, strict=True)
+        return tuple(RecordFit(motion, segment, state, *motions) for motion, segment, state, motions in measured)
+
+    @property
+    def objective(self) -> str:
+        """``simulation`` or ``one-step``."""
+        return self.settings.objective
+
+    @property
+    def advice(self) -> tuple[Advice, ...]:
+        """What the quality gates and the choice of the objective say."""
+        # which damping terms few cycles show has been decided where the hull was pruned
+        decided = () if self.posterior is None else ('too-few-cycles',)
+        found = tuple(each for each in self.problem.advice if each.code not in decided)
+        return (*found, Advice.of('one-step-biased')) if self.objective == 'one-step' else found
+
+    @cached_property
+    def bands(self) -> AmplitudeBands:
+        """Over the amplitudes seen."""
+        amplitude = np.geomspace(*self.amplitude_range, CURVE_POINTS)
+        return amplitude_bands(self.model, self.covariance, amplitude, self.posterior)
+
+    @property
+    def r2(self) -> float:
+        """Share of the variance of the measured motion that the simulated one explains, of each about its own mean."""
+        error = sum(float(np.sum(r.residual**2)) for r in self.records)
+        return 1.0 - error / sum(float(np.sum((r.motion.primary - r.motion.primary.mean()) ** 2)) for r in self.records)
+
+    @property
+    def rmse(self) -> float | None:
+        """Of the angle, rad; None where not measured."""
+        return _rms([r.motion.angle - r.angle for r in self.records if r.motion.angle is not None])
+
+    @property
+    def rate_rmse(self) -> float | None:
+        """Of the rate, rad/s; None where not measured."""
+        return _rms([r.motion.rate - r.rate for r in self.records if r.motion.rate is not None])
+
+    @property
+    def std(self) -> dict[str, float]:
+        """Name to standard deviation of the ratios in use."""
+        return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % of each ratio in use; of a damping ratio that the record does not tell from zero, from zero up."""
+        terms, std = self.model.terms, self.std
+        return {name: interval(terms[name], std[name], name in DAMPING_NAMES) for name in terms}
+
+    @property
+    def samples(self) -> int:
+        """Measured values, angles and rates."""
+        return sum(m.size for each in self.problem.motions for m in (each.angle, each.rate) if m is not None)
+
+    def ratio(self, term: str) -> tuple[float, float]:
+        """Value and standard deviation of one ratio in use."""
+        return self.model.terms[term], self.std[term]
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the fit can be used."""
+        return judge(self)
+
+    @property
+    def amplitude_range(self) -> tuple[float, float]:
+        """Smallest and largest amplitude seen, rad: where the model is valid."""
+        return self.problem.amplitudes_seen
+
+    @property
+    def reference_amplitude(self) -> float:
+        """Geometric mean of the amplitudes seen, rad."""
+        return float(np.sqrt(np.prod(self.amplitude_range)))
+
+    @property
+    def damping_ratio(self) -> float:
+        """Equivalent damping over critical damping at the reference amplitude."""
+        curves = self.bands.curves
+        return float(np.interp(self.reference_amplitude, curves.amplitude, curves.damping_ratio))
+
+    def identified_model(self, provenance: dict) -> IdentifiedModel:
+        """The content of a model file; ``provenance`` is the caller's record of files, hashes and software version."""
+        search = self.settings.search
+        how = {
+            'segments_s': [[float(r.segment.start), float(r.segment.end)] for r in self.records],
+            'search': search.algorithm,
+            'preset': search.preset,
+            'seed': search.seed,
+            'generations': self.search.generations,
+            'evaluations': self.search.evaluations,
+            'stop': self.search.stop,
+            'advice': [a.code for a in self.advice],
+        }
+        metrics = {
+            'r2': self.r2,
+            'rmse_rad': self.rmse,
+            'rate_rmse_rad_s': self.rate_rmse,
+            'objective': self.objective,
+            'objective_value': self.objective_value,
+            'samples': self.samples,
+            'effective_samples': self.effective_samples,
+            **self.verdict.metrics,
+        }
+        return IdentifiedModel(
+            self.model,
+            self.covariance,
+            self.trim_std,
+            self.amplitude_range,
+            metrics,
+            {**provenance, **how},
+            self.posterior,
+        )
+
+
+#: What an `Identification` holds beside its problem and settings.
+KEPT = tuple(each.name for each in fields(Identification) if each.name not in ('problem', 'settings', 'basin'))
+
+
+def _rms(parts: Sequence[np.ndarray]):
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else None
