@@ -53,8 +53,7 @@ def test_the_craft_rests_until_it_is_released_and_then_decays_as_its_hull():
     np.testing.assert_allclose(free['roll'], expected[1:], atol=1e-6)
 
 
-def test_the_craft_goes_on_beyond_what_was_simulated_at_once_and_is_released_from_wherever_it_is(monkeypatch):
-    monkeypatch.setattr('swath_sysid.attitude.hull.simulated_craft.FREE_SPAN', 1.0)
+def test_the_craft_goes_on_beyond_what_was_simulated_at_once_and_is_released_from_wherever_it_is():
     craft = SimulatedCraft(CraftSettings(ROLL, radians(6.0), noise=SILENT))
     readings_of(craft, round(100 * craft.release()))
     expected, _ = simulate(ROLL, radians(6.0), 0.0, np.arange(501) / 100.0)

@@ -125,6 +125,17 @@ def test_a_channel_is_reversed_only_by_clear_evidence(trials, others, code):
     assert codes(prepare(replace(trial, yaw_rate=unlike - trial.yaw_rate))) & {'yaw-rate-reversed'} == code
 
 
+@pytest.mark.parametrize('share, code', [(0.4, {'surge-reversed'}), (0.22, set())])
+def test_thrust_that_turns_a_craft_in_place_says_nothing_of_its_speed(share, code):
+    """The total thrust as a share of the difference."""
+    time = np.arange(0.0, 200.0, 0.1)
+    difference = 50.0 * np.sign(np.sin(time / 3.0))
+    moved = lfilter([0.05], [1.0, -0.95], difference / 50.0)
+    sides = 0.5 * (share - 1.0) * difference, 0.5 * (share + 1.0) * difference
+    run = prepare(ManoeuvringTrial(time, *sides, surge=-0.5 * moved, yaw_rate=0.3 * moved, frame='enu'))
+    assert codes(run) & {'surge-reversed', 'thrust-reversed'} == code
+
+
 @pytest.mark.parametrize('noise, width', [(1.0, 4.0), (0.05, 2.0)])
 def test_smoothing_leaves_of_white_noise_what_a_gaussian_window_does(noise, width):
     """Of motion with a twentieth of noise half as wide a window as of noise alone: steps of 0.1 s."""
