@@ -111,7 +111,7 @@ def demonstration(error_before, error_after, error_constant):
 
 def test_errors_are_scored_over_each_release():
     shown = demonstration(0.2, 0.004, 0.05)
-    for release, (first, last), missed in ((0, (4.0, 13.0), 0.2), (1, (16.0, 26.0), 0.004)):
+    for release, (first, last), missed in ((0, (4.0, 13.5), 0.2), (1, (16.0, 26.0), 0.004)):
         assert shown.end(release) == last
         moving = shown.angle[(TIME >= first) & (TIME <= last)]
         assert shown.error(shown.forecasts[1], release) == pytest.approx(missed / moving.std(), rel=1e-3)
