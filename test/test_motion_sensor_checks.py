@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from swath_sysid.attitude.motion import sensor_checks
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import ImuReading, Intake
+from swath_sysid.attitude.motion.rate_comparison import compare_rates
 from swath_sysid.attitude.motion.sensor_mount import TURNS, Installation, angles_of
 from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.formats.reading import read_trial
@@ -255,7 +256,7 @@ def rolling(seed, duration=30.0, delay=0.0):
 
 @given(st.integers(0, 10_000), st.floats(-0.5, 0.5))
 def test_a_delay_is_found_with_its_sign(seed, delay):
-    found = sensor_checks.compare_rates(STEP, *rolling(seed, delay=delay))
+    found = compare_rates(STEP, *rolling(seed, delay=delay))
     assert [slope.axis for slope in found] == [0, 1]
     assert [slope.lag for slope in found] == pytest.approx([delay] * 2, abs=0.02)
     assert all(slope.lagged > 0.99 and slope.gain == pytest.approx(1.0, abs=0.1) for slope in found)
@@ -264,7 +265,7 @@ def test_a_delay_is_found_with_its_sign(seed, delay):
 @given(st.integers(0, 10_000), st.floats(0.01, 100.0), st.floats(-2.0, 2.0))
 def test_a_gain_is_found_whatever_the_offset(seed, gain, offset):
     angles, rates = rolling(seed)
-    found = sensor_checks.compare_rates(STEP, angles, gain * rates + offset)
+    found = compare_rates(STEP, angles, gain * rates + offset)
     assert [slope.gain for slope in found] == pytest.approx([gain] * 2, rel=0.02)
 
 
@@ -273,7 +274,7 @@ def test_the_standard_deviation_of_a_delay_is_that_of_repeats():
     for seed in range(200):
         angles, rates = rolling(7)
         noise = np.random.default_rng(seed).normal(0.0, 0.15, rates.shape)
-        found = sensor_checks.compare_rates(STEP, angles, rates + noise)[0]
+        found = compare_rates(STEP, angles, rates + noise)[0]
         lags.append(found.lag)
         told.append(found.lag_std)
     assert 0.3 < np.std(lags) / np.mean(told) < 1.5
@@ -282,9 +283,9 @@ def test_the_standard_deviation_of_a_delay_is_that_of_repeats():
 def test_a_little_more_than_a_tolerance_shows_and_a_little_less_does_not():
     angles, rates = rolling(3)
     size = np.radians(1.0) / angles.std(axis=0)
-    assert [len(sensor_checks.compare_rates(STEP, degrees * size * angles, rates)) for degrees in (0.2, 0.3)] == [0, 2]
+    assert [len(compare_rates(STEP, degrees * size * angles, rates)) for degrees in (0.2, 0.3)] == [0, 2]
     for gain, differs in ((1 / 1.4, True), (1 / 1.2, False), (1.2, False), (1.4, True)):
-        assert [slope.differs for slope in sensor_checks.compare_rates(STEP, angles, gain * rates)] == [differs] * 2
+        assert [slope.differs for slope in compare_rates(STEP, angles, gain * rates)] == [differs] * 2
     time, noise = np.arange(60) * 0.1, np.random.default_rng(1).normal(0.0, 1e-3, (60, 3))
     for force, code in ((0.75, 'gravity-missing'), (0.85, 'accelerations-in-g'), (1.25, 'gravity-missing')):
         found = sensor_checks.judge(

@@ -4,16 +4,25 @@ Rates are compared with the slopes of their angles, and gravity with the attitud
 data decide it. A pure yaw misalignment cannot be detected: all channels rotate together.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from swath_sysid.attitude.motion import attitude, sensor_mount
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
+from swath_sysid.attitude.motion.rate_comparison import (
+    FOLLOWS,
+    MIN_BINS,
+    SIGNIFICANT,
+    UNIT_TOLERANCE,
+    Slope,
+    agreement,
+    compare_rates,
+    is_near,
+)
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.common.advice import Advice
@@ -23,7 +32,6 @@ from swath_sysid.common.sentences import SENTENCES
 WINDOW = 30.0  #: s over which the accelerations of waves average out.
 #: Bins of a window of a sensor so slow that `WINDOW` holds fewer; samples of a fast one are averaged to twice as many.
 WINDOW_BINS = 300
-MIN_BINS = 40  #: Fewer are not judged.
 MAX_STRETCHES = 20  #: Of a long record, over which they are spread; up to twice as many are judged.
 
 FROZEN = 5.0  #: s of fresh stamps with the same values.
@@ -33,17 +41,7 @@ MIN_UPRIGHT = np.cos(np.radians(45.0))  #: Cosine of the largest mean list at wh
 #: Cosine between gravity and attitude below which they contradict each other; alignment errors are a few degrees.
 CONTRADICTED = np.cos(np.radians(30.0))
 
-MIN_ANGLE = np.radians(0.25)  #: rad, standard deviation; a craft that moves less shows nothing.
-BAND_POWER = 0.98  #: Share of an angle's power below the highest frequency used; the rest is mostly noise.
-#: Of the Nyquist frequency; a wider angle is too coarse or noisy to be differentiated. With half of it, noise passed
-#: for motion in 20 of 960 simulated decays of 1 to 3 deg, with this in none.
-WIDEST_BAND = 0.3
-LIVELY = 0.9  #: Share of the energy of the slopes within the part of a stretch that is looked at.
-
-FOLLOWS = 0.7  #: Correlation with the slope of its angle from which a rate is that of the angle.
 EXPLAINS = 0.9  #: Correlation from which a delay, a factor or another arrangement of the axes explains the rates.
-SIGNIFICANT = 4.0  #: Standard deviations beyond which a delay, a factor or an offset is not chance.
-UNIT_TOLERANCE = 1.3  #: Factor by which a rate may differ from the slope of its angle, and from a unit of `UNITS`.
 MAX_OFFSET = np.radians(2.0)  #: rad/s; uncalibrated gyroscopes at rest stay within 1 deg/s by their data sheets.
 LAG_INTERVALS = 2.5  #: Sample intervals up to which a delay is not reported.
 LAG_PHASE = 0.15  #: rad of the mean circular frequency up to which a delay is not reported.
@@ -99,30 +97,6 @@ class Judgement:
 
     contradictions: tuple[Contradiction, ...] = ()
     decided: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True)
-class Slope:
-    """What the rates have in common with the slope of one angle, in the band in which that angle moves."""
-
-    axis: int  #: 0 is roll, 1 is pitch.
-    correlations: np.ndarray  #: (3,); of each rate at the same time; NaN where there is no such rate.
-    lagged: float  #: Highest correlation of its own rate over the lags.
-    lag: float  #: s at which it is reached; positive where the rate comes late.
-    lag_std: float  #: s.
-    gain: float  #: Of its own rate over the slope at that lag, by least squares.
-    gain_std: float
-    frequency: float  #: rad/s, mean of the slope.
-
-    @property
-    def follows(self) -> bool:
-        """Whether its own rate is that of the angle."""
-        return bool(self.correlations[self.axis] >= FOLLOWS)
-
-    @property
-    def differs(self) -> bool:
-        """Whether its own rate is more than noise away from the slope."""
-        return not _is_near(self.gain, 1.0) and abs(self.gain - 1.0) > SIGNIFICANT * self.gain_std
 
 
 def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
@@ -397,7 +371,7 @@ def _faults_of(slope: Slope, interval: float) -> list[Contradiction]:
     if slope.lagged >= EXPLAINS:
         found = []
         if slope.differs:
-            unit = next((unit for factor, unit in UNITS.items() if _is_near(slope.gain, factor)), None)
+            unit = next((unit for factor, unit in UNITS.items() if is_near(slope.gain, factor)), None)
             found = _found('rate-unit' if unit else 'rate-scale', axis, gain=slope.gain, unit=unit)
         if abs(slope.lag) > max(LAG_INTERVALS * interval, LAG_PHASE / slope.frequency, SIGNIFICANT * slope.lag_std):
             found += _found('rate-late' if slope.lag > 0.0 else 'angle-late', axis, lag=abs(slope.lag))
@@ -407,10 +381,6 @@ def _faults_of(slope: Slope, interval: float) -> list[Contradiction]:
     is_poor = slope.lagged < 1.0 - FOLLOWS or largest_gain < 1.0 / UNIT_TOLERANCE
     is_small = slope.gain < (1.0 - FOLLOWS) ** 2 and slope.differs
     return _found('rate-unrelated', axis) if is_poor and is_small else []
-
-
-def _is_near(gain: float, factor: float) -> bool:
-    return factor / UNIT_TOLERANCE < gain < factor * UNIT_TOLERANCE
 
 
 def _offsets(step: float, angles: np.ndarray, rates: np.ndarray) -> list[Contradiction]:
@@ -443,104 +413,3 @@ def _evened(time: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> tuple[fl
     for place in np.flatnonzero(measured):
         evened[:, place] = np.interp(even, kept, values[whole, place])
     return step, evened[:, :2], evened[:, 2:]
-
-
-def agreement(slopes: Iterable[Slope], arrangement: np.ndarray) -> float:
-    """Mean correlation of the rates, rearranged by a signed permutation, with the slopes; 0 where nothing moves."""
-    rows = np.argmax(np.abs(arrangement), axis=0)
-    correlations = [arrangement[rows[each.axis], each.axis] * each.correlations[rows[each.axis]] for each in slopes]
-    known = [float(correlation) for correlation in correlations if isfinite(correlation)]
-    return float(np.mean(known)) if known else 0.0
-
-
-def compare_rates(step: float, angles: np.ndarray, rates: np.ndarray) -> tuple[Slope, ...]:
-    """Compare rates (N, 3) with the slopes of roll and pitch (N, 2) at even steps, s; a column of NaN is unknown.
-
-    Angle differences are compared with mean rates over the same steps, both limited to the band of the angle's power,
-    so that noise is not amplified. Gain, delay and its deviation are those of the cross-spectrum: J. S. Bendat, A. G.
-    Piersol, Random Data, 4th edition, Wiley, 2010, chapters 5 and 6.
-    """
-    differences, means = np.diff(angles, axis=0) / step, 0.5 * (rates[1:] + rates[:-1])
-    known = np.isfinite(differences).all(axis=0) & np.isfinite(means[:, :2]).all(axis=0)
-    if not known.any():
-        return ()
-    lively = _lively(differences[:, known])
-    angles, differences, means = angles[lively], differences[lively], means[lively]
-    slopes = (_slope(int(axis), step, angles[:, axis], differences[:, axis], means) for axis in np.flatnonzero(known))
-    return tuple(slope for slope in slopes if slope is not None)
-
-
-def _slope(axis: int, step: float, angle: np.ndarray, differences: np.ndarray, rates: np.ndarray) -> Slope | None:
-    """What the rates have in common with the slope of one angle; None where it does not move, or not enough."""
-    size = len(differences)
-    taper = _taper(size)
-    highest = _highest_frequency(angle, step)
-    freedom = 2.0 * (highest or 0.0) * step * np.sum(taper**2)
-    if highest is None or highest > WIDEST_BAND * 0.5 / step:
-        return None
-    frequency = np.fft.rfftfreq(2 * size, step)
-    band = (frequency > 0.0) & (frequency <= highest)
-    spectrum, *others = (np.fft.rfft((part - part.mean()) * taper, 2 * size)[band] for part in (differences, *rates.T))
-    power = np.abs(spectrum) ** 2
-    mean_square = np.sum((2.0 * np.pi * frequency[band]) ** 2 * power) / np.sum(power)
-    # beyond half of the mean period a delay looks like a reversal
-    lag, lagged, gain = _lag(spectrum, others[axis], frequency[band], step, np.pi / np.sqrt(mean_square))
-    incoherent = np.sqrt(max(1.0 - lagged**2, 0.0) / max(lagged**2, 1e-6) / freedom)
-    correlations = np.array([_correlation(spectrum, other) for other in others])
-    usual = float(np.sqrt(mean_square))
-    return Slope(axis, correlations, lagged, lag, float(incoherent / usual), gain, float(abs(gain) * incoherent), usual)
-
-
-def _taper(size: int) -> np.ndarray:
-    """Cosine taper over a quarter of the length at each end, without scipy.signal, which takes 0.3 s to load."""
-    edge = size // 4
-    rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
-    return np.concatenate([rise, np.ones(size - 2 * edge), rise[::-1]])
-
-
-def _lively(differences: np.ndarray) -> slice:
-    """The part of a stretch in which the angles change: a decay is short beside what lies before and after it."""
-    width = MIN_BINS // 8
-    energy = np.cumsum(np.sum(uniform_filter1d(differences - differences.mean(axis=0), width, axis=0) ** 2, axis=1))
-    quiet = 0.5 * (1.0 - LIVELY)
-    first, last = np.searchsorted(energy, [quiet * energy[-1], (1.0 - quiet) * energy[-1]])
-    margin = max(width, (MIN_BINS - (last - first)) // 2 + 1, (last - first) // 4)
-    return slice(max(first - margin, 0), min(last + margin, len(differences)))
-
-
-def _correlation(first: np.ndarray, second: np.ndarray) -> float:
-    """Correlation at the same time, from spectra; NaN where one is not known."""
-    scale = np.sqrt(np.sum(np.abs(first) ** 2) * np.sum(np.abs(second) ** 2))
-    return 0.0 if scale == 0.0 else float(np.sum((np.conj(first) * second).real) / scale)
-
-
-def _highest_frequency(angle: np.ndarray, step: float) -> float | None:
-    """Hz below which an angle has `BAND_POWER` of its power; None where it hardly moves."""
-    size = len(angle)
-    row = np.linspace(-1.0, 1.0, size)
-    centred = angle - angle.mean()
-    centred = centred - row * (row @ centred) / (row @ row)
-    if np.std(centred) < MIN_ANGLE:
-        return None
-    power = np.cumsum(np.abs(np.fft.rfft(centred * _taper(size))) ** 2)
-    return float(np.fft.rfftfreq(size, step)[np.searchsorted(power, BAND_POWER * power[-1])])
-
-
-def _lag(
-    slope: np.ndarray, measured: np.ndarray, frequency: np.ndarray, step: float, longest: float
-) -> tuple[float, float, float]:
-    """The delay of the measured rate, s, with correlation and gain at that delay."""
-    cross = np.conj(slope) * measured
-    power = np.sum(np.abs(slope) ** 2)
-    scale = np.sqrt(power * np.sum(np.abs(measured) ** 2))
-    if not scale > 0.0:
-        return 0.0, 0.0, 0.0
-    count = max(int(np.ceil(4.0 * longest / step)), 2)
-    lags = np.linspace(-longest, longest, 2 * count + 1)
-    common = (cross[None, :] * np.exp(2j * np.pi * lags[:, None] * frequency)).real.sum(axis=1)
-    best = int(np.argmax(common))
-    lag = lags[best]
-    if 0 < best < lags.size - 1:
-        before, at, after = common[best - 1 : best + 2]
-        lag += 0.5 * (before - after) / (before - 2.0 * at + after) * (lags[1] - lags[0])
-    return float(lag), float(common[best] / scale), float(common[best] / power)
