@@ -17,6 +17,8 @@ ENDING = (signal.SIGINT, signal.SIGTERM)
 
 def command_line() -> int:
     """``swath-sysid``; returns the exit code."""
+    # before numpy is loaded: matrices are small here, and threads would only wait for each other
+    os.environ.setdefault('OMP_NUM_THREADS', '1')
     verb = next((word for word in sys.argv[1:] if not word.startswith('-')), None)
     serving = verb in SERVING_VERBS
     interrupted = 128 + signal.SIGINT  # as shells have it

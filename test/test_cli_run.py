@@ -117,6 +117,23 @@ def test_whoever_comes_from_elsewhere_is_asked_for_a_token():
         assert len(page.token_for(host, given)) == length
 
 
+@pytest.mark.parametrize(('given', 'threads'), [({}, '1'), ({'OMP_NUM_THREADS': '2'}, '2')])
+def test_linear_algebra_takes_one_thread_unless_more_are_asked_for(given, threads):
+    program = """
+import os, sys
+from swath_sysid.start import command_line
+assert 'numpy' not in sys.modules
+try:
+    command_line()
+finally:
+    print(os.environ['OMP_NUM_THREADS'])
+"""
+    others = {name: value for name, value in environment().items() if name != 'OMP_NUM_THREADS'}
+    command = [sys.executable, '-c', program, '--help']
+    printed = subprocess.run(command, env=others | given, capture_output=True, text=True, check=True).stdout
+    assert printed.endswith(f'{threads}\n')
+
+
 def started(*arguments):
     """As the console script, but says when it begins; SIGINT is ignored as in the background of a shell."""
     program = "from swath_sysid.start import command_line; print('begun', flush=True); raise SystemExit(command_line())"

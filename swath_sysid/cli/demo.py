@@ -74,7 +74,6 @@ def run(arguments: Namespace) -> int:
     os.environ |= {
         'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        'OMP_NUM_THREADS': '1',
         'PYTHONPATH': os.pathsep.join(filter(None, [root, os.environ.get('PYTHONPATH')])),
     }
     # while the sea is forecast the nodes start; SIGTERM must end them too

@@ -5,7 +5,6 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import lfilter
 
 from swath_sysid.manoeuvring.hull import terms
 from swath_sysid.manoeuvring.hull.terms import Numbers
@@ -47,6 +46,9 @@ def lag_factors(lag: float, step: float) -> tuple[float, float]:
 
 def lagged(values: np.ndarray, lag: float, step: float) -> np.ndarray:
     """Mean over each step of a held signal behind a first-order lag, steady at the start."""
+    # loaded where it is needed: a second and 45 MB for everybody else
+    from scipy.signal import lfilter
+
     decay, share = lag_factors(lag, step)
     state = lfilter([0.0, 1.0 - decay], [1.0, -decay], values, zi=[values[0]])[0]
     return values + (state - values) * share

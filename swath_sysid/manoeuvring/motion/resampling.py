@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter, savgol_filter
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -111,6 +110,8 @@ def on_grid(grid: np.ndarray, step: float, time: np.ndarray, values: np.ndarray)
 
 def slope(values: np.ndarray, step: float, span: float) -> np.ndarray:
     """Derivative of even samples by local parabolas over ``span`` seconds, shape (N,)."""
+    from scipy.signal import savgol_filter
+
     window = max(5, 2 * int(span / step / 2) + 1)
     return savgol_filter(values, min(window, 2 * ((values.size - 1) // 2) + 1), 2, deriv=1, delta=step)
 
@@ -159,5 +160,7 @@ def speeds_of_track(trial: ManoeuvringTrial) -> tuple[np.ndarray, np.ndarray] | 
 
 def lowpass(values: np.ndarray, tau: float) -> np.ndarray:
     """First-order low pass with time constant ``tau``, s."""
+    from scipy.signal import lfilter
+
     decay = math.exp(-STEP / tau)
     return lfilter([1.0 - decay], [1.0, -decay], values, zi=[decay * values[0]])[0]
