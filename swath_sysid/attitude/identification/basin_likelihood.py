@@ -73,7 +73,7 @@ def blocked(motion: AxisMotion, frequency: float) -> BlockedRecord:
 
 @dataclass(frozen=True)
 class BasinFit:
-    """The mean of the likelihood's posterior."""
+    """The optimum of the likelihood's posterior, and the spread of the whole about it."""
 
     ratios: np.ndarray  #: (9,)
     covariance: np.ndarray  #: (n, n); Of the ratios in use.
@@ -196,9 +196,10 @@ class BasinLikelihood(LogPosterior):
         return starts
 
     def described(self, optima: Sequence[Evaluation]) -> BasinFit:
-        """The mean of the posterior about some optima, the most likely first, and how well it is known.
+        """The likeliest of some optima, which is the first, and the spread of the whole posterior about it.
 
-        A mixture over levels and frequencies of the disturbance: few records determine both, and what the ratios are
+        The posterior is skewed: where the basin moves much, its mean is of larger coefficients than are likely. It is a
+        mixture over levels and frequencies of the disturbance: few records determine both, and what the ratios are
         and how well they are known changes with them, since a moment at resonance moves the craft as another stiffness
         would. For each pair the other parameters have the probability of a Gaussian of its height and covariance (Rue,
         Martino and Chopin 2009).
@@ -207,24 +208,20 @@ class BasinLikelihood(LogPosterior):
         weights = np.exp(np.array(heights) - max(heights))
         weights /= weights.sum()
         points = np.array([each.z for each in nodes])
-        mean = weights @ points
-        covariance = (weights * (points - mean).T) @ (points - mean)
+        best = optima[0].z
+        covariance = (weights * (points - best).T) @ (points - best)
         others = self._others
         covariance[others] += sum(w * np.linalg.inv(e.information[others]) for w, e in zip(weights, nodes, strict=True))
         n, units = self._terms.size, self._ratio_units
         trim_std = float(np.sqrt(np.mean(np.diag(covariance)[self._shared + 2 :: 3]))) * self._state_units[2]
-        ratios, basin, _ = self.unpack(mean)
+        ratios, basin, _ = self.unpack(best)
         return BasinFit(ratios, covariance[:n, :n] * np.outer(units, units), basin, trim_std)
 
     def _over_disturbances(self, optima: Sequence[Evaluation]):
-        """Log probability, but for what all share, and optimum at disturbances about each likely optimum.
-
-        The prior of the ratios is that of Jeffreys for a given disturbance: a flat one would favour large moments, for
-        which any ratios will do.
-        """
-        n, place = self._terms.size, self._disturbance
+        """Log probability, but for what all share, and optimum at disturbances about each likely optimum."""
+        place = self._disturbance
         held = np.isin(np.arange(self.mean.size), place)
-        heights = [_height(optimum, n) for optimum in optima]
+        heights = [_height(optimum, optimum.information) for optimum in optima]
         nodes: list[tuple[float, Evaluation]] = []
         for optimum in (o for height, o in zip(heights, optima, strict=True) if height > max(heights) - UNLIKELY):
             variances, axes = np.linalg.eigh(np.linalg.inv(optimum.information)[np.ix_(place, place)])
@@ -234,16 +231,16 @@ class BasinLikelihood(LogPosterior):
             others = [other for _, other in nodes]
             area = 0.5 * float(np.sum(np.log(variances)))
             nodes += [
-                (area + _height(e, place[-1] + 1), e)
+                (area + _height(e, e.information[self._others]), e)
                 for e in found
                 if e.is_finite and not any(self._is_at(e, other) for other in others)
             ]
         return nodes or [(0.0, optima[0])]
 
 
-def _height(optimum: Evaluation, first: int) -> float:
-    """Log probability of an optimum, the parameters from a place on integrated, but for what all optima share."""
-    return -optimum.cost - 0.5 * float(np.linalg.slogdet(optimum.information[first:, first:])[1])
+def _height(optimum: Evaluation, information: np.ndarray) -> float:
+    """Log probability of an optimum, the parameters of the information integrated, but for what all optima share."""
+    return -optimum.cost - 0.5 * float(np.linalg.slogdet(information)[1])
 
 
 def interval(value: float, std: float, bounded: bool) -> tuple[float, float]:
