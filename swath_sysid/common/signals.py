@@ -1,4 +1,4 @@
-"""Sampled signals: their white noise, their resolution, spikes, maxima, and means over bins of time."""
+"""Sampled signals: their white noise, their resolution, spikes, maxima, means over bins of time, and tapers."""
 
 from collections.abc import Sequence
 
@@ -8,6 +8,7 @@ from scipy.ndimage import median_filter
 NORMAL_MEDIAN = 0.6745  #: Median absolute value of a standard normal variable.
 SPIKE_NEIGHBOURS = 5  #: Samples, the one in question among them, whose median a spike differs from.
 SPIKE_THRESHOLD = 10.0  #: Standard deviations of the noise by which it does.
+TAPERS = 5  #: Over which a spectrum is averaged.
 
 
 def white_noise(values: np.ndarray) -> float:
@@ -93,3 +94,9 @@ def bin_means(bins: np.ndarray, *columns: np.ndarray) -> tuple[np.ndarray, ...]:
     count = np.bincount(bins)
     held = np.flatnonzero(count)
     return held, *(np.bincount(bins, column)[held] / count[held] for column in columns)
+
+
+def sine_tapers(size: int) -> np.ndarray:
+    """Sine tapers (Riedel and Sidorenko, IEEE Trans. Signal Processing 43, 1995), shape (TAPERS, size)."""
+    order, place = np.arange(1, TAPERS + 1)[:, None], np.arange(1, size + 1)
+    return np.sqrt(2.0 / (size + 1)) * np.sin(np.pi * order * place / (size + 1))

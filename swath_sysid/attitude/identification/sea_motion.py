@@ -1,7 +1,6 @@
 """Motion in waves, smooth enough to be differentiated, and the spectra of the terms of a hull's equation.
 
-Sine tapers (Riedel and Sidorenko, IEEE Trans. Signal Processing 43, 1995) keep the energy of the waves out of the
-bands without waves, which show the hull's nonlinearity.
+Sine tapers keep the energy of the waves out of the bands without waves, which show the hull's nonlinearity.
 """
 
 from dataclasses import dataclass
@@ -13,8 +12,8 @@ from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.signals import TAPERS, sine_tapers
 
-TAPERS = 5
 BAND_RATIO = 1.03  #: Of the frequencies of neighbouring bands, over which spectra are averaged.
 ABOVE_NOISE = 4.0  #: A band is used while its spectrum is this many times the noise,
 DYNAMIC_RANGE = 1e-5  #: ... and above this part of the peak.
@@ -214,15 +213,9 @@ def _reach(
     return peak, highest
 
 
-def _tapers(size: int):
-    """Sine tapers, shape (TAPERS, size)."""
-    order, place = np.arange(1, TAPERS + 1)[:, None], np.arange(1, size + 1)
-    return np.sqrt(2.0 / (size + 1)) * np.sin(np.pi * order * place / (size + 1))
-
-
 def tapered_spectrum(values: np.ndarray, interval: float) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies (F,), rad/s, and the one-sided multitaper spectrum (F,) per rad/s of values (N,), mean removed."""
-    transformed = np.fft.rfft(_tapers(values.size) * (values - values.mean()))
+    transformed = np.fft.rfft(sine_tapers(values.size) * (values - values.mean()))
     frequency = 2.0 * np.pi * np.fft.rfftfreq(values.size, interval)
     return frequency, np.mean(np.abs(transformed) ** 2, axis=0) * interval / np.pi
 
@@ -245,7 +238,7 @@ def term_spectra(sea: SeaMotion) -> TermSpectra:
     used = (frequency >= sea.lowest) & (frequency <= sea.highest)
     frequency = frequency[used]
     cross = np.zeros((frequency.size, len(TERMS), len(TERMS)))
-    for taper in _tapers(x.size):
+    for taper in sine_tapers(x.size):
         at = np.fft.rfft(taper * columns)[:, used]
         cross += np.einsum('if,jf->fij', at, at.conj()).real
     cross *= sea.interval / np.pi / TAPERS

@@ -1,7 +1,7 @@
 """The exciting moment of the sea on a known hull, learnt from a window of angle and rate.
 
 The moment m = angle'' + D(angle') + R(angle) from both sensors weighted by their noise; its spectrum by sine tapers
-(Riedel and Sidorenko 1995) less the amplified noise; an autoregression (Yule and Walker); and its balanced truncation
+less the amplified noise; an autoregression (Yule and Walker); and its balanced truncation
 for forecasts up to `FORECAST_SPAN` ahead, in modal form.
 """
 
@@ -17,8 +17,8 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, ExcitationRequest, HullFilter
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment
 from swath_sysid.attitude.prediction.variate_analysis import LARGEST_RADIUS, spectral_radius
+from swath_sysid.common.signals import sine_tapers
 
-TAPERS = 5
 SMOOTHING = 0.04  #: rad/s; standard deviation of the spectrum's smoothing.
 HIGHEST_FREQUENCY = 20.0  #: rad/s; above, waves move no craft and the hull's inverse only amplifies noise.
 MIN_SIGNAL = 1e-3  #: Least spectrum over that of the noise.
@@ -87,9 +87,7 @@ def moment_spectrum(request: ExcitationRequest) -> Spectrum:
 
 def _sine_taper_spectrum(values: np.ndarray, step: float):
     length = next_fast_len(values.size, real=True)
-    place = np.pi * np.arange(1, values.size + 1) / (values.size + 1)
-    tapers = np.sqrt(2.0 / (values.size + 1)) * np.sin(np.outer(np.arange(1, TAPERS + 1), place))
-    density = (np.abs(rfft(tapers * values, length, axis=1)) ** 2).mean(axis=0) * step
+    density = (np.abs(rfft(sine_tapers(values.size) * values, length, axis=1)) ** 2).mean(axis=0) * step
     return 2.0 * np.pi * np.fft.rfftfreq(length, step), density
 
 
