@@ -1,6 +1,9 @@
 """Free decays are found in what surrounds them and checked; none is found in waves."""
 
+import importlib
 from dataclasses import replace
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -97,13 +100,26 @@ def test_centre_of_a_geometric_decay_is_exact(centre, amplitude, ratio, number):
 def test_released_after_being_held(seed, damping_ratio):
     decay = find_decay(held_then_released(seed, damping_ratio))
     assert decay.beginning == 'released'
-    assert decay.start == pytest.approx(8.0, abs=0.04)
+    assert decay.start == pytest.approx(8.0, abs=0.015)
     assert decay.period == pytest.approx(PERIOD / np.sqrt(1 - damping_ratio**2), rel=0.03)
     assert np.degrees(decay.trim) == pytest.approx(0.5, abs=0.1)
     assert np.degrees(decay.initial_amplitude) == pytest.approx(6.0, rel=0.03)
     assert decay.ending in ('noise-floor', 'record-end', 'faded')
     assert decay.final_amplitude < 0.15 * decay.initial_amplitude
     assert decay.advice == ()
+
+
+def test_a_release_is_timed_although_the_hand_wobbles(monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
+    made = importlib.import_module('decays')
+    off, intervals = [], []
+    for hull, angle_deg, seed in product(made.HULLS, (2.0, 4.0, 8.0), range(3)):
+        release = made.released_again(hull, angle_deg, 1, seed)
+        (decay,) = find_decays(release.motion)
+        off.append(abs(decay.start - release.releases[0]))
+        intervals.append(release.motion.sample_interval)
+    assert np.mean(off < np.maximum(made.NEAR_S, intervals)) > 0.95
+    assert np.median(off) < 0.007 and np.quantile(off, 0.9) < 0.025
 
 
 def test_rate_only():

@@ -6,6 +6,7 @@ craft was, or came to, rest.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import factorial
 
 import numpy as np
@@ -41,9 +42,11 @@ FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched 
 #: record, forced.
 SIZABLE = 0.25
 
-BEFORE, AFTER = 0.12, 0.15  #: Natural periods before and after the times tried that show the kink.
-HAND = 3  #: Degree of the polynomial that follows a hand's wobble before the release,
-HULL = 4  #: ... and of that which follows the free motion after it.
+BEFORE, AFTER = 0.12, 0.3  #: Natural periods before and after the times tried that show the kink.
+DEGREE = 6  #: Of the polynomials that follow the hand before the release and the hull after it.
+#: Standard deviations tried of their derivatives, in parts of the held angle: per second of a hand, which wobbles about
+#: once in it, and per natural period of the hull, both divided by 2 pi.
+HAND_SIZES, HULL_SIZES = (0.003, 0.01, 0.03, 0.1), (1.0, 3.0, 10.0, 30.0)
 CANDIDATES = 40  #: Times tried.
 
 FORCED_MOTION, TOO_SMALL = 'forced-motion', 'too-small'  #: Codes of `explain_absence`.
@@ -246,43 +249,47 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     fall = later - at
     period = 2.0 * np.pi * fall / (np.arccos(HOLD_BAND) - np.arccos(HELD))
     earliest = max(at - LONGEST_FALL * fall, candidate.arrival, signal.start)
-    found = kink_time(motion, earliest, at - fall, period, -towards * level)
-    return candidate.release if found is None else max(found, signal.start)
+    return max(kink_time(motion, earliest, at - fall, period, level), signal.start)
 
 
-def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float, held: float) -> float | None:
-    """The expected time, s, at which the acceleration jumps towards the trim, or None where it does not.
+def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float, held: float) -> float:
+    """The expected time, s, between two, at which a craft was let go, given its natural period, s, and the angle held.
 
-    The times tried, between two, s, are weighted by their likelihood. The natural period is in s; ``held`` has the sign
-    of the angle at which the craft was held.
+    Until then a polynomial of a hand's size follows the motion, from then on one of the hull's with the same value and
+    slope. Each time tried has the likelihood of that Gaussian process, the mean over all sizes: C. E. Rasmussen, C. K.
+    I. Williams, Gaussian Processes for Machine Learning, MIT Press, 2006, section 2.7.
     """
-    noises = tuple(0.0 if each is None else max(noise_level(each), 1e-9) for each in (motion.angle, motion.rate))
     inside = motion.between(earliest - BEFORE * period, latest + AFTER * period)
+    if not inside.size:
+        return latest
     times = np.linspace(earliest, latest, CANDIDATES)
-    misfits = np.array([_misfit(inside, noises, time, held) for time in times])
-    if not np.isfinite(misfits).any():
-        return None
-    likelihood = np.exp(-0.5 * (misfits - misfits.min()))
-    return float(likelihood @ times / likelihood.sum())
-
-
-def _misfit(motion: AxisMotion, noises: Sequence[float], time: float, side: float) -> float:
-    """Squared residuals of a hand's motion until a time and a free one after; infinite without a jump to the trim."""
-    held, free = np.minimum(motion.time - time, 0.0), np.maximum(motion.time - time, 0.0)
-    powers = [(held, power) for power in range(2, HAND + 1)] + [(free, power) for power in range(2, HULL + 1)]
+    pace = 2.0 * np.pi / period
+    # over longer periods the polynomial follows a slower hand
+    wobble = min(2.0 * np.pi, DEGREE * pace)
+    elapsed = inside.time - times[:, None]
+    hand, hull = wobble * np.minimum(elapsed, 0.0), pace * np.maximum(elapsed, 0.0)
+    size = abs(held) / (pace if motion.angle is None else 1.0)
     rows, right = [], []
-    for order, (values, noise) in enumerate(zip((motion.angle, motion.rate), noises, strict=True)):
-        if values is not None:
-            line = [np.full(motion.size, 1.0 - order), (held + free) ** (1 - order)]
-            curves = [part ** (power - order) / factorial(power - order) for part, power in powers]
-            rows.append(np.column_stack(line + curves) / noise)
-            right.append(values / noise)
-    matrix, target = np.concatenate(rows), np.concatenate(right)
-    if target.size <= matrix.shape[1]:
-        return np.inf
-    solution = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    before, after = -side * solution[2], -side * solution[1 + HAND]
-    return float(np.sum((matrix @ solution - target) ** 2)) if after > max(0.0, before) else np.inf
+    for order, name in enumerate(('angle', 'rate')):
+        if getattr(motion, name) is None:
+            continue
+        values, noise = getattr(inside, name), max(noise_level(getattr(motion, name)), 1e-5 * size * pace**order)
+        level, offset = np.full_like(elapsed, 1 - order), np.full_like(elapsed, order * pace)
+        columns = [level, offset, wobble * elapsed ** (1 - order)]
+        for part, speed in ((hand, wobble), (hull, pace)):
+            columns += [speed**order * part ** (k - order) / factorial(k - order) for k in range(2, DEGREE + 1)]
+        rows.append(np.stack(columns, axis=2) * size / noise)
+        right.append((values - (1 - order) * np.mean(values)) / noise)
+    matrix, target = np.concatenate(rows, axis=1), np.concatenate(right)
+    normal, common = matrix.transpose(0, 2, 1) @ matrix, matrix.transpose(0, 2, 1) @ target
+    evidence = []
+    for sizes in product(HAND_SIZES, HULL_SIZES):
+        scale = np.repeat([1.0, *sizes], [2, DEGREE, DEGREE - 1])
+        scaled = np.eye(scale.size) + scale[:, None] * normal * scale
+        explained = np.linalg.solve(scaled, (scale * common)[:, :, None])[:, :, 0]
+        evidence.append(np.sum(scale * common * explained, axis=1) - np.linalg.slogdet(scaled)[1])
+    likelihood = np.exp(0.5 * (np.array(evidence) - np.max(evidence))).sum(axis=0)
+    return float(likelihood @ times / likelihood.sum())
 
 
 def _free_end(candidate: DecayCandidate, first: int) -> tuple[int, float, str]:
