@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from swath_sysid.campaign import evaluation
 from swath_sysid.campaign.evaluation import Condition, Judgement, Record
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
+from swath_sysid.report.campaign_figures import decay_drawings
 
 HULL = hull_named('swath-pitch').model
 NAMES = ('linear', 'swath-pitch-2', 'swath-pitch-1')
@@ -179,3 +181,14 @@ def test_spread_between_repeats(fits):
     assert by_name['r1'].spread == pytest.approx(abs(values[0] - values[1]) / math.sqrt(2.0))
     assert by_name['natural_period_s'].mean == pytest.approx(HULL.natural_period, rel=0.03)
     assert 0.0 < by_name['damping_ratio'].stated < 0.05
+
+
+def test_angles_and_rates_are_not_drawn_on_one_axis():
+    motions = [trial(6.0, seed).axis('pitch') for seed in (1, 2)]
+    motions[1] = replace(motions[1], angle=None)
+    records = [SimpleNamespace(problem=SimpleNamespace(motions=[motion])) for motion in motions]
+    best = {Condition('pitch', 1.0, angle): index for index, angle in enumerate((6.0, 3.0))}
+    outcome = SimpleNamespace(quantity='draft_factor')
+    drawn = decay_drawings(outcome, SimpleNamespace(axis='pitch', best=best, records=records))
+    labels = {each.name: [axes.get_ylabel() for axes in each.figure.axes] for each in drawn}
+    assert labels == {'decays_pitch_all_rate': ['pitch rate [deg/s]'], 'decays_pitch_all': ['pitch [deg]']}

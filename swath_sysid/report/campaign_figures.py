@@ -59,20 +59,21 @@ def _thinned(size: int):
 def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Decays of all drafts on one axis, a figure an angle; with one draft, of all angles on one."""
     several = len({c.loading for c in axis.best}) > 1
-    groups: dict[float, list] = {}
+    groups: dict[tuple[float, str], list] = {}
     for condition, index in axis.best.items():
         motion = axis.records[index].problem.motions[0]
-        groups.setdefault(condition.initial_angle_deg if several else 0.0, []).append((condition, motion))
-    for angle, members in sorted(groups.items()):
+        measured, label = measured_channel(motion)
+        angle = condition.initial_angle_deg if several else 0.0
+        groups.setdefault((angle, label), []).append((condition, motion.time, measured))
+    for (angle, label), members in sorted(groups.items()):
         title, suffix = (f'from {angle:g} deg', f'{angle:g}deg') if several else ('all angles', 'all')
-        figure, axes = panel(title=title, xlabel='time since release [s]')
-        for condition, motion in members:
+        figure, axes = panel(title=title, xlabel='time since release [s]', ylabel=label)
+        for condition, time, measured in members:
             name = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
-            measured, label = measured_channel(motion)
-            thinned = _thinned(motion.size)
-            axes.plot(motion.time[thinned] - motion.time[0], np.degrees(measured[thinned]), linewidth=1.1, label=name)
-            axes.set_ylabel(label)
+            thinned = _thinned(time.size)
+            axes.plot(time[thinned] - time[0], np.degrees(measured[thinned]), linewidth=1.1, label=name)
         axes.legend(frameon=False)
+        suffix += '_rate' if 'rate' in label else ''
         yield Drawing(f'decays_{axis.axis}_{suffix}', f'Recorded decays {title}, best repeats', figure)
 
 
