@@ -10,7 +10,7 @@ from swath_sysid.manoeuvring.hull import terms
 from swath_sysid.manoeuvring.hull.terms import NEUTRAL, Numbers
 from swath_sysid.manoeuvring.motion.trial import FORCE, INPUTS
 
-DIFFERENCE = float(np.cbrt(np.finfo(float).eps))  #: Best step of central differences, in the unit.
+DIFFERENCE = float(np.cbrt(np.finfo(float).eps))  #: Step of numerical derivatives, in the unit: the best of central differences.
 
 
 @dataclass(frozen=True)
