@@ -10,7 +10,8 @@ from swath_sysid.manoeuvring.hull import terms
 from swath_sysid.manoeuvring.hull.terms import NEUTRAL, Numbers
 from swath_sysid.manoeuvring.motion.trial import FORCE, INPUTS
 
-DIFFERENCE = float(np.cbrt(np.finfo(float).eps))  #: Step of numerical derivatives, in the unit: the best of central differences.
+#: Step of numerical derivatives, in the unit: the best of central differences.
+DIFFERENCE = float(np.cbrt(np.finfo(float).eps))
 
 
 @dataclass(frozen=True)
