@@ -173,7 +173,8 @@ def test_a_campaign_lists_its_trials_and_what_is_missing(tmp_path):
     for name in list(angles)[:3]:
         (tmp_path / name).write_text(f'# {name}\ntime_s,roll_deg\n0,1\n')
     trials = ''.join(f'  - {{file: {name}, initial_angle_deg: {angle}}}\n' for name, angle in angles.items())
-    (tmp_path / 'campaign.yaml').write_text(f'axis: roll\ntrials:\n{trials}')
+    twice = trials + trials.splitlines()[0]
+    (tmp_path / 'campaign.yaml').write_text(f'axis: roll\ntrials:\n{twice}')
     rows, missing = view.campaign_words(str(tmp_path / 'campaign.yaml'))
     assert [row['file'] for row in rows] == ['a1.csv', 'a2.csv', 'b1.csv']
     assert any('later.csv' in line for line in missing) and 'roll 8 deg: 1 of 2 repeats' in missing

@@ -199,6 +199,8 @@ def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
         manifest = read_manifest(path)
     except InputError as error:
         return [], [str(error)]
+    # a trial that is listed twice is no repeat
+    entries = {(entry.path.resolve(), entry.axis, entry.start, entry.end): entry for entry in manifest.trials}
     rows = [
         {
             'file': entry.path.name,
@@ -206,7 +208,7 @@ def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
             'loading': '' if entry.loading is None else f'{entry.loading[0]} {entry.loading[1]:g}',
             'angle': '' if entry.initial_angle_deg is None else f'{entry.initial_angle_deg:g} deg',
         }
-        for entry in manifest.trials
+        for entry in entries.values()
     ]
     repeats = Counter((row['axis'], row['loading'], row['angle']) for row in rows)
     most = max(repeats.values())
