@@ -265,6 +265,14 @@ def test_every_one_of_several_decays_is_told_and_none_once_that_is_off():
     assert all(window.add(one).finished is None for one in streams[3])
 
 
+def test_releases_that_follow_each_other_quickly_are_all_told():
+    streams = [
+        decay_stream(25.0, 12.5, 4.5, hold=2.5, seed=n, first_ns=EPOCH_NS + n * 12_500_000_000) for n in range(5)
+    ]
+    _, steps = window_of(one for stream in streams for one in stream)
+    assert sum(step.finished is not None for step in steps) >= 4
+
+
 def test_a_fast_table_is_averaged_and_a_slow_one_is_not():
     rows = np.arange(8000.0).reshape(1000, 8)
     rows[:, 0] = np.arange(1000) / 400.0

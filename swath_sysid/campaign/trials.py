@@ -126,7 +126,9 @@ def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
             what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic, t.entry.columns
             original = first.setdefault(what, t)
             if original is not t:
-                t = t.left_out(f'it has the same content as {original.name}: a copy is not a repeat')
+                is_same = original.entry.path.resolve() == t.entry.path.resolve()
+                copied = 'it is given twice' if is_same else f'it has the same content as {original.name}'
+                t = t.left_out(f'{copied}: a copy is not a repeat')
         found.append(t)
     return found
 

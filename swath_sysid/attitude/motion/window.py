@@ -23,7 +23,7 @@ COLUMNS = ('t', *CHANNELS)  #: Columns of a window: the stamp, s, and the channe
 WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
 
 LOOK_INTERVAL = 1.0  #: s from one look for a decay that has ended to the next,
-CALM = 0.35  #: ... while the motion of the last four of them stays within this part of all motion in the window.
+CALM = 0.35  #: ... while the motion of the last two of them stays within this part of all motion in the window.
 LOOK_RATE = 50.0  #: Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms.
 
 
@@ -213,7 +213,7 @@ class DecayWatch:
             motion = table.trial().axis(axis)
         except InputError:
             return None
-        newest = motion.primary[motion.time >= motion.time[-1] - 4.0 * LOOK_INTERVAL]
+        newest = motion.primary[motion.time >= motion.time[-1] - 2.0 * LOOK_INTERVAL]
         if not np.ptp(newest) < CALM * np.ptp(motion.primary):
             return None
         motion = averaged(table, LOOK_RATE).trial().axis(axis)

@@ -10,9 +10,10 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import bin_means, white_noise
 from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial, turned
 
+HOLD = 0.5  #: s for which a command holds where gaps mean zero.
 MOVING = 0.3  #: m/s; above this the course indicates the heading.
 TURNING = 0.02  #: rad/s; a craft with less yaw rate is on a straight course, which says nothing of turns.
-LONGEST_GAP = 1.0  #: s for which a command holds at least; over longer gaps the thrust is unknown, or zero.
+LONGEST_GAP = 1.0  #: s; over longer gaps the thrust is unknown.
 SMOOTHING = 0.4  #: s, width of the Gaussian window.
 NOISY = 0.1  #: Noise of this share of the motion gets the full smoothing.
 
@@ -58,12 +59,12 @@ def thrust_on(
     started = last >= 0
     last = np.maximum(last, 0)
     port, starboard = trial.port[known][last], trial.starboard[known][last]
+    hold = max(HOLD, 3.0 * float(np.median(np.diff(time)))) if time.size > 1 else HOLD
     if gap_means_zero:
-        silent = ~started | (age > LONGEST_GAP)
+        silent = ~started | (age > min(hold, LONGEST_GAP))
         port, starboard = np.where(silent, 0.0, port), np.where(silent, 0.0, starboard)
         return port, starboard, np.ones(grid.size, dtype=bool)
-    usual = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    driven = started & (age <= max(LONGEST_GAP, 3.0 * usual))
+    driven = started & (age <= max(LONGEST_GAP, hold))
     lost = 1.0 - driven.mean()
     if lost > 0.001:
         advice.append(Advice.of('thrust-gaps', source=trial.source, lost=lost * (grid[-1] - grid[0])))
