@@ -188,7 +188,7 @@ def test_bad_options_are_answered_with_one_sentence(words, sentence, trial_file,
 
 
 def test_flags_that_advice_is_given_exist(capsys):
-    for words in (['identify'], ['simulate'], ['manoeuvre', 'identify'], ['export'], ['campaign']):
+    for words in (['identify'], ['simulate'], ['manoeuvre', 'identify'], ['export'], ['campaign'], ['forecast']):
         with pytest.raises(SystemExit):
             main([*words, '--help'])
     known = capsys.readouterr().out
@@ -223,8 +223,20 @@ def test_a_forecast_of_slow_samples_says_which_leads_were_not_measured(tmp_path,
     out, err = capsys.readouterr()
     assert '[leads-between-samples]' in err and 'motion 0.5 s ahead' in err
     assert 'pitch' not in out and ' = VAR(60)' in out
+    assert main(['forecast', str(path), '--until', '20']) == 2
+    told = last_line(capsys.readouterr().err)
+    assert 'scoring ends at 20 s, within the warm-up' in told and '(--until, --warmup)' in told
     assert main(['forecast', str(path), '--leads', '-1,2']) == 2
     assert 'cannot be -1: give 0.01 to 120 s' in last_line(capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(('limit', 'why'), [(90.0, 'never left'), (1e-3, 'never kept')])
+def test_a_calm_that_never_changes_is_not_scored(limit, why, tmp_path, capsys):
+    time = np.arange(0.0, 240.0, 0.5)
+    path = table(tmp_path / 'ship.csv', 'time_s,roll_deg', zip(time, np.sin(time / 2.1), strict=True))
+    assert main(['forecast', str(path), '--leads', '0.5', '--quiet-deg', f'{limit},{limit}']) == 0
+    told = ' '.join(capsys.readouterr().out.split())
+    assert f'not scored, since the craft {why} the limits' in told and 'Brier' not in told and 'F1' not in told
 
 
 @pytest.mark.parametrize(('options', 'code'), [((), 'forced-motion'), (('--end', '120'), 'too-few-waves')])

@@ -253,6 +253,15 @@ def test_mistakes_are_told_in_one_sentence(bag, words, sentence, tmp_path, monke
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_reason_that_holds_for_every_message_has_no_count(tmp_path, capsys):
+    record = tmp_path / 'roll.csv'
+    rows = (f'{0.05 * k:.2f},{np.sin(0.05 * k):.4f}\n' for k in range(40))
+    record.write_text('time_s,roll_deg\n' + ''.join(rows))
+    play(record, tmp_path)
+    told = capsys.readouterr().err
+    assert '\nno-rates: the sensor' in told and '\nunknown-covariance: the sensor' in told and 'times' not in told
+
+
 @pytest.mark.parametrize('frame_id', ['', 'a', 'base_link', 'hull/imu_7'])
 def test_templates_write_what_the_type_system_writes(frame_id):
     """Whatever the length of the strings before the numbers, and so their places."""

@@ -143,7 +143,7 @@ def _print_valid_lead(console: Console, axis: str, found: Any) -> None:
     beyond = f', the horizon or more for {found.beyond_horizon:.0%}' * (found.beyond_horizon > 0.0)
     console.print(
         f'valid lead of {axis}: {median:.2g} s in the median, {low:.2g} to {high:.2g} s for 80 % of the forecasts'
-        f'{beyond}; the error measured there is {found.error_over_limit:.2f} of the limit'
+        f'{beyond}; the error measured there is {found.error_over_limit:.2f} times the limit'
     )
 
 
@@ -185,6 +185,10 @@ def _print_quiescence(console: Any, skill: Any) -> None:
         for name in ATTITUDE
         if math.isfinite(limit := getattr(limits, name))
     )
+    if found.brier_of_climate == 0.0:
+        why = 'never left the limits' if np.nanmax(found.observed) == 1.0 else 'never kept the limits for so long'
+        console.print(f'quiet for {limits.duration:g} s ({bounds}): not scored, since the craft {why}')
+        return
     console.print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
         f'(climatology: {found.brier_of_climate:.3f})'
@@ -194,7 +198,7 @@ def _print_quiescence(console: Any, skill: Any) -> None:
 
 
 def _print_decisions(console: Console, found: Any) -> None:
-    table = Table(title=f'decisions to go, right at {100.0 * found.base_rate:.0f} % of the times', title_justify='left')
+    table = Table(title=f'decisions to go, base rate {100.0 * found.base_rate:.0f} %', title_justify='left')
     for name in ('go when', 'F1', 'precision, %', 'recall, %', 'false alarms / min'):
         table.add_column(name, justify='left' if name == 'go when' else 'right')
     for name, rule in found.rules.items():

@@ -75,7 +75,7 @@ def run(arguments: Namespace) -> int:
     show_advice((*readings.advice, *([beside] if manoeuvres else ())))
     stability = pipeline.refitter.stability.newest
     show_advice(() if stability is None else stability.advice)
-    counted_reasons = _report_counts(pipeline)
+    counted_reasons = _report_counts(pipeline, len(readings))
     refits = [((stamp_ns - int(readings.stamps[0])) / 1e9, str(verdict)) for stamp_ns, verdict in verdicts]
     published = ', '.join(f'{topic} {count}' for topic, count in bag.counts.items()) or 'nothing'
     data = {
@@ -130,10 +130,11 @@ def _play_manoeuvres(arguments: Namespace):
     return 0
 
 
-def _report_counts(pipeline: Any) -> dict[str, int]:
-    """What was counted, by reason; with its meaning on standard error."""
+def _report_counts(pipeline: Any, messages: int) -> dict[str, int]:
+    """What was counted, by reason; with its meaning on standard error, where a reason of all messages has no count."""
     counts = {**pipeline.forecasts.counts, **pipeline.window.counts}
     found = {reason: count for reason, count in counts.items() if count}
     for reason, count in found.items():
-        print(f'{reason} ({counted(count, "time")}): {REASONS[reason]}', file=sys.stderr)
+        times = '' if count >= messages else f' ({counted(count, "time")})'
+        print(f'{reason}{times}: {REASONS[reason]}', file=sys.stderr)
     return found

@@ -298,6 +298,7 @@ FLAGS = {
     'current-by-run': '--current shared',
     'decay-of-other-axis': '--axis',
     'disturbed-tail': '--end',
+    'ends-in-warmup': '--until, --warmup',
     'forced-motion': '--at-sea, or --start and --end',
     'inertia-includes-added': '--inertia',
     'late-start': '--start',

@@ -111,7 +111,13 @@ def usual_limits(
 def check_warmup(trial: Trial, warmup: float, longest_lead: float, until: float | None = None) -> None:
     """Refuse a warm-up, s, after which no forecast up to ``until``, s, is left to score."""
     duration = float(trial.time[-1] - trial.time[0])
-    if (duration if until is None else min(until, duration)) <= warmup or duration <= warmup + longest_lead:
+    if until is not None and until <= warmup < duration - longest_lead:
+        raise InputError(
+            f'scoring ends at {until:g} s, within the warm-up of {warmup:.0f} s, so no forecast is left to score: '
+            'end it later, or shorten the warm-up',
+            'ends-in-warmup',
+        )
+    if duration <= warmup + longest_lead:
         raise InputError(
             f'{trial.source or "the record"} lasts {duration:.0f} s so no forecast is left to score after the warm-up '
             f'of {warmup:.0f} s at the longest lead of {longest_lead:g} s: shorten the warm-up'
