@@ -185,9 +185,12 @@ def _print_quiescence(console: Any, skill: Any) -> None:
         for name in ATTITUDE
         if math.isfinite(limit := getattr(limits, name))
     )
-    if found.brier_of_climate == 0.0:
-        why = 'never left the limits' if np.nanmax(found.observed) == 1.0 else 'never kept the limits for so long'
-        console.print(f'quiet for {limits.duration:g} s ({bounds}): not scored, since the craft {why}')
+    if not found.brier_of_climate > 0.0:
+        why = 'no outcome of a forecast probability is known'
+        if found.count.any():
+            kept = np.nanmax(found.observed) == 1.0
+            why = f'the craft never {"left the limits" if kept else "kept the limits for so long"}'
+        console.print(f'quiet for {limits.duration:g} s ({bounds}): not scored, since {why}')
         return
     console.print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '

@@ -92,7 +92,9 @@ def served(state: PageState, host: str, port: int, token: str) -> Iterator[str]:
     try:
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ':' in host else socket.AF_INET)
     except OSError as error:
-        raise InputError(f'the page cannot listen on {host}:{port} ({error.strerror}): choose another port') from error
+        # the library adds the address, which is said already
+        reason = str(error.strerror).partition(' (')[0]
+        raise InputError(f'the page cannot listen on {host}:{port} ({reason}): choose another port with --port') from error
     application = fastapi.FastAPI()
     ui.run_with(
         application,
