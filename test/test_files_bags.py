@@ -146,11 +146,14 @@ def test_topic_is_chosen_or_asked_for(tmp_path):
         with pytest.raises(InputError, match=said):
             read_bag(one, topic)
     two = write_bag(tmp_path / 'two', plain_messages() + [('/bow/imu', 1, imu(0))])
-    with pytest.raises(InputError, match='choose one of /bow/imu, /imu/data'):
+    with pytest.raises(InputError, match='choose one of /bow/imu, /imu/data') as told:
         read_bag(two)
+    assert told.value.code == 'several-imu-topics'
     assert read_bag(two, '/imu/data').time.size == COUNT
     forecasts = [(name, 1, imu(0)) for name in ('/forecast/next', '/craft/forecast/lead_1_0s')]
     assert read_bag(write_bag(tmp_path / 'ours', plain_messages() + forecasts)).time.size == COUNT
+    with pytest.raises(InputError, match='holds forecasts, and no sensor_msgs/msg/Imu of a sensor: record the sensor'):
+        read_bag(write_bag(tmp_path / 'forecasts', forecasts))
     none = write_bag(tmp_path / 'none', [], extra=[text])
     with pytest.raises(InputError, match=r'/chatter \(std_msgs/msg/String\)'):
         read_bag(none)

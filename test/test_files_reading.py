@@ -101,7 +101,7 @@ def test_kilohertz_are_read_and_megahertz_are_another_unit(tmp_path):
     trial = read_trial(tmp_path / 'a.csv')
     assert trial.time.size == 5000 and trial.advice == ()
     assert trial.axis('roll').sample_interval == pytest.approx(2e-4)
-    with pytest.raises(InputError, match='holds no pitch motion'):
+    with pytest.raises(InputError, match='holds no pitch motion .* assign the column of pitch'):
         trial.axis('pitch')
     write_csv(tmp_path / 'a.csv', Trial(time=1e-6 * np.arange(5000), roll=np.full(5000, 0.1)))
     with pytest.raises(InputError, match='more often than any sensor'):

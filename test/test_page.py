@@ -1,6 +1,7 @@
 """The page in headless Chromium: every step of the bring-up, faults with their cures, the buttons, narrow and wide."""
 
 import shutil
+import socket
 import threading
 import urllib.error
 import urllib.request
@@ -15,6 +16,7 @@ from package_process import wait_for  # noqa: E402
 from tank_side import TankSide  # noqa: E402
 from test_page_bring_up import REST_S  # noqa: E402
 
+from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml  # noqa: E402
 from swath_sysid.page.live_record import horizon_of  # noqa: E402
 from swath_sysid.page.server import is_allowed, served  # noqa: E402
@@ -89,6 +91,16 @@ class Screen:
     def resize(self, width):
         metrics = {'width': width, 'height': 1400, 'deviceScaleFactor': 1, 'mobile': width < 600}
         self.driver.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', metrics)
+
+
+def test_a_port_in_use_is_reported_with_the_flag_for_another():
+    with socket.create_server(('127.0.0.1', 0)) as taken:
+        port = taken.getsockname()[1]
+        with (
+            pytest.raises(InputError, match=r'Address already in use\): choose another port with --port$'),
+            served(None, '127.0.0.1', port, TOKEN),
+        ):
+            pass
 
 
 @pytest.fixture(scope='module')

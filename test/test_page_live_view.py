@@ -158,7 +158,7 @@ def test_the_sea_is_said_in_words_or_why_it_is_not_known(tank):
     state = SeaState(1200.0, 2.51, 0.09, 10.2, 0.1, 19.5, (12.1, 20.9), float('nan'), 0.1, 0.15, nothing, nothing)
     tank.record.sea = sea_from_yaml(sea_as_yaml(SeaReport(state), 5))
     words = view.sea_words(tank.record)
-    assert 'Sea: 20 min' in words and '2.51 ± 0.09 m' in words and '19.5 s, 95 % within 12.1 and 20.9 s' in words
+    assert 'Sea: 20 min' in words and '2.51 ± 0.09 m' in words and '19.5 s, 95 % between 12.1 and 20.9 s' in words
     assert 'not known: heave and slope' in words
 
 

@@ -61,7 +61,11 @@ def scored(arguments: Namespace) -> Skill:
     if arguments.model:
         models = read_model(arguments.model)
     if arguments.axis is not None and getattr(trial, arguments.axis) is None:
-        raise InputError(f'{arguments.record} holds no {arguments.axis} angle: choose another axis')
+        raise InputError(
+            f'{arguments.record} holds no {arguments.axis} angle: choose another axis, or assign the column of '
+            f'{arguments.axis}',
+            'axis-absent',
+        )
     points = _with_sensor(arguments.points)
     if points:
         even_stretches(trial)

@@ -294,6 +294,7 @@ SENTENCES = {
 #: What does it on the command line, by the code of an `Advice` or an `InputError`.
 FLAGS = {
     'added-mass-diverges': '--fix m=KG',
+    'axis-absent': '--axis, --column QUANTITY=NAME:UNIT',
     'columns-unknown': '--column QUANTITY=NAME:UNIT; in a manifest, columns:',
     'current-by-run': '--current shared',
     'decay-of-other-axis': '--axis',
@@ -317,6 +318,7 @@ FLAGS = {
     'scale-not-given': '--mass or --thrust-per-command',
     'sea-not-fitted': '--start and --end',
     'several-decays': '--start and --end',
+    'several-imu-topics': '--topic',
     'several-topics': '--odometry-topic, --imu-topic, --port-topic, --starboard-topic',
     'store-in-use': '--output',
     'surge-inertia-assumed': '--thrust-per-command',

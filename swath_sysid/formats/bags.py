@@ -94,7 +94,7 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
     with opened_bag(path) as (readers, advice):
         if advice and IMU not in {c.msgtype for reader in readers for c in reader.connections}:
             raise InputError(f'{path} is damaged and nothing of an IMU topic is left in it: record it again')
-        topic = chosen_topic(path, readers, IMU, topic)
+        topic = chosen_topic(path, readers, IMU, topic, 'several-imu-topics')
         decoder = _ImuDecoder()
         for connection, time_ns, raw in intact_messages(path, readers, (topic,), advice):
             if connection.msgtype == IMU:
@@ -297,7 +297,10 @@ def chosen_topic(path: str | Path, readers: Sequence[Any], kind: str, given: str
     filled = {c.topic for reader in readers for c in reader.connections if c.msgcount and c.msgtype == kind}
     fitting = sorted(filled or (name for name, each in types.items() if each == kind))
     # our own recordings hold the forecasts beside the sensor
-    fitting = [name for name in fitting if f'/{LEADS}' not in name and not name.endswith(f'/{NEXT_TOPIC}')] or fitting
+    measured = [name for name in fitting if f'/{LEADS}' not in name and not name.endswith(f'/{NEXT_TOPIC}')]
+    if fitting and not (measured or given):
+        raise InputError(f'{path} holds forecasts, and no {kind} of a sensor: record the sensor, or name a topic', code)
+    fitting = measured or fitting
     if given:
         name = f'/{given.lstrip("/")}'
         if types.get(name) == kind:

@@ -94,7 +94,9 @@ def served(state: PageState, host: str, port: int, token: str) -> Iterator[str]:
     except OSError as error:
         # the library adds the address, which is said already
         reason = str(error.strerror).partition(' (')[0]
-        raise InputError(f'the page cannot listen on {host}:{port} ({reason}): choose another port with --port') from error
+        raise InputError(
+            f'the page cannot listen on {host}:{port} ({reason}): choose another port with --port'
+        ) from error
     application = fastapi.FastAPI()
     ui.run_with(
         application,

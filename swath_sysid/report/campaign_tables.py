@@ -187,7 +187,7 @@ def verdict_table(axis: AxisOutcome) -> Table:
     table = Table.of(
         f'verdicts_{axis.axis}',
         '',
-        f'Of {axis.ranking.choice.name}, by all records of a draft together and by each record alone. A record '
+        f'Of {axis.ranking.choice.name}, by all records of a draft together and by each record separately. A record '
         'that is not adequate where all together are differs from the others: look at its residual. Next release: the '
         'error of its forecast, released from the same side as the records.',
         items,

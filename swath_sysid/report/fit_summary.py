@@ -11,7 +11,7 @@ from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
 from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.attitude.identification.selection import Comparison
 from swath_sysid.attitude.identification.uncertainty import known_together
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.covariance import correlation
 from swath_sysid.common.plain import finite_or_none
 from swath_sysid.common.sentences import with_flags
@@ -102,7 +102,7 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
     model = found.model
     low, high = (math.degrees(a) for a in found.amplitude_range)
     lines = [
-        f'{model.axis}: {title_of(model.equation, model.axis)}, {len(found.records)} record(s)',
+        f'{model.axis}: {title_of(model.equation, model.axis)}, {counted(len(found.records), "record")}',
         f'  {with_flags(found.verdict.code, str(found.verdict))}',
         *(
             f'  {short_name(r.motion.source)}: decay from {r.segment.start:.2f} to {r.segment.end:.2f} s, '

@@ -126,7 +126,11 @@ class Trial:
         measured = [c for c in (getattr(self, name), getattr(self, f'{name}_rate')) if c is not None]
         if not measured:
             held = ', '.join(self.axes) or 'none'
-            raise InputError(f'{self.source or "the trial"} holds no {name} motion (axes in it: {held})')
+            raise InputError(
+                f'{self.source or "the trial"} holds no {name} motion (axes in it: {held}): choose another axis, or '
+                f'assign the column of {name}',
+                'axis-absent',
+            )
         finite = np.all(np.isfinite(measured), axis=0)
         if not finite.any():
             raise InputError(f'{self.source or "the trial"} holds no finite sample of {name}')
