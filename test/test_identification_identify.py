@@ -23,7 +23,15 @@ from swath_sysid.attitude.hull.catalogue import (
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.simulation import simulate
-from swath_sysid.attitude.identification.fit_quality import ADEQUATE, DOUBTFUL, REJECTED, judge, posterior_errors
+from swath_sysid.attitude.identification import fit_quality
+from swath_sysid.attitude.identification.fit_quality import (
+    ADEQUATE,
+    DOUBTFUL,
+    REJECTED,
+    judge,
+    posterior_errors,
+    vanishing_angle,
+)
 from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.pruning import log_evidence, prune
@@ -392,6 +400,42 @@ def test_what_the_record_leaves_open_makes_the_verdict(found, scale, level):
     assert verdict.level == level
     assert level == ADEQUATE or verdict.code == 'motion-uncertain'
     assert not np.isnan(scale) or verdict.metrics['motion_error'] is None
+
+
+@pytest.mark.parametrize(
+    ('other_side', 'error', 'words'),
+    [
+        (0.05, 0.05, 'release, to either side, should be forecast to within 5.0% of its motion;'),
+        (
+            0.15,
+            0.02,
+            'release, to the same side, should be forecast to within 2.0% of its motion (15% to the other side);',
+        ),
+        (
+            0.6,
+            0.02,
+            'a release to the other side may be wrong by 60% of its motion: release the craft from the other side',
+        ),
+        (
+            np.inf,
+            0.02,
+            'the restoring moment of this fit vanishes at about -11.5 deg: release the craft there too, but',
+        ),
+    ],
+)
+def test_the_verdict_says_to_which_side_its_error_holds(found, monkeypatch, other_side, error, words):
+    monkeypatch.setattr(fit_quality, 'posterior_errors', lambda fit: (0.02, other_side))
+    monkeypatch.setattr(fit_quality, 'unexplained_share', lambda fit, quantity: 0.0)
+    monkeypatch.setattr(fit_quality, 'vanishing_angle', lambda model, side: -0.2 - model.trim)
+    verdict = judge(found)
+    assert words in verdict.sentence and verdict.motion_error == pytest.approx(error)
+    assert verdict.level == (DOUBTFUL if other_side > 0.5 else ADEQUATE)
+
+
+def test_the_restoring_moment_vanishes_to_one_side():
+    softening = DecayModel.from_terms(equation_named('b1|r1,r2'), {'b1': 0.1, 'r1': 6.0, 'r2': 45.0}, trim=0.05)
+    assert vanishing_angle(softening, -1.0) == pytest.approx(-6.0 / 45.0, abs=0.002)
+    assert np.isnan(vanishing_angle(softening, 1.0))
 
 
 @pytest.mark.parametrize(('r1', 'code'), [(0.0, 'no-period'), (-1.0, 'no-period'), (1e-3, 'implausible-period')])

@@ -189,11 +189,11 @@ def verdict_table(axis: AxisOutcome) -> Table:
         '',
         f'Of {axis.ranking.choice.name}, by all records of a draft together and by each record separately. A record '
         'that is not adequate where all together are differs from the others: look at its residual. Next release: the '
-        'error of its forecast, released from the same side as the records.',
+        'error of its forecast to either side, or to the side of the records where the other one is above 10 %.',
         items,
         ('fit of', lambda item: item[0]),
         ('verdict', lambda item: item[1].verdict.level),
-        ('next release, same side', lambda item: item[1].verdict.motion_error, percent),
+        ('next release', lambda item: item[1].verdict.motion_error, percent),
         ('why', lambda item: item[1].verdict.sentence),
     )
     table.marks.update({(k, 1): 'beyond' for k, (_, fit) in enumerate(items) if fit.verdict.level != ADEQUATE})

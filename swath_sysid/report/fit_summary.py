@@ -113,8 +113,8 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
         *_joint_lines(found),
         f'  trim {math.degrees(model.trim):.4f} deg'
         + (f' +- {math.degrees(found.trim_std):.2g}' if math.isfinite(found.trim_std) else ''),
-        f'  natural period of small motions {model.natural_period:.4f} s, equivalent damping ratio '
-        f'{found.damping_ratio:.4f} at {math.degrees(found.reference_amplitude):.2f} deg',
+        f'  natural period of small motions {model.natural_period:.4f} s (extrapolated below {low:.2f} deg), '
+        f'equivalent damping ratio {found.damping_ratio:.4f} at {math.degrees(found.reference_amplitude):.2f} deg',
         f'  R2 {found.r2:.6f}, {found.objective} objective {found.objective_value:.6g}, '
         f'{found.effective_samples:.0f} effective of {found.samples} samples',
         f'  valid from {low:.2f} to {high:.2f} deg; search ended by {found.search.stop} after '

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD
 from swath_sysid.attitude.identification.uncertainty import release_error
@@ -44,7 +45,9 @@ class Verdict:
     level: str  #: ``adequate``, ``doubtful`` or ``rejected``.
     code: str  #: The cause, kebab-case.
     sentence: str  #: Cause and cure.
-    motion_error: float  #: Upper end (90 %) of the error of the next release, a share of its motion; may be infinite.
+    #: Upper end (90 %) of the error of the next release, a share of its motion; may be infinite. The larger of both
+    #: sides, or that of the records' side where the other one is above 0.1.
+    motion_error: float
 
     def __str__(self):
         return f'{self.level}: {self.sentence}'
@@ -70,8 +73,10 @@ def judge(found: 'Identification') -> Verdict:
     # a gyro may drift and an angle lag without a fault of the model, as long as little of the rate is left
     unexplained = max(angle, rate) if found.rmse is None or not rate <= LARGEST_UNEXPLAINED else angle
     error = float(np.hypot(uncertain, unexplained))
-    other = f' ({other_side:.0%} to the other side)' if other_side > ADEQUATE_ERROR else ''
-    ahead = f'the next release should be forecast to within {error:.1%} of its motion{other}'
+    side, other = 'either', ''
+    if other_side > ADEQUATE_ERROR:
+        side, other = 'the same', f' ({other_side:.0%} to the other side)'
+    ahead = f'the next release, to {side} side, should be forecast to within {error:.1%} of its motion{other}'
     left = f'{unexplained:.1%}' if unexplained >= 0.0005 else 'less than 0.1%'
     good = Advice(ADEQUATE, f'{ahead}; the fit leaves {left} of the motion unexplained')
     causes = [*_causes(found, uncertain, unexplained, other_side), (ADEQUATE, good)]
@@ -117,13 +122,24 @@ def _causes(
     if absent is not None:
         yield DOUBTFUL, Advice.of('absent-term', equation=equation, term=absent.name, stds=absent.significance)
     if not other_side <= LARGEST_UNEXPLAINED:
+        limit = np.nan if np.isfinite(other_side) else vanishing_angle(found.model, -start)
         size = f' by {other_side:.0%} of its motion' if other_side < 1.0 else ''
-        yield DOUBTFUL, Advice.of('one-sided', size=size)
+        one_sided = Advice.of('one-sided', size=size)
+        if np.isfinite(limit):
+            one_sided = Advice.of('one-sided: vanishing', angle=np.degrees(found.model.trim + limit))
+        yield DOUBTFUL, one_sided
 
 
 def largest_release(found: 'Identification') -> float:
     """The largest amplitude seen, rad from trim, to the side on which that record begins."""
     return float(np.copysign(found.problem.scales.amplitude, max((r.state.x for r in found.records), key=abs)))
+
+
+def vanishing_angle(model: DecayModel, side: float) -> float:
+    """Where the restoring moment vanishes, rad from trim, to the side of this sign; NaN where it does not by 90 deg."""
+    angles = np.copysign(np.radians(np.arange(0.1, 90.0, 0.1)), side)
+    lost = angles[model.acceleration(model.trim + angles, 0.0) * angles >= 0.0]
+    return float(lost[0]) if lost.size else float('nan')
 
 
 def posterior_errors(found: 'Identification') -> tuple[float, float]:
