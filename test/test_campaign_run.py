@@ -214,7 +214,7 @@ def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys, mon
         (4, 'no pitch motion'),
         (5, 'file not found: absent.csv'),
         (6, 'times the derivative of the pitch angle'),
-        (7, 'it has the same content as pitch_6deg_0.9T_repeat1.csv'),
+        (7, 'it is given twice: name it once'),
         (8, 'are those of pitch_6deg_0.9T_repeat1.csv: give another repeat'),
     ):
         assert any(f'trials, {number}' in told and words in told for told in said.err.splitlines()), said.err

@@ -127,8 +127,8 @@ def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
             original = first.setdefault(what, t)
             if original is not t:
                 is_same = original.entry.path.resolve() == t.entry.path.resolve()
-                copied = 'it is given twice' if is_same else f'it has the same content as {original.name}'
-                t = t.left_out(f'{copied}: a copy is not a repeat')
+                same_content = f'it has the same content as {original.name}: a copy is not a repeat'
+                t = t.left_out('it is given twice: name it once' if is_same else same_content)
         found.append(t)
     return found
 
