@@ -118,7 +118,7 @@ FAULTS = {
     'silence': ({'rate': 50.0}, rest_then(lambda tank: tank.silence(4.0)), 'silence', SENSOR, 'driver and cable'),
     'slow': ({'rate': 5.0}, lambda tank: tank.send(10.0), 'low-rate', SENSOR, 'publish at 20 Hz or more'),
     'no orientation': ({}, wrongly(without_orientation), 'no-orientation', SENSOR, 'press Identify'),
-    'waves': ({}, lambda tank: tank.send(40.0, waves), 'waves', REST, 'wait for calm water'),
+    'waves': ({}, lambda tank: tank.send(40.0, waves), 'waves', REST, '-p window_s:=600.0'),
     'waves after rest': ({}, rest_then(lambda tank: tank.send(70.0, waves)), 'waves', DECAY, 'wait for calm water'),
     'held': ({}, release(hold=30.0), 'held', PUSH, 'let go at once'),
     'lowered by hand': ({}, release(damping=0.95), 'no-decay', PUSH, 'instead of lowering it'),

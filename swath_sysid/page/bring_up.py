@@ -142,8 +142,8 @@ STATES = {
         '{step}',
         '{sentence}',
         'waves',
-        'wait for calm water or go behind shelter; or stay for some minutes and press Identify: motion in waves gives '
-        'the period, and the damping at its amplitude',
+        'wait for calm water or go behind shelter; or restart the nodes with swath-sysid run --ros-args -p window_s:=600.0 '
+        'and press Identify after ten minutes: motion in waves gives the period, and the damping at its amplitude',
         'identify',
     ),
     'held': Guidance(
