@@ -46,6 +46,7 @@ def forecast(stamp_ns, angle=0.1, std=0.02):
 def test_health_names_the_silent_and_the_noise_is_that_of_the_sensor_whether_or_not_the_craft_moves(tank):
     told = {name: told for name, *told in view.health(tank.record.statuses(tank.clock), tank.record.motions())}
     assert told['Sensor'][0] == 0 and told['Sensor'][1].endswith('Hz, receiving /imu/data')
+    assert not any('; last: ' in words for _, words in told.values())
     assert view.health({}, {})[0] == ('Sensor', 1, 'no diagnostics from predictor')
     time = np.arange(0.0, 10.0, 0.04)
     noise = np.random.default_rng(1).normal(0.0, 1e-3, time.size)
@@ -179,3 +180,21 @@ def test_a_campaign_lists_its_trials_and_what_is_missing(tmp_path):
     assert [row['file'] for row in rows] == ['a1.csv', 'a2.csv', 'b1.csv']
     assert any('later.csv' in line for line in missing) and 'roll 8 deg: 1 of 2 repeats' in missing
     assert view.campaign_words(str(tmp_path / 'none.yaml'))[0] == []
+
+
+def test_the_last_verdict_is_shown_once(monkeypatch, tmp_path):
+    tank = TankSide(auto_identify=False)
+    source = SimpleNamespace(lock=nullcontext(), record=tank.record, description='', sensor='')
+    monkeypatch.setattr('swath_sysid.page.state.monotonic', lambda: tank.clock)
+    state = PageState(source, tmp_path, 'pitch')
+    tank.send(8.0)
+    state.refresh()
+    assert any(line.startswith('Last identification') for line in state.view.model_words)
+    tank._identifier.begin()
+    tank._identifier.end(False, 'pitch: not fitted, too few waves')
+    tank.send(1.0)
+    state.refresh()
+    assert 'too few waves' in state.view.guidance.cure
+    assert not any(
+        'too few waves' in line for line in [*state.view.model_words, *(each[2] for each in state.view.health)]
+    )

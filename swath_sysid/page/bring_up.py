@@ -142,8 +142,9 @@ STATES = {
         '{step}',
         '{sentence}',
         'waves',
-        'wait for calm water or go behind shelter; or restart the nodes with swath-sysid run --ros-args -p window_s:=600.0 '
-        'and press Identify after ten minutes: motion in waves gives the period, and the damping at its amplitude',
+        'wait for calm water or go behind shelter; or restart the nodes with swath-sysid run --ros-args -p '
+        'window_s:=600.0 and press Identify after ten minutes: motion in waves gives the period, and the damping at '
+        'its amplitude',
         'identify',
     ),
     'held': Guidance(

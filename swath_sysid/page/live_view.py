@@ -46,7 +46,8 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
             lines.append((name, WARN, f'no diagnostics from {status.partition(":")[0]}'))
             continue
         rate = f'{float(str(report.values["rate_hz"])):.1f} Hz, ' if 'rate_hz' in report.values else ''
-        lines.append((name, report.level, rate + report.message))
+        # the card of the model shows the last verdict
+        lines.append((name, report.level, rate + report.message.partition('; last: ')[0]))
     noises = [
         f'{axis} {np.degrees(noise_level(motion.angle)):.2g} deg'
         for axis, motion in motions.items()

@@ -32,7 +32,7 @@ from swath_sysid.page.live_view import (
     sea_words,
     valid_words,
 )
-from swath_sysid.page.model_words import verdict_of
+from swath_sysid.page.model_words import of_axis, verdict_of
 from swath_sysid.page.release import Release
 
 SELDOM = 3.0  #: s between looks at what rarely changes: the trials' folder, the predictor's parameters.
@@ -141,7 +141,8 @@ class PageState:
                 for name in dict.fromkeys((*AXES, *record.horizons))
             }
             releases = releases_in_words(record.tried.get(self._axis, ()))
-            words = model_words(record, self._axis, facts.text(IDENTIFICATION, 'last_verdict'))
+            verdict = facts.text(IDENTIFICATION, 'last_verdict')
+            words = model_words(record, self._axis, verdict)
             waters = calm_words(record), sea_words(record), valid_words(facts.statuses)
         if self.manifest and now - self._campaign_read > SELDOM:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
@@ -150,9 +151,13 @@ class PageState:
             last = self._recorder.stdout.read().strip() or f'the recording failed in {self._folder}: is it writable?'
             self.answer(last)
             self._recorder = None
+        guidance = self._guides[self._axis].look(facts)
+        if verdict and of_axis(verdict, self._axis) in guidance.cure:
+            # the guide says it already
+            words.pop()
         self.view = View(
             self._axis,
-            self._guides[self._axis].look(facts),
+            guidance,
             health(facts.statuses, facts.motions),
             charts,
             *self._fit(facts.releases.get(self._axis), facts.model),
