@@ -243,8 +243,8 @@ def _refit_at_sea(
         found = identify_at_sea(motion, heave_of(trial), searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
         raise InputError(
-            f'{error}; if the window is too short, restart with swath-sysid run --ros-args -p window_s:=600.0, and '
-            'identify when it is full'
+            f'{error}; if the window is too short, start with a longer one (window_s of imu_buffer, such as 600.0), '
+            'and identify when it is full'
         ) from error
     estimate = None
     if found.has_period:
