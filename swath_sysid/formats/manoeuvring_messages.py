@@ -11,8 +11,7 @@ from swath_sysid.formats.messages import SECOND_NS, header, make, serialised, st
 from swath_sysid.formats.topics import ODOMETRY, PATH
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState, OdometryReading
 
-#: Rows of x, y, yaw (and of their rates) in a covariance of six.
-PLANAR = [('x', 'y', 'z', 'roll', 'pitch', 'yaw').index(name) for name in ('x', 'y', 'yaw')]
+PLANAR = (0, 1, 5)  #: Rows of x, y, yaw (and of their rates) in a covariance of six.
 LARGEST_VARIANCE = 1e4  #: A larger variance marks a quantity that is not measured.
 
 

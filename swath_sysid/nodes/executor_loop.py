@@ -89,10 +89,8 @@ def _log_ready(nodes: Sequence[Node]) -> None:
     inputs = {subscription.topic_name for node in nodes for subscription in node.subscriptions} - made - OF_ROS
     if first:
         log, awaited = nodes[0].get_logger(), [topic for topic in first if topic not in made]
-        log.info(
-            f'ready: {", ".join(node.get_name() for node in nodes)}; '
-            f'waiting for the first message on {" and ".join(awaited)}'
-        )
+        names = ', '.join(node.get_name() for node in nodes)
+        log.info(f'ready: {names}; waiting for the first message on {" and ".join(awaited)}')
         log.info(f'subscribed to {_listed(inputs)}')
         log.info(f'publishing {_listed(made)}')
 

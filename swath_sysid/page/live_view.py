@@ -129,11 +129,12 @@ def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[
     return chart
 
 
-def model_words(record: LiveRecord, axis: str, verdict: str) -> list[str]:
-    """The models of an axis, the newest first with its verdict, and the identifier's last sentence about it."""
+def model_words(record: LiveRecord, axis: str, verdict: str | None) -> list[str]:
+    """The models of an axis, the newest first with its verdict, and the identifier's last sentence about it, if any."""
+    last = [] if verdict is None else [f'Last identification: {of_axis(verdict, axis) or "none yet"}']
     models = list(record.models_before.get(axis, ()))
     if not models:
-        return ['No model yet.', f'Last identification: {of_axis(verdict, axis) or "none yet"}']
+        return ['No model yet.', *last]
     low, high = np.degrees(amplitudes(models[-1]))
     equation = models[-1].model.equation
     # the name of an equation without a published one is its terms
@@ -142,7 +143,7 @@ def model_words(record: LiveRecord, axis: str, verdict: str) -> list[str]:
         f'{equation.name}{terms}, seen from {low:.2g} to {high:.2g} deg',
         ': '.join(filter(None, verdict_of(models[-1]))),
         *reversed(history(models)),
-        f'Last identification: {of_axis(verdict, axis) or "none yet"}',
+        *last,
     ]
 
 

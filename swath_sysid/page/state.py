@@ -141,8 +141,9 @@ class PageState:
                 for name in dict.fromkeys((*AXES, *record.horizons))
             }
             releases = releases_in_words(record.tried.get(self._axis, ()))
-            verdict = facts.text(IDENTIFICATION, 'last_verdict')
-            words = model_words(record, self._axis, verdict)
+            guidance, verdict = self._guides[self._axis].look(facts), facts.text(IDENTIFICATION, 'last_verdict')
+            is_said = bool(verdict) and of_axis(verdict, self._axis) in guidance.cure
+            words = model_words(record, self._axis, None if is_said else verdict)
             waters = calm_words(record), sea_words(record), valid_words(facts.statuses)
         if self.manifest and now - self._campaign_read > SELDOM:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
@@ -151,10 +152,6 @@ class PageState:
             last = self._recorder.stdout.read().strip() or f'the recording failed in {self._folder}: is it writable?'
             self.answer(last)
             self._recorder = None
-        guidance = self._guides[self._axis].look(facts)
-        if verdict and of_axis(verdict, self._axis) in guidance.cure:
-            # the guide says it already
-            words.pop()
         self.view = View(
             self._axis,
             guidance,

@@ -11,7 +11,7 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.variate_analysis import RIDGE, ROWS_A_COEFFICIENT, useful_channels
 
 #: Order of each regression, given enough past; ``ar`` reads its own angle, ``var`` every channel.
-REGRESSIONS = {name: int(name.rpartition('_')[2]) for name in ('ar_40', 'var_40', 'var_60')}
+REGRESSIONS = {'ar_40': 40, 'var_40': 40, 'var_60': 60}
 
 SIMPLE = ('persistence', 'constant_rate', 'mean')
 BASELINES = (*SIMPLE, *REGRESSIONS)

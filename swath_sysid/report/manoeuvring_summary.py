@@ -14,7 +14,7 @@ from swath_sysid.report.fit_summary import warnings_as_data
 
 MAX_ALIKE = 2  #: Number of warnings of one kind shown in full.
 OF_PARAMETERS = ('not-separable', 'uncertain', 'at-bound')  #: Warnings that are not about single runs.
-#: Of the parameters that are no force or moment by a power of the motion.
+#: Of the parameters that are not hydrodynamic derivatives.
 _MEANINGS = {
     'm': 'mass',
     'Iz': 'yaw inertia',

@@ -15,6 +15,7 @@ import numpy as np
 from swath_sysid.attitude.hull.terms import TERM_NAMES, damping_moment, restoring_energy, restoring_moment
 
 QUADRATURE_NODES = 96
+NEWTON_STEPS = 6  #: Each doubles the correct digits.
 
 _ALL_TERMS = (True,) * len(TERM_NAMES)
 
@@ -54,7 +55,7 @@ def orbit_centre(ratios: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
     centre = np.zeros_like(amplitude)
     if not (ratios[5] or ratios[8]):
         return centre
-    for _ in range(np.finfo(float).nmant.bit_length()):  # each step doubles the digits
+    for _ in range(NEWTON_STEPS):
         upper, lower = centre + amplitude, centre - amplitude
         gap = restoring_energy(upper, ratios) - restoring_energy(lower, ratios)
         slope = restoring_moment(upper, ratios, _ALL_TERMS) - restoring_moment(lower, ratios, _ALL_TERMS)

@@ -282,14 +282,20 @@ def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float,
         right.append((values - (1 - order) * np.mean(values)) / noise)
     matrix, target = np.concatenate(rows, axis=1), np.concatenate(right)
     normal, common = matrix.transpose(0, 2, 1) @ matrix, matrix.transpose(0, 2, 1) @ target
-    evidence = []
-    for sizes in product(HAND_SIZES, HULL_SIZES):
-        scale = np.repeat([1.0, *sizes], [2, DEGREE, DEGREE - 1])
-        scaled = np.eye(scale.size) + scale[:, None] * normal * scale
-        explained = np.linalg.solve(scaled, (scale * common)[:, :, None])[:, :, 0]
-        evidence.append(np.sum(scale * common * explained, axis=1) - np.linalg.slogdet(scaled)[1])
-    likelihood = np.exp(0.5 * (np.array(evidence) - np.max(evidence))).sum(axis=0)
+    scales = (np.repeat([1.0, *sizes], [2, DEGREE, DEGREE - 1]) for sizes in product(HAND_SIZES, HULL_SIZES))
+    evidence = np.array([_log_evidence(normal, common, scale) for scale in scales])
+    likelihood = np.exp(evidence - evidence.max()).sum(axis=0)
     return float(likelihood @ times / likelihood.sum())
+
+
+def _log_evidence(normal: np.ndarray, common: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Of T linear models with unit noise, but for what they share, shape (T,).
+
+    From their normal matrices (T, n, n) and right-hand sides (T, n); coefficients are zero within ``scale`` (n,).
+    """
+    scaled = np.eye(scale.size) + scale[:, None] * normal * scale
+    explained = np.linalg.solve(scaled, (scale * common)[:, :, None])[:, :, 0]
+    return 0.5 * (np.sum(scale * common * explained, axis=1) - np.linalg.slogdet(scaled)[1])
 
 
 def _free_end(candidate: DecayCandidate, first: int) -> tuple[int, float, str]:

@@ -27,7 +27,7 @@ ROBUST_AT = 3.0  #: Standard deviations beyond which a residual counts less (sof
 MIN_DECAY = 0.02  #: 1/s; slower decays of small motions on straight courses are penalised.
 STABILITY_WEIGHT = 20.0  #: Of an excess of 1/s, times the root of the number of samples.
 #: Windows with more have diverged and do not determine their initial state.
-LARGEST_INFORMATION = np.reciprocal(np.finfo(float).eps)
+LARGEST_INFORMATION = 1.0 / np.finfo(float).eps
 MIN_PARTS = 3  #: Least number of parts of the runs, of which one is held out at a time.
 
 
