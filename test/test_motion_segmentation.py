@@ -122,6 +122,17 @@ def test_a_release_is_timed_although_the_hand_wobbles(monkeypatch):
     assert np.median(off) < 0.007 and np.quantile(off, 0.9) < 0.025
 
 
+def test_a_strongly_wobbling_hand_does_not_hide_the_release_of_a_heavily_damped_hull(monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
+    made, off = importlib.import_module('basin'), []
+    for hull, scene, seed in product(
+        ('hydrofoil-pitch 3', 'swath-usv-pitch 5'), ('all', 'wobble-trim'), (0, 1, 3, 5, 8, 9)
+    ):
+        trial = made.made_trial(hull, made.SCENES[scene], seed)
+        off.append(abs(find_decay(AxisMotion(trial.axis, trial.time, trial.angle, trial.rate)).start - trial.release))
+    assert max(off) < 0.1
+
+
 def test_rate_only():
     time = np.arange(-5.0, 25.0, 1 / RATE_HZ)
     decay = find_decay(motion_of(time, rate=released(time, np.radians(6.0), 0.05)[1]))

@@ -30,6 +30,9 @@ JUMP_PERIODS = 0.05  #: A rise to it faster than the craft oscillates: it was dr
 #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest. Motion that reaches this
 #: part of a double amplitude within a period is motion like it.
 HOLD_BAND = 0.5
+HELD = 0.75  #: Part of the held angle from which the angle drops to `HOLD_BAND` after a release.
+#: Share of a half-cycle in which an oscillation covers the way from there to its middle.
+STEEP_SHARE = 0.5 - float(np.arccos(2.0 * HELD - 1.0)) / np.pi
 #: Rest means within this part of the first double amplitude about a level; what breaks a candidate below it is the
 #: background.
 REST_BAND = 0.07
@@ -79,8 +82,9 @@ class DecayCandidate:
 
     @cached_property
     def release(self) -> float:
-        """Time at which the motion leaves its first turning point, s."""
-        return self.leaving_time(self.first)
+        """Time at which the motion leaves its first turning point for good, s: not that of a hand that only wobbles."""
+        steep, halfway = self._steep_part
+        return max(self.leaving_time(self.first), halfway - 0.5 * (halfway - steep) / STEEP_SHARE)
 
     @cached_property
     def centre(self) -> float:
@@ -106,13 +110,19 @@ class DecayCandidate:
     @cached_property
     def first_half_duration(self) -> float:
         """Duration of the first half-cycle by that of its steep part, s: noise and waves decide where it turns."""
-        begin, end = self.signal.index(self.release), self.signal.index(self.time[self.first + 1])
-        drop = self.value[self.first + 1] - self.value[self.first]
-        part = (self.signal.value[begin : end + 1] - self.value[self.first]) / drop
-        halfway = np.flatnonzero(part <= 0.5)[-1:]
-        early = np.flatnonzero(part[: halfway[0] + 1 if halfway.size else 0] <= 2.0 * RELEASE_BAND)[-1:]
-        steep = float(np.sum(halfway) - np.sum(early)) or 1.0
-        return self.signal.interval * steep / (0.5 - float(np.arccos(1.0 - 4.0 * RELEASE_BAND)) / np.pi)
+        steep, halfway = self._steep_part
+        return (halfway - steep) / STEEP_SHARE
+
+    @cached_property
+    def _steep_part(self) -> tuple[float, float]:
+        """Times, s, from which on less than `HELD` and than half of the first half-cycle's way is left."""
+        signal, begin = self.signal, self.signal.index(self.time[self.first])
+        left = signal.value[begin : signal.index(self.time[self.first + 1]) + 1] - self.value[self.first + 1]
+        left /= self.value[self.first] - self.value[self.first + 1]
+        steep, halfway = _last_crossing(left, HELD), _last_crossing(left, 0.5)
+        # where the grid is too coarse to tell them apart, a sample
+        steep = steep if steep < halfway else halfway - 1.0
+        return signal.start + signal.interval * (begin + steep), signal.start + signal.interval * (begin + halfway)
 
     @property
     def is_single(self) -> bool:
@@ -197,6 +207,14 @@ class DecayCandidate:
             moving &= (time < decay.arrival - decay.period) | (time > decay.end + decay.period)
         unexplained = self.signal.interval * float(np.count_nonzero(moving))
         return self.evidence >= 1.0 + unexplained / (self.end - self.release)
+
+
+def _last_crossing(values: np.ndarray, level: float) -> float:
+    """Place, between samples, from which on the values stay below a level; the last sample's where they do not."""
+    above = int(np.flatnonzero(values >= level)[-1:].sum())
+    if above == values.size - 1:
+        return float(above)
+    return above + float((values[above] - level) / (values[above] - values[above + 1]))
 
 
 def _leading(mask: np.ndarray) -> int:

@@ -12,7 +12,7 @@ from math import factorial
 import numpy as np
 
 from swath_sysid.attitude.motion import turning_points
-from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND, DecayCandidate, find_candidates
+from swath_sysid.attitude.motion.decay_candidates import HELD, HOLD_BAND, DecayCandidate, find_candidates
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import EvenSignal
 from swath_sysid.common.advice import Advice
@@ -28,8 +28,7 @@ MIN_HALF_CYCLES = 3  #: Three show two losses and one rhythm; fewer are those of
 #: Mean logarithmic decrement per half-cycle below which something sustains the motion; the lightest decay has 0.012.
 MIN_DECREMENT = 0.004
 
-HELD = 0.75  #: Part of the held angle from which the angle drops to `HOLD_BAND` after a release.
-LONGEST_FALL = 3.0  #: A release is at most this many times the duration of that drop before it.
+LONGEST_FALL = 3.0  #: A release is at most this many times the drop from `HELD` to `HOLD_BAND` before it, in time.
 PUSH_MEMORY_HALF_CYCLES = 2  #: Left out after a push, while the double amplitude stays above `HELD` of the first.
 
 #: With this many half-cycles the tail below this part of the first is left out, as it is as much the basin's motion.
@@ -172,7 +171,7 @@ def _is_rhythmic(candidate: DecayCandidate) -> bool:
 
 def _comes_to_trim(candidate: DecayCandidate) -> bool:
     """Whether it ends nearer to where the craft is in the last third of the record: a hand inclines it first."""
-    trim = float(np.median(candidate.signal.value[-(candidate.signal.value.size // 3 + 1) :]))
+    trim = candidate.signal.final_level
     return abs(candidate.value[candidate.last] - trim) < abs(candidate.value[candidate.first] - trim)
 
 

@@ -6,6 +6,7 @@ tens of samples per period the noise is small and the turning points are still s
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -44,6 +45,11 @@ class EvenSignal:
     def time(self) -> np.ndarray:
         """Times of the samples, s."""
         return self.start + self.interval * np.arange(self.value.size)
+
+    @cached_property
+    def final_level(self) -> float:
+        """Median of the last third of the values."""
+        return float(np.median(self.value[-(self.value.size // 3 + 1) :]))
 
     def index(self, time: float) -> int:
         """Index of the sample nearest to a time, within the grid."""
