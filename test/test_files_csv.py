@@ -129,7 +129,7 @@ def test_line_numbers_hold_across_blocks(tmp_path, monkeypatch):
         ('hour,roll_rad', '(?s)time_ns.*hour, roll_rad'),
         ('time_s,wave', '(?s)roll_rate_rad_s.*time_s, wave'),
         ('time_s,rol_deg', "'rol_deg': did you mean roll_deg"),
-        ('time_s,' + 99_000 * 'x', 'longer than 65536 bytes'),
+        ('time_s,' + 2_000_000 * 'x', 'longer than 1048576 bytes'),
     ],
 )
 def test_heads_that_are_refused(tmp_path, head, words):

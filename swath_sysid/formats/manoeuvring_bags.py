@@ -33,7 +33,6 @@ THRUSTER = re.compile('thrust|thruster|motor|cmd|command|prop|drive', re.I)
 
 SEVERAL = 'several-topics'  #: The code of what is asked for by naming topics.
 
-SAME_TIME = 3  #: Decimals, s, within which two messages are simultaneous.
 TWIST_SPAN = 3.0  #: s over which velocity and change of position are compared.
 
 
@@ -73,14 +72,13 @@ def read_manoeuvring_bag(
     if 'imu' in series:
         channels['yaw_rate'] = series['imu'][0], series['imu'][1][:, 0]
     channels |= {'port': (time, left), 'starboard': (time, right)}
-    start = min(times[0] for times, _ in channels.values() if times.size)
-    rounded = {name: np.round(times - start, SAME_TIME) for name, (times, _) in channels.items()}
-    everything = np.unique(np.concatenate(list(rounded.values())))
+    everything = np.unique(np.concatenate([times for times, _ in channels.values()]))
     found: dict[str, Any] = {name: np.full(everything.size, np.nan) for name in channels}
-    for name, (_, values) in channels.items():
-        found[name][np.searchsorted(everything, rounded[name])] = values
+    for name, (times, values) in channels.items():
+        found[name][np.searchsorted(everything, times)] = values
+    time = everything - everything[0]
     return ManoeuvringTrial(
-        everything, thrust_input=thrust_input, **found, frame='enu', source=str(path), advice=tuple(advice)
+        time, thrust_input=thrust_input, **found, frame='enu', source=str(path), advice=tuple(advice)
     )
 
 

@@ -23,15 +23,11 @@ from swath_sysid.formats.named_columns import (
 )
 
 COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
-HEAD_BYTES = 1 << 16  #: How much text is looked at to find the columns.
-
 UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
 TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text may hold.
 
 QUOTED = re.compile(r'"([^"\n]*)"')
-
-LINES_TOGETHER = 1000  #: Lines that are written at once, or parsed cell by cell where one of them is damaged.
 
 Readers = dict[int | str, Callable[[str], float]]  #: Of the cells of columns, by their places.
 
@@ -52,7 +48,7 @@ class TableHead:
 def read_head(path: str | Path) -> TableHead:
     """What precedes the numbers: names on the first line, or on the last comment (as numpy.savetxt writes them)."""
     with _opened(path) as file:
-        head = file.read(HEAD_BYTES)
+        head = file.read(BLOCK_BYTES)
     if not head.strip():
         raise InputError(f'{path} is empty: record or export it again')
     if head.translate(None, TEXT_BYTES):
@@ -69,8 +65,8 @@ def read_head(path: str | Path) -> TableHead:
     elif comments:
         names_line = _without_mark(comments.pop())
     offset = sum(map(len, lines[:first]))
-    if offset == HEAD_BYTES:
-        raise InputError(f'{path} has a first line longer than {HEAD_BYTES} bytes: write one row per sample')
+    if offset == BLOCK_BYTES:
+        raise InputError(f'{path} has a first line longer than {BLOCK_BYTES} bytes: write one row per sample')
     names = tuple(name.strip().strip('"\'').strip() for name in names_line.split(_delimiter(names_line)))
     if not any(re.search('[A-Za-z]', name) for name in names):
         raise InputError(f"{path} has no line of column names: put one above the numbers, such as 'time_s,roll_deg'")
@@ -114,9 +110,7 @@ def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[s
     with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
         file.writelines(f'# {key}: {value}\n' for key, value in remarks.items() if value is not None)
         file.write(','.join(columns) + '\n')
-        for start in range(0, values[0].size, LINES_TOGETHER):
-            rows = zip(*(column[start : start + LINES_TOGETHER].tolist() for column in values), strict=True)
-            file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
+        file.writelines(','.join(map(float.__repr__, row)) + '\n' for row in zip(*values, strict=True))
 
 
 class BlockParser:
@@ -136,22 +130,12 @@ class BlockParser:
 
     def parse(self, block: bytes) -> None:
         lines = self._plain(block).split('\n')
-        self.blocks.append(self._parsed(lines, self.line).T)
-        self.line += len(lines) - (not lines[-1])
-
-    def _parsed(self, lines: list[str], first: int) -> np.ndarray:
-        """The numbers in some lines, of which the first has this number in the file."""
         try:
-            return self._parse_fast(lines, self.dates)
+            rows = self._parse_fast(lines)
         except ValueError:
-            parts = [np.empty((0, len(self.indices)))]
-        for start in range(0, len(lines), LINES_TOGETHER):
-            some = lines[start : start + LINES_TOGETHER]
-            try:
-                parts.append(self._parse_fast(some, self.readers))
-            except ValueError:
-                parts.append(self._parse_cells(some, first + start))
-        return np.concatenate(parts)
+            rows = self._parse_cells(lines)
+        self.blocks.append(rows.T)
+        self.line += len(lines) - (not lines[-1])
 
     def columns(self) -> np.ndarray:
         return np.concatenate(self.blocks, axis=1)
@@ -177,23 +161,23 @@ class BlockParser:
             text = text.replace('"', '')
         return text.replace(',', '.') if self.head.decimal_comma else text
 
-    def _parse_fast(self, lines: list[str], readers: Readers) -> np.ndarray:
+    def _parse_fast(self, lines: list[str]) -> np.ndarray:
         if not any(map(str.strip, lines)):
             return np.empty((0, len(self.indices)))
         return np.loadtxt(
             lines,
             delimiter=self.head.delimiter,
             usecols=self.indices,
-            converters=readers or None,
+            converters=self.dates or None,
             comments=None,
             ndmin=2,
             encoding='utf-8',
         )
 
-    def _parse_cells(self, lines: Sequence[str], first: int) -> np.ndarray:
+    def _parse_cells(self, lines: Sequence[str]) -> np.ndarray:
         rows = []
         needed = max(self.indices) + 1
-        for number, line in enumerate(lines, first):
+        for number, line in enumerate(lines, self.line):
             cells = line.split(self.head.delimiter)
             is_comment = line.lstrip().startswith(COMMENT_MARKS) and cells[0].strip().lower() not in MISSING
             if not line.strip() or is_comment:
