@@ -80,7 +80,7 @@ def test_identify_writes_model_and_picture_and_says_the_published_form(trial_fil
     assert 'true ratios b1' in capsys.readouterr().out
 
 
-def test_identify_names_the_decays_that_it_does_not_use(tmp_path, capsys):
+def test_identify_fits_every_release_of_a_record_and_names_the_decays_of_the_other_axis(tmp_path, capsys):
     parts = [
         simulated_trial(hull_named(name).model, angle, 15.0, 25.0, hold=3.0, seed=seed)
         for seed, (name, angle) in enumerate((('swath-roll', 0.1), ('swath-roll', 0.08), ('swath-pitch', 0.06)))
@@ -88,11 +88,12 @@ def test_identify_names_the_decays_that_it_does_not_use(tmp_path, capsys):
     channels = {name: np.concatenate([part.channels[name] for part in parts]) for name in parts[0].channels}
     write_csv(tmp_path / 'all.csv', Trial(np.arange(3 * parts[0].time.size) / 25.0, **channels))
     words = ['identify', str(tmp_path / 'all.csv'), '--equation', 'linear', '--json', '--force']
-    for axis, expected in (([], {'several-decays', 'decay-of-other-axis'}), (['--axis', 'roll'], {'several-decays'})):
+    for axis, expected in (([], {'decay-of-other-axis'}), (['--axis', 'roll'], set())):
         assert main([*words, *axis]) == 0
-        warnings = {each['code']: each['message'] for each in json.loads(capsys.readouterr().out)['warnings']}
-        assert set(warnings) & {'several-decays', 'decay-of-other-axis'} == expected
-        assert '(21.0 to 3' in warnings['several-decays']
+        found = json.loads(capsys.readouterr().out)
+        assert {each['code'] for each in found['warnings']} & {'several-decays', 'decay-of-other-axis'} == expected
+        assert np.array(found['segment_s'])[:, 0] == pytest.approx([3.0, 21.0], abs=0.05)
+        assert found['sources'] == [str(tmp_path / 'all.csv')] * 2
 
 
 @pytest.mark.slow

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from swath_sysid import __version__
-from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.problem import problem_of
+from swath_sysid.attitude.motion.segmentation import find_decay
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.campaign.evaluation import Condition, Record
@@ -89,7 +90,8 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> TrialOutc
         sha256 = source_hash(entry.path)
         trial = read_trial(entry.path, topic=entry.topic, frame=entry.frame, columns=dict(entry.columns))
         refuse_contradictions(trial, entry.axis)
-        problem = prepare([trial.axis(entry.axis)], entry.start, entry.end)
+        motion = trial.axis(entry.axis)
+        problem = problem_of([motion], (find_decay(motion, entry.start, entry.end),))
         angle, stated = entry.initial_angle_deg, trial.initial_angle
         if angle is None and stated is not None:
             angle = round(math.degrees(stated), 6)
@@ -101,7 +103,7 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> TrialOutc
     except Exception as error:  # noqa: BLE001 - one damaged file must not stop the others; its reason is reported
         return outcome.left_out(f'{type(error).__name__} while reading it: {error}')
     condition = Condition(entry.axis, loading, float(angle), entry.speed_m_s or 0.0)
-    record = Record(outcome.name, condition, entry.repeat or 0, trial.axis(entry.axis), problem)
+    record = Record(outcome.name, condition, entry.repeat or 0, motion, problem)
     advice = tuple(dict.fromkeys((*trial.advice, *problem.advice)))
     draft = trial.draft if entry.loading is None and hides_drafts(manifest.craft, quantity) else None
     return replace(outcome, sha256=sha256, record=record, advice=advice, unused_draft=draft)

@@ -73,7 +73,7 @@ def run(arguments: Namespace) -> int:
     problem = _problem_of(arguments, motions_of(trials, axis))
     if problem is None:
         return _run_at_sea(arguments, trials, axis, read_advice, began)
-    others = () if arguments.axis else decays_of_other_axes(trials, axis, problem.segments)
+    others = () if arguments.axis else decays_of_other_axes(trials, problem)
     with progress_of('identify') as progress:
         found = identify_problem(problem, settings, progress=progress)
     inertia = particulars.inertia_of(found.model)

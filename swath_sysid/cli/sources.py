@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from swath_sysid import __version__
-from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays
+from swath_sysid.attitude.identification.problem import Problem
+from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.cli.flags import finite
@@ -119,15 +120,19 @@ def chosen_axis(trials: Sequence[Trial], asked: str | None) -> str:
     return max(trials[0].axes or AXES[:1], key=lambda axis: float(np.ptp(trials[0].axis(axis).primary)))
 
 
-def decays_of_other_axes(trials: Sequence[Trial], axis: str, used: Sequence[DecaySegment]) -> tuple[Advice, ...]:
-    """Advice on free decays about another axis at other times than the decay that is used of each trial."""
+def decays_of_other_axes(trials: Sequence[Trial], problem: Problem) -> tuple[Advice, ...]:
+    """Advice on free decays about another axis of the trials at other times than the decays of a problem."""
+    used = {
+        trial.source: [s for s, m in zip(problem.segments, problem.motions, strict=True) if m.source == trial.source]
+        for trial in trials
+    }
     return tuple(
         Advice.of('decay-of-other-axis', source=trial.source, axis=other, start=decay.start, end=decay.end)
-        for trial, segment in zip(trials, used, strict=True)
+        for trial in trials
         for other in trial.axes
-        if other != axis
+        if other != problem.axis
         for decay in find_decays(trial.axis(other))[:1]
-        if decay.start > segment.end or decay.end < segment.start
+        if all(decay.start > segment.end or decay.end < segment.start for segment in used[trial.source])
     )
 
 

@@ -228,7 +228,7 @@ SENTENCES = {
     'sensor-turned': 'the attitude averages roll {roll} deg and pitch {pitch} deg, at which no craft floats, so this '
     'is its mounting: set mounting_deg to {mounting} (roll, pitch, yaw, of which the yaw does not show)',
     'several-decays': '{number} free decays were found, and only the one with most motion is used, from {start:.1f} to '
-    '{end:.1f} s: fit each of the others by itself, by its start and end ({others})',
+    '{end:.1f} s: make each of the others a trial of its own, by its start and end ({others})',
     'short-rows': '{number} rows end early, the first in line {line}, and their missing cells are treated as missing '
     'values: check that the file was written to the end',
     'speed-derived': '{source} has no {missing}: it was derived from position and heading',
@@ -319,7 +319,6 @@ FLAGS = {
     'poor-fit': '--start and --end',
     'scale-not-given': '--mass or --thrust-per-command',
     'sea-not-fitted': '--start and --end',
-    'several-decays': '--start and --end',
     'several-imu-topics': '--topic',
     'several-topics': '--odometry-topic, --imu-topic, --port-topic, --starboard-topic',
     'store-in-use': '--output',

@@ -102,7 +102,7 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
     model = found.model
     low, high = (math.degrees(a) for a in found.amplitude_range)
     lines = [
-        f'{model.axis}: {title_of(model.equation, model.axis)}, {counted(len(found.records), "record")}',
+        f'{model.axis}: {title_of(model.equation, model.axis)}, {counted(len(found.records), "decay")}',
         f'  {with_flags(found.verdict.code, str(found.verdict))}',
         *(
             f'  {short_name(r.motion.source)}: decay from {r.segment.start:.2f} to {r.segment.end:.2f} s, '

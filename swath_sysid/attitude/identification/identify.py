@@ -57,7 +57,8 @@ def identify(
     terms that the motion shows, a likelihood that knows of the basin's own motion refines it further.
 
     Args:
-        motions: Whole records, all of one axis: the free decay in each is found, unless the settings give its bounds.
+        motions: Whole records, all of one axis: the free decays in each are found, unless the settings give
+            the bounds of one.
         settings: What to fit and how.
         progress: Called with 0 to 1.
         should_cancel: Asked often; True raises `Cancelled`.

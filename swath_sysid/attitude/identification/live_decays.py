@@ -5,8 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.identification.problem import Problem, needed_part, problem_of
-from swath_sysid.attitude.motion.quality import MIN_CYCLES
+from swath_sysid.attitude.identification.problem import Problem, needed_part, problem_of, to_be_fitted
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays
 from swath_sysid.attitude.motion.sensor_checks import OFFSET_CODES, RATE_CODES, contradictions_in, refuse_contradictions
 from swath_sysid.attitude.motion.sensor_mount import Installation
@@ -85,17 +84,15 @@ def checked_trial(table: MotionTable) -> Trial:
 
 
 def decays_in(table: MotionTable, trial: Trial, axis: str, source: dict) -> tuple[LiveDecay, ...]:
-    """The decay with the most motion in a window, and the others released that are long enough.
+    """The decays to be fitted in a window.
 
     Raises `InputError` where angle and rate contradict each other, or neither was measured.
     """
     refuse_contradictions(trial, axis)
     motion = trial.axis(axis)
-    found = find_decays(motion)
     return tuple(
         LiveDecay(needed_part(motion, segment), segment, float(table.rows[0, 0]), source)
-        for segment in found
-        if segment is found[0] or (segment.beginning == 'released' and segment.cycles >= MIN_CYCLES)
+        for segment in to_be_fitted(find_decays(motion))
     )
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
-from swath_sysid.attitude.motion.quality import check_decay
-from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decay_or_absence, find_decay
+from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay
+from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -80,20 +80,34 @@ def prepare(motions: Sequence[AxisMotion], start: float | None = None, end: floa
 
     Raises `InputError` without a record, with different axes, or without a free decay in a record.
     """
-    return problem_of(motions, tuple(find_decay(m, start, end) for m in motions))
+    return _joint_problem(motions, [decays_or_absence(m, start, end) for m in motions])
 
 
-def decays_or_waves(
-    motions: Sequence[AxisMotion], start: float | None = None, end: float | None = None
-) -> Problem | None:
+def decays_or_waves(motions: Sequence[AxisMotion]) -> Problem | None:
     """As `prepare`, but None where no record holds a free decay and all oscillate from start to end."""
-    found = tuple(decay_or_absence(m, start, end) for m in motions)
-    absences = [each for each in found if isinstance(each, Advice)]
-    if absences and all(each.code == FORCED_MOTION for each in absences) and len(absences) == len(found):
+    found = [decays_or_absence(m) for m in motions]
+    if all(isinstance(each, Advice) and each.code == FORCED_MOTION for each in found) and found:
         return None
-    for absence in absences:
-        raise InputError(absence.message, absence.code)
-    return problem_of(motions, tuple(each for each in found if not isinstance(each, Advice)))
+    return _joint_problem(motions, found)
+
+
+def _joint_problem(motions: Sequence[AxisMotion], found: Sequence[tuple[DecaySegment, ...] | Advice]) -> Problem:
+    """One problem of all the decays to be fitted that were found in each record."""
+    decays: list[tuple[AxisMotion, DecaySegment]] = []
+    for motion, each in zip(motions, found, strict=True):
+        if isinstance(each, Advice):
+            raise InputError(each.message, each.code)
+        decays += [(motion, segment) for segment in to_be_fitted(each)]
+    return problem_of([motion for motion, _ in decays], tuple(segment for _, segment in decays))
+
+
+def to_be_fitted(decays: Sequence[DecaySegment]) -> tuple[DecaySegment, ...]:
+    """Of the decays of one record, the best first: that one, and the others released that are long enough, by time."""
+    return tuple(
+        segment
+        for segment in sorted(decays, key=lambda decay: decay.start)
+        if segment is decays[0] or (segment.beginning == 'released' and segment.cycles >= MIN_CYCLES)
+    )
 
 
 def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]) -> Problem:

@@ -98,27 +98,29 @@ def find_decay(motion: AxisMotion, start: float | None = None, end: float | None
 
     A missing bound is found: the end of the first decay after ``start``, the start of the last before ``end``.
     """
-    found = decay_or_absence(motion, start, end)
+    found = decays_or_absence(motion, start, end)
     if isinstance(found, Advice):
         raise InputError(found.message, found.code)
-    return found
+    return _best_of(found)
 
 
-def decay_or_absence(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment | Advice:
-    """As `find_decay`, but the answer of `explain_absence` where nothing decays freely."""
+def decays_or_absence(
+    motion: AxisMotion, start: float | None = None, end: float | None = None
+) -> tuple[DecaySegment, ...] | Advice:
+    """`find_decays`, or the one between the bounds; the answer of `explain_absence` where nothing decays freely."""
     inside = _between(motion, start, end)
     if start is not None and end is not None:
-        return _measured(inside, float(start), float(end))
+        return (_measured(inside, float(start), float(end)),)
     decays = find_decays(inside)
     if not decays and (start is not None or end is not None):
         decays = _within_a_bound(inside)
     if not decays:
         return explain_absence(inside)
     if start is not None:
-        return _with_bounds(min(decays, key=lambda decay: decay.start), inside, start=float(start))
+        return (_with_bounds(min(decays, key=lambda decay: decay.start), inside, start=float(start)),)
     if end is not None:
-        return _with_bounds(max(decays, key=lambda decay: decay.end), inside, end=float(end))
-    return _best_of(decays)
+        return (_with_bounds(max(decays, key=lambda decay: decay.end), inside, end=float(end)),)
+    return decays
 
 
 def is_finished(segment: DecaySegment, motion: AxisMotion) -> bool:
