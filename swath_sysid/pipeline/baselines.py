@@ -8,7 +8,8 @@ from typing import Any, Self
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.attitude.prediction.variate_analysis import RIDGE, ROWS_A_COEFFICIENT, useful_channels
+from swath_sysid.attitude.prediction.state_space import RIDGE
+from swath_sysid.attitude.prediction.variate_analysis import ROWS_A_COEFFICIENT, useful_channels
 
 #: Order of each regression, given enough past; ``ar`` reads its own angle, ``var`` every channel.
 REGRESSIONS = {'ar_40': 40, 'var_40': 40, 'var_60': 60}

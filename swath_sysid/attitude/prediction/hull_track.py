@@ -8,14 +8,13 @@ import numpy as np
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.prediction import hull_step
 from swath_sysid.attitude.prediction.hull_step import HULL_STATES, RATIOS, TRIM
+from swath_sysid.attitude.prediction.sensor_noise import STRAIN_GAIN
 
 Pair = tuple[float, float]  #: Of the angle and of the rate.
 
 OF_HULL = slice(TRIM, HULL_STATES)  #: Trim and ratios.
 NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
 LONGEST_STEP = 0.05  #: s.
-
-STRAIN_GAIN = 0.2  #: Of the running mean of the innovations squared over their expectation.
 
 
 class HullTrack:

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
 from swath_sysid.attitude.prediction.hull_filter import USUAL_AMPLITUDE
-from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_by_side
-from swath_sysid.attitude.prediction.variate_analysis import RIDGE
+from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsModel, side_by_side
 
 _DAMPING = 0.4
 # rad/s; expected of a small craft's motion, and counts for a quarter of its period

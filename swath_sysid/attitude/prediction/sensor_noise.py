@@ -15,6 +15,7 @@ MEMORY_OF_SIZE = 60.0
 #: or a hand on the craft, says little of the errors to come.
 CREDIBLE = 9.0
 
+STRAIN_GAIN = 0.2  #: Of the running mean of a filter's innovations squared over their expectation.
 
 _SPAN = 0.5  #: s over which the rate is integrated: some tenths of a craft's period.
 _AGREEMENT_MEMORY = 30.0  #: s; averaging time.

@@ -12,16 +12,19 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
+from swath_sysid.attitude.prediction.sensor_noise import STRAIN_GAIN
+
 # rows before the newest that the interpolation and the differences at a lead of zero reach back to
 _PAST = 4
 # fourth-order central difference: 4 % low at six samples a period, where the second-order one is 17 % low
 _DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
-# a state whose errors are this much less than the innovations (in variance) is known
-_KNOWN = 1e-4
-# s over which the innovations of the targets are averaged
-_STRAIN_TIME = 1.0
-#: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.
-BREAK = 400.0
+#: Variance of white noise that every channel is given, over the channel's own: without it, channels of which one
+#: follows from others without error have singular innovations; more costs .1 s ahead (1e-6: 5 to 20 %). A state whose
+#: errors are less is known.
+RIDGE = 1e-8
+#: As many times its usual size, neither an error nor a third difference is a craft's motion: a spike, or a motion that
+#: was broken off, as where one record is appended to another.
+BREAK = 20.0
 
 
 @dataclass(frozen=True)
@@ -65,12 +68,10 @@ class InnovationsFilter:
         self._scale = 1.0 / model.scale
         self._following = np.vstack([model.c, model.a])
         self._driven = model.k @ model.s @ model.k.T
-        self._floor = _KNOWN * np.diag(model.s)
         watched = [name in self.targets for name in model.channels]
         self._watched = np.flatnonzero(watched if any(watched) else np.ones(len(watched), dtype=bool))
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
-        self._strain_gain = min(1.0, model.step / _STRAIN_TIME)
-        self._largest = BREAK * np.diag(model.s)
+        self._largest = BREAK**2 * np.diag(model.s)
         self._prepare(np.array(steps, dtype=int))
         self.restart()
 
@@ -128,7 +129,7 @@ class InnovationsFilter:
     def _follow_strain(self, error: np.ndarray):
         square = float(error @ self._precision @ error) / error.size
         if square == square:
-            self.strain += self._strain_gain * (square - self.strain)
+            self.strain += STRAIN_GAIN * (square - self.strain)
 
     def _update(self, z: np.ndarray, seen: np.ndarray):
         """The Kalman update with the channels that were seen, all or none of them included.
@@ -140,7 +141,7 @@ class InnovationsFilter:
         error = z[seen] - c @ self._x
         pc = self._p @ c.T
         v = c @ pc + m.s[np.ix_(seen, seen)]
-        if (error * error > BREAK * np.diag(v)).any() and self._p is not m.prior:
+        if (error * error > BREAK**2 * np.diag(v)).any() and self._p is not m.prior:
             self._x, self._p = np.zeros_like(self._x), m.prior
             self._update(z, seen)
             return
@@ -154,7 +155,7 @@ class InnovationsFilter:
             expected = expected + gain[states:] @ error
             covariance -= gain[:states] @ both[:states].T
         covariance = 0.5 * (covariance + covariance.T)
-        known = seen.all() and (((m.c @ covariance) * m.c).sum(axis=1) <= self._floor).all()
+        known = seen.all() and (((m.c @ covariance) * m.c).sum(axis=1) <= RIDGE).all()
         self._p = None if known else covariance
         self._recent.append(np.where(seen, z, expected))
 

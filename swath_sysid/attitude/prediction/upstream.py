@@ -11,12 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
+from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.point import ATTITUDE
-from swath_sysid.attitude.prediction.state_space import BREAK, InnovationsFilter
+from swath_sysid.attitude.prediction.rows import CHANNELS
+from swath_sysid.attitude.prediction.state_space import BREAK, RIDGE, InnovationsFilter
 from swath_sysid.attitude.prediction.variate_analysis import (
-    RIDGE,
+    MAX_LAGS,
     ROWS_A_COEFFICIENT,
+    STATES_A_CHANNEL,
     identify,
     lag_gram,
     useful_channels,
@@ -27,10 +30,9 @@ from swath_sysid.common.row_buffer import RowBuffer
 UPSTREAM, NEW_UPSTREAM = 'upstream', 'upstream-new'  #: State spaces of the whole past, and of its end.
 
 LONGEST_PAST = 30.0  #: s; waves of 10 s take as long over two wavelengths.
-_MOST_LAGGED = 300  #: Lags times channels: the time of a fit goes with its cube.
-_PAST_STEP = 0.5  #: s between the lags among which the needed past is sought.
-_STATES = 60  #: Of one model: waves on their way take more than a craft's motion does.
-_LONGEST_BRIDGED = 3.0  #: Usual intervals of a series across which it is interpolated.
+#: Lags times channels, and states: as many as all channels of the craft take, since the time of a fit goes with their
+#: cubes.
+_MOST_LAGGED, _STATES = MAX_LAGS * len(CHANNELS), STATES_A_CHANNEL * len(CHANNELS)
 _LONGEST_HELD = 2.0  #: s; a series that repeats one value for longer is stuck.
 _IN_TIME = 0.98  #: Share of the values that a model waits for.
 
@@ -77,7 +79,7 @@ class _Series:
         if self.points:
             elapsed = stamp - self.points[-1][0]
             usual = self.interval if self.interval == self.interval else elapsed
-            self.interval = usual + 0.1 * (min(elapsed, _LONGEST_BRIDGED * usual) - usual)
+            self.interval = usual + 0.1 * (min(elapsed, GAP_INTERVALS * usual) - usual)
         self.points.append((stamp, value))
 
     def at(self, stamp: float) -> float | None:
@@ -90,7 +92,7 @@ class _Series:
         if len(points) < 2:
             return points[0][1] if stamp == points[0][0] else None
         (before, first), (after, second) = points[0], points[1]
-        if after - before > _LONGEST_BRIDGED * self.interval:
+        if after - before > GAP_INTERVALS * self.interval:
             return math.nan
         return first + (stamp - before) / (after - before) * (second - first)
 
@@ -207,7 +209,7 @@ def fit_upstream(own: np.ndarray, step: float, asked: UpstreamRequest) -> dict[s
     width = len(useful_channels(rows))
     # the state holds all that is on its way, so the past reaches back to where the longest lead's wave comes from
     past = min(needed_past(rows, step, 0.5 * asked.horizon) + 0.5 * asked.horizon, LONGEST_PAST)
-    every = max(1, math.ceil(past * width / (_MOST_LAGGED * step)))
+    every = _rows_between_lags(past, width, step)
     lags, newest = round(past / (every * step)), asked.newest % every
     coarse = rows[::-1][newest::every][::-1]
     shortest = round((ROWS_A_COEFFICIENT * width + 2.0) * lags)
@@ -223,6 +225,11 @@ def fit_upstream(own: np.ndarray, step: float, asked: UpstreamRequest) -> dict[s
     return fits
 
 
+def _rows_between_lags(past: float, width: int, step: float):
+    """How many rows apart the lags of a past, s, of so many channels have to be."""
+    return max(1, math.ceil(past * width / (_MOST_LAGGED * step)))
+
+
 def _delayed(values: np.ndarray, rows: int) -> np.ndarray:
     return np.concatenate([np.full(rows, math.nan), values])[: values.size]
 
@@ -234,9 +241,9 @@ def needed_past(rows: np.ndarray, step: float, lead: float) -> float:
     error by more than its coefficients cost (Akaike 1969), where forecasts less than a lead apart count as one. Zero
     where the rows do not suffice.
     """
-    every = max(1, round(_PAST_STEP / step))
-    ahead = max(1, round(lead / (every * step)))
     places = useful_channels(rows)
+    every = _rows_between_lags(LONGEST_PAST, len(places), step)
+    ahead = max(1, round(lead / (every * step)))
     coarse = rows[::every, places]
     coarse = (coarse - np.nanmean(coarse, axis=0)) / np.nanstd(coarse, axis=0) if places else coarse
     width, lags = max(len(places), 1), round(LONGEST_PAST / (every * step))
@@ -284,7 +291,7 @@ class UpstreamCandidate:
         c, k = m.c[self._channels], self._channels
         error = (whole[self._places] - m.mean[k]) / m.scale[k] - c @ self._space.state
         variance = np.diag(m.s)[k] + (0.0 if p is None else ((c @ p) * c).sum(axis=1))
-        whole[self._places[error * error > BREAK * variance]] = math.nan
+        whole[self._places[error * error > BREAK**2 * variance]] = math.nan
         return whole
 
     def skip(self, count: int) -> None:
