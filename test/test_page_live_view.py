@@ -80,7 +80,7 @@ def test_memory_does_not_grow_and_of_a_fast_sensor_25_samples_a_second_are_kept(
     for k in range(1200):
         record.add_horizon(forecast(k * 10**8))
         record.add_status(Report(f'node {k}: imu', 0, ''), 0.0)
-    assert len(record.checked['pitch']) == 600
+    assert len(record.checked['pitch']) == 750
     assert (len(record.statuses(0.0)), len(record.statuses(4.0)), len(record.statuses(6.0))) == (100, 100, 0)
     hull = hull_named('swath-roll').model
     for k in range(9):

@@ -16,13 +16,11 @@ from swath_sysid.cli.flags import finite
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.input_files import existing
+from swath_sysid.formats.input_files import BLOCK_BYTES, existing
 from swath_sysid.formats.model_file import write_model
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_trial, source_hash
 from swath_sysid.report.figures import FORMATS, Figure, save_figure
-
-LONG_RECORD = 10_000_000  #: Bytes of a file from which its reading is shown.
 
 
 def columns_of(arguments: Namespace) -> dict[str, str]:
@@ -53,7 +51,7 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
 def read_record(path: str, arguments: Namespace) -> Trial:
     """Read one record as the command line says, with progress where it is long."""
     how: dict[str, Any] = {'topic': arguments.topic, 'frame': arguments.frame, 'columns': columns_of(arguments)}
-    if not os.path.isfile(path) or os.path.getsize(path) < LONG_RECORD:
+    if not os.path.isfile(path) or os.path.getsize(path) < BLOCK_BYTES:
         return read_trial(path, **how)
     with progress_of(f'reading {path}') as progress:
         progress(0.0)

@@ -8,9 +8,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
+from swath_sysid.nodes.executor_loop import LOOK_PERIOD
 from swath_sysid.nodes.worker import OnProgress, Worker
-
-PERIOD = 0.1  #: s. A client keeps ten of the replies to all clients: a burst of fifty pushes its own out.
 
 
 async def outcome_of(
@@ -29,11 +28,13 @@ async def outcome_of(
 
 
 class AnswerQueue:
-    """Lets coroutines of a node continue one at a time."""
+    """Lets coroutines of a node continue one at a time: a client keeps ten of the replies to all clients, and a burst
+    of fifty pushes its own out.
+    """
 
     def __init__(self, node: Node):
         self._waiting: deque[Future] = deque()
-        self._timer = node.create_timer(PERIOD, self._next, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = node.create_timer(LOOK_PERIOD, self._next, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
 
     async def wait(self) -> None:

@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-from swath_sysid.page.live_record import CHECKED_LEAD
-from swath_sysid.page.live_view import INTERVALS, SHOWN_S
+from swath_sysid.page.live_record import CHECKED_LEAD, SHOWN_S
+from swath_sysid.page.live_view import INTERVALS
 
 EARLIER = f'{CHECKED_LEAD:g} s before'
 MEASURED, FORECAST, CHECKED = '#8a94a0', '#d95f02', '#7570b3'

@@ -20,9 +20,9 @@ from swath_sysid.pipeline.health import Report
 
 RATE = 25.0  #: Hz; faster samples are thinned: a craft rolls in 1 s and more.
 STALE_S = 5.0  #: s after which a status is ignored.
+SHOWN_S = 30.0  #: s of motion in a chart, and of the earlier forecasts that are kept for it.
 CHECKED_LEAD = 2.0  #: s; lead of the forecast that is kept until its motion has been measured.
 
-KEPT_FORECASTS = 600
 KEPT_MODELS = 5
 MAX_STATUSES = 100
 
@@ -100,7 +100,8 @@ class LiveRecord:
             horizon = Horizon(horizon.stamp, horizon.leads, {name: horizon.mean['heave']}, {name: horizon.std['heave']})
         for quantity in horizon.mean:
             self.horizons[quantity] = horizon
-            kept = self.checked.setdefault(quantity, deque(maxlen=KEPT_FORECASTS))
+            # as many as there are samples in a chart
+            kept = self.checked.setdefault(quantity, deque(maxlen=round(SHOWN_S * RATE)))
             at = int(np.argmin(np.abs(horizon.leads - CHECKED_LEAD)))
             time = horizon.stamp + float(horizon.leads[at])
             if kept and time < kept[-1][0]:

@@ -14,13 +14,12 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import noise_level
-from swath_sysid.page.live_record import LiveRecord
+from swath_sysid.page.live_record import SHOWN_S, LiveRecord
 from swath_sysid.page.model_words import FAINTEST, amplitudes, described, gain, history, of_axis, verdict_of
 from swath_sysid.page.release import Release
 from swath_sysid.pipeline.health import OK, WARN, Report
 from swath_sysid.report.sea_report import sea_in_words
 
-SHOWN_S = 30.0
 SHOWN_POINTS = 300  #: Of a motion: a chart has hardly more pixels, and every browser gets them twice a second.
 #: Half widths in standard deviations.
 INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NORMAL_QUANTILES, strict=True)}

@@ -24,7 +24,7 @@ from swath_sysid.campaign.manifest import PredictedDamping
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.rounding import digits
-from swath_sysid.report.campaign_figures import legend_below, panel
+from swath_sysid.report.campaign_figures import legend_below
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.extinction_tables import (
     QUANTITY_COLUMNS,
@@ -33,7 +33,7 @@ from swath_sysid.report.extinction_tables import (
     peaks_table,
     quantity_row,
 )
-from swath_sysid.report.figures import CROSS, MEASURED, SERIES, two_std_band
+from swath_sysid.report.figures import MEASURED, SERIES, panel, two_std_band
 from swath_sysid.report.html_page import Drawing
 from swath_sysid.report.tables import Column, Table, columns_of
 
@@ -213,9 +213,9 @@ def _damping_figure(outcome: CampaignOutcome, items: Sequence[_Decays], title: s
             predicted = _predicted(each, items[-1], dimensional)
             if predicted is not None:
                 methods.setdefault(each.method, []).append((each.amplitude_deg, predicted))
-    for marker, (method, points) in zip(cycle('xP^s'), sorted(methods.items())):
+    for marker, (method, points) in zip(cycle('XP^s'), sorted(methods.items())):
         at, value = zip(*sorted(points), strict=True)
-        axes.plot(at, value, '--', marker=marker, color=MEASURED, linewidth=0.8, label=method, **CROSS)
+        axes.plot(at, value, '--', marker=marker, color=MEASURED, linewidth=0.8, label=method)
         highest = max(highest, *value)
     axes.set_ylim(0.0, 1.4 * highest)
     legend_below(axes)

@@ -14,25 +14,21 @@ from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.common.covariance import correlation
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.figures import (
-    CROSS,
     MEASURED,
     SERIES,
     TWO_STD,
     Axes,
-    Figure,
     curves_of,
     draw_fit,
     measured_channel,
     new_figure,
-    new_panel,
+    panel,
     quiet,
     two_std_band,
 )
 from swath_sysid.report.html_page import Drawing
 
-WIDTH, HEIGHT = 4.0, 2.8
 LINE_STYLES = ('-', '--', ':', '-.')
-MAX_POINTS = 500
 
 
 def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, list[Drawing]]:
@@ -45,15 +41,6 @@ def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
         'records': list(record_drawings(outcome, axis)),
         'correlations': list(correlation_drawings(outcome, axis)),
     }
-
-
-def panel(**labels: str) -> tuple[Figure, Axes]:
-    """A small figure with a single panel."""
-    return new_panel(WIDTH, HEIGHT, **labels)
-
-
-def _thinned(size: int):
-    return slice(None, None, max(1, size // MAX_POINTS))
 
 
 def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
@@ -70,8 +57,7 @@ def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Draw
         figure, axes = panel(title=title, xlabel='time since release [s]', ylabel=label)
         for condition, time, measured in members:
             name = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
-            thinned = _thinned(time.size)
-            axes.plot(time[thinned] - time[0], np.degrees(measured[thinned]), linewidth=1.1, label=name)
+            axes.plot(time - time[0], np.degrees(measured), linewidth=1.1, label=name)
         axes.legend(frameon=False)
         suffix += '_rate' if 'rate' in label else ''
         yield Drawing(f'decays_{axis.axis}_{suffix}', f'Recorded decays {title}, best repeats', figure)
@@ -95,7 +81,7 @@ def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawi
                 for r, fits in zip(axis.records, axis.fits['simulation'], strict=True)
                 if r.condition.loading == loading
             ]
-            axes.plot(*np.transpose(single), 'x', color=colour, **CROSS)
+            axes.plot(*np.transpose(single), 'X', color=colour)
         _finish_ratio(axes)
         caption = (
             f'{term} against initial angle: repeats together with two standard deviations; crosses: single repeats'
@@ -154,9 +140,9 @@ def period_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
     loadings = sorted({c.loading for c in axis.together})
     angles = sorted({c.initial_angle_deg for c in axis.together})
     several = len(loadings) > 1
-    height = HEIGHT + 0.22 * math.ceil(len(axis.together) / 2)
     label = 'natural period [s]'
-    figure, axes = new_panel(WIDTH, height, xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
+    figure, axes = panel(xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
+    figure.set_figheight(figure.get_figheight() + 0.22 * math.ceil(len(axis.together) / 2))
     for condition, fits in sorted(axis.together.items()):
         bands, place = fits[axis.choice].bands, angles.index(condition.initial_angle_deg)
         amplitude, (value, std) = np.degrees(bands.curves.amplitude), curves_of(bands)[label]
@@ -182,9 +168,9 @@ def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Dra
         fit, motion = fits[axis.choice], record.problem.motions[0]
         state = fit.states[0]
         angle, rate = simulate(fit.model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
-        figure = new_figure(WIDTH, HEIGHT)
+        figure = new_figure()
         above, below = map(quiet, figure.subplots(2, 1, sharex=True, height_ratios=(3, 1)))
-        draw_fit(above, below, motion, angle, rate, _thinned(motion.time.size))
+        draw_fit(above, below, motion, angle, rate)
         above.legend(frameon=False, ncols=2, loc='upper right')
         c = record.condition
         title = f'{c.initial_angle_deg:g} deg, {_loading(outcome, c)}, repeat {record.repeat}'
@@ -200,7 +186,7 @@ def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterato
         fit = fits[axis.choice]
         terms = list(fit.model.terms)
         matrix, count = correlation(fit.covariance), len(terms)
-        figure = new_figure(3.4, 3.1)
+        figure = new_figure()
         axes = figure.subplots()
         # of the colours those on which black is read, whatever the page's own
         axes.pcolormesh(matrix[::-1], cmap='RdBu_r', vmin=-1.5, vmax=1.5, edgecolors='none')

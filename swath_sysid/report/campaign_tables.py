@@ -1,6 +1,7 @@
 """The tables of a campaign."""
 
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from operator import attrgetter
 from typing import Any
 
@@ -19,7 +20,6 @@ LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displa
 LEAD_NAMES = ('a quarter period', 'half a period', 'one period')  #: Of `LEADS`.
 QUANTITIES = {'natural_period_s': 'natural period [s]', 'damping_ratio': 'equivalent damping ratio'}
 CHECKED_SAMPLES = 10
-SCHEDULE_POINTS = 9
 
 
 def trials_table(outcome: CampaignOutcome) -> Table:
@@ -316,16 +316,16 @@ def next_step_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
 
 
 def schedule_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
-    """The ratios of the scheduled model at its loadings and between."""
+    """The ratios of the scheduled model at its loadings and halfway between."""
     s = axis.schedule
-    between = np.unique(np.round([*s.loadings, *np.linspace(s.loadings[0], s.loadings[-1], SCHEDULE_POINTS)], 9))
-    ratios, stds = (values.tolist() for values in s.curve(between))
+    shown = np.sort([*s.loadings, *(0.5 * (a + b) for a, b in pairwise(s.loadings))])
+    ratios, stds = (values.tolist() for values in s.curve(shown))
     places = {term: k for k, term in enumerate(s.equation.terms)}
     return Table.of(
         f'schedule_{axis.axis}',
         f'Scheduled model, {axis.axis}',
         'Linear between the drafts that were tried; the standard deviation adds what a straight line may miss.',
-        list(zip(between.tolist(), ratios, stds, strict=True)),
+        list(zip(shown.tolist(), ratios, stds, strict=True)),
         (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(5)),
         *_ratio_columns(places, lambda item, term: (item[1][places[term]], item[2][places[term]])),
     )

@@ -10,7 +10,7 @@ from swath_sysid.report.figures import MEASURED, Axes, Figure, band, new_figure,
 
 BEFORE, AFTER, BAND = '#e08e2b', '#0b8a83', '#9fd8d2'
 TRUTH = 'simulated craft'
-DOTS: Any = {'marker': '.', 'linestyle': '', 'markersize': 3}
+DOTS: Any = {'marker': '.', 'linestyle': ''}
 
 
 def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:

@@ -19,17 +19,17 @@ else:
 
 MEASURED, MODEL, RESIDUAL, BAND = '#1f2933', '#d1495b', '#2e86ab', '#9ecae1'
 TWO_STD = 2.0
-CROSS: Any = {'markersize': 7, 'markeredgewidth': 1.8}  #: So that single values are seen among curves.
 SERIES = ('#2e86ab', '#d1495b', '#edae49', '#3b8b5a', '#7b4fa3', '#8c6d46')
 FORMATS = ('png', 'svg', 'pdf')
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of a width and height in inches, drawn without a display."""
+def new_figure(*size: float) -> Figure:
+    """An empty figure of a width and height in inches, or of those of the page, drawn without a display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout='constrained')
+    inches: Any = size or None
+    figure = Figure(figsize=inches, layout='constrained')
     FigureCanvasAgg(figure)
     return figure
 
@@ -41,19 +41,19 @@ def quiet(axes: Axes) -> Axes:
     return axes
 
 
-def new_panel(width: float, height: float, **labels: str) -> tuple[Figure, Axes]:
-    """A figure with a single panel, with labels as `Axes.set` takes them."""
-    figure = new_figure(width, height)
+def panel(*size: float, **labels: str) -> tuple[Figure, Axes]:
+    """A `new_figure` with a single panel, with labels as `Axes.set` takes them."""
+    figure = new_figure(*size)
     axes = quiet(figure.subplots())
     axes.set(**labels)
     return figure, axes
 
 
-def draw_fit(above: Axes, below: Axes, motion: AxisMotion, angle: Any, rate: Any, thinned: slice) -> None:
-    """A record and the simulated motion, with the residual below; of the samples in a slice."""
+def draw_fit(above: Axes, below: Axes, motion: AxisMotion, angle: Any, rate: Any) -> None:
+    """A record and the simulated motion, with the residual below."""
     measured, label = measured_channel(motion)
     simulated = rate if motion.angle is None else angle
-    time, m, s = motion.time[thinned], np.degrees(measured[thinned]), np.degrees(simulated[thinned])
+    time, m, s = motion.time, np.degrees(measured), np.degrees(simulated)
     above.plot(time, m, color=MEASURED, linewidth=1.4, label='record')
     above.plot(time, s, color=MODEL, linewidth=1.0, linestyle='--', label='simulated by the model')
     above.set_ylabel(label)

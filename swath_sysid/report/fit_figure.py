@@ -20,13 +20,10 @@ from swath_sysid.report.figures import (
 )
 from swath_sysid.report.fit_summary import short_name, spread_of
 
-MAX_PANELS = 12
-TERMS_A_LINE = 3  #: Of the title, as wide as the figure.
-
 
 def fit_figure(identification: Identification) -> Figure:
     """Measured and simulated motion with residual of each record, and the curves with bands."""
-    records = identification.records[:MAX_PANELS]
+    records = identification.records
     columns = min(3, len(records))
     rows = math.ceil(len(records) / columns)
     figure = new_figure(11.0, 3.4 * rows + 3.6)
@@ -37,14 +34,14 @@ def fit_figure(identification: Identification) -> Figure:
         row, column = divmod(index, columns)
         motion_axes = quiet(upper.add_subplot(grid[2 * row, column]))
         residual_axes = quiet(upper.add_subplot(grid[2 * row + 1, column], sharex=motion_axes))
-        draw_fit(motion_axes, residual_axes, record.motion, record.angle, record.rate, slice(None))
+        draw_fit(motion_axes, residual_axes, record.motion, record.angle, record.rate)
         if not index:
             motion_axes.legend(frameon=False, loc='upper right', ncols=2, fontsize='small')
         if len(records) > 1:
             motion_axes.set_title(short_name(record.motion.source), fontsize='small')
     left, right = lower.subplots(1, 2)
     _draw_curves(quiet(left), quiet(right), identification)
-    figure.suptitle(_headline(identification), fontsize='medium')
+    figure.suptitle(_headline(identification), fontsize='medium', wrap=True)
     return figure
 
 
@@ -66,5 +63,4 @@ def _headline(identification: Identification):
         for name, value in model.terms.items()
     ]
     headline = f'R² {identification.r2:.5f},  period of small motions {model.natural_period:.3f} s'
-    lines = [',   '.join(terms[first : first + TERMS_A_LINE]) for first in range(0, len(terms), TERMS_A_LINE)]
-    return '\n'.join([f'{model.axis}, {model.equation.name}:  {headline}', *lines])
+    return f'{model.axis}, {model.equation.name}:  {headline}\n{",   ".join(terms)}'

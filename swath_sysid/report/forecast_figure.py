@@ -12,7 +12,6 @@ from swath_sysid.pipeline.scoring import FORECAST, Skill
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, band, new_figure, quiet
 from swath_sysid.report.forecast_skill import methods_of
 
-_MIN_COUNT = 10  #: Forecasts of quiescence behind a point of the reliability.
 _STRETCH = 40.0  #: s of the record that show forecasts as issued, in the middle of what was scored.
 
 
@@ -102,14 +101,14 @@ def _reliability(axes: Axes, skill: Skill, scores: Any, with_quiescence: bool):
         if np.isfinite(held).all():
             axes.plot(LEVELS, held, 'o-', color=colour, markersize=4, linewidth=1.0, label=f'{lead:g} s')
     if with_quiescence and skill.quiescence is not None:
-        found, enough = skill.quiescence, skill.quiescence.count >= _MIN_COUNT
+        found, known = skill.quiescence, skill.quiescence.count > 0
         style: dict = {'color': MEASURED, 'markersize': 4, 'linewidth': 1.0, 'label': 'quiescence'}
-        axes.plot(found.forecast[enough], found.observed[enough], 's--', **style)
+        axes.plot(found.forecast[known], found.observed[known], 's--', **style)
         # on white, because lines cross there
         paper = {'boxstyle': 'square,pad=0.1', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8}
         words: dict = {'fontsize': 7, 'va': 'center', 'xytext': (7, 1), 'textcoords': 'offset points', 'bbox': paper}
         for forecast, observed, count in zip(found.forecast, found.observed, found.count, strict=True):
-            if count >= _MIN_COUNT:
+            if count:
                 axes.annotate(f'{count:d}', (forecast, observed), **words)
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='forecast probability [-]', ylabel='observed share [-]')
     axes.set_title(

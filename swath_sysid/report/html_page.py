@@ -22,6 +22,8 @@ FOLDED = 16  #: Rows or figures; of more the page shows the number, until it is 
 #: Of every figure of a page, where it is 350 to 500 px wide, so that a point is about a pixel.
 FIGURE_STYLE: Any = {
     **dict.fromkeys(('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color'), MEASURED),
+    'figure.figsize': (4.0, 2.8),
+    'path.simplify_threshold': 1.0,
     'font.size': 11.0,
     'axes.titlesize': 'medium',
     'legend.fontsize': 10.0,

@@ -13,7 +13,7 @@ from swath_sysid.manoeuvring.identification.validation import score, simulate_wi
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 from swath_sysid.manoeuvring.prediction.skill import ForecastScores
-from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, Axes, Figure, new_figure, new_panel, quiet
+from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, Axes, Figure, new_figure, panel, quiet
 from swath_sysid.report.fit_summary import short_name
 
 LABELS = ('surge (m/s)', 'sway (m/s)', 'yaw rate (deg/s)')
@@ -163,7 +163,7 @@ def _draw_track(axes: Axes, run: Run):
 
 def _derivatives_figure(found: ManoeuvringIdentification):
     items = list(found.derivatives.items())
-    figure, axes = new_panel(8, 1.6 + 0.32 * len(items), title='identified parameters')
+    figure, axes = panel(8, 1.6 + 0.32 * len(items), title='identified parameters')
     for row, (_, derivative) in enumerate(items):
         spread = 3.0 * derivative.std / max(abs(derivative.value), 1e-12)
         color = RESIDUAL if not derivative.flags else MODEL

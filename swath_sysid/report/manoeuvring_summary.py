@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.plain import as_plain, finite_or_none
 from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
 from swath_sysid.manoeuvring.hull.terms import PARAMETERS, Parameter
@@ -12,7 +12,6 @@ from swath_sysid.manoeuvring.identification.validation import Scores
 from swath_sysid.manoeuvring.prediction.skill import ForecastScores
 from swath_sysid.report.fit_summary import warnings_as_data
 
-MAX_ALIKE = 2  #: Number of warnings of one kind shown in full.
 OF_PARAMETERS = ('not-separable', 'uncertain', 'at-bound')  #: Warnings that are not about single runs.
 #: Of the parameters that are not hydrodynamic derivatives.
 _MEANINGS = {
@@ -51,16 +50,16 @@ _UNITS = {
 
 
 def condensed(advice: Iterable[Advice]) -> tuple[Advice, ...]:
-    """Warnings without repetitions; of one kind from many runs, the first few and the number of the others."""
+    """Warnings without repetitions; of one kind from many runs, the first and the number of the others."""
     kinds: dict[str, list[Advice]] = {}
     for item in dict.fromkeys(advice):
         kinds.setdefault(item.code, []).append(item)
     shown: list[Advice] = []
     for code, alike in kinds.items():
-        more = 0 if code in OF_PARAMETERS else max(len(alike) - MAX_ALIKE, 0)
-        shown += alike[: len(alike) - more]
-        if more:
-            shown[-1] = Advice(code, f'{shown[-1].message} (and {more} more runs)')
+        if code in OF_PARAMETERS or len(alike) == 1:
+            shown += alike
+        else:
+            shown.append(Advice(code, f'{alike[0].message} (and {counted(len(alike) - 1, "more run")})'))
     return tuple(shown)
 
 

@@ -8,8 +8,8 @@ from swath_sysid.campaign.papers.manoeuvring_study import ManoeuvringStudy, trac
 from swath_sysid.campaign.papers.publication import citation
 from swath_sysid.common.rounding import digits
 from swath_sysid.report.campaign_extinction import PARTICULARS
-from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, WIDTH, legend_below, panel
-from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
+from swath_sysid.report.campaign_figures import LINE_STYLES, legend_below
+from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, panel, quiet
 from swath_sysid.report.html_page import Drawing, bullets, figures, page, page_style, paragraph, table_as_html
 from swath_sysid.report.paper_decay_claims import BY_CONSTRUCTION, verdict_mark
 from swath_sysid.report.tables import Column, Table, columns_of
@@ -141,7 +141,7 @@ def _models(study: ManoeuvringStudy, run: str):
 def _trajectories(study: ManoeuvringStudy):
     for run, number in FIGURE_OF_RUN.items():
         title = f'{run}, {study.content["runs"][run][1]:g} N starboard'
-        figure, axes = new_panel(WIDTH, WIDTH, title=title, xlabel='east [m]', ylabel='north [m]')
+        figure, axes = panel(title=title, xlabel='east [m]', ylabel='north [m]')
         for motion, label, style in _models(study, run):
             axes.plot(motion.x, motion.y, label=label, **style)
         axes.set_aspect('equal', 'datalim')
@@ -151,7 +151,7 @@ def _trajectories(study: ManoeuvringStudy):
 
 def _turns(study: ManoeuvringStudy):
     for run in FIGURE_OF_RUN:
-        figure = new_figure(WIDTH, 1.5 * HEIGHT)
+        figure = new_figure()
         above, below = (quiet(a) for a in figure.subplots(2, 1, sharex=True))
         for motion, label, style in _models(study, run):
             above.plot(motion.time, np.hypot(motion.surge, motion.sway), label=label, **style)

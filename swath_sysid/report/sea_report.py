@@ -4,7 +4,7 @@ import math
 
 from swath_sysid.attitude.prediction.sea_state import SeaState
 from swath_sysid.formats.sea_state import REMARKS
-from swath_sysid.report.figures import BAND, MODEL, RESIDUAL, Figure, new_panel
+from swath_sysid.report.figures import BAND, MODEL, RESIDUAL, Figure, panel
 
 
 def sea_in_words(found: SeaState, name: str) -> list[str]:
@@ -31,7 +31,7 @@ def sea_in_words(found: SeaState, name: str) -> list[str]:
 
 def sea_figure(found: SeaState) -> Figure:
     """Draw a `SeaState`."""
-    figure, axes = new_panel(8.0, 4.2)
+    figure, axes = panel(8.0, 4.2)
     axes.plot(found.frequency, found.spectrum, color=RESIDUAL, linewidth=1.4)
     low, high = found.peak_period_interval
     axes.axvspan(1.0 / high, 1.0 / low, color=BAND, alpha=0.4, lw=0, label='95 % interval of the peak')
