@@ -119,7 +119,7 @@ class DecayCandidate:
         signal, begin = self.signal, self.signal.index(self.time[self.first])
         left = signal.value[begin : signal.index(self.time[self.first + 1]) + 1] - self.value[self.first + 1]
         left /= self.value[self.first] - self.value[self.first + 1]
-        steep, halfway = _last_crossing(left, HELD), _last_crossing(left, 0.5)
+        steep, halfway = last_crossing(left, HELD), last_crossing(left, 0.5)
         # where the grid is too coarse to tell them apart, a sample
         steep = steep if steep < halfway else halfway - 1.0
         return signal.start + signal.interval * (begin + steep), signal.start + signal.interval * (begin + halfway)
@@ -209,7 +209,7 @@ class DecayCandidate:
         return self.evidence >= 1.0 + unexplained / (self.end - self.release)
 
 
-def _last_crossing(values: np.ndarray, level: float) -> float:
+def last_crossing(values: np.ndarray, level: float) -> float:
     """Place, between samples, from which on the values stay below a level; the last sample's where they do not."""
     above = int(np.flatnonzero(values >= level)[-1:].sum())
     if above == values.size - 1:

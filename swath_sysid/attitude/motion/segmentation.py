@@ -12,7 +12,7 @@ from math import factorial
 import numpy as np
 
 from swath_sysid.attitude.motion import turning_points
-from swath_sysid.attitude.motion.decay_candidates import HELD, HOLD_BAND, DecayCandidate, find_candidates
+from swath_sysid.attitude.motion.decay_candidates import HELD, HOLD_BAND, DecayCandidate, find_candidates, last_crossing
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import EvenSignal
 from swath_sysid.common.advice import Advice
@@ -237,16 +237,14 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     signal, first = candidate.signal, candidate.first
     towards = float(np.sign(candidate.value[first + 1] - candidate.value[first]))
     inside = slice(signal.index(candidate.arrival), signal.index(candidate.time[first + 1]) + 1)
-    time, away = signal.time[inside], towards * (candidate.centre - signal.value[inside])
-    level = float(np.median(away[time <= candidate.release]))
-    below = np.flatnonzero((time > candidate.time[first]) & (away < HOLD_BAND * level))
-    above = np.flatnonzero(away[: below[0]] >= HELD * level) if below.size else below
-    if not above.size:
-        return candidate.release
+    away = towards * (candidate.centre - signal.value[inside])
+    level = float(np.median(away[signal.time[inside] <= candidate.release]))
     at, later = (
-        np.interp(part * level, away[[last + 1, last]], time[[last + 1, last]])
-        for part, last in ((HELD, above[-1]), (HOLD_BAND, below[0] - 1))
+        signal.start + signal.interval * (inside.start + last_crossing(away, part * level))
+        for part in (HELD, HOLD_BAND)
     )
+    if not at < later:
+        return candidate.release
     fall = later - at
     period = 2.0 * np.pi * fall / (np.arccos(HOLD_BAND) - np.arccos(HELD))
     earliest = max(at - LONGEST_FALL * fall, candidate.arrival, signal.start)
