@@ -13,7 +13,7 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.hull_step import LARGEST_ANGLE_VARIANCE
+from swath_sysid.attitude.prediction.hull_track import LARGEST_ANGLE_VARIANCE
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_messages import NOT_GIVEN as NOT_PUBLISHED

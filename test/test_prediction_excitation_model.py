@@ -12,7 +12,7 @@ from swath_sysid.attitude.hull.compiled import motion_step
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction import excitation_model as excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilter, HullPrior
-from swath_sysid.attitude.prediction.hull_step import HULL_STATES
+from swath_sysid.attitude.prediction.hull_track import HULL_STATES
 
 HULL = hull_named('swath-roll').model
 EXACT = IdentifiedModel.exactly(HULL)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import multiply, quaternion
-from swath_sysid.attitude.prediction.hull_step import LARGEST_RATE_VARIANCE
+from swath_sysid.attitude.prediction.hull_track import LARGEST_RATE_VARIANCE
 from swath_sysid.formats import messages, topics
 from swath_sysid.formats.messages import SECOND_NS, header, make, serialised
 from swath_sysid.formats.sea_state import sea_as_yaml
@@ -45,14 +45,10 @@ class ForecastMessages:
         self.imu = messages.ImuMessage(frame_id)
         self._templates: dict[tuple, messages.Template] = {}
 
-    def attitude(self, forecast: AttitudeForecast) -> bytes:
-        """The message of an `AttitudeForecast`."""
-        return self.imu.filled(forecast)
-
     def of(self, step: PipelineStep) -> Iterator[tuple[str, bytes]]:
         """Topic and message of all that a step of the pipeline leads to, but for ``forecast/next``."""
         for lead, forecast in step.attitudes():
-            yield topics.lead_topic(lead), self.attitude(forecast)
+            yield topics.lead_topic(lead), self.imu.filled(forecast)
         if (trajectory := step.trajectory()) is not None:
             yield topics.HORIZON_TOPIC, messages.horizon_message(trajectory, self.frame_id)
         if step.horizon is not None:

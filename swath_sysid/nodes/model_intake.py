@@ -19,7 +19,8 @@ class ModelIntake:
         self._read = read
         self._on_refused = on_refused
         self._waiting: deque[str] = deque(maxlen=MAX_WAITING)
-        self._endings: deque[tuple[Any, str | None]] = deque(maxlen=MAX_WAITING)
+        #: Content, or why it was rejected, of each text that was read and not taken yet.
+        self.endings: deque[tuple[Any, str | None]] = deque(maxlen=MAX_WAITING)
         self._come = threading.Semaphore(0)
         self._closing = False
         self._thread = threading.Thread(target=self._serve, name='model intake', daemon=True)
@@ -33,8 +34,8 @@ class ModelIntake:
 
     def finished(self) -> Iterator[Any]:
         """The contents of the texts read since the last call, in order; rejected ones are reported."""
-        while self._endings:
-            content, refusal = self._endings.popleft()
+        while self.endings:
+            content, refusal = self.endings.popleft()
             if refusal is None:
                 yield content
             else:
@@ -53,7 +54,7 @@ class ModelIntake:
                 return
             # of a flood there are more releases than texts
             if self._waiting:
-                self._endings.append(self._ending(self._waiting.popleft()))
+                self.endings.append(self._ending(self._waiting.popleft()))
 
     def _ending(self, text: str):
         try:

@@ -11,24 +11,39 @@ from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.common.accelerator import why_uncompiled
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.forecast_output import ForecastMessages, forecast_topics
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
-from swath_sysid.formats.topics import DESCRIPTION_TOPIC
+from swath_sysid.formats.topics import DESCRIPTION_TOPIC, FRAMES_TOPIC, LATCHED_TOPICS, NEXT_TOPIC, TYPES, type_of
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompiled
 from swath_sysid.nodes.executor_loop import events_executor, run
-from swath_sysid.nodes.forecast_publishers import ForecastPublishers
+from swath_sysid.nodes.message_types import message_class
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
-from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
+from swath_sysid.nodes.qos import (
+    IMU_TOPIC,
+    LATCHED,
+    NEWEST,
+    imu_subscription,
+    waiting,
+    watched_publisher,
+    watched_subscription,
+)
 from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.nodes.upstream import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
+from swath_sysid.pipeline.forecast_messages import AttitudeForecast
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
 
 #: A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late.
 PASSED_OVER_NS = 100_000_000
+
+NO_FRAMES = (
+    'frames_at_s needs the package tf2_msgs, which ROS 2 from apt has (ros-jazzy-tf2-msgs) and PyPI has not: no frames '
+    'are published'
+)
 
 
 class Predictor(Node):
@@ -42,13 +57,13 @@ class Predictor(Node):
         uncompiled = why_uncompiled()  # which loads numba now, not amid the first samples
         warm_up()
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
-        self.upstream = Upstream(self, self.parameters['upstream'], self.parameters['queue_depth'])
+        self._depth, self._is_in_step = self.parameters['queue_depth'], self.parameters['in_step']
+        self.upstream = Upstream(self, self.parameters['upstream'], self._depth)
         self.pipeline = ForecastPipeline(self.upstream.settings(self.parameters.settings))
         self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         report_uncompiled(self, self.health, uncompiled)
-        self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self.parameters['in_step'])
-        frame_id, frames = self.parameters['frame_id'], frames_at(self.parameters['frames_at_s'])
-        self._forecasts = ForecastPublishers(self, self.parameters.settings.forecaster, frame_id, self.health, frames)
+        self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self._is_in_step)
+        self._declare_forecasts()
         self._described: tuple[dict, dict] = {}, {}
         self._published_loading: float | None = None
         # an empty text takes the models away
@@ -60,8 +75,19 @@ class Predictor(Node):
         )
         watched_subscription(self, Float64, 'craft/loading', self._on_loading, NEWEST, self.health)
         self.upstream.listen(self.pipeline, self.health)
-        self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
+        self._subscription = imu_subscription(self, Imu, self._on_imu, self._depth, self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
+
+    def _declare_forecasts(self) -> None:
+        frames = frames_at(self.parameters['frames_at_s'])
+        if frames and message_class(TYPES[FRAMES_TOPIC]) is None:
+            self.get_logger().error(NO_FRAMES)
+            frames = ()
+        self._messages = ForecastMessages(self.parameters['frame_id'], frames)
+        settings, self._publisher_of = self.parameters.settings.forecaster, {}
+        for topic in forecast_topics(settings.leads, [point.name for point in settings.points], frames):
+            qos = LATCHED if topic in LATCHED_TOPICS else NEWEST
+            self._publisher_of[topic] = watched_publisher(self, message_class(type_of(topic)), topic, qos, self.health)
 
     def destroy_node(self) -> None:
         """Also end the worker and the intake."""
@@ -71,14 +97,15 @@ class Predictor(Node):
 
     def _on_imu(self, message: Imu) -> None:
         """Forecast from a sample or, where others wait behind it, from the newest only."""
-        if self._use_new_models():
+        if self._intake.endings and self._use_new_models():
             # a user who has just seen the model must not read that there is none
             self._diagnostics.publish()
         clock_ns = self.get_clock().now().nanoseconds
-        self.upstream.take_waiting()
-        messages = [message, *waiting(self._subscription, self.parameters['queue_depth'])]
+        if self.upstream.sources:
+            self.upstream.take_waiting()
+        messages = [message, *waiting(self._subscription, self._depth)]
         readings = [imu_reading(each) for each in messages]
-        forecast_from = readings[0 if self.parameters['in_step'] else -1].stamp_ns - PASSED_OVER_NS
+        forecast_from = readings[0 if self._is_in_step else -1].stamp_ns - PASSED_OVER_NS
         for each, reading in zip(messages, readings, strict=True):
             begun = perf_counter()
             self._add(reading, reading.stamp_ns < forecast_from)
@@ -86,15 +113,20 @@ class Predictor(Node):
             self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
 
     def _add(self, reading: ImuReading, is_passed_over: bool) -> None:
-        self.sea.hand_over(reading.stamp_ns)
-        step = self.pipeline.add(reading, None if is_passed_over else self._forecasts.publish_next)
+        if self.sea.is_fitting:
+            self.sea.hand_over(reading.stamp_ns)
+        step = self.pipeline.add(reading, None if is_passed_over else self._publish_next)
         if step.sea_request is not None:
             self.sea.submit(step.sea_request, reading.stamp_ns)
         if is_passed_over:
             self.health.note(PASSED_OVER)
             return
         self.health.published += step.next is not None
-        self._forecasts.publish(step)
+        for topic, raw in self._messages.of(step):
+            self._publisher_of[topic].publish(raw)
+
+    def _publish_next(self, forecast: AttitudeForecast) -> None:
+        self._publisher_of[NEXT_TOPIC].publish(self._messages.imu.filled(forecast))
 
     def _use_new_models(self) -> bool:
         """Use what came on model/description, once it is read; whether something came."""

@@ -21,7 +21,7 @@ class SeaFitting:
         self._waits = waits
         # a fit ends in the worker's thread: a queue hands it over to that of the samples
         self._ended: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
-        self._is_fitting = False
+        self.is_fitting = False  #: Whether `hand_over` is to be called before each sample.
         self._due_ns = self._newest_ns = 0
         self.worker = Worker(warm_up, lambda: health.note(WAVE_WORKER_DIED))
 
@@ -31,18 +31,18 @@ class SeaFitting:
 
     def submit(self, request: Any, stamp_ns: int) -> None:
         """Fit the past that a step at this stamp asked for, unless a fit is still under way."""
-        if self._is_fitting:
+        if self.is_fitting:
             self._health.note(LATE_FIT)
             return
-        self._is_fitting = True
+        self.is_fitting, self._newest_ns = True, stamp_ns
         self._due_ns = stamp_ns + round(self._pipeline.settings.forecaster.refit_delay * SECOND_NS)
         self.worker.submit(fit_sea, (request,), lambda *ending: self._ended.put(ending))
 
     def hand_over(self, stamp_ns: int) -> None:
         """Install the fits that have ended by the sample of this stamp."""
-        while self._is_fitting and (not self._ended.empty() or (self._waits and stamp_ns >= self._due_ns)):
+        while self.is_fitting and (not self._ended.empty() or (self._waits and stamp_ns >= self._due_ns)):
             fit, error = self._ended.get()
-            self._is_fitting = False
+            self.is_fitting = False
             if error is not None:
                 self._health.note(NOT_FITTED, 'waves')
                 self._logger.error(f'the waves were not fitted: {error}')

@@ -41,12 +41,12 @@ class Upstream:
 
     def __init__(self, node: Node, entries: Sequence[str], depth: int) -> None:
         self._node, self._depth = node, depth
-        self._sources: dict[str, Source] = {}
+        self.sources: dict[str, Source] = {}
         wanted = [entry for entry in entries if entry]
         self._wait_for_types([entry for entry in wanted if ':' not in entry])
         for entry in wanted:
             topic = self._node.resolve_topic_name(entry.partition(':')[0])
-            known = self._sources.get(topic)
+            known = self.sources.get(topic)
             kind = kind_of(entry, self._types_of(topic)) if known is None else known.kind
             if kind is None:
                 node.get_logger().error(
@@ -54,19 +54,19 @@ class Upstream:
                     f'left out: start its sensor first, or name the field, as in {entry}:z'
                 )
                 continue
-            source = self._sources.setdefault(topic, Source(topic, kind))
+            source = self.sources.setdefault(topic, Source(topic, kind))
             source.fields |= channels_of(entry, kind)
 
     def settings(self, settings: PipelineSettings) -> PipelineSettings:
         """Settings of a pipeline with these channels."""
-        names = tuple(name for source in self._sources.values() for name in source.fields)
+        names = tuple(name for source in self.sources.values() for name in source.fields)
         return replace(settings, forecaster=replace(settings.forecaster, upstream=names))
 
     def listen(self, pipeline: ForecastPipeline, health: Reasons) -> None:
         """Subscribe, hand all values to a pipeline from now on, and count the messages without one."""
         self._pipeline, self._health = pipeline, health
         qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-        for source in self._sources.values():
+        for source in self.sources.values():
             kind = message_class(source.kind)
             if kind is None:
                 raise InputError(f'the upstream topic {source.topic} needs the package of {source.kind}: install it')
@@ -75,18 +75,18 @@ class Upstream:
 
     def take_waiting(self) -> None:
         """Take the messages that have arrived, before the samples of the IMU that have arrived with them."""
-        for source in self._sources.values():
+        for source in self.sources.values():
             if source.subscription is not None:
                 for message in waiting(source.subscription, self._depth):
                     self._take(source, message)
 
     def reports(self) -> list[Report]:
         """How the topics arrive; nothing without channels."""
-        if not self._sources:
+        if not self.sources:
             return []
         values: dict[str, object] = {}
         problems = []
-        for source in self._sources.values():
+        for source in self.sources.values():
             values[f'received_{source.topic}'] = source.arrivals.received
             values[f'left_out_{source.topic}'] = source.left_out
             if not source.arrivals.received:
@@ -95,7 +95,7 @@ class Upstream:
                 problems.append(
                     f'no message on {source.topic} for {silence:.0f} s: check its sensor and the link to it'
                 )
-        names = ', '.join(name for source in self._sources.values() for name in source.fields)
+        names = ', '.join(name for source in self.sources.values() for name in source.fields)
         return [Report('upstream', WARN if problems else OK, '; '.join(problems) or f'receiving {names}', values)]
 
     def _take(self, source: Source, message: Any) -> None:

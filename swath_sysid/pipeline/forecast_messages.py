@@ -9,7 +9,7 @@ import numpy as np
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.intake import NANOSECOND, NOT_MEASURED
 from swath_sysid.attitude.prediction.forecast import Forecast
-from swath_sysid.attitude.prediction.hull_step import LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE
+from swath_sysid.attitude.prediction.hull_track import LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE
 
 NOT_GIVEN = (NOT_MEASURED, *8 * (0.0,))  #: Covariance that a sensor_msgs/Imu does not give.
 UNKNOWN_PLACE_VARIANCE = 100.0  #: m^2 (and per s^2 and s^4); the horizontal motion is not forecast.

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
-from swath_sysid.attitude.prediction.sensor_noise import CREDIBLE, MEMORY_OF_SIZE
 
 # s, and as many leads; errors are forgotten with this time constant: those at short leads are many
 _MEMORY, _MEMORY_LEADS = 15.0, 10.0

@@ -24,8 +24,16 @@ from swath_sysid.attitude.hull.compiled import term_moments
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.terms import B0, B3, R1, S2, TERM_NAMES
-from swath_sysid.attitude.prediction.hull_step import ANGLE, HULL_STATES, LARGEST_JUMP, RATE, TRIM
-from swath_sysid.attitude.prediction.hull_track import LONGEST_STEP, OF_HULL, HullTrack
+from swath_sysid.attitude.prediction.hull_track import (
+    ANGLE,
+    HULL_STATES,
+    LARGEST_JUMP,
+    LONGEST_STEP,
+    OF_HULL,
+    RATE,
+    TRIM,
+    HullTrack,
+)
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, markov_moment, sum_of_moments
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError

@@ -1,24 +1,278 @@
-"""One extended Kalman filter of a hull under a moment."""
+"""One extended Kalman filter of a hull under a moment, with its arithmetic, compiled where numba is installed.
+
+The state is [angle, rate, trim, nine ratios, moment's states z]; mean (n,) and covariance (n, n) change in place.
+"""
 
 import math
 from typing import Any
 
 import numpy as np
 
+from swath_sysid.attitude.hull.compiled import (
+    damping_moment,
+    damping_slope,
+    motion_step,
+    restoring_moment,
+    restoring_slope,
+    term_moments,
+)
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.prediction import hull_step
-from swath_sysid.attitude.prediction.hull_step import HULL_STATES, RATIOS, TRIM
-from swath_sysid.attitude.prediction.sensor_noise import STRAIN_GAIN
+from swath_sysid.attitude.hull.terms import B1, B2, B3, TERM_NAMES
+from swath_sysid.common.accelerator import accelerated
 
-Pair = tuple[float, float]  #: Of the angle and of the rate.
-
+ANGLE, RATE, TRIM, RATIOS = range(4)  #: Places in the state; the last of the first ratio.
+HULL_STATES = RATIOS + len(TERM_NAMES)  #: Place of the moment's first state.
 OF_HULL = slice(TRIM, HULL_STATES)  #: Trim and ratios.
+LARGEST_JUMP = 10.0  #: rad/s^2; largest moment, and change of it between two samples.
+
+LARGEST_ANGLE_VARIANCE = math.pi**2
+LARGEST_RATE_VARIANCE = 100.0  #: Bounds the variance where the angle is not observed.
+
 NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
 LONGEST_STEP = 0.05  #: s.
 
+STRAIN_GAIN = 0.2  #: Of the running mean of a filter's innovations squared over their expectation.
+
+Pair = tuple[float, float]  #: Of the angle and of the rate.
+
+
+@accelerated
+def hull_step(
+    state: np.ndarray, moment: float, rate_variance: float, step: float, hull: tuple
+) -> tuple[float, float, np.ndarray]:
+    """Angle and rate after a short step, s, under a held moment, rad/s^2, and their slopes (2, 13).
+
+    Slopes by angle, rate, trim, nine ratios and moment: exponential of [[0, 1], [a, c]] and its integral to third
+    order, in the middle of the step. Mean damping over a normal rate: E[w^3] = m^3 + 3 m v, E[|w| w] near m sqrt(m^2 +
+    8 v / pi) (Roberts and Spanos 1990, Random Vibration and Statistical Linearization).
+    """
+    active, friction_rate = hull
+    angle, rate, trim = float(state[0]), float(state[1]), float(state[TRIM])
+    ratios = state[RATIOS:HULL_STATES].copy()
+    of_quadratic = math.sqrt(rate * rate + 8.0 / math.pi * rate_variance) - abs(rate)
+    of_cubic = 3.0 * rate_variance
+    ratios[B1] += ratios[B2] * of_quadratic + ratios[B3] * of_cubic
+    half = 0.5 * step
+    x = angle - trim
+    start = moment - damping_moment(rate, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
+    middle_x, middle_rate = x + half * rate, rate + half * start
+    a = -restoring_slope(middle_x, ratios, active)
+    c = -damping_slope(middle_rate, ratios, active, friction_rate)
+    if abs(x) < 0.5 * math.pi and step * max(abs(c), math.sqrt(abs(a))) < 1.0:
+        terms = term_moments(middle_x, middle_rate, friction_rate)
+        terms[B2] += of_quadratic * middle_rate
+        terms[B3] += of_cubic * middle_rate
+        _, x, new_rate = motion_step(x, rate, moment, step, ratios, active, friction_rate)
+        angle, rate = x + trim, new_rate
+    else:
+        # capsized, or far outside what the hull was identified on: the equation is not valid (nor stable)
+        a = c = 0.0
+        terms = np.zeros(HULL_STATES - RATIOS)
+        angle, rate = angle + step * (rate + half * moment), rate + step * moment
+    h2, h3 = half * step, half * step * step / 3.0
+    square = a + c * c
+    gain_angle, gain_rate = h2 + c * h3, step + c * h2 + square * h3
+    slopes = np.empty((2, HULL_STATES + 1))
+    slopes[0, 0], slopes[0, 1] = 1.0 + a * h2 + a * c * h3, gain_rate
+    slopes[1, 0] = a * step + a * c * h2 + a * square * h3
+    slopes[1, 1] = 1.0 + c * step + square * h2 + c * (a + square) * h3
+    for row, gain in ((0, gain_angle), (1, gain_rate)):
+        slopes[row, TRIM], slopes[row, HULL_STATES] = -a * gain, gain
+        slopes[row, RATIOS:HULL_STATES] = -gain * terms
+    return float(angle), float(rate), slopes
+
+
+@accelerated
+def transition(blocks: np.ndarray, step: float) -> np.ndarray:
+    """Transition of the state over a step, (n, n), without the rows of angle and rate."""
+    f = np.eye(HULL_STATES + 2 * blocks.shape[0])
+    for k in range(blocks.shape[0]):
+        i, j = HULL_STATES + 2 * k, HULL_STATES + 2 * k + 1
+        decay, v = math.exp(blocks[k, 0] * step), blocks[k, 2]
+        if v > 0.0:
+            f[i, i] = f[j, j] = decay * math.cos(v * step)
+            f[i, j] = decay * math.sin(v * step)
+            f[j, i] = -f[i, j]
+        else:
+            f[i, i], f[j, j] = decay, math.exp(blocks[k, 1] * step)
+    return f
+
+
+@accelerated
+def predict(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    moment: tuple,
+    hull: tuple,
+    drift: np.ndarray,
+    duration: float,
+    longest: float,
+) -> None:
+    """Move mean (n,) and covariance (n, n), n = 12 + 2 B, on by a duration, s, in place, in steps up to ``longest``.
+
+    Over a step the moment and its noise act by the mean of their values at both ends. ``moment``: blocks (B, 3), output
+    (2 B,), stationary covariance (2 B, 2 B); ``drift`` (10, 10): growth of the covariance of trim and ratios per
+    second.
+    """
+    blocks, output, stationary = moment
+    count = max(1, math.ceil(duration / longest - 1e-6))
+    step = duration / count
+    f = transition(blocks, step)
+    n, first = mean.size, HULL_STATES
+    noise, whole_output = np.zeros((n, n)), np.zeros(n)
+    noise[first:, first:], whole_output[first:] = stationary, output
+    noise -= f @ noise @ f.T
+    noise[TRIM:first, TRIM:first] = step * drift
+    mean_output = 0.5 * (whole_output + whole_output @ f)
+    of_moment = 0.5 * (whole_output @ noise)
+    moment_variance = 0.5 * (of_moment @ whole_output)
+    for _ in range(count):
+        angle, rate, slopes = hull_step(mean, mean_output @ mean, covariance[1, 1], step, hull)
+        gain = slopes[:, first:]
+        f[:2] = gain * mean_output
+        f[:2, :first] = slopes[:, :first]
+        mean[:] = f @ mean
+        mean[0], mean[1] = angle, rate
+        covariance[:] = f @ covariance @ f.T + noise
+        covariance[:2] += gain * of_moment
+        covariance[:, :2] += (gain * of_moment).T
+        covariance[:2, :2] += gain * gain.T * moment_variance
+        limit(covariance)
+
+
+@accelerated
+def limit(covariance: np.ndarray) -> None:
+    """Bound the variances of angle and rate, in place, without a change of their correlations."""
+    for place, most in ((0, LARGEST_ANGLE_VARIANCE), (1, LARGEST_RATE_VARIANCE)):
+        if covariance[place, place] > most:
+            shrink = math.sqrt(most / covariance[place, place])
+            covariance[place] *= shrink
+            covariance[:, place] *= shrink
+
+
+@accelerated
+def update(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    values: tuple[float, float],
+    variances: tuple[float, float],
+    learns: bool,
+) -> None:
+    """Update with angle and rate (NaN: not measured), in place, one after the other.
+
+    Trim and ratios that are not learnt are considered (Schmidt 1966): they stay, and their uncertainty still counts.
+    """
+    considered = mean[TRIM:HULL_STATES].copy(), covariance[TRIM:HULL_STATES, TRIM:HULL_STATES].copy()
+    for place in range(2):
+        if values[place] == values[place]:
+            row = covariance[place].copy()
+            share = row[place] + variances[place]
+            mean += row * ((values[place] - mean[place]) / share)
+            root = row / math.sqrt(share)
+            covariance -= np.outer(root, root)
+            # (1 - gain) P, without the difference of what is nearly equal
+            covariance[place] = covariance[:, place] = row * (variances[place] / share)
+    if not learns:
+        mean[TRIM:HULL_STATES], covariance[TRIM:HULL_STATES, TRIM:HULL_STATES] = considered
+
+
+@accelerated
+def predict_to(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    moment: tuple,
+    hull: tuple,
+    drift: np.ndarray,
+    durations: np.ndarray,
+    longest: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angle and rate (L, 2) and their covariance (L, 2, 2) after successive durations of `predict`; nothing changes.
+
+    The motion does not act on the rest of the state, whose covariance after any time is therefore known at once: only
+    the covariances of angle and rate with the whole state are followed, ``rows`` (2, n).
+    """
+    blocks, output, stationary = moment
+    n, first = mean.size, HULL_STATES
+    settled, growth, whole_output = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    settled[first:, first:], growth[TRIM:first, TRIM:first], whole_output[first:] = stationary, drift, output
+    # what the rest's covariance still differs by from that of a moment on its own, which dies out
+    unsettled = covariance - settled
+    unsettled[:2], unsettled[:, :2] = 0.0, 0.0
+    state, rows, time = mean.copy(), covariance[:2].copy(), 0.0
+    means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
+    for k in range(durations.size):
+        count = math.ceil(durations[k] / longest - 1e-6)
+        step = durations[k] / max(1, count)
+        f = transition(blocks, step)
+        mean_output = 0.5 * (whole_output + whole_output @ f)
+        of_settled = mean_output @ settled
+        of_moment = 0.5 * (whole_output @ settled - (whole_output @ f) @ settled @ f.T)
+        moment_variance = 0.5 * (of_moment @ whole_output)
+        for _ in range(count):
+            since = transition(blocks, time)
+            output_then = mean_output @ since
+            angle, rate, slopes = hull_step(state, output_then @ mean, rows[1, 1], step, hull)
+            by_motion, gain, by_hull = np.ascontiguousarray(slopes[:, :2]), slopes[:, first:], np.zeros((2, n))
+            by_hull[:, TRIM:first] = slopes[:, TRIM:first]
+            by_rest = by_hull + gain * mean_output
+            moved = by_motion @ rows + (by_hull + gain * output_then) @ unsettled @ since.T
+            moved += gain * of_settled + time * (by_hull @ growth)
+            moved[:, :2] += (rows @ by_rest.T).T
+            motion = np.ascontiguousarray(moved[:, :2]) @ by_motion.T + moved @ by_rest.T
+            rows = moved @ f.T + gain * of_moment
+            rows[:, :2] = motion + gain * gain.T * moment_variance
+            limit(rows)
+            state[0], state[1] = angle, rate
+            time += step
+        means[k], spreads[k] = state[:2], rows[:, :2]
+    return means, spreads
+
+
+@accelerated
+def innovation(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    output: np.ndarray,
+    hull: tuple,
+    elapsed: float,
+    values: tuple[float, float],
+    variances: tuple[float, float],
+    min_jump: float,
+) -> tuple[int, float, float, float]:
+    """Number of values measured, normalised innovation squared, log likelihood, and gate NIS.
+
+    The gate's is the NIS if the moment has jumped since the sample before, as at a release, by about the hull's moment.
+    """
+    a, b, d = covariance[0, 0] + variances[0], covariance[0, 1], covariance[1, 1] + variances[1]
+    e0, e1 = values[0] - mean[0], values[1] - mean[1]
+    if e0 != e0 and e1 != e1:
+        return 0, math.nan, 0.0, math.nan
+    active, friction_rate = hull
+    ratios = mean[RATIOS:HULL_STATES]
+    moment = 0.0
+    for j in range(output.size):
+        moment += output[j] * mean[HULL_STATES + j]
+    own = damping_moment(mean[1], ratios, active, friction_rate)
+    own += restoring_moment(mean[0] - mean[TRIM], ratios, active)
+    jump = min(2.0 * (min_jump + abs(moment) + abs(mean[1]) + abs(own)), LARGEST_JUMP)
+    by_angle, by_rate = 0.5 * elapsed * elapsed * jump, elapsed * jump
+    if e1 != e1:
+        nis = e0 * e0 / a
+        return 1, nis, -0.5 * (nis + math.log(2.0 * math.pi * a)), e0 * e0 / (a + by_angle * by_angle)
+    if e0 != e0:
+        nis = e1 * e1 / d
+        return 1, nis, -0.5 * (nis + math.log(2.0 * math.pi * d)), e1 * e1 / (d + by_rate * by_rate)
+    # rounding must not take away what the sensor's noise alone makes
+    least = variances[0] * variances[1]
+    determinant = max(a * d - b * b, least)
+    nis = (d * e0 * e0 - 2.0 * b * e0 * e1 + a * e1 * e1) / determinant
+    log_likelihood = -0.5 * (nis + math.log(determinant)) - math.log(2.0 * math.pi)
+    a, b, d = a + by_angle * by_angle, b + by_angle * by_rate, d + by_rate * by_rate
+    return 2, nis, log_likelihood, (d * e0 * e0 - 2.0 * b * e0 * e1 + a * e1 * e1) / max(a * d - b * b, least)
+
 
 class HullTrack:
-    """State and covariance, moved on by `hull_step`; each call passes the elapsed time.
+    """State and covariance, moved on by the functions above; each call passes the elapsed time.
 
     ``x`` (n,) and ``P`` (n, n) are mean and covariance, ``moment`` is `ModalMoment`'s blocks, output and stationary
     covariance, ``strain`` the running mean of squared innovations over their expectation; one is healthy.
@@ -31,7 +285,7 @@ class HullTrack:
         self.set_hull(None, np.zeros((HULL_STATES - TRIM,) * 2))
 
     def set_hull(self, model: DecayModel | None, drift: np.ndarray) -> None:
-        """Swap the equation; None: a constant rate that the moment drives. ``drift`` as `hull_step.predict` has it."""
+        """Swap the equation; None: a constant rate that the moment drives. ``drift`` as `predict` has it."""
         self.hull, self.drift, self.longest = ((False,) * (HULL_STATES - RATIOS), 1.0), drift, LONGEST_STEP
         if model is not None:
             self.hull = model.equation.active, float(model.friction_rate)
@@ -72,19 +326,19 @@ class HullTrack:
     def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean, (L, 2), and covariance, (L, 2, 2), of angle and rate at increasing leads, s."""
         durations = np.diff(np.asarray(leads, dtype=float), prepend=0.0)
-        return hull_step.predict_to(self.x, self.P, self.moment, self.hull, self.drift, durations, self.longest)
+        return predict_to(self.x, self.P, self.moment, self.hull, self.drift, durations, self.longest)
 
     def predict(self, duration: float) -> None:
         """Move the state on by a duration, s, longer than zero."""
-        hull_step.predict(self.x, self.P, self.moment, self.hull, self.drift, duration, self.longest)
+        predict(self.x, self.P, self.moment, self.hull, self.drift, duration, self.longest)
 
     def innovation(self, elapsed: float, values: Pair, variances: Pair, min_jump: float) -> tuple:
-        """As `hull_step.innovation`; updates the strain."""
-        found = hull_step.innovation(self.x, self.P, self.moment[1], self.hull, elapsed, values, variances, min_jump)
+        """As `innovation`; updates the strain."""
+        found = innovation(self.x, self.P, self.moment[1], self.hull, elapsed, values, variances, min_jump)
         if found[0] > 0:
             self.strain += STRAIN_GAIN * (found[1] / found[0] - self.strain)
         return found
 
     def update(self, values: Pair, variances: Pair, learns: bool) -> None:
-        """As `hull_step.update`."""
-        hull_step.update(self.x, self.P, values, variances, learns)
+        """As `update`."""
+        update(self.x, self.P, values, variances, learns)

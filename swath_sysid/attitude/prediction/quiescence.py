@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
+from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
-from swath_sysid.attitude.prediction.sensor_noise import MEMORY_OF_SIZE
 from swath_sysid.common.errors import InputError
 
 AT_A_POINT = POINT_MOTION[:2]  #: What can be limited at each point, beside `ATTITUDE` of the craft.

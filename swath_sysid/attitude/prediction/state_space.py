@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from swath_sysid.attitude.prediction.sensor_noise import STRAIN_GAIN
+from swath_sysid.attitude.prediction.hull_track import STRAIN_GAIN
 
 # rows before the newest that the interpolation and the differences at a lead of zero reach back to
 _PAST = 4

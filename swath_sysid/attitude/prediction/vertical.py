@@ -20,8 +20,8 @@ from swath_sysid.attitude.motion.vertical import (
     vertical_acceleration,
     zero_phase_integral,
 )
+from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
-from swath_sysid.attitude.prediction.sensor_noise import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights
 
 #: Forecast here, with errors correlated with those of `ATTITUDE`; angular accelerations are for points.
