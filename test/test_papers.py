@@ -9,7 +9,6 @@ from scipy.optimize import nnls
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification import search
-from swath_sysid.campaign.papers import decay_study
 from swath_sysid.campaign.papers.decay_study import hull_at, study_record
 from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study, track_error
 from swath_sysid.campaign.papers.publication import DECAY_STUDIES, citation, decay_publication, printed_values
@@ -66,7 +65,6 @@ def short_search(monkeypatch):
         preset = search.PRESETS[name]
         few = replace(preset.genetic, generations=40, population=60)
         monkeypatch.setitem(search.PRESETS, name, replace(preset, genetic=few))
-    monkeypatch.setitem(decay_study.SWARM, 'generations', 40)
 
 
 def test_a_record_is_searched_down_to_its_exact_optimum_and_no_lower():

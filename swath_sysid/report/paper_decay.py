@@ -13,7 +13,7 @@ from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.evaluation import TIE
-from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, SWARM, DecayStudy
+from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DecayStudy
 from swath_sysid.campaign.papers.publication import citation
 from swath_sysid.common.rounding import digits, percent
 from swath_sysid.report.campaign_extinction import PARTICULARS
@@ -73,7 +73,7 @@ def search_settings(study: DecayStudy) -> Table:
     only_genetic = 'crossover', 'mutation', 'final_mutation', 'genetic_factor', 'evolution_weight'
     ranges = {"I'": preset.inertia, 'N and W': preset.damping, 'x, C1, C2, C3': preset.restoring}
     rows = (
-        *((name, getattr(g, name), SWARM[name]) for name in ('generations', 'population')),
+        *((name, *[getattr(g, name)] * 2) for name in ('generations', 'population')),
         *((name.replace('_', ' '), getattr(g, name), None) for name in only_genetic),
         *((f'range of {names}', *[f'0 to {limit:g}'] * 2) for names, limit in ranges.items()),
     )

@@ -7,7 +7,6 @@ one step ahead the noise sets it, as the difference of two readings. How the rat
 from collections.abc import Callable
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -21,10 +20,6 @@ from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, prepare
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.campaign.papers.publication import DecayPublication, decay_publication
-
-HOLD_S = 1.0
-#: The budget of the genetic search: none is printed for the swarm.
-SWARM: dict[str, Any] = {'generations': 2000, 'population': 200}
 
 OTHER_SEEDS = (101, 102, 103)
 
@@ -99,8 +94,8 @@ def study_record(name: str, draft_factor: float, angle_deg: float, seed: int) ->
 def _record(publication: DecayPublication, hull: DecayModel, angle_deg: float, objective_value: float, seed: int):
     """A simulated record, cut from the release to the duration of the study."""
     noise = SensorNoise(rate=objective_value / np.sqrt(2.0))
-    trial = simulated_trial(hull, np.radians(angle_deg), publication.duration_s, noise=noise, seed=seed, hold=HOLD_S)
-    return prepare([trial.axis(hull.axis)], HOLD_S, HOLD_S + publication.duration_s)
+    trial = simulated_trial(hull, np.radians(angle_deg), publication.duration_s, noise=noise, seed=seed)
+    return prepare([trial.axis(hull.axis)], 0.0, publication.duration_s)
 
 
 def objective_of(problem: Problem) -> OneStepObjective:
@@ -120,9 +115,12 @@ def _by_name(equation: Equation, ratios: np.ndarray):
 
 
 def _searched(problem: Problem, equation: Equation, name: str, seed: int):
+    # none is printed for the swarm
+    budget = search.PRESETS[name].genetic
+    swarm = search.SearchSettings('pso', generations=budget.generations, population=budget.population, seed=seed)
     return SearchedEquation(
         genetic=searched_optimum(problem, equation, name, search.SearchSettings(preset=name, seed=seed)),
-        swarm=searched_optimum(problem, equation, name, search.SearchSettings('pso', **SWARM, seed=seed)),
+        swarm=searched_optimum(problem, equation, name, swarm),
         exact=_exact(problem, equation),
     )
 

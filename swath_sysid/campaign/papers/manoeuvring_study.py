@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY, printed_values
-from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
+from swath_sysid.manoeuvring.hull.model import DIFFERENCE, ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
@@ -20,7 +20,6 @@ from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 STEP_S = 0.2
-RELATIVE_STEP = 1e-4
 NOISE = SensorNoise()
 
 
@@ -121,8 +120,8 @@ def _estimated(content: dict, truth: ManoeuvringModel, values: dict[str, float],
 
     def jacobian(shares: np.ndarray) -> np.ndarray:
         history.append(shares.copy())
-        steps = RELATIVE_STEP * np.eye(len(free))
-        return np.stack([residuals(shares + s) - residuals(shares - s) for s in steps], axis=1) / (2.0 * RELATIVE_STEP)
+        steps = DIFFERENCE * np.eye(len(free))
+        return np.stack([residuals(shares + s) - residuals(shares - s) for s in steps], axis=1) / (2.0 * DIFFERENCE)
 
     bounds = assumed['least_share'], assumed['largest_share']
     start = np.full(len(free), assumed['start_share'])

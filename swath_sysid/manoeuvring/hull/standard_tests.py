@@ -11,7 +11,6 @@ from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
 
 LONGEST = 900.0  #: s; a test that lasts longer is cut off there.
-APPROACH = 5.0  #: s of steady approach shown before a test.
 
 
 @dataclass(frozen=True)
@@ -49,27 +48,24 @@ def _inputs(model: ManoeuvringModel, settings: DriveSettings, turn: float = 1.0)
 
 def turning_circle(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Advance, transfer, tactical and steady diameter, m, of a turn after a straight approach."""
-    craft = _approaching(model, settings.base)
-    begin = len(craft.manoeuvre().time) - 1
+    craft = _steady(model, settings.base)
     port, starboard = _inputs(model, settings)
     while abs(craft.heading) < math.radians(720.0) and craft.time < LONGEST:
         craft.advance(port, starboard)
     run = craft.manoeuvre()
     side = -1.0 if settings.difference > 0 else 1.0
-    turned = side * (run.heading[begin:] - run.heading[begin])
-    ahead, aside = run.x[begin:] - run.x[begin], side * (run.y[begin:] - run.y[begin])
-    time = run.time[begin:] - run.time[begin]
+    turned, aside = side * run.heading, side * run.y
     last = turned > turned[-1] - 2.0 * math.pi
-    u, v, rate = (each[begin:][last] for each in (run.u, run.v, run.yaw_rate))
+    u, v, rate = run.u[last], run.v[last], run.yaw_rate[last]
     speed = float(np.mean(np.hypot(u, v)))
     numbers = {
-        'approach_speed_m_s': float(run.u[begin]),
-        'advance_m': _when(turned, math.pi / 2, ahead),
+        'approach_speed_m_s': float(run.u[0]),
+        'advance_m': _when(turned, math.pi / 2, run.x),
         'transfer_m': _when(turned, math.pi / 2, aside),
         'tactical_diameter_m': _when(turned, math.pi, aside),
         'steady_diameter_m': 2.0 * speed / float(np.mean(np.abs(rate))) if turned[-1] > 3.0 * math.pi else math.nan,
-        'time_to_90deg_s': _when(turned, math.pi / 2, time),
-        'time_to_180deg_s': _when(turned, math.pi, time),
+        'time_to_90deg_s': _when(turned, math.pi / 2, run.time),
+        'time_to_180deg_s': _when(turned, math.pi, run.time),
         'steady_speed_m_s': speed,
         'steady_yaw_rate_deg_s': float(np.degrees(np.mean(rate))),
         'drift_angle_deg': float(np.degrees(np.mean(np.arctan2(-v, u)))),
@@ -79,7 +75,7 @@ def turning_circle(model: ManoeuvringModel, settings: DriveSettings) -> Manoeuvr
 
 def zigzag(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Overshoots, deg, and period, s, of a zig-zag."""
-    craft = _approaching(model, settings.base)
+    craft = _steady(model, settings.base)
     turn = 1.0
     ends: list[float] = []
     forward = -1.0 if settings.difference > 0 else 1.0
@@ -97,7 +93,7 @@ def zigzag(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
         'angle_deg': math.degrees(settings.angle),
         'first_overshoot_deg': float(overshoots[0]) if overshoots else float('nan'),
         'second_overshoot_deg': float(overshoots[1]) if len(overshoots) > 1 else float('nan'),
-        'initial_turning_time_s': ends[0] - APPROACH if ends else float('nan'),
+        'initial_turning_time_s': ends[0] if ends else float('nan'),
         'period_s': float(ends[2] - ends[0]) if len(ends) > 2 else float('nan'),
     }
     return ManoeuvringTest('zigzag', run, numbers, {})
@@ -105,7 +101,7 @@ def zigzag(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
 
 def speed_test(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Steady speed against input, from rest up to the largest input; ``settings`` are not used."""
-    craft = SteeredCraft(_still(model))
+    craft = _steady(model, 0.0)
     inputs, speeds, times = [], [], []
     for share in np.arange(1, 9) / 8.0:
         value, before, start = share * model.largest_input, craft.u, craft.time
@@ -130,20 +126,18 @@ def speed_test(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringT
 
 def crash_stop(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Distance and time from full ahead to a stop under full astern; the base input is not used."""
-    full, craft = model.largest_input, _approaching(model, 1.0)
-    begin = len(craft.manoeuvre().time) - 1
-    speed = craft.u
+    full, craft = model.largest_input, _steady(model, 1.0)
     while craft.u > 0.0 and craft.time < LONGEST:
         craft.advance(-full, -full)
     run = craft.manoeuvre()
     stopped = craft.u <= 0.0
-    way = float(np.sum(np.hypot(np.diff(run.x[begin:]), np.diff(run.y[begin:]))))
+    way = float(np.sum(np.hypot(np.diff(run.x), np.diff(run.y))))
     numbers = {
-        'initial_speed_m_s': speed,
-        'stopping_time_s': float(run.time[-1] - run.time[begin]) if stopped else float('nan'),
+        'initial_speed_m_s': float(run.u[0]),
+        'stopping_time_s': float(run.time[-1]) if stopped else float('nan'),
         'track_reach_m': way if stopped else float('nan'),
-        'head_reach_m': float(run.x[-1] - run.x[begin]) if stopped else float('nan'),
-        'lateral_deviation_m': float(run.y[-1] - run.y[begin]),
+        'head_reach_m': float(run.x[-1]) if stopped else float('nan'),
+        'lateral_deviation_m': float(run.y[-1]),
     }
     return ManoeuvringTest('crash-stop', run, numbers, {})
 
@@ -152,7 +146,7 @@ def spiral(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Dieudonne's spiral: steady yaw rate against the thrust difference, from starboard to port and back."""
     down = np.linspace(1.0, -1.0, 13)
     turns = np.concatenate([down, down[::-1][1:]])
-    craft = SteeredCraft(_still(model), settings.base * model.largest_input)
+    craft = _steady(model, settings.base)
     steady = []
     for turn in turns:
         _hold_until_steady(craft, *_inputs(model, settings, turn))
@@ -180,15 +174,9 @@ def run_test(name: str, model: ManoeuvringModel, settings: DriveSettings | None 
     return TESTS[name](model, settings or DriveSettings())
 
 
-def _still(model: ManoeuvringModel):
-    return replace(model, current=(0.0, 0.0))
-
-
-def _approaching(model: ManoeuvringModel, share: float):
-    """A craft after a steady approach in still water under a share of the largest input."""
-    craft = SteeredCraft(_still(model), share * model.largest_input)
-    craft.hold(share * model.largest_input, share * model.largest_input, APPROACH)
-    return craft
+def _steady(model: ManoeuvringModel, share: float):
+    """A craft in still water at its steady speed under a share of the largest input."""
+    return SteeredCraft(replace(model, current=(0.0, 0.0)), share * model.largest_input)
 
 
 def _hold_until_steady(craft: SteeredCraft, port: float, starboard: float, longest: float = 120.0):
