@@ -34,8 +34,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.baselines import Record, running_regression, simple_forecasts
 from swath_sysid.pipeline.record_run import run_through
-from swath_sysid.pipeline.scoring import FORECAST, score_forecasts
-from swath_sysid.pipeline.valid_lead_scores import score_valid_leads
+from swath_sysid.pipeline.scoring import FORECAST, score_forecasts, score_valid_leads
 
 WINDOW = ForecasterSettings().window
 """s of past that every row may learn from."""

@@ -15,8 +15,7 @@ from swath_sysid.formats.messages import typestore
 from swath_sysid.formats.topics import type_of
 from swath_sysid.nodes.parameters.files import values_from_file
 from swath_sysid.nodes.parameters.predictor import pipeline_settings
-from swath_sysid.pipeline.forecast_messages import attitude_forecast
-from swath_sysid.pipeline.forecast_pipeline import PipelineStep
+from swath_sysid.pipeline.forecast_pipeline import PipelineStep, attitude_forecast
 
 LEADS = np.array([0.5, 2.0])
 PLACE = (2.5, -0.5, 1.0)

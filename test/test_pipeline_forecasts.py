@@ -16,7 +16,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_track import LARGEST_ANGLE_VARIANCE
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
-from swath_sysid.pipeline.forecast_messages import NOT_GIVEN as NOT_PUBLISHED
+from swath_sysid.pipeline.forecast_pipeline import NOT_GIVEN as NOT_PUBLISHED
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.record_run import run_through
 

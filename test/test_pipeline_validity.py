@@ -8,10 +8,11 @@ from imu_stream import EPOCH_NS, reading
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.prediction.axis_filter import AxisFilter, Reach
+from swath_sysid.attitude.prediction.hull_filter import HullFilterSettings
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 from swath_sysid.pipeline.health import WARN
-from swath_sysid.pipeline.validity import ModelValidity, Reach
 
 HULL = IdentifiedModel.exactly(hull_named('swath-pitch').model)
 PERIOD = HULL.model.natural_period
@@ -20,12 +21,12 @@ FOUND = replace(HULL, amplitude_range=(radians(0.5), radians(6.0)))
 
 def swung(model, degrees, periods=6.0, rate=50.0):
     """The codes of what is wrong after a motion of this amplitude about some trim."""
-    validity = ModelValidity()
-    validity.set_model('pitch', model)
+    followed = AxisFilter(HullFilterSettings(), 60.0)
+    followed.set_model(model)
     for k in range(round(periods * PERIOD * rate)):
         angle = 0.03 + radians(degrees) * sin(2.0 * pi * k / rate / PERIOD)
-        validity.add(k / rate, {'roll': nan, 'pitch': angle})
-    return [each.code for each in validity.advice()]
+        followed.reach.add(k / rate, angle)
+    return [each.code for each in followed.advice()]
 
 
 @pytest.mark.parametrize(('degrees', 'is_outside'), [(0.1, False), (6.3, False), (7.3, True), (20.0, True)])

@@ -24,11 +24,9 @@ from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.messages import WINDOW_COLUMNS, ImuMessage, diagnostics_message, horizon_message
 from swath_sysid.formats.model_file import model_from_yaml, read_model, write_model
 from swath_sysid.formats.reading import read_readings
-from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast
-from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.forecast_pipeline import AttitudeForecast, ForecastPipeline, HorizonForecast, PipelineSettings
 from swath_sysid.pipeline.health import ERROR
-from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
-from swath_sysid.pipeline.played_health import PlayedHealth
+from swath_sysid.pipeline.play_through import PlayedHealth, PlayThrough, PlayThroughSettings
 
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
 

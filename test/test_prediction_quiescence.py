@@ -10,9 +10,9 @@ from records_at_sea import sea
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_filter import HullFilterSettings
+from swath_sysid.attitude.prediction.outlook import ErrorLimit, ValidLeads, valid_lead
 from swath_sysid.attitude.prediction.point import Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import PointLimits, Quiescence, QuiescenceLimits, ReliabilityRecord
-from swath_sysid.attitude.prediction.valid_lead import ErrorLimit, ValidLeads, valid_lead
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import named_numbers_message
 from swath_sysid.formats.topics import TYPES, VALID_LEAD_TOPIC

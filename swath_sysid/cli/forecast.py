@@ -14,9 +14,9 @@ from rich.table import Table
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.outlook import ErrorLimit
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
-from swath_sysid.attitude.prediction.valid_lead import ErrorLimit
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import check_model_and_plot, columns_of, read_record
 from swath_sysid.common.errors import InputError

@@ -28,8 +28,7 @@ from swath_sysid.nodes.parameters.imu_buffer import window_settings
 from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
 from swath_sysid.nodes.parameters.sensor import installation
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, Values
-from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
-from swath_sysid.pipeline.played_health import PlayedHealth
+from swath_sysid.pipeline.play_through import PlayedHealth, PlayThrough, PlayThroughSettings
 from swath_sysid.pipeline.record_run import ArrivingSamples
 
 

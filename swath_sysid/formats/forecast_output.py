@@ -12,12 +12,11 @@ from swath_sysid.attitude.prediction.hull_track import LARGEST_RATE_VARIANCE
 from swath_sysid.formats import messages, topics
 from swath_sysid.formats.messages import SECOND_NS, header, make, serialised
 from swath_sysid.formats.sea_state import sea_as_yaml
-from swath_sysid.pipeline.forecast_messages import UNKNOWN_PLACE_VARIANCE
+from swath_sysid.pipeline.forecast_pipeline import UNKNOWN_PLACE_VARIANCE
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.forecast import Forecast
-    from swath_sysid.pipeline.forecast_messages import AttitudeForecast
-    from swath_sysid.pipeline.forecast_pipeline import PipelineStep
+    from swath_sysid.pipeline.forecast_pipeline import AttitudeForecast, PipelineStep
 
 _NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [LARGEST_RATE_VARIANCE] * 3)
 

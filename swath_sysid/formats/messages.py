@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-    from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast
+    from swath_sysid.pipeline.forecast_pipeline import AttitudeForecast, HorizonForecast
 
 SECOND_NS = 1_000_000_000
 #: The last is 1 (roll) or 2 (pitch) in the rows of the free decay for which the window was published by itself, else 0.

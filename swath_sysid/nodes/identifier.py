@@ -21,8 +21,7 @@ from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.qos import LATCHED, SERVICES, watched_publisher
 from swath_sysid.nodes.window_client import WindowClient
-from swath_sysid.pipeline.health import Report, stability_report
-from swath_sysid.pipeline.validity import verdict_values
+from swath_sysid.pipeline.health import Report, stability_report, verdict_values
 
 
 class Identifier(IdentificationNode):

@@ -33,8 +33,7 @@ from swath_sysid.nodes.qos import (
 from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.nodes.upstream import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
-from swath_sysid.pipeline.forecast_messages import AttitudeForecast
-from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
+from swath_sysid.pipeline.forecast_pipeline import AttitudeForecast, ForecastPipeline, PipelineSettings, warm_up
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
 
 #: A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late.

@@ -18,6 +18,7 @@ from swath_sysid.pipeline.health import (
     WAVE_WORKER_DIED,
     Report,
     StreamHealth,
+    verdict_values,
 )
 
 EXPECTED = {'no-model', 'no-waves'}  #: Codes of advice about what a start lacks, or a craft that never was released.
@@ -56,7 +57,7 @@ class PredictorHealth(StreamHealth):
         values: dict[str, object] = {
             **{f'has_model_{axis}': state.has_model[axis] for axis in AXES},
             'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,
-            **self._pipeline.validity.verdicts,
+            **verdict_values(self._pipeline.models),
             'refused_model': self._refusal,
             'has_waves': state.has_waves,
             'published': self.published,

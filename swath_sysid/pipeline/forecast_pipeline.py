@@ -1,17 +1,21 @@
 """IMU samples and hull models in, forecasts out, as plain numbers: the same for the live node and all offline runs."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import NamedTuple
 
+import numpy as np
+
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import (
     INTAKE_REASONS,
     NANOSECOND,
+    NOT_MEASURED,
     ConvertedReading,
     CraftSample,
     ImuReading,
@@ -27,20 +31,57 @@ from swath_sysid.attitude.prediction.forecaster import (
     ForecasterDiagnostics,
     ForecasterSettings,
 )
+from swath_sysid.attitude.prediction.hull_track import LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE
 from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest
 from swath_sysid.attitude.prediction.sea_state import SeaReport
-from swath_sysid.pipeline.forecast_messages import (
-    AttitudeForecast,
-    HorizonForecast,
-    PointForecast,
-    attitude_forecast,
-    attitudes_at_leads,
-    horizon_forecast,
-    points_at_leads,
-)
-from swath_sysid.pipeline.validity import ModelValidity
 
 PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)  #: Everything that is counted.
+
+NOT_GIVEN = (NOT_MEASURED, *8 * (0.0,))  #: Covariance that a sensor_msgs/Imu does not give.
+UNKNOWN_PLACE_VARIANCE = 100.0  #: m^2 (and per s^2 and s^4); the horizontal motion is not forecast.
+
+_NOTHING_KNOWN = 0.0, 0.0, LARGEST_ANGLE_VARIANCE, 0.0, LARGEST_RATE_VARIANCE
+_NOTHING_KNOWN_OF_POSE = np.diag([UNKNOWN_PLACE_VARIANCE] * 2 + [0.0] * 3 + [LARGEST_ANGLE_VARIANCE])
+_NOTHING_KNOWN_OF_TWIST = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [0.0] * 2 + [LARGEST_RATE_VARIANCE])
+_HEAVE_AND_ATTITUDE = np.ix_((0, 3, 4), (0, 3, 4))
+
+
+class AttitudeForecast(NamedTuple):
+    """What a sensor_msgs/Imu of a forecast says, in the axes of the craft (FLU in ENU)."""
+
+    stamp_ns: int  #: The time it is for.
+    orientation: tuple[float, ...]  #: Quaternion x, y, z, w.
+    orientation_covariance: tuple[float, ...]
+    rates: tuple[float, ...]  #: Body rates, rad/s.
+    rates_covariance: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class HorizonForecast:
+    """What a trajectory_msgs/JointTrajectory of a forecast says."""
+
+    stamp_ns: int  #: When issued.
+    columns: tuple[str, ...]  #: ``roll``, ``roll_std``, ... of the axes that the sensor measures.
+    leads_ns: tuple[int, ...]  #: From the stamp.
+    positions: np.ndarray  #: (L, columns); Angle and its standard deviation, rad.
+    velocities: np.ndarray  #: (L, columns); Euler rate and its standard deviation, rad/s.
+
+
+class PointForecast(NamedTuple):
+    """What the messages of a point at one lead say: in a level frame that moves with the craft's mean."""
+
+    name: str
+    lead: float  #: s.
+    stamp_ns: int  #: The time it is for.
+    position: tuple[float, ...]  #: m from the sensor's mean place; z from the point's mean level.
+    orientation: tuple[float, ...]  #: Quaternion x, y, z, w.
+    pose_covariance: np.ndarray  #: (6, 6); Of x, y, z and the rotations about them.
+    linear: tuple[float, ...]  #: In the axes of the craft then, m/s.
+    angular: tuple[float, ...]  #: rad/s.
+    twist_covariance: np.ndarray  #: (6, 6)
+    acceleration: float  #: Upwards, m/s^2.
+    acceleration_variance: float
+
 
 OnNext = Callable[[AttitudeForecast], None]
 
@@ -75,20 +116,114 @@ class PipelineStep(NamedTuple):
 
     def attitudes(self) -> tuple[tuple[float, AttitudeForecast], ...]:
         """For the topics of the leads: tuple of (lead, AttitudeForecast); empty unless due."""
-        return () if self.forecast is None else attitudes_at_leads(self.forecast, self.stamp_ns, *self.heading)
+        if self.forecast is None:
+            return ()
+        moments = {
+            axis: np.column_stack([ahead.angle, ahead.rate, *ahead.covariance.reshape(-1, 4).T[[0, 1, 3]]]).tolist()
+            for axis, ahead in self.forecast.axes.items()
+        }
+        leads, heading = self.forecast.leads.tolist(), self.heading
+        return tuple(
+            (lead, attitude_forecast(self.stamp_ns, lead, {axis: rows[k] for axis, rows in moments.items()}, *heading))
+            for k, lead in enumerate(leads)
+        )
 
     def trajectory(self) -> HorizonForecast | None:
         """The values over the horizon; None unless due."""
-        return None if self.horizon is None else horizon_forecast(self.horizon, self.stamp_ns)
+        if self.horizon is None:
+            return None
+        leads, axes = self.horizon.leads, self.horizon.axes
+        positions, velocities = np.empty((2, leads.size, 2 * len(axes)))
+        for place, ahead in enumerate(axes.values()):
+            positions[:, 2 * place], velocities[:, 2 * place] = ahead.angle, ahead.rate
+            np.sqrt(ahead.covariance[:, 0, 0], out=positions[:, 2 * place + 1])
+            np.sqrt(ahead.covariance[:, 1, 1], out=velocities[:, 2 * place + 1])
+        columns = tuple([f'{axis}{kind}' for axis in axes for kind in ('', '_std')])
+        leads_ns = tuple(np.round(leads / NANOSECOND).astype(np.int64).tolist())
+        return HorizonForecast(self.stamp_ns, columns, leads_ns, positions, velocities)
 
     def points(self) -> list[PointForecast]:
         """For the topics of named points: list of `PointForecast`; empty unless due and learnt."""
-        return [] if self.forecast is None else points_at_leads(self.forecast, self.stamp_ns)
+        if self.forecast is None or not self.forecast.points:
+            return []
+        roll, pitch = self.forecast.axes['roll'], self.forecast.axes['pitch']
+        attitudes = np.column_stack([roll.angle, pitch.angle, roll.rate, pitch.rate]).tolist()
+        return [
+            _point_forecast(name, lead, self.stamp_ns, at, motion.place, motion.mean[k].tolist(), motion.covariance[k])
+            for name, motion in self.forecast.points.items()
+            for k, (lead, at) in enumerate(zip(self.forecast.leads.tolist(), attitudes, strict=True))
+        ]
 
     @property
     def quiescence(self) -> float | None:
         """The probability of keeping the limits; None where none is known, or it is not due."""
         return self.horizon.quiescence if self.horizon is not None and isfinite(self.horizon.quiescence) else None
+
+
+def attitude_forecast(
+    stamp_ns: int, lead: float, axes: Mapping[str, Sequence[float]], yaw: float, yaw_rate: float
+) -> AttitudeForecast:
+    """The forecast at one lead, s, as an attitude, with a held heading, rad, and its rate, rad/s. By measured axis:
+    angle, rate, angle variance, covariance of both, rate variance.
+    """
+    roll, roll_rate, roll_variance, _, roll_rate_variance = axes.get('roll', _NOTHING_KNOWN)
+    pitch, pitch_rate, pitch_variance, _, pitch_rate_variance = axes.get('pitch', _NOTHING_KNOWN)
+    return AttitudeForecast(
+        stamp_ns + round(lead / NANOSECOND),
+        attitude.quaternion(roll, pitch, yaw),
+        _diagonal(roll_variance, pitch_variance, LARGEST_ANGLE_VARIANCE) if axes else NOT_GIVEN,
+        attitude.body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate),
+        _diagonal(roll_rate_variance, pitch_rate_variance, LARGEST_RATE_VARIANCE) if axes else NOT_GIVEN,
+    )
+
+
+def _diagonal(about_x: float, about_y: float, about_z: float):
+    return (about_x, 0.0, 0.0, 0.0, about_y, 0.0, 0.0, 0.0, about_z)
+
+
+def _point_forecast(
+    name: str,
+    lead: float,
+    stamp_ns: int,
+    at: Sequence[float],
+    place: Sequence[float],
+    motion: Sequence[float],
+    covariance: np.ndarray,
+):
+    heave, velocity, acceleration = motion
+    roll, pitch, roll_rate, pitch_rate = at
+    orientation = attitude.quaternion(roll, pitch, 0.0)
+    back = attitude.conjugate(*orientation)
+    angular = attitude.body_rates(roll, pitch, roll_rate, pitch_rate, 0.0)
+    level = attitude.rotate(orientation, *place)
+    across = attitude.rotate(orientation, *_cross(angular, place))
+    linear = attitude.rotate(back, across[0], across[1], velocity)
+    pose = _NOTHING_KNOWN_OF_POSE.copy()
+    pose[2:5, 2:5] = covariance[_HEAVE_AND_ATTITUDE]
+    # the same either way but along the world's vertical, here in the axes of the craft
+    up = np.array(attitude.rotate(back, 0.0, 0.0, 1.0))
+    twist = _NOTHING_KNOWN_OF_TWIST.copy()
+    twist[:3, :3] += (covariance[1, 1] - UNKNOWN_PLACE_VARIANCE) * (up[:, None] * up)
+    twist[3:5, 3:5] = covariance[5:, 5:]
+    twist[:3, 3:5] = up[:, None] * covariance[1, 5:]
+    twist[3:5, :3] = twist[:3, 3:5].T
+    return PointForecast(
+        name,
+        lead,
+        stamp_ns + round(lead / NANOSECOND),
+        (*level[:2], heave),
+        orientation,
+        pose,
+        linear,
+        angular,
+        twist,
+        acceleration,
+        float(covariance[2, 2]),
+    )
+
+
+def _cross(a: Sequence[float], b: Sequence[float]):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 class ForecastPipeline:
@@ -122,8 +257,7 @@ class ForecastPipeline:
         self.counts = dict.fromkeys(PIPELINE_REASONS, 0)
         self.used = 0
         self._intake = intake or Intake(self.settings.installation, self.settings.stamps)
-        self._models = dict.fromkeys(AXES)
-        self.validity = ModelValidity()
+        self.models: dict[str, IdentifiedModel | None] = dict.fromkeys(AXES)  #: By axis.
         self._first_ns: int | None = None
         self.newest_ns = 0  #: Stamp of the newest message; 0 before any.
         self._yaw = self._yaw_rate = 0.0
@@ -132,10 +266,9 @@ class ForecastPipeline:
         """Swap the hulls by axis under the running filters; an axis without one is forecast without a hull."""
         for axis in AXES:
             model = models.get(axis)
-            if model != self._models[axis]:
-                self._models[axis] = model
+            if model != self.models[axis]:
+                self.models[axis] = model
                 self.forecaster.set_model(axis, model)
-                self.validity.set_model(axis, model)
 
     def install(self, fit: SeaFit) -> None:
         """Take over the fit that a step asked for; it is used from its request's stamp plus the refit delay on."""
@@ -183,7 +316,6 @@ class ForecastPipeline:
         elif JUMPED_BACK not in reasons:
             elapsed = (stamp_ns - self.newest_ns) * NANOSECOND
         self.newest_ns = stamp_ns
-        self.validity.add(sample.stamp, {'roll': sample.roll, 'pitch': sample.pitch})
         # the heading is not forecast: the last one measured is held
         if sample.yaw == sample.yaw:
             self._yaw = sample.yaw
@@ -216,8 +348,7 @@ class ForecastPipeline:
 
     def diagnostics(self) -> ForecasterDiagnostics:
         """The running state; see `Forecaster.diagnostics`."""
-        state = self.forecaster.diagnostics()
-        return replace(state, advice=state.advice + self.validity.advice())
+        return self.forecaster.diagnostics()
 
 
 def warm_up() -> None:

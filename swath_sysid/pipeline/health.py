@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from math import isnan
 from typing import TYPE_CHECKING
 
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.window import MotionWindow
 from swath_sysid.common.sentences import CURES
@@ -338,6 +339,16 @@ class IdentifierHealth(Reasons):
             **self.counts,
         }
         return Report('identification', level, message, values)
+
+
+def verdict_values(models: Mapping[str, IdentifiedModel | None]) -> dict[str, object]:
+    """Verdict and sentence of models by axis, for diagnostics."""
+    found: dict[str, object] = {}
+    for axis, identified in models.items():
+        if identified is not None:
+            found[f'verdict_{axis}'] = identified.verdict or 'not known'
+            found[f'verdict_sentence_{axis}'] = identified.verdict_sentence
+    return found
 
 
 def stability_report(watch: StabilityWatch) -> Report:

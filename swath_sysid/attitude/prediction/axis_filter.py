@@ -3,10 +3,11 @@
 import math
 from collections import deque
 from collections.abc import Sequence
-from math import comb
+from math import comb, degrees, inf
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN, HullFilter, HullFilterSettings
+from swath_sysid.common.advice import Advice
 
 #: First guess, least and most noise of sensors that do not report theirs, rad and rad/s.
 ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
@@ -32,6 +33,9 @@ _AGREEMENT_MEMORY = 30.0  #: s; averaging time.
 
 #: Mean square disagreement over that of the noise, above which the channels contradict each other.
 _BEYOND_CHANCE = 2.0
+BLOCKS = 16  #: The past is kept as the extremes of this many parts.
+PERIODS = 2.0  #: Natural periods over which a motion's amplitude is measured.
+BEYOND = 1.1  #: Factor beyond the largest amplitude of the record from which the model is not valid.
 
 
 class AxisFilter:
@@ -40,6 +44,7 @@ class AxisFilter:
     def __init__(self, settings: HullFilterSettings, memory: float) -> None:
         self.hull = HullFilter(settings)
         self.identified: IdentifiedModel | None = None
+        self.reach: Reach | None = None  #: Of the measured angle, where a hull is known.
         self.size = MotionSize(memory)
         self.reported = (0.0, 0.0)  #: Noise variances of angle and rate that the sensor reports; zero if it does not.
         self.noise = self.noise_to_hull = (math.nan, math.nan)  #: Those in use, and with the disagreement of both.
@@ -62,6 +67,7 @@ class AxisFilter:
     def set_model(self, identified: IdentifiedModel | None) -> None:
         """Swap the hull; None where none is known."""
         self.identified = identified
+        self.reach = None if identified is None else Reach(identified.model.natural_period)
         self.hull.set_hull(identified)
 
     def follow(
@@ -90,6 +96,23 @@ class AxisFilter:
         self.size.follow(*self.motion, elapsed)
         return rejected, restarted
 
+    def advice(self) -> tuple[Advice, ...]:
+        """What contradicts the hull's model: what the filter learns, its own verdict, and the size of the motion."""
+        found, identified = list(self.hull.advice()), self.identified
+        if identified is None or self.reach is None:
+            return ()
+        axis = identified.model.axis
+        if identified.verdict not in ('', 'adequate'):
+            sentence = identified.verdict_sentence or 'release the craft again, and identify it'
+            found.append(Advice.of('model-doubtful', axis=axis, verdict=identified.verdict, sentence=sentence))
+        (smallest, largest), reached = identified.amplitude_range, self.reach.amplitude
+        # a single amplitude is that of an equivalent linear model in waves, not of their crests
+        if smallest < largest and reached > BEYOND * largest:
+            found.append(
+                Advice.of('outside-valid-amplitude', axis=axis, reached=degrees(reached), largest=degrees(largest))
+            )
+        return tuple(found)
+
     def _variances(self, angle: float, rate: float, reported: Sequence[float], even: bool):
         """Noise variances that the sensor reports, or else measured ones."""
         of_angle, of_rate = self._meters
@@ -102,6 +125,29 @@ class AxisFilter:
         self.reported = angle_variance, rate_variance
         self.noise = angle_variance or of_angle.take(angle), rate_variance or of_rate.take(rate)
         return self.noise
+
+
+class Reach:
+    """Half the width of an angle's motion, over the last two of its natural periods, s."""
+
+    def __init__(self, period: float) -> None:
+        self._block = PERIODS * period / BLOCKS
+        self._lows, self._highs = deque([inf], BLOCKS), deque([-inf], BLOCKS)
+        self._end = -inf
+
+    def add(self, time: float, angle: float) -> None:
+        """Add an angle, rad; NaN: not measured."""
+        if not self._end - self._block <= time < self._end:
+            self._end = time + self._block
+            self._lows.append(inf)
+            self._highs.append(-inf)
+        self._lows[-1] = min(self._lows[-1], angle if angle == angle else inf)
+        self._highs[-1] = max(self._highs[-1], angle if angle == angle else -inf)
+
+    @property
+    def amplitude(self) -> float:
+        """rad; zero where no angle was measured."""
+        return max(0.5 * (max(self._highs) - min(self._lows)), 0.0)
 
 
 class MotionSize:

@@ -38,7 +38,7 @@ def diagnose(
     advice = tuple(Advice.of('no-model', axis=name) for name, axis in started.items() if axis.identified is None)
     if not has_waves:
         advice += (Advice.of('no-waves'),)
-    advice += tuple(note for axis in started.values() for note in axis.hull.advice())
+    advice += tuple(note for axis in axes.values() for note in axis.advice())
     gain: dict[str, np.ndarray] = {}
     nrmse = coverage = np.full((len(axes), count), np.nan)
     names = tuple(CANDIDATES) if bank is None else bank.names

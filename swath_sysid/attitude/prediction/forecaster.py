@@ -22,14 +22,13 @@ from swath_sysid.attitude.prediction.diagnostics import ForecasterDiagnostics, d
 from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.oscillator import oscillators
-from swath_sysid.attitude.prediction.outlook import CalmForecaster, PointForecaster
+from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, PointForecaster, ValidLeads
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, ROW_RATE, History, RowClock
 from swath_sysid.attitude.prediction.sea_fit import SHORT, WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UpstreamRows
-from swath_sysid.attitude.prediction.valid_lead import ErrorLimit, ValidLeads
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.errors import InputError
 
@@ -225,6 +224,8 @@ class Forecaster:
         reasons: tuple[str, ...] = ()
         for name, axis in self._axes.items():
             angle, rate, *reported = _OF_AXIS[name](sample)
+            if axis.reach is not None:
+                axis.reach.add(sample.stamp, angle)
             rejected, restarted = axis.follow(angle, rate, reported, elapsed, linked, even)
             if rejected:
                 reasons += (REJECTED[name],)

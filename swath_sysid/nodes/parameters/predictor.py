@@ -5,9 +5,9 @@ from math import inf, radians
 
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_filter import HullFilterSettings
+from swath_sysid.attitude.prediction.outlook import ErrorLimit
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
-from swath_sysid.attitude.prediction.valid_lead import ErrorLimit
 from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.parameters.sensor import installation, stamp_settings
 from swath_sysid.nodes.parameters.table import Values, check
