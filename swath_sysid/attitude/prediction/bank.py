@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -25,59 +24,15 @@ from swath_sysid.attitude.prediction.upstream import (
 HULL, OSCILLATOR = 'hull-filter', 'oscillator'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
 CANDIDATES = {HULL: 3.0, OSCILLATOR: 0.3, NEW_WAVES: 1.0, WAVES: 1.0}
-PLACE = {name: place for place, name in enumerate(CANDIDATES)}
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
-
-
-class Candidate(Protocol):
-    """What forecasts `ATTITUDE` from rows."""
-
-    def step(self, row: np.ndarray) -> None:
-        """Take the next row, NaN where missing."""
-
-    def skip(self, count: int) -> None:
-        """Step over missing rows."""
-
-    def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Readings (L, 4) and covariance (L, 4, 4) at leads (L,), s from now, ``age`` s after the newest row.
-
-        Leads None: at the rows to come that were prepared. NaN where there is no forecast.
-        """
-
-
-class HullCandidate:
-    """The hulls' filters of both axes, which have followed every sample, so that rows tell them nothing."""
-
-    def __init__(self, axes: Sequence[AxisFilter], at_rows: np.ndarray) -> None:
-        self._axes, self._at_rows = axes, at_rows
-
-    def step(self, row: np.ndarray) -> None:
-        """Nothing: see `Candidate`."""
-
-    def skip(self, count: int) -> None:
-        """Nothing: see `Candidate`."""
-
-    def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """See `Candidate`."""
-        leads = self._at_rows if leads is None else leads
-        mean = np.full((leads.size, len(ATTITUDE)), math.nan)
-        covariance = np.zeros((leads.size, len(ATTITUDE), len(ATTITUDE)))
-        for place, axis in enumerate(self._axes):
-            if axis.hull.is_started and axis.identified is not None:
-                mean[:, place], mean[:, place + 2], spread = axis.hull.forecast(leads)
-                # of the readings to come, as the state spaces'
-                covariance[:, place::2, place::2] = spread + np.diag(axis.noise)
-        return mean, covariance
 
 
 class Bank:
     """Candidates and their average at increasing leads (L,), s, on rows ``step`` s apart."""
 
-    def __init__(
-        self, axes: Sequence[AxisFilter], leads: np.ndarray, step: float, upstream: UpstreamRows | None = None
-    ) -> None:
-        self.channels = () if upstream is None else upstream.names  #: Upstream.
+    def __init__(self, axes: Sequence[AxisFilter], leads: np.ndarray, step: float, upstream: UpstreamRows) -> None:
+        self.channels = upstream.names  #: Upstream.
         #: Of the candidates; the upstream channels' are the last.
         self.names = (*CANDIDATES, *candidates_of(self.channels))
         self._place = {name: place for place, name in enumerate(self.names)}
@@ -89,15 +44,14 @@ class Bank:
         self._at_row = np.full((len(self.names), 1, len(ATTITUDE)), math.nan), np.empty(0)
         self._axes, self._leads, self._steps, self._step = axes, leads, self.blend.steps, step
         self._horizon = leads[-1] + 2.0 * step
-        self._hulls = HullCandidate(axes, step * self._steps)
         whole = leads / step
         are_rows = np.abs(whole - np.round(whole)) < 0.02
         self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._steps.size == whole.size
 
     @property
-    def candidates(self) -> dict[str, Candidate]:
-        """Those that there are at present."""
-        return {HULL: self._hulls, **self.spaces, **self._upstream}
+    def _on_rows(self) -> dict[str, InnovationsFilter | UpstreamCandidate]:
+        """The candidates that there are at present, but for the hulls' filters, which follow every sample."""
+        return {**self.spaces, **self._upstream}
 
     @property
     def _noise(self):
@@ -114,7 +68,6 @@ class Bank:
 
     def use_upstream(self, name: str, fit: UpstreamFit, past: np.ndarray) -> None:
         """Put a fit of the upstream channels to use, after the newest rows (N, width)."""
-        assert self._upstream_rows is not None, 'the fit was asked for'
         candidate = UpstreamCandidate(fit, self._upstream_rows, self._steps * self._step, self._step)
         for row in past[len(past) - (self._upstream_rows.newest - fit.newest) :]:
             candidate.step(row)
@@ -126,13 +79,13 @@ class Bank:
 
     def step(self, row: np.ndarray) -> None:
         """Take the next row in every candidate."""
-        for candidate in self.candidates.values():
+        for candidate in self._on_rows.values():
             candidate.step(row)
 
     def skip(self, count: int) -> None:
         """Step over missing rows."""
         self.blend.skip(count)
-        for candidate in self.candidates.values():
+        for candidate in self._on_rows.values():
             candidate.skip(count)
 
     def score(self, measured: np.ndarray, steps: int) -> None:
@@ -183,10 +136,15 @@ class Bank:
         count = self._steps.size if leads is None else leads.size
         mean = np.full((len(self.names), count, len(ATTITUDE)), math.nan)
         covariance = np.zeros((*mean.shape, len(ATTITUDE)))
-        for name, candidate in self.candidates.items():
+        hull, ahead = self._place[HULL], self._step * self._steps if leads is None else leads
+        for place, axis in enumerate(self._axes):
+            if axis.hull.is_started and axis.identified is not None:
+                mean[hull, :, place], mean[hull, :, place + 2], spread = axis.hull.forecast(ahead)
+                # of the readings to come, as the state spaces'
+                covariance[hull, :, place::2, place::2] = spread + np.diag(axis.noise)
+        for name, candidate in self._on_rows.items():
             mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
-        filters: dict[str, InnovationsFilter | UpstreamCandidate] = {**self.spaces, **self._upstream}
-        strained = [self._place[name] for name, each in filters.items() if each.strain > HEALTHY_STRAIN]
+        strained = [self._place[name] for name, each in self._on_rows.items() if each.strain > HEALTHY_STRAIN]
         if strained:
             trusted = self._hull_is_trusted()
             for place in strained:
@@ -194,7 +152,7 @@ class Bank:
         for place, axis in enumerate(self._axes):
             if axis.hull.is_free:
                 # nothing acts: there is nothing else to know
-                mean[PLACE[HULL] + 1 :, :, place::2] = math.nan
+                mean[hull + 1 :, :, place::2] = math.nan
         angles = mean[..., :2]
         # a third of what np.clip takes
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)
@@ -207,4 +165,4 @@ class Bank:
         """
         level = np.log(np.maximum(self.blend.mean_square, 1e-300)).mean(axis=1)
         explains = [axis.explains for axis in self._axes]
-        return ((level[PLACE[HULL]] < level) & explains)[:, _AXIS_OF_TARGET]
+        return ((level[self._place[HULL]] < level) & explains)[:, _AXIS_OF_TARGET]

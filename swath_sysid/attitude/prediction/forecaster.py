@@ -25,12 +25,13 @@ from swath_sysid.attitude.prediction.oscillator import oscillators
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, PointForecaster, ValidLeads
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
-from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, ROW_RATE, History, RowClock
+from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, OF_CHANNELS, OF_MEANS, OF_SAMPLE, ROW_RATE, RowClock
 from swath_sysid.attitude.prediction.sea_fit import SHORT, WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UpstreamRows
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.row_buffer import RowBuffer
 
 REJECTED = {axis: f'outlier-{axis}' for axis in AXES}
 RESTARTED = {axis: f'gate-restarted-{axis}' for axis in AXES}
@@ -120,8 +121,9 @@ class Forecaster:
         self._asked, self._over_horizon = (_places_of(wanted, self._leads) for wanted in (leads, horizon))
         self._clock = RowClock()
         # the oldest forecast that is scored lies one longest lead behind the window
-        self._history = History(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1)
-        self._upstream = UpstreamRows(s.upstream, self._history.channels.capacity)
+        capacity = math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1
+        self._rows = RowBuffer(capacity, OF_MEANS.stop)
+        self._upstream = UpstreamRows(s.upstream, capacity)
         axes = tuple(self._axes.values())
         self._points = PointForecaster(s.points, axes, 2 * round(s.horizon * ROW_RATE) + 1)
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
@@ -238,7 +240,7 @@ class Forecaster:
     def _begin_rows(self, is_new: bool):
         """Begin with another step, which makes all that was learnt in rows invalid; the rows too if it ``is_new``."""
         if is_new:
-            self._history.clear()
+            self._rows.clear()
             self._rows_begun, self._sea_state_due = self._time, self._time + LONGEST_BRIDGE
         step = self._clock.step
         self._upstream.begin(step, is_new)
@@ -253,12 +255,12 @@ class Forecaster:
         self._upstream.append(stamp, steps)
         self._skip_rows(steps - 1)
         row = self._clock.row([axis.motion if axis.hull.is_started else None for axis in self._axes.values()])
-        self._history.append(row)
-        channels = np.array(row.channels)
+        self._rows.append(row)
+        channels = np.array(row[OF_CHANNELS])
         bank.step(channels)
         self._points.step(channels, bank.spaces.get(WAVES))
         self._follow_oscillator(bank)
-        bank.score(np.array(row.measured[: len(AXES)]), steps)
+        bank.score(np.array(row[OF_SAMPLE][: len(AXES)]), steps)
 
     def _follow_oscillator(self, bank: Bank):
         """Fit it in the foreground, because it costs so little."""
@@ -266,17 +268,20 @@ class Forecaster:
             self._oscillator_due = self._time + self._interval_of_refits(_FIRST_INTERVAL)
             model = oscillators(self._past(self.settings.window), CHANNELS, self._clock.step, AXES)
             if model is not None:
-                bank.use(OSCILLATOR, model, self._history.channels.last(2 * MAX_LAGS))
+                bank.use(OSCILLATOR, model, self._newest(2 * MAX_LAGS))
 
     def _skip_rows(self, count: int):
         if count > 0 and self._bank is not None:
-            self._history.skip(count)
+            self._rows.skip(count)
             self._bank.skip(count)
             self._points.skip(count, self._bank.spaces.get(WAVES))
 
     def _past(self, duration: float):
         """The channels' rows of the last seconds, as many as given."""
-        return self._history.channels.last(int(duration / self._clock.step) + 1)
+        return self._newest(int(duration / self._clock.step) + 1)
+
+    def _newest(self, count: int | None = None):
+        return self._rows.last(count)[:, OF_CHANNELS]
 
     # -- what is learnt of the sea
 
@@ -297,14 +302,14 @@ class Forecaster:
             CHANNELS,
             past,
             dict(self._excitation_requests()),
-            self._points.request(self._clock, self._history.newest),
+            self._points.request(self._clock, self._rows.newest),
             self._time >= self._sea_state_due,
             self._upstream.request(len(past), int(SHORT / self._clock.step), self._leads[-1] + self._clock.step),
         )
 
     def _excitation_requests(self):
         step, samples = self._clock.step, self._clock.samples
-        rows = self._history.means.last(int(self.settings.window / step) + 1)
+        rows = self._rows.last(int(self.settings.window / step) + 1)[:, OF_MEANS]
         for place, (name, axis) in enumerate(self._axes.items()):
             known = axis.hull.learnt_hull()
             if known is not None and axis.hull.is_started:
@@ -319,15 +324,15 @@ class Forecaster:
             return None
         self._waiting = None
         for name, model in fit.waves.items():
-            bank.use(name, model, self._history.channels.last(2 * MAX_LAGS))
+            bank.use(name, model, self._newest(2 * MAX_LAGS))
             bank.renew(name)
             self._has_waves = True
         is_kept = bool(fit.upstream) and self._keeps_upstream(bank)
         for name, upstream in fit.upstream.items():
             if name == NEW_UPSTREAM or not is_kept:
-                bank.use_upstream(name, upstream, self._history.channels.last())
+                bank.use_upstream(name, upstream, self._newest())
         if WAVES in fit.waves:
-            self._points.install(fit.vertical, self._history.newest, bank.spaces[WAVES])
+            self._points.install(fit.vertical, self._rows.newest, bank.spaces[WAVES])
         for name, excitation in fit.excitations.items():
             if self._axes[name].identified is not None:
                 self._axes[name].hull.set_excitation(excitation, self._time - fit.time)
@@ -371,7 +376,7 @@ class Forecaster:
         valid_leads = self._valid_leads.assess(self._time, *at, ahead)
         quiescence, window = math.nan, None
         if self._calm is not None:
-            quiescence, window = self._calm.assess(self._time, *at, ahead, self._history, self._clock.step, since_row)
+            quiescence, window = self._calm.assess(self._time, *at, ahead, self._rows, self._clock.step, since_row)
         known = [place for place in range(len(AXES)) if math.isfinite(mean[0, place])]
         if len(known) < len(AXES):
             joint = [*known, *(place + len(AXES) for place in known)]

@@ -16,7 +16,7 @@ from swath_sysid.attitude.prediction.quiescence import (
     QuiescenceLimits,
     quantity_at,
 )
-from swath_sysid.attitude.prediction.rows import CHANNELS, History, RowClock
+from swath_sysid.attitude.prediction.rows import CHANNELS, OF_SAMPLE, RowClock
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalForecaster, VerticalRequest
 from swath_sysid.common.errors import InputError
@@ -105,7 +105,7 @@ class CalmForecaster:
         mean: np.ndarray,
         covariance: np.ndarray,
         points: Mapping[str, PointMotion],
-        history: History,
+        rows: RowBuffer,
         step: float,
         since_row: float,
     ) -> tuple[float, CalmWindow | None]:
@@ -123,7 +123,7 @@ class CalmForecaster:
         def what_came(times: np.ndarray) -> np.ndarray:
             """Limited quantities at these times: measured, and for points as they were known then."""
             behind = (of_row - times) / step
-            attitude = history.measured.at(history.newest - behind)
+            attitude = rows.at(rows.newest - behind)[:, OF_SAMPLE]
             return np.hstack([attitude, *self._points.at_rows(behind, attitude)])
 
         self.quiescence.learn(time, what_came)

@@ -3,14 +3,18 @@
 import math
 from collections.abc import Sequence
 from operator import itemgetter
-from typing import NamedTuple
 
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.prediction.point import ATTITUDE
-from swath_sysid.common.row_buffer import RowBuffer
 
 #: Channels that may show the waves; a record without some is forecast from the others.
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
+
+#: Columns of a row: `CHANNELS`, filtered where the sensor is much quicker than the rows; `ATTITUDE` as the row's own
+#: sample has it; and its mean over the samples since the row before.
+OF_CHANNELS = slice(len(CHANNELS))
+OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
+OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
 ROW_RATE = 10.0  #: Hz; small craft move below 1.5 Hz. A slower sensor gives one row per sample.
 
@@ -25,43 +29,6 @@ _NEW_STEP, _INEXACT_STEP = 0.15, 2e-3  #: Relative differences of a step that be
 _SETTLING_INTERVALS = (5, 20, 60, 200)  #: Intervals after which the step is corrected.
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
-
-
-class Row(NamedTuple):
-    """The motion at one step; NaN where not measured."""
-
-    channels: Sequence[float]  #: `CHANNELS`, filtered where the sensor is much quicker than the rows.
-    measured: Sequence[float]  #: `ATTITUDE` as the row's own sample has it.
-    means: Sequence[float]  #: `ATTITUDE`, mean over the samples since the row before.
-
-
-class History:
-    """The newest rows, each part by itself."""
-
-    def __init__(self, capacity: int) -> None:
-        self.channels = RowBuffer(capacity, len(CHANNELS))
-        self.measured, self.means = RowBuffer(capacity, len(ATTITUDE)), RowBuffer(capacity, len(ATTITUDE))
-        self._parts = self.channels, self.measured, self.means
-
-    @property
-    def newest(self) -> int:
-        """Number of the newest row."""
-        return self.channels.newest
-
-    def append(self, row: Row) -> None:
-        """Add a row."""
-        for part, values in zip(self._parts, row, strict=True):
-            part.append(values)
-
-    def skip(self, count: int) -> None:
-        """Add rows of which nothing is known."""
-        for part in self._parts:
-            part.skip(count)
-
-    def clear(self) -> None:
-        """Forget every row."""
-        for part in self._parts:
-            part.clear()
 
 
 class RowClock:
@@ -142,12 +109,15 @@ class RowClock:
         self._measured = measured[: len(ATTITUDE)]
         return steps
 
-    def row(self, filtered: Sequence[tuple[float, float] | None]) -> Row:
-        """The row of the newest sample; filtered angle and rate by axis, if known, take the part of smoothed ones."""
+    def row(self, filtered: Sequence[tuple[float, float] | None]) -> list[float]:
+        """The row of the newest sample, NaN where not measured.
+
+        Filtered angle and rate by axis, where known, take the part of smoothed ones.
+        """
         channels = list(self._values)
         for place, motion in enumerate(filtered if self.is_smoothed else ()):
             if motion is not None:
                 channels[place], channels[place + len(filtered)] = motion
         means = [total / count if count else math.nan for total, count in zip(self._sums, self._counts, strict=True)]
         self._clear_block()
-        return Row(channels, self._measured, means)
+        return [*channels, *self._measured, *means]

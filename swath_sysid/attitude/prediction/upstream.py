@@ -300,7 +300,7 @@ class UpstreamCandidate:
             self.step(_NOTHING)
 
     def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """See `Candidate`."""
+        """Readings (L, 4) and covariance (L, 4, 4); see `InnovationsFilter.forecast`."""
         since = self._number % self._every
         if leads is None:
             return self._space.ahead(*self._prepared[since])
