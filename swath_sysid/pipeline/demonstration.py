@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE_ERROR
 from swath_sysid.attitude.motion.attitude import euler_angles
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.motion.trial import AXES
@@ -18,8 +19,7 @@ UNAWARE = 0.3  #: s after the release; no forecast issued earlier can know of it
 SCORED_SPAN = 10.0  #: s of motion after the release that are scored.
 LIFTING = CraftSettings.lift + CraftSettings.hold  #: s before a release in which the craft is not free.
 
-#: Largest NRMSE of the one-period-ahead forecast, and largest part of that without a model.
-LARGEST_ERROR, LARGEST_SHARE = 0.1, 0.25
+LARGEST_SHARE = 0.25  #: Largest part of the NRMSE of the one-period-ahead forecast without a model.
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Verdict:
     @property
     def is_good(self) -> bool:
         """Whether both figures are met."""
-        return self.after <= LARGEST_ERROR and self.after <= LARGEST_SHARE * self.unaided
+        return self.after <= ADEQUATE_ERROR and self.after <= LARGEST_SHARE * self.unaided
 
     @property
     def text(self) -> str:
@@ -96,7 +96,7 @@ class Verdict:
             f'{self.lead:g} s (one natural period) ahead, the forecast errs by {self.after:.1%} of the motion with the '
             f'identified model, by {self.unaided:.0%} without it, and by {self.before:.0%} in the first release'
         )
-        limits = f'NOT PASSED (at most {LARGEST_ERROR:.0%}, and a quarter of that without a model)'
+        limits = f'NOT PASSED (at most {ADEQUATE_ERROR:.0%}, and a quarter of that without a model)'
         return f'{"passed" if self.is_good else limits}: {comparison}'
 
 
