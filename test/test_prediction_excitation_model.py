@@ -155,9 +155,7 @@ def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
 def test_the_autocovariance_is_the_spectrums_cosine_transform(count):
     frequency = 2.0 * math.pi * np.fft.rfftfreq(count, STEP)[1:]
     frequency = frequency[frequency < 20.0]
-    covariance = excitation.autocovariance(
-        excitation.Spectrum(frequency, _density(frequency), 0.0 * frequency), STEP, 121
-    )
+    covariance = excitation.autocovariance(excitation.Spectrum(frequency, _density(frequency)), STEP, 121)
     lags = STEP * np.arange(121)
     wanted = np.cos(np.outer(lags, frequency)) @ _density(frequency) * frequency[0] / math.pi
     assert covariance == pytest.approx(wanted, abs=1e-12 * wanted[0])

@@ -126,12 +126,12 @@ def test_after_complete_rows_the_state_is_known_again_and_a_break_in_the_motion_
     lost, jump = rows.copy(), rows.copy()
     lost[100:120] = np.nan
     broken, whole = _filter(model, lost), _filter(model, rows)
-    assert broken._p is None and whole._p is None
+    assert broken.state_covariance is None and whole.state_covariance is None
     assert broken.forecast([0.5])[0] == pytest.approx(whole.forecast([0.5])[0], abs=1e-3)
     jump[200:] += 100.0 * model.scale
     ours, fresh = _filter(model, jump[:201]), _filter(model, jump[200:201])
     assert ours.forecast([0.5])[0] == pytest.approx(fresh.forecast([0.5])[0])
-    assert ours._p is not None
+    assert ours.state_covariance is not None
 
 
 def test_between_whole_steps_a_forecast_is_smooth():
@@ -163,7 +163,7 @@ def test_the_rates_covariance_is_that_of_the_difference():
     model = _model(6, channels=('roll',), states=3)
     ours = _filter(model, _rows(model, 300), ('roll', 'roll_rate'))
     mean, covariance = ours.forecast([0.5])
-    rng, path, state = np.random.default_rng(0), [], np.tile(ours._x, (40000, 1))
+    rng, path, state = np.random.default_rng(0), [], np.tile(ours.state, (40000, 1))
     for _ in range(7):
         e = np.sqrt(model.s[0, 0]) * rng.normal(size=(40000, 1))
         path.append(model.mean + model.scale * (state @ model.c.T + e))

@@ -80,7 +80,7 @@ def test_channels_that_say_nothing_are_left_out():
     model = analysis.identify(values, ('draft', 'roll', 'heave', 'yaw', 'pitch'), STEP)
     assert (model.channels, model.places) == (('roll', 'pitch'), (1, 4))
     ours = _filter(model, values[-100:])
-    assert ours._p is None and np.isfinite(ours.forecast([0.5])[0]).all()
+    assert ours.state_covariance is None and np.isfinite(ours.forecast([0.5])[0]).all()
     for values in (np.zeros((0, 2)), np.zeros((500, 2)), np.full((500, 2), np.nan), y[:8]):
         assert analysis.identify(values, NAMES, STEP) is None
         assert analysis.identify_alone(values, NAMES, STEP, NAMES) is None
@@ -157,7 +157,7 @@ def test_each_angle_alone_reads_only_itself_and_its_rate():
     model = analysis.identify_alone(values, (*NAMES, 'pitch_rate'), STEP, NAMES)
     assert model.places == (0, 1, 2) and model.channels == (*NAMES, 'pitch_rate')
     assert not model.k[model.c[0].nonzero()[0]][:, 1:].any()
-    assert _filter(model, values[-400:])._p is None
+    assert _filter(model, values[-400:]).state_covariance is None
 
 
 def test_where_every_tenth_row_is_lost_there_is_still_a_model():

@@ -334,17 +334,9 @@ class ForecastPipeline:
         for reason in observed.reasons:
             self.counts[reason] += 1
         self.used += 1
-        return PipelineStep(
-            reasons + observed.reasons,
-            True,
-            following,
-            observed.forecast,
-            observed.horizon,
-            observed.sea_request,
-            stamp_ns,
-            (self._yaw, self._yaw_rate),
-            observed.sea,
-        )
+        forecasts = observed.forecast, observed.horizon, observed.sea_request
+        heading = self._yaw, self._yaw_rate
+        return PipelineStep(reasons + observed.reasons, True, following, *forecasts, stamp_ns, heading, observed.sea)
 
     def diagnostics(self) -> ForecasterDiagnostics:
         """The running state; see `Forecaster.diagnostics`."""

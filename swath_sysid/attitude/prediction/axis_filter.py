@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import comb, degrees, inf
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN, HullFilter, HullFilterSettings
+from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
 from swath_sysid.common.advice import Advice
 
 #: First guess, least and most noise of sensors that do not report theirs, rad and rad/s.
@@ -58,11 +58,6 @@ class AxisFilter:
         """Filtered angle and rate, rad and rad/s."""
         state = self.hull.x
         return state.item(0), state.item(1)
-
-    @property
-    def explains(self) -> bool:
-        """Whether an identified hull explains the newest samples."""
-        return self.identified is not None and self.hull.is_started and self.hull.strain < HEALTHY_STRAIN
 
     def set_model(self, identified: IdentifiedModel | None) -> None:
         """Swap the hull; None where none is known."""

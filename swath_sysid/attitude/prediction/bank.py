@@ -164,5 +164,8 @@ class Bank:
         A wide filter explains any sample, but may forecast badly.
         """
         level = np.log(np.maximum(self.blend.mean_square, 1e-300)).mean(axis=1)
-        explains = [axis.explains for axis in self._axes]
+        explains = [
+            axis.identified is not None and axis.hull.is_started and axis.hull.strain < HEALTHY_STRAIN
+            for axis in self._axes
+        ]
         return ((level[self._place[HULL]] < level) & explains)[:, _AXIS_OF_TARGET]

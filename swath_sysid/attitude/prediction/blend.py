@@ -40,21 +40,16 @@ class Blend:
         whole = np.maximum(np.round(np.asarray(leads) / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
-        self._shape = self._prior.shape[0], self.steps.size, axes
-        self._places, self._axes = np.arange(self.steps.size), np.arange(axes)
+        candidates, steps = self._prior.shape[0], self.steps.size
+        self._places, self._axes = np.arange(steps), np.arange(axes)
         memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, MEMORY_OF_SIZE)
         self._keep = (1.0 - step / memory)[:, None]
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget everything."""
-        candidates, steps, axes = self._shape
         self._row = 0
         # of each row, by step: what each candidate forecast, the blend, its variance, and half its interval squared
         rows = int(self.steps[-1]) + 1
         self._means = np.full((rows, steps, candidates, axes), np.nan)
         self._issued = np.full((rows, steps, 3, axes), np.nan)
-        self.mean_square = np.zeros(self._shape)
+        self.mean_square = np.zeros((candidates, steps, axes))
         self._time = np.zeros((steps, axes))
         self._excused = np.zeros((steps, axes))
         # of forecasts under a moment, and of those of a hull on which nothing acts: the one says nothing of the other
@@ -65,7 +60,7 @@ class Blend:
         self.scale = self._spread[3, 0]
         self.blended_square = np.zeros((steps, axes))
         self.coverage = np.full((steps, axes), 1.0 - _MISSES)
-        self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
+        self.weights = np.broadcast_to(self._prior / self._prior.sum(), self.mean_square.shape)
 
     def take(
         self,
@@ -73,7 +68,7 @@ class Blend:
         mean: np.ndarray,
         variance: np.ndarray,
         noise_variance: float | np.ndarray = 0.0,
-        foreseeable: np.ndarray | None = None,
+        foreseeable: np.ndarray | float = np.inf,
         free: np.ndarray | int = 0,
     ) -> None:
         """Score the forecasts that this row's angles (A,), NaN where missing, make known, and keep those issued at it.
@@ -88,10 +83,9 @@ class Blend:
         average, of_average, interval = self._issued[then, self._places].swapaxes(0, 1)
         blended = reading - average
         self._judge(blended, interval)
-        if foreseeable is not None:
-            excused = (self.steps[:, None] > foreseeable) & (self._excused < _MAX_EXCUSED)
-            self._excused += self._step / MEMORY_OF_SIZE * (excused - self._excused)
-            blended[excused] = np.nan
+        excused = (self.steps[:, None] > foreseeable) & (self._excused < _MAX_EXCUSED)
+        self._excused += self._step / MEMORY_OF_SIZE * (excused - self._excused)
+        blended[excused] = np.nan
         was_free = self._was_free[then], self._places[:, None], self._axes
         self._learn(errors, blended, of_average, interval, noise_variance, was_free)
         self._was_free[now] = free

@@ -34,11 +34,10 @@ MIN_SAMPLES = 300
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Two-sided spectra of a moment and of the noise in it, at frequencies in rad/s."""
+    """Two-sided spectrum of a moment, at frequencies in rad/s."""
 
     frequency: np.ndarray
     density: np.ndarray
-    noise: np.ndarray
 
 
 def fit_excitation(request: ExcitationRequest) -> ExcitationFit | None:
@@ -82,7 +81,7 @@ def moment_spectrum(request: ExcitationRequest) -> Spectrum:
     keep = f < HIGHEST_FREQUENCY
     f, density, noise = f[keep], density[keep], np.interp(f[keep], w, noise)
     smooth = gaussian_filter1d(density, SMOOTHING / (f[1] - f[0]), mode='nearest')
-    return Spectrum(f, np.maximum(smooth - noise, MIN_SIGNAL * noise), noise)
+    return Spectrum(f, np.maximum(smooth - noise, MIN_SIGNAL * noise))
 
 
 def _sine_taper_spectrum(values: np.ndarray, step: float):

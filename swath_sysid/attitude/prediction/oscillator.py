@@ -25,52 +25,32 @@ def oscillators(
     Values (N, width) are oldest first, one row per step, s, NaN where missing; ``names`` are their columns.
     """
     names = list(names)
-    parts = []
-    for angle in angles:
-        column = names.index(angle) if angle in names else None
-        if column is not None and np.isfinite(values[:, column]).any():
-            rate = names.index(f'{angle}_rate') if f'{angle}_rate' in names else None
-            if rate is not None and not np.isfinite(values[:, rate]).any():
-                rate = None
-            parts.append(_oscillator(values, names, step, column, rate))
+    seen = [name for name, column in zip(names, values.T, strict=True) if np.isfinite(column).any()]
+    parts = [
+        _oscillator(values, names, step, [names.index(name) for name in (angle, f'{angle}_rate') if name in seen])
+        for angle in angles
+        if angle in seen
+    ]
     return side_by_side(parts) if parts else None
 
 
-def _oscillator(values: np.ndarray, names: Sequence[str], step: float, angle: int, rate: int | None):
-    mean, deviation, frequency = angle_statistics(values[:, angle], None if rate is None else values[:, rate], step)
+def _oscillator(values: np.ndarray, names: Sequence[str], step: float, places: Sequence[int]):
+    """Of an angle and, where measured, its rate."""
+    count, columns = len(places), [values[:, place] for place in places]
+    mean, deviation, frequency = angle_statistics(columns[0], columns[1] if count > 1 else None, step)
     # in units of the standard deviations of angle and rate, whose covariance is then one
     drift = frequency * np.array([[0.0, 1.0], [-1.0, -2.0 * _DAMPING]])
-    a = expm(drift * step)
-    noise = np.eye(2) - a @ a.T
-    if rate is not None:
-        s = noise + RIDGE * np.eye(2)
-        return InnovationsModel(
-            (names[angle], names[rate]),
-            (angle, rate),
-            step,
-            np.array([mean, 0.0]),
-            np.array([deviation, deviation * frequency]),
-            a,
-            a,
-            np.eye(2),
-            s,
-            a @ a.T,
-        )
-    c = np.array([[1.0, 0.0]])
-    error = solve_discrete_are(a.T, c.T, noise + RIDGE * np.eye(2), np.array([[RIDGE]]))
-    s = c @ error @ c.T + RIDGE
-    return InnovationsModel(
-        (names[angle],),
-        (angle,),
-        step,
-        np.array([mean]),
-        np.array([deviation]),
-        a,
-        a @ error @ c.T / s,
-        c,
-        s,
-        np.eye(2) - error,
-    )
+    a, c = expm(drift * step), np.eye(count, 2)
+    driven = np.eye(2) - a @ a.T + RIDGE * np.eye(2)
+    if count > 1:
+        s, k, prior = driven, a, a @ a.T
+    else:
+        error = solve_discrete_are(a.T, c.T, driven, np.array([[RIDGE]]))
+        s = c @ error @ c.T + RIDGE
+        k, prior = a @ error @ c.T / s, np.eye(2) - error
+    centre, scale = np.array([mean, 0.0]), np.array([deviation, deviation * frequency])
+    channels = tuple([names[place] for place in places])
+    return InnovationsModel(channels, tuple(places), step, centre[:count], scale[:count], a, k, c, s, prior)
 
 
 def angle_statistics(angle: np.ndarray, rate: np.ndarray | None, step: float) -> tuple[float, float, float]:

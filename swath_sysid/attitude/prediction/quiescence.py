@@ -93,27 +93,23 @@ class ReliabilityRecord:
     """A reliability diagram, filled as outcomes become known, of constant size."""
 
     def __init__(self, bins: int = 10) -> None:
-        self._edges = np.linspace(0.0, 1.0, bins + 1)
-        self._count = np.zeros(bins, dtype=int)
-        self._forecast, self._observed = np.zeros((2, bins))
-        self._squared_error = 0.0
+        self._sums = np.zeros((3, bins))  # counts, probabilities forecast, outcomes
+        self._squared_error = np.float64(0.0)
 
     def add(self, forecast: float, observed: bool) -> None:
         """Add a probability, 0 to 1, and whether the craft stayed quiet."""
-        place = min(int(forecast * self._count.size), self._count.size - 1)
-        self._count[place] += 1
-        self._forecast[place] += forecast
-        self._observed[place] += observed
+        bins = self._sums.shape[1]
+        self._sums[:, min(int(forecast * bins), bins - 1)] += 1.0, forecast, observed
         self._squared_error += (forecast - observed) ** 2
 
     def diagram(self) -> Reliability:
         """The diagram so far."""
-        known = int(self._count.sum())
+        count, _, observed = self._sums
         with np.errstate(invalid='ignore'):
-            forecast, observed = self._forecast / self._count, self._observed / self._count
-        share = self._observed.sum() / known if known else math.nan
-        brier = self._squared_error / known if known else math.nan
-        return Reliability(self._edges, self._count.copy(), forecast, observed, brier, float(share * (1.0 - share)))
+            shares, share = self._sums[1:] / count, float(observed.sum() / count.sum())
+            brier = float(self._squared_error / count.sum())
+        edges = np.linspace(0.0, 1.0, count.size + 1)
+        return Reliability(edges, count.astype(int), shares[0], shares[1], brier, share * (1.0 - share))
 
 
 @dataclass(frozen=True)

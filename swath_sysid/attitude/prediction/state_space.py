@@ -55,7 +55,8 @@ class InnovationsFilter:
 
     Targets are channels, or the difference ``X_rate`` of a channel ``X``; NaN without either. ``horizon``, s, is the
     longest lead and age together; ``steps`` are prepared for `forecast`. ``strain`` is the running mean of squared
-    innovations over their expectation; one is healthy.
+    innovations over their expectation; one is healthy. ``state`` (n,) and ``state_covariance`` (n, n), None where the
+    state is known, are those after the newest row.
     """
 
     def __init__(
@@ -77,21 +78,11 @@ class InnovationsFilter:
 
     def restart(self) -> None:
         """Forget all rows."""
-        self._x = np.zeros(self.model.a.shape[0])
-        self._p: Any = self.model.prior
+        self.state = np.zeros(self.model.a.shape[0])
+        self.state_covariance: Any = self.model.prior
         self._recent = deque([np.zeros(len(self.model.channels))] * _PAST, maxlen=_PAST)
         self._stepped: Any = None
         self.strain = 1.0
-
-    @property
-    def state(self) -> np.ndarray:
-        """The state after the newest row, shape (n,)."""
-        return self._x
-
-    @property
-    def state_covariance(self) -> np.ndarray | None:
-        """Covariance of the state's error, shape (n, n); None where the state is known."""
-        return self._p
 
     def seed(self, rows: np.ndarray) -> None:
         """Restart and step through recent rows (N, width), oldest first, NaN where missing.
@@ -104,7 +95,7 @@ class InnovationsFilter:
         if count and (whole := whole_lags(complete, count)).any():
             end = int(np.argmax(whole)) + 1
             lags = (rows[end - count : end, self._places] - self.model.mean) * self._scale
-            self._x, self._p = self.model.from_lags @ lags[::-1].ravel(), None
+            self.state, self.state_covariance = self.model.from_lags @ lags[::-1].ravel(), None
             self._recent.extend(lags[-_PAST:])
             rows = rows[end:]
         for row in rows:
@@ -114,16 +105,16 @@ class InnovationsFilter:
         """Update with the next row (width,), NaN where missing."""
         z = (row[self._places] - self.model.mean) * self._scale
         self._stepped = None
-        if self._p is None:
-            following = self._following @ self._x
+        if self.state_covariance is None:
+            following = self._following @ self.state
             error = z - following[: z.size]
             self._follow_strain(error[self._watched])
             # false for NaN, too
             if (error * error < self._largest).all():
-                self._x = following[z.size :] + self.model.k @ error
+                self.state = following[z.size :] + self.model.k @ error
                 self._recent.append(z)
                 return
-            self._p = np.zeros_like(self.model.a)
+            self.state_covariance = np.zeros_like(self.model.a)
         self._update(z, np.isfinite(z))
 
     def _follow_strain(self, error: np.ndarray):
@@ -138,25 +129,25 @@ class InnovationsFilter:
         """
         m = self.model
         c = m.c[seen]
-        error = z[seen] - c @ self._x
-        pc = self._p @ c.T
+        error = z[seen] - c @ self.state
+        pc = self.state_covariance @ c.T
         v = c @ pc + m.s[np.ix_(seen, seen)]
-        if (error * error > BREAK**2 * np.diag(v)).any() and self._p is not m.prior:
-            self._x, self._p = np.zeros_like(self._x), m.prior
+        if (error * error > BREAK**2 * np.diag(v)).any() and self.state_covariance is not m.prior:
+            self.state, self.state_covariance = np.zeros_like(self.state), m.prior
             self._update(z, seen)
             return
-        expected = m.c @ self._x
-        self._x, covariance = m.a @ self._x, m.a @ self._p @ m.a.T + self._driven
+        expected = m.c @ self.state
+        self.state, covariance = m.a @ self.state, m.a @ self.state_covariance @ m.a.T + self._driven
         if seen.any():
             both = np.vstack([m.a @ pc + m.k @ m.s[:, seen], m.c @ pc + m.s[:, seen]])
             gain = np.linalg.solve(v, both.T).T
-            states = self._x.size
-            self._x += gain[:states] @ error
+            states = self.state.size
+            self.state += gain[:states] @ error
             expected = expected + gain[states:] @ error
             covariance -= gain[:states] @ both[:states].T
         covariance = 0.5 * (covariance + covariance.T)
         known = seen.all() and (((m.c @ covariance) * m.c).sum(axis=1) <= RIDGE).all()
-        self._p = None if known else covariance
+        self.state_covariance = None if known else covariance
         self._recent.append(np.where(seen, z, expected))
 
     def skip(self, count: int) -> None:
@@ -201,14 +192,14 @@ class InnovationsFilter:
         blocks = self._of_past.reshape(-1, len(self.targets), self._of_past.shape[1])
         of_past = np.einsum('lw,lwmx->lmx', cubic_weights(part), blocks[whole[:, None] + np.arange(4)])
         free = self._free[whole] + part[:, None, None] * (self._free[whole + 1] - self._free[whole])
-        return of_past.reshape(-1, blocks.shape[2]), of_past[:, :, : self._x.size], free
+        return of_past.reshape(-1, blocks.shape[2]), of_past[:, :, : self.state.size], free
 
     def ahead(self, of_past: np.ndarray, of_state: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and covariance of the targets, by matrices that are prepared."""
-        means = (of_past @ np.concatenate([self._x, *self._recent])).reshape(-1, len(self.targets)) + self._offset
-        if self._p is None:
+        means = (of_past @ np.concatenate([self.state, *self._recent])).reshape(-1, len(self.targets)) + self._offset
+        if self.state_covariance is None:
             return means, free
-        return means, free + of_state @ self._p @ of_state.transpose(0, 2, 1)
+        return means, free + of_state @ self.state_covariance @ of_state.transpose(0, 2, 1)
 
     def _find_targets(self):
         """Units of the targets, their places and channels, and factors of a channel by the steps from the target."""
