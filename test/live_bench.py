@@ -61,7 +61,7 @@ def start_together(*ros_args):
 
 
 def start_node(name, *ros_args):
-    return start('-m', f'swath_sysid.nodes.{name}', ros_args=ros_args)
+    return start('-m', 'swath_sysid.nodes', name, ros_args=ros_args)
 
 
 def children(pid):

@@ -77,9 +77,9 @@ def test_without_ros_or_the_extra_of_the_page_it_says_what_to_install(monkeypatc
 
 def test_it_says_where_nobody_has_decided_how_far_the_nodes_are_heard(monkeypatch, capsys):
     pytest.importorskip('rclpy')
-    from swath_sysid.nodes import predictor
+    from swath_sysid.nodes import executor_loop
 
-    monkeypatch.setattr(predictor, 'main', lambda args: 0)
+    monkeypatch.setattr(executor_loop, 'run', lambda plan, args: 0)
     for decided in ('', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY'):
         for name in ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY'):
             monkeypatch.delenv(name, raising=False)

@@ -47,7 +47,7 @@ def nodes():
     for topic, publisher in publishers.items():
         publisher.publish(String(data=TOPICS[topic][2]['nested brackets'][0]))
     # in a process of its own, so that it goes on whatever this one does
-    sensor = start('-m', 'swath_sysid.nodes.simulated_craft', '--ros-args', '-p', 'hull:=swath-pitch')
+    sensor = start('-m', 'swath_sysid.nodes', 'simulated_craft', '--ros-args', '-p', 'hull:=swath-pitch')
     processes = start_together(), start_node('manoeuvring_predictor')
     try:
         wait_for(lambda: all(TOPICS[topic][0] in bench.statuses for topic in TOPICS), 'diagnostics')

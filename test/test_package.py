@@ -233,7 +233,7 @@ def test_flags_of_the_command_line_stay_there():
 
 def test_ros2_run_finds_every_node_after_pip_and_colcon():
     texts = {path.stem: path.read_text(encoding='utf-8') for path in (PACKAGE / 'nodes').glob('*.py')}
-    assert {name for name, text in texts.items() if '\ndef main(' in text} == {*NODES, 'all_in_one'}
+    assert {name for name, text in texts.items() if '\nPLAN: Plan = ' in text} == {*NODES, 'all_in_one'}
     scripts = {path.name: path for path in (ROOT / 'scripts').iterdir()}
     assert set(scripts) == {*NODES, 'swath-sysid'}
     assert all(os.access(path, os.X_OK) for path in scripts.values())

@@ -12,7 +12,6 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import composed
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.hull.terms import TERM_INDEX
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, next_step, simulation_error
@@ -308,19 +307,6 @@ def _damping_without(
         values.append(tuple(named[each.name].ratio('b2')[0] for each in (without, item)))
     before, after = np.mean(values, axis=0)
     return f', and without it the quadratic damping comes out as {before:.3g} instead of {after:.3g} 1/rad'
-
-
-def schedule_of(
-    by_draft: Sequence[Sequence[Identification]],
-    equation: str,
-    loadings: Iterable[float],
-    quantity: str,
-    provenances: Sequence[dict],
-) -> ScheduledModel:
-    """The model scheduled on draft, of one equation's joint fits of each draft, the loadings increasing."""
-    chosen = [next(f for f in fits if f.model.equation.name == equation) for fits in by_draft]
-    models = tuple(fit.identified_model(p) for fit, p in zip(chosen, provenances, strict=True))
-    return ScheduledModel(quantity, tuple(loadings), models)
 
 
 @dataclass(frozen=True)

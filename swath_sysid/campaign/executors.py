@@ -27,12 +27,8 @@ def executor_of(jobs: int, scheduler: str | None = None) -> Iterator[concurrent.
     """An executor for independent tasks: processes on this machine, or the Dask scheduler at an address."""
     if jobs < 1:
         raise InputError('the work needs at least 1 process', 'no-process')
-    if scheduler is not None:
-        with _cluster(scheduler) as executor:
-            yield executor
-    else:
-        with processes(jobs) as executor:
-            yield executor
+    with processes(jobs) if scheduler is None else _cluster(scheduler) as executor:
+        yield executor
 
 
 @contextlib.contextmanager

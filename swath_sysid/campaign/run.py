@@ -162,13 +162,8 @@ class _AxisPlan:
             ranking = replace(
                 ranking, reason=f'{name}: the terms of the general hull that the records of a draft show.'
             )
-        schedule = evaluation.schedule_of(
-            list(by_draft.values()),
-            ranking.choice.name,
-            list(by_draft),
-            quantity,
-            [self._provenance(group) for group in self._drafts().values()],
-        )
+        drafts = zip(joint.values(), self._drafts().values(), strict=True)
+        models = tuple(fit.identified_model(self._provenance(group)) for fit, group in drafts)
         spreads = (
             evaluation.spread_of_repeats(condition, [single_fits[order.index(str(r))] for r in group])
             for condition, group in self._conditions().items()
@@ -184,7 +179,7 @@ class _AxisPlan:
             together={k: v for k, v in together.items() if isinstance(k, Condition)},
             by_draft=by_draft,
             ranking=ranking,
-            schedule=schedule,
+            schedule=ScheduledModel(quantity, tuple(joint), models),
             spreads=tuple(spread for group in spreads for spread in group),
         )
 

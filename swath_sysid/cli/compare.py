@@ -10,7 +10,7 @@ from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import Comparison, compare
 from swath_sysid.cli import identify
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import motions_of, trials_of, write_fit
+from swath_sysid.cli.sources import trials_of, write_fit
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
 
@@ -25,13 +25,12 @@ def run(arguments: Namespace) -> int:
     began = time.perf_counter()
     settings = identify.settings_of(arguments)
     trials, read_advice, axis = trials_of(arguments)
-    motions = motions_of(trials, axis)
     equations = equations_of_axis(axis)
     if arguments.equations is not None:
         # a comma may be within a composition, which has a bar
         names = arguments.equations.split(';' if '|' in arguments.equations else ',')
         equations = tuple(equation_named(name.strip()) for name in names if name.strip())
-    problem = prepare(motions, settings.start, settings.end)
+    problem = prepare([trial.axis(axis) for trial in trials], settings.start, settings.end)
     with progress_of('compare') as progress:
         found = compare(
             problem,

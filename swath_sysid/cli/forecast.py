@@ -57,9 +57,7 @@ def scored(arguments: Namespace) -> Skill:
     if trial.time.size < 3:
         raise InputError(f'{arguments.record} holds too few samples to forecast: give a longer record')
     upstream = read_upstream(arguments.record, arguments.upstream, topic=arguments.topic, columns=columns_of(arguments))
-    models = {}
-    if arguments.model:
-        models = read_model(arguments.model)
+    models = read_model(arguments.model) if arguments.model else {}
     if arguments.axis is not None and getattr(trial, arguments.axis) is None:
         raise InputError(
             f'{arguments.record} holds no {arguments.axis} angle: choose another axis, or assign the column of '

@@ -13,11 +13,11 @@ from swath_sysid.formats.model_file import read_model
 
 def hull_of(arguments: Namespace) -> DecayModel:
     """The decay model that the arguments name."""
+    if arguments.ratio and (arguments.hull or arguments.model):
+        raise InputError('--ratio goes with --equation: a published hull or a model file has its own ratios')
     if arguments.hull is not None:
-        _refuse_ratios(arguments)
         return hull_named(arguments.hull).model
     if arguments.model is not None:
-        _refuse_ratios(arguments)
         path, axis = arguments.model, arguments.axis
         models = read_model(path)
         if axis is None and len(models) > 1:
@@ -52,8 +52,3 @@ def published_ratios_for(equation: Equation, axis: str | None = None) -> DecayMo
     known |= sine if not {'r1', 'r2', 'r3'} & set(equation.terms) else polynomial
     values = {t: known[t] for t in equation.terms}
     return DecayModel.from_terms(equation, values, axis=axis or model.axis)
-
-
-def _refuse_ratios(arguments: Namespace) -> None:
-    if arguments.ratio:
-        raise InputError('--ratio goes with --equation: a published hull or a model file has its own ratios')

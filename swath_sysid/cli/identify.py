@@ -17,10 +17,9 @@ from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
-from swath_sysid.cli.sources import decays_of_other_axes, motions_of, trials_of, write_fit
+from swath_sysid.cli.sources import decays_of_other_axes, trials_of, write_fit
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError, check_choice
-from swath_sysid.common.plain import finite_or_none
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.extinction_tables import tank_tables
 from swath_sysid.report.fit_figure import fit_figure
@@ -70,7 +69,7 @@ def run(arguments: Namespace) -> int:
     particulars, type_b = particulars_of(arguments), type_b_of(arguments)
     settings = settings_of(arguments, AUTO if arguments.equation is None else arguments.equation)
     trials, read_advice, axis = trials_of(arguments)
-    problem = _problem_of(arguments, motions_of(trials, axis))
+    problem = _problem_of(arguments, [trial.axis(axis) for trial in trials])
     if problem is None:
         return _run_at_sea(arguments, trials, axis, read_advice, began)
     others = () if arguments.axis else decays_of_other_axes(trials, problem)
@@ -86,7 +85,7 @@ def run(arguments: Namespace) -> int:
     data |= {table.name: table_as_data(table) for table in tables}
     data |= warnings_as_data((*read_advice, *shown, *found.verdict.warnings))
     lines = [*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t))), *written]
-    print_result(arguments.json, finite_or_none(data), lines)
+    print_result(arguments.json, data, lines)
     return exit_code_of(arguments, found.verdict)
 
 

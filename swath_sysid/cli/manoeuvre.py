@@ -13,7 +13,6 @@ from swath_sysid.cli import sources
 from swath_sysid.cli.flags import finite
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.input_files import existing
 from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
@@ -165,7 +164,7 @@ def _recipe(arguments: Namespace) -> int:
             'Runs to drive, in calm water, clear of traffic; record thrust, speeds, yaw rate, heading, position:',
             *(f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE),
         ]
-    print_result(arguments.json, {'recipe': recipe, 'excitation': finite_or_none(shares), 'lacking': missing}, lines)
+    print_result(arguments.json, {'recipe': recipe, 'excitation': shares, 'lacking': missing}, lines)
     return 0
 
 
@@ -225,7 +224,7 @@ def _simulate(arguments: Namespace):
     if arguments.plot:
         save_figure(test_figure(report, model), arguments.plot)
     data = {'test': report.name, 'model': model.name, 'numbers': report.numbers, 'curve': report.curve}
-    print_result(arguments.json, finite_or_none(data), manoeuvring_summary.test_in_words(report))
+    print_result(arguments.json, data, manoeuvring_summary.test_in_words(report))
     return 0
 
 
@@ -249,7 +248,7 @@ def _programme(model: Any, arguments: Namespace):
         _write(path, with_noise(manoeuvre, noise, 100 * arguments.seed + number), model)
         written.append({'file': str(path), 'duration_s': float(manoeuvre.time[-1])})
     lines = [f'{row["file"]}: {row["duration_s"]:.0f} s' for row in written]
-    print_result(arguments.json, finite_or_none({'model': model.name, 'runs': written}), lines)
+    print_result(arguments.json, {'model': model.name, 'runs': written}, lines)
     return 0
 
 

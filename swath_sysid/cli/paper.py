@@ -10,7 +10,6 @@ from swath_sysid.campaign.papers.decay_study import run_decay_study
 from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study
 from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY
 from swath_sysid.cli.progress import print_result, progress_of
-from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.report.paper_decay import decay_page
@@ -43,5 +42,5 @@ def run(arguments: Namespace) -> int:
             ]
         }
     write_text(path, page)
-    print_result(arguments.json, finite_or_none({'report': str(path), **data}), [str(path)])
+    print_result(arguments.json, {'report': str(path), **data}, [str(path)])
     return 0

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.plain import finite_or_none
 from swath_sysid.common.sentences import with_flags
 
 PLAIN_STEP = 0.25
@@ -47,4 +48,4 @@ def show_advice(advice: Iterable[Advice]) -> None:
 
 def print_result(as_json: bool, data: Any, lines: Iterable[str]) -> None:
     """Print one JSON object where it was asked for, else lines for a reader."""
-    print(json.dumps(data, indent=2) if as_json else '\n'.join(lines))
+    print(json.dumps(finite_or_none(data), indent=2) if as_json else '\n'.join(lines))

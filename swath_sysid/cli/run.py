@@ -40,13 +40,15 @@ def run(arguments: Namespace) -> int:
     with ros_needed():
         import rclpy  # noqa: F401 - only to say what to do where it is missing
     given = ros_arguments(arguments)
+    from swath_sysid.nodes.executor_loop import run as run_nodes
+
     program = import_module(f'swath_sysid.nodes.{arguments.only or "all_in_one"}')
     if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
         print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
     with ExitStack() as beside:
         for command in processes_beside(arguments):
             beside.enter_context(process_beside(command))
-        return program.main(['swath-sysid', '--ros-args', *given])
+        return run_nodes(program.PLAN, ['swath-sysid', '--ros-args', *given])
 
 
 def processes_beside(arguments: Namespace) -> list[list[str]]:
@@ -69,7 +71,7 @@ def processes_beside(arguments: Namespace) -> list[list[str]]:
 def craft_command(**parameters: Any) -> list[str]:
     """The process of a simulated craft with some parameters of its node."""
     given = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-    return [sys.executable, '-m', 'swath_sysid.nodes.simulated_craft', '--ros-args', *given]
+    return [sys.executable, '-m', 'swath_sysid.nodes', 'simulated_craft', '--ros-args', *given]
 
 
 def page_command(arguments: Namespace) -> list[str]:

@@ -4,7 +4,6 @@ from argparse import Namespace
 
 from swath_sysid.attitude.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
 from swath_sysid.cli.progress import print_result, show_advice
-from swath_sysid.common.plain import finite_or_none
 from swath_sysid.formats.model_file import read_description, read_model, write_model, write_scheduled
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.report.fit_summary import warnings_as_data
@@ -33,5 +32,5 @@ def run(arguments: Namespace) -> int:
             lines.append(f'  {name:<3}{value:>14.6g} -> {scaled_to:.6g} +- {std:.2g}')
             ratios[name] = {'given': value, 'value': scaled_to, 'std': std}
         data[axis] = {'natural_period_s': periods, 'ratios': ratios}
-    print_result(arguments.json, finite_or_none({'axes': data, **warnings_as_data(advice)}), lines)
+    print_result(arguments.json, {'axes': data, **warnings_as_data(advice)}, lines)
     return 0

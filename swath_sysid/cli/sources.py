@@ -11,7 +11,7 @@ from swath_sysid import __version__
 from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
-from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
+from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.cli.flags import finite
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.common.advice import Advice
@@ -92,7 +92,9 @@ def trials_of(arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...], st
     """The records of a fit, the advice on them, and the axis; outputs are checked before, contradictions refused."""
     check_model_and_plot(arguments, arguments.trials)
     trials, advice = read_trials(arguments.trials, arguments)
-    axis = chosen_axis(trials, arguments.axis)
+    # the one that moves more in the first trial
+    first = trials[0]
+    axis = arguments.axis or max(first.axes or AXES[:1], key=lambda axis: float(np.ptp(first.axis(axis).primary)))
     for trial in trials:
         refuse_contradictions(trial, axis)
     return trials, advice, axis
@@ -111,13 +113,6 @@ def write_fit(arguments: Namespace, found: Any, draw: Callable[[Any], 'Figure'],
     return written
 
 
-def chosen_axis(trials: Sequence[Trial], asked: str | None) -> str:
-    """The axis asked for, or the one that moves more in the first trial."""
-    if asked is not None:
-        return asked
-    return max(trials[0].axes or AXES[:1], key=lambda axis: float(np.ptp(trials[0].axis(axis).primary)))
-
-
 def decays_of_other_axes(trials: Sequence[Trial], problem: Problem) -> tuple[Advice, ...]:
     """Advice on free decays about another axis of the trials at other times than the decays of a problem."""
     used = {
@@ -132,11 +127,6 @@ def decays_of_other_axes(trials: Sequence[Trial], problem: Problem) -> tuple[Adv
         for decay in find_decays(trial.axis(other))[:1]
         if all(decay.start > segment.end or decay.end < segment.start for segment in used[trial.source])
     )
-
-
-def motions_of(trials: Sequence[Trial], axis: str) -> list[AxisMotion]:
-    """The motion about one axis of each trial."""
-    return [trial.axis(axis) for trial in trials]
 
 
 def provenance_of(paths: Sequence[str]) -> dict:

@@ -1,6 +1,5 @@
 """The node identifier: refits the model on a window in a worker process, while it goes on answering."""
 
-import sys
 from collections import deque
 from dataclasses import replace
 
@@ -15,7 +14,7 @@ from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.formats.messages import coefficients_message
 from swath_sysid.formats.model_file import model_to_yaml, read_model, write_model
 from swath_sysid.formats.topics import COEFFICIENTS_TOPIC, DESCRIPTION_TOPIC, WINDOW_TOPIC
-from swath_sysid.nodes.executor_loop import run
+from swath_sysid.nodes.executor_loop import Plan
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.identifier import refit_settings
@@ -93,10 +92,4 @@ class Identifier(IdentificationNode):
         return models
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node until a signal comes."""
-    return run([(SingleThreadedExecutor, [Identifier])], args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+PLAN: Plan = [(SingleThreadedExecutor, [Identifier])]

@@ -1,6 +1,5 @@
 """The node imu_buffer: keeps the last minute of motion and publishes it, asked or when a decay has ended."""
 
-import sys
 from time import perf_counter
 
 from rclpy.node import Node
@@ -10,7 +9,7 @@ from std_srvs.srv import SetBool, Trigger
 from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
 from swath_sysid.formats.messages import imu_reading, window_message
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
-from swath_sysid.nodes.executor_loop import events_executor, run
+from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, waiting, watched_publisher
@@ -89,10 +88,4 @@ class ImuBuffer(Node):
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node until a signal comes."""
-    return run([(events_executor, [ImuBuffer])], args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+PLAN: Plan = [(events_executor, [ImuBuffer])]

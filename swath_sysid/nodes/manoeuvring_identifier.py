@@ -1,6 +1,5 @@
 """The node manoeuvring_identifier: fits the model of a twin-thruster craft to how it was driven, when asked."""
 
-import sys
 from collections.abc import Callable
 
 from nav_msgs.msg import Odometry
@@ -23,7 +22,7 @@ from swath_sysid.manoeuvring.identification.refit import (
     warm_up,
 )
 from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
-from swath_sysid.nodes.executor_loop import run
+from swath_sysid.nodes.executor_loop import Plan
 from swath_sysid.nodes.identification import Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_settings
@@ -86,10 +85,4 @@ class ManoeuvringIdentifier(IdentificationNode):
         return lambda message: self.window.add_thrust(side, message.data)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node until a signal comes."""
-    return run([(SingleThreadedExecutor, [ManoeuvringIdentifier])], args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+PLAN: Plan = [(SingleThreadedExecutor, [ManoeuvringIdentifier])]

@@ -1,6 +1,5 @@
 """The node manoeuvring_predictor: where a twin-thruster craft will be, with covariance."""
 
-import sys
 from collections.abc import Callable
 from time import perf_counter
 
@@ -18,7 +17,7 @@ from swath_sysid.formats.topics import PATH_TOPIC, manoeuvring_lead_topic
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.prediction.pipeline import NOT_FINITE, ManoeuvreOutlook
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
-from swath_sysid.nodes.executor_loop import events_executor, run
+from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_pipeline_settings
@@ -128,10 +127,4 @@ class ManoeuvringPredictor(Node):
         return self.health.reports(perf_counter())
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node until a signal comes."""
-    return run([(events_executor, [ManoeuvringPredictor])], args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+PLAN: Plan = [(events_executor, [ManoeuvringPredictor])]

@@ -1,6 +1,5 @@
 """The node predictor: attitude one sample ahead, at the leads and over the horizon, with covariance."""
 
-import sys
 from time import perf_counter
 
 from rclpy.node import Node
@@ -16,7 +15,7 @@ from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC, FRAMES_TOPIC, LATCHED_TOPICS, NEXT_TOPIC, TYPES, type_of
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompiled
-from swath_sysid.nodes.executor_loop import events_executor, run
+from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.message_types import message_class
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
@@ -171,10 +170,4 @@ class Predictor(Node):
         return [*self.health.reports(perf_counter(), self.get_clock().now().nanoseconds), *self.upstream.reports()]
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node until a signal comes."""
-    return run([(events_executor, [Predictor])], args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+PLAN: Plan = [(events_executor, [Predictor])]

@@ -1,7 +1,6 @@
 """The node simulated_craft: a published hull with an IMU, for trying everything without hardware."""
 
 import math
-import sys
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -15,7 +14,7 @@ from swath_sysid.attitude.hull.simulated_trial import SensorNoise
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC
-from swath_sysid.nodes.executor_loop import events_executor, run
+from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.message_types import time_message
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.simulated_craft import craft_settings
@@ -85,10 +84,4 @@ class SimulatedCraftNode(Node):
         return response
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node until a signal comes."""
-    return run([(events_executor, [SimulatedCraftNode])], args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+PLAN: Plan = [(events_executor, [SimulatedCraftNode])]

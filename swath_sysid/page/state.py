@@ -15,7 +15,7 @@ from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import ended, verb_command
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Facts, Guidance
 from swath_sysid.page.charts import motion_changes
@@ -224,8 +224,7 @@ class PageState:
             return True
         path = self._folder / f'model_{datetime.now():%Y-%m-%d_%H-%M-%S}.yaml'
         try:
-            with replacing(path) as temporary:
-                temporary.write_text(self._source.description, encoding='utf-8')
+            write_text(path, self._source.description)
         except InputError as error:
             self.answer(str(error))
             return False

@@ -5,6 +5,7 @@ Its linear equivalent never replaces the model of a free decay, which covers oth
 either.
 """
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -45,7 +46,7 @@ from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, explain_abse
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.history import past_of
+from swath_sysid.common.history import LONGEST
 from swath_sysid.common.noise import CHANCE
 from swath_sysid.common.stopping import Progress, ShouldCancel
 
@@ -304,7 +305,7 @@ class Refitter:
         self.decays: dict[str, HeldDecays] = {}
         self.version = 0
         self.stability = StabilityWatch()
-        self._history = past_of((each, dict[str, HeldDecays]()) for each in history)
+        self._history = deque(((each, dict[str, HeldDecays]()) for each in history), LONGEST)
         self._undone: list[tuple[dict[str, IdentifiedModel], dict[str, HeldDecays]]] = []
         self._forgot = False
 

@@ -12,7 +12,7 @@ from swath_sysid.common.signals import white_noise
 from swath_sysid.manoeuvring.hull.model import parameter_values
 from swath_sysid.manoeuvring.hull.presets import WAMV_LENGTH, WAMV_LEVER
 from swath_sysid.manoeuvring.hull.stability import Region
-from swath_sysid.manoeuvring.hull.terms import INDEX
+from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.scaling import SWAY_SHARE, Scales
 from swath_sysid.manoeuvring.identification.settings import AUTO, SHARED, ManoeuvringSettings
@@ -68,10 +68,8 @@ class Problem:
     def _unknown(self, name: str):
         if name in CURRENT:
             return 0.1, -6.0 * USUAL_CURRENT, 6.0 * USUAL_CURRENT, 0.0, USUAL_CURRENT
-        low, high = self.scales.bounds(name)
-        target, spread = self.towards.get(name, (None, None))
-        if target is None:
-            target, spread = float(parameter_values({})[INDEX[name]]), self.scales.prior(name)
+        low, high, usual = self.scales.limits(name)
+        target, spread = self.towards.get(name, (float(NEUTRAL[INDEX[name]]), usual))
         return self.scales.unit(name), low, high, target, spread
 
 

@@ -1,5 +1,6 @@
 """Refits a manoeuvring model on a window of live motion, accepts it if it is better, and returns to earlier models."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.history import past_of
+from swath_sysid.common.history import LONGEST
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.simulation import simulate
@@ -122,7 +123,7 @@ class ManoeuvreRefitter:
     def __init__(
         self, model: IdentifiedManoeuvringModel | None = None, history: Sequence[IdentifiedManoeuvringModel] = ()
     ):
-        self.model, self._history = model, past_of(history)
+        self.model, self._history = model, deque(history, LONGEST)
 
     def take(self, outcome: ManoeuvreRefitOutcome) -> bool:
         """Accept a refit that found a better model; whether it did."""

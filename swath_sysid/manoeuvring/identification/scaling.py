@@ -58,16 +58,8 @@ class Scales:
         motion = {'u': self.speed, 'v': SWAY_SHARE * self.speed, 'r': self.yaw_rate}
         return unit_of(parameter, self.mass, math.sqrt(self.inertia / self.mass), motion, RESPONSE)
 
-    def bounds(self, name: str) -> tuple[float, float]:
-        """Range of a parameter."""
-        low, high, _ = self._limits(name)
-        return low, high
-
-    def prior(self, name: str) -> float:
-        """Standard deviation of the regularisation of a parameter; infinite for none."""
-        return self._limits(name)[2]
-
-    def _limits(self, name: str):
+    def limits(self, name: str) -> tuple[float, float, float]:
+        """Range of a parameter, and standard deviation of its regularisation; infinite for none."""
         kind = PARAMETERS[INDEX[name]].kind
         if name not in _RANGES and kind not in _RANGES:
             low, high = PARAMETER_RANGES[name]

@@ -33,15 +33,12 @@ from swath_sysid.manoeuvring.identification.windows import cut
 MEMORY = 10  #: Lags that must be small before a residual counts as uncorrelated (see noise.autocovariance).
 MARGIN = 4.0  #: Added to the criterion's ln(N), so that chance seldom adds one of twenty terms.
 DOUBTED = 6.0  #: A term below so many standard deviations must help runs held out.
-SLOW_SWAY = 0.2  #: Share of the first guess of sway damping that starts in the other basin.
 LARGEST_GROWTH = 1.5  #: 1/s; a craft whose turns grow faster cannot be steered.
 OFF_COURSE = 0.5  #: Largest misfit on runs held out of a course-unstable model, as a share of that of the stable one.
 PARTS = 3  #: Parts of a step in the last fit; thrust held for as long as its lag biases lag and inertia.
 
 USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
 USUAL = tuple('Yvv Nrr Nuv Xvr Yur Nuur exponent dead_band deviation_B deviation_C sensor_x sensor_y'.split())
-#: Terms added to the first start, and whether it begins in the other basin.
-STARTS = ((USUAL_HULL, False), (USUAL, False), (USUAL, True))
 LAST = {'X0', 'N0'}  #: Tried only when nothing else helps, as they imitate many other terms.
 EXCLUSIVE = {'Nur': 'Nuur', 'Nuur': 'Nur'}  #: Terms that replace each other: after one the other is not tried.
 
@@ -173,12 +170,10 @@ def first_fit(problem: Problem, shooting: Shooting, names: Sequence[str], values
     exchanged = _exchanged(found[0], values)
     if exchanged is not None:
         found = [_best([*found, fit(problem, shooting, names, exchanged)])]
-    for some, is_slow in STARTS:
+    for some in (USUAL_HULL, USUAL):
         usual = [n for group in problem.candidates for n in group if n in some and n not in names]
-        if usual and ('Yv' in names or not is_slow):
+        if usual:
             start = np.concatenate([found[0].values, problem.start(usual)])
-            if is_slow:
-                start[names.index('Yv')] *= SLOW_SWAY
             found.append(fit(problem, found[0].shooting, (*names, *usual), start))
     return _best(found)
 
@@ -402,5 +397,5 @@ def without(problem: Problem, names: Sequence[str]) -> Problem:
     """The problem with first guesses neutral, or at the end of their range next to that: some damping always stays."""
     base = problem.base.copy()
     for name in set(names) & set(INDEX):
-        base[INDEX[name]] = np.clip(NEUTRAL[INDEX[name]], *problem.scales.bounds(name))
+        base[INDEX[name]] = np.clip(NEUTRAL[INDEX[name]], *problem.scales.limits(name)[:2])
     return replace(problem, base=base)
