@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.rows import ROW_RATE
 from swath_sysid.attitude.prediction.state_space import RIDGE
 from swath_sysid.attitude.prediction.variate_analysis import ROWS_A_COEFFICIENT, useful_channels
 
@@ -18,7 +19,6 @@ SIMPLE = ('persistence', 'constant_rate', 'mean')
 BASELINES = (*SIMPLE, *REGRESSIONS)
 
 ORDERS = (60, 40, 20, 10, 5, 2, 1)
-REGRESSION_STEP = 0.1  #: s between lags, about: forty of them reach a wave period back, whatever the sensor's rate.
 REFIT_INTERVAL = 10.0  #: s.
 EVEN = 1.5  #: Usual intervals between two samples from which one was lost.
 ON_A_SAMPLE = 0.02  #: Usual intervals from a sample within which a time is the sample's.
@@ -130,7 +130,8 @@ def running_regression(
     It reads those channels that move and are mostly known; stamps, leads and window as in `baseline_forecasts`. NaN
     before the first fit and where a lag is missing.
     """
-    step = record.interval * max(1, round(REGRESSION_STEP / record.interval))
+    # lags as far apart as the forecaster's rows: forty of them reach a wave period back, whatever the sensor's rate
+    step = record.interval * max(1, round(1.0 / (ROW_RATE * record.interval)))
     start = float(record.time[0])
     grid = record.at(start + step * np.arange(int((record.time[-1] - start) / step) + 1))
     anchors = record.time[np.maximum(np.searchsorted(record.time, stamps, side='right') - 1, 0)]

@@ -11,10 +11,9 @@ import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import TERM_NAMES, term_moments
+from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.errors import InputError
-
-LONGEST_STEP = 3.0  #: Median intervals; no Euler step is taken over a longer gap.
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ def _steps(motion: AxisMotion, trim: float, friction_rate: float):
     interval = np.diff(motion.time)
     terms = term_moments(angle[:-1] - trim, rate[:-1], friction_rate) * interval
     rows = np.column_stack([terms.T, np.diff(rate)])
-    return rows[interval <= LONGEST_STEP * np.median(interval)]
+    return rows[interval <= GAP_INTERVALS * np.median(interval)]
 
 
 def with_angle_and_rate(motion: AxisMotion) -> tuple[np.ndarray, np.ndarray]:

@@ -22,7 +22,9 @@ from swath_sysid.common.signals import noise_level
 #: rad and rad/s: below it friction and the basin's motion dominate the damping (published tests start at 1 deg); what
 #: moves by less from peak to peak is coupled from the other axis.
 SMALLEST_AMPLITUDE = {'angle': float(np.radians(0.5)), 'rate': float(np.radians(1.25))}
-ASYMMETRY = 2.2  #: Largest ratio of the first half-cycle to the usual one: it may be held, and restoring asymmetric.
+#: Largest ratio of the first half-cycle to the usual one: it may be held, and restoring asymmetric; or of a period to
+#: that of small motions.
+ASYMMETRY = 2.2
 MIN_HALF_CYCLES = 3  #: Three show two losses and one rhythm; fewer are those of a heavily damped hull.
 
 #: Mean logarithmic decrement per half-cycle below which something sustains the motion; the lightest decay has 0.012.
