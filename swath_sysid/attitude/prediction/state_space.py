@@ -54,9 +54,9 @@ class InnovationsFilter:
     """Steps a model through rows, complete or not, and forecasts targets from the newest.
 
     Targets are channels, or the difference ``X_rate`` of a channel ``X``; NaN without either. ``horizon``, s, is the
-    longest lead and age together; ``steps`` are prepared for `forecast`. ``strain`` is the running mean of squared
-    innovations over their expectation; one is healthy. ``state`` (n,) and ``state_covariance`` (n, n), None where the
-    state is known, are those after the newest row.
+    longest lead and age together; ``steps`` are those of `forecast` without leads. ``strain`` is the running mean of
+    squared innovations over their expectation; one is healthy. ``state`` (n,) and ``state_covariance`` (n, n), None
+    where the state is known, are those after the newest row.
     """
 
     def __init__(
@@ -73,7 +73,8 @@ class InnovationsFilter:
         self._watched = np.flatnonzero(watched if any(watched) else np.ones(len(watched), dtype=bool))
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
         self._largest = BREAK**2 * np.diag(model.s)
-        self._prepare(np.array(steps, dtype=int))
+        self._at = np.array(steps, dtype=int)
+        self._prepare()
         self.restart()
 
     def restart(self) -> None:
@@ -160,46 +161,27 @@ class InnovationsFilter:
         """Mean (L, M) of the targets at leads (L,), s from now, and covariance (L, M, M) with the sensors' noise.
 
         ``age``, s, is the time since the newest row. Between whole steps the mean is interpolated by cubics, the
-        covariance linearly. Leads None: at the steps that were prepared, by one matrix product.
+        covariance linearly. Leads None: at the ``steps``.
         """
+        if self._stepped is None:
+            # means at steps -1, 0, ... and covariances at steps 0, 1, ..., until the next row comes
+            means = self._of_past @ np.concatenate([self.state, *self._recent])
+            free, p, of_state = self._free, self.state_covariance, self._of_state
+            covariances = free if p is None else free + of_state @ p @ of_state.transpose(0, 2, 1)
+            self._stepped = means.reshape(-1, len(self.targets)) + self._offset, covariances
+        means, covariances = self._stepped
         if leads is None:
-            return self.ahead(*self._at_steps)
-        whole, part = self._steps_to(leads, age)
-        means, covariances = self._whole_steps()
+            return means[self._at + 1], covariances[self._at]
+        steps = (np.asarray(leads, dtype=float) + age) / self.model.step
+        near = np.round(steps)
+        whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
+        part = steps - whole
         if not (np.abs(part) > 1e-6).any():
             return means[whole + 1], covariances[whole]
         weights = cubic_weights(part)
         mean = np.einsum('lw,lwm->lm', weights, means[whole[:, None] + np.arange(4)])
         part = part[:, None, None]
-        return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._steps + 1)]
-
-    def _steps_to(self, leads: np.ndarray, age: float):
-        """Whole steps from the newest row to leads (L,), s, and the parts of a step beyond."""
-        steps = (np.asarray(leads, dtype=float) + age) / self.model.step
-        near = np.round(steps)
-        whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
-        return whole, steps - whole
-
-    def _whole_steps(self):
-        """Means at steps -1, 0, ... and covariances at steps 0, 1, ... of the targets, until the next row comes."""
-        if self._stepped is None:
-            self._stepped = self.ahead(self._of_past, self._of_state, self._free)
-        return self._stepped
-
-    def prepared(self, leads: np.ndarray, age: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """For `ahead`, at leads (L,) and an age, s, that are asked for again and again; see `forecast`."""
-        whole, part = self._steps_to(leads, age)
-        blocks = self._of_past.reshape(-1, len(self.targets), self._of_past.shape[1])
-        of_past = np.einsum('lw,lwmx->lmx', cubic_weights(part), blocks[whole[:, None] + np.arange(4)])
-        free = self._free[whole] + part[:, None, None] * (self._free[whole + 1] - self._free[whole])
-        return of_past.reshape(-1, blocks.shape[2]), of_past[:, :, : self.state.size], free
-
-    def ahead(self, of_past: np.ndarray, of_state: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and covariance of the targets, by matrices that are prepared."""
-        means = (of_past @ np.concatenate([self.state, *self._recent])).reshape(-1, len(self.targets)) + self._offset
-        if self.state_covariance is None:
-            return means, free
-        return means, free + of_state @ self.state_covariance @ of_state.transpose(0, 2, 1)
+        return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._last + 1)]
 
     def _find_targets(self):
         """Units of the targets, their places and channels, and factors of a channel by the steps from the target."""
@@ -216,14 +198,14 @@ class InnovationsFilter:
                 self._offset[place] = model.mean[source] if is_direct else 0.0
         return sources
 
-    def _prepare(self, prepared: np.ndarray):
+    def _prepare(self):
         """The model's response for forecasts: psi_0 = 1, psi_j = C A^(j-1) K.
 
         The error of a forecast h steps ahead is the sum of psi_j e over j < h, and C A^(h-1) times the state's own
         error.
         """
         m, (states, channels) = self.model, self.model.k.shape
-        self._steps = steps = int(np.ceil(self.horizon / m.step - 1e-6))
+        self._last = steps = int(np.ceil(self.horizon / m.step - 1e-6))
         sources = self._find_targets()
 
         def as_targets(path: np.ndarray) -> np.ndarray:
@@ -247,8 +229,6 @@ class InnovationsFilter:
         now = np.eye(channels)[None]
         response = as_targets(np.concatenate([np.zeros((_PAST, *now.shape[1:])), now, ahead[:-1] @ m.k]))[:-1]
         self._free = np.cumsum(response @ m.s @ response.transpose(0, 2, 1), axis=0)[1:]
-        of_steps = of_past[prepared + 1].reshape(-1, past.shape[2])
-        self._at_steps = of_steps, self._of_state[prepared], self._free[prepared]
 
 
 def side_by_side(models: Sequence[InnovationsModel]) -> InnovationsModel:

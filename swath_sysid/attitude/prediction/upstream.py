@@ -267,8 +267,7 @@ class UpstreamCandidate:
 
     def __init__(self, fit: UpstreamFit, rows: UpstreamRows, leads: np.ndarray, step: float) -> None:
         self._space, self._every, self._delays, self._number = fit.space, fit.every, fit.delays, fit.newest
-        self._rows, self._step = rows, step
-        self._prepared = [fit.space.prepared(leads, k * step) for k in range(fit.every)]
+        self._rows, self._leads, self._step = rows, leads, step
         model = fit.space.model
         self._channels = [k for k, name in enumerate(model.channels) if name in rows.names]
         self._places = np.array(model.places)[self._channels]
@@ -301,10 +300,8 @@ class UpstreamCandidate:
 
     def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Readings (L, 4) and covariance (L, 4, 4); see `InnovationsFilter.forecast`."""
-        since = self._number % self._every
-        if leads is None:
-            return self._space.ahead(*self._prepared[since])
-        return self._space.forecast(leads, age + since * self._step)
+        since = self._step * (self._number % self._every)
+        return self._space.forecast(self._leads if leads is None else leads, age + since)
 
 
 _NOTHING = np.full(len(ATTITUDE), math.nan)
