@@ -82,7 +82,11 @@ class Blend:
         errors = reading - self._means[then, self._places].swapaxes(0, 1)
         average, of_average, interval = self._issued[then, self._places].swapaxes(0, 1)
         blended = reading - average
-        self._judge(blended, interval)
+        judged = np.isfinite(blended) & np.isfinite(interval)
+        gain = self._step / (MEMORY_OF_SIZE + self._step) * judged
+        square = np.where(judged, blended, 0.0) ** 2
+        self.blended_square += gain * (square - self.blended_square)
+        self.coverage += gain * ((square <= interval) - self.coverage)
         excused = (self.steps[:, None] > foreseeable) & (self._excused < _MAX_EXCUSED)
         self._excused += self._step / MEMORY_OF_SIZE * (excused - self._excused)
         blended[excused] = np.nan
@@ -97,14 +101,6 @@ class Blend:
         half = _QUANTILE**2 * (self.scale * true + noise_variance)
         self._issued[now] = np.stack([_weighted(weights, mean), variance, half], axis=1)
         self._row += 1
-
-    def _judge(self, blended: np.ndarray, interval: np.ndarray):
-        """Update the errors' mean square and the intervals' coverage of all forecasts."""
-        known = np.isfinite(blended) & np.isfinite(interval)
-        gain = self._step / (MEMORY_OF_SIZE + self._step) * known
-        square = np.where(known, blended, 0.0) ** 2
-        self.blended_square += gain * (square - self.blended_square)
-        self.coverage += gain * ((square <= interval) - self.coverage)
 
     def renew(self, candidate: int, axis: int | slice = slice(None), among: int | None = None) -> None:
         """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one.

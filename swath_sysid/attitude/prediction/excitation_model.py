@@ -76,18 +76,14 @@ def moment_spectrum(request: ExcitationRequest) -> Spectrum:
     moment = parts[2] - request.model.acceleration(parts[0] + centre, parts[1])
     stiffness, damping = equivalent_hull(request.model, parts[1])
     noise = np.abs(stiffness - w * w + 1j * w * damping) ** 2 * step / precision
-    f, density = _sine_taper_spectrum(moment - moment.mean(), step)
-    f, density = f[1:], density[1:]
-    keep = f < HIGHEST_FREQUENCY
-    f, density, noise = f[keep], density[keep], np.interp(f[keep], w, noise)
+    tapered = sine_tapers(moment.size) * (moment - moment.mean())
+    length = next_fast_len(moment.size, real=True)
+    f = 2.0 * np.pi * np.fft.rfftfreq(length, step)
+    keep = (f > 0.0) & (f < HIGHEST_FREQUENCY)
+    f, density = f[keep], (np.abs(rfft(tapered, length, axis=1)) ** 2).mean(axis=0)[keep] * step
+    noise = np.interp(f, w, noise)
     smooth = gaussian_filter1d(density, SMOOTHING / (f[1] - f[0]), mode='nearest')
     return Spectrum(f, np.maximum(smooth - noise, MIN_SIGNAL * noise))
-
-
-def _sine_taper_spectrum(values: np.ndarray, step: float):
-    length = next_fast_len(values.size, real=True)
-    density = (np.abs(rfft(sine_tapers(values.size) * values, length, axis=1)) ** 2).mean(axis=0) * step
-    return 2.0 * np.pi * np.fft.rfftfreq(length, step), density
 
 
 def autoregression(covariance: np.ndarray) -> tuple[np.ndarray, float]:
@@ -132,7 +128,9 @@ def reduced_moment(spectrum: Spectrum, request: ExcitationRequest) -> ModalMomen
     grown = np.cumsum(((now @ q[:3, :3]) * now).sum(axis=1))
     deviation = np.sqrt(((then @ known) * then).sum(axis=1) + grown)
     weights = np.vstack([then[:, 2:] / deviation[:, None], first / math.sqrt(known[2, 2])])
-    spread = _root(at_rest - known[2:, 2:])
+    left_over = at_rest - known[2:, 2:]
+    values, vectors = eigh(0.5 * (left_over + left_over.T))
+    spread = vectors * np.sqrt(np.maximum(values, 0.0))
     left, values, right = svd(weights @ spread, full_matrices=False)
     n = min(STATES, int(np.count_nonzero(values > 1e-9 * values[0])))
     to = (weights.T @ left[:, :n] / np.sqrt(values[:n])).T
@@ -156,11 +154,6 @@ def _filtered_covariance(a: np.ndarray, q: np.ndarray, noise: tuple[float, float
         g, h, forward = g + after @ g @ forward.T, h + further, after @ forward
         g, h = 0.5 * (g + g.T), 0.5 * (h + h.T)
     return h - h @ c.T @ np.linalg.solve(c @ h @ c.T + r, c @ h)
-
-
-def _root(matrix: np.ndarray):
-    values, vectors = eigh(0.5 * (matrix + matrix.T))
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _state_at_end(request: ExcitationRequest, moment: ModalMoment):

@@ -75,11 +75,10 @@ class PointForecaster:
         self, leads: np.ndarray, age: float, mean: np.ndarray, covariance: np.ndarray
     ) -> dict[str, PointMotion]:
         """Motion at each point at leads (L,), s, given the attitude's forecast (L, 4) and its covariance (L, 4, 4)."""
-        vertical = None if self.vertical is None else self.vertical.forecast(leads, age, mean, covariance)
-        if vertical is None:
+        found = None if self.vertical is None else self.vertical.forecast(leads, age, mean, covariance)
+        if found is None:
             return {}
-        motion = np.hstack([vertical.mean, mean])
-        return {point.name: point_motion(point.place, self.trim, motion, vertical.covariance) for point in self.points}
+        return {point.name: point_motion(point.place, self.trim, *found) for point in self.points}
 
     def at_rows(self, behind: np.ndarray, attitude: np.ndarray) -> list[np.ndarray]:
         """Heave and vertical velocity (N, 2) of each point, so many rows ago, with the attitude (N, 4) of then."""

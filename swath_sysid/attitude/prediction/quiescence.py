@@ -44,10 +44,7 @@ class QuiescenceLimits:
     probability: float = 0.9  #: Least probability of a calm window.
 
     def __post_init__(self):
-        limits = {name: getattr(self, name) for name in (*ATTITUDE, 'duration')}
-        for point in self.points:
-            limits |= {quantity_at(point.name, kind): getattr(point, kind) for kind in AT_A_POINT}
-        for name, value in limits.items():
+        for name, value in {**self._by_quantity(), 'duration': self.duration}.items():
             if not value > 0.0:
                 raise InputError(f'the quiescence limit {name} must be positive, not {value}')
         if not math.isfinite(self.duration):
@@ -57,10 +54,12 @@ class QuiescenceLimits:
 
     def bounds(self, quantities: Sequence[str]) -> np.ndarray:
         """The limits of quantities by name, shape (V,); infinite where there is none."""
-        of_points = {
-            quantity_at(point.name, kind): getattr(point, kind) for point in self.points for kind in AT_A_POINT
-        }
-        return np.array([of_points.get(name, getattr(self, name, math.inf)) for name in quantities])
+        limits = self._by_quantity()
+        return np.array([limits.get(name, math.inf) for name in quantities])
+
+    def _by_quantity(self):
+        at_points = {quantity_at(p.name, kind): getattr(p, kind) for p in self.points for kind in AT_A_POINT}
+        return {**{name: getattr(self, name) for name in ATTITUDE}, **at_points}
 
 
 def quantity_at(point: str, kind: str) -> str:
@@ -84,9 +83,8 @@ class Reliability:
     count: np.ndarray  #: (B,)
     forecast: np.ndarray  #: (B,); mean probability forecast; NaN in empty bins.
     observed: np.ndarray  #: (B,); share that stayed quiet; NaN in empty bins.
-    brier: float  #: Mean squared error of the probability, and of always forecasting the share that stayed quiet.
-    #: Mean squared error of the probability, and of always forecasting the share that stayed quiet.
-    brier_of_climate: float
+    brier: float  #: Mean squared error of the probability.
+    brier_of_climate: float  #: And of always forecasting the share that stayed quiet.
 
 
 class ReliabilityRecord:

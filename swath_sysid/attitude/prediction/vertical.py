@@ -52,15 +52,6 @@ class VerticalFit:
 
 
 @dataclass(frozen=True)
-class VerticalMotion:
-    """Vertical motion at L leads, with that of the attitude."""
-
-    mean: np.ndarray  #: (L, 5); `VERTICAL`, SI units.
-    #: (L, 9, 9); of `VERTICAL`, then `ATTITUDE`, whose block is that of the attitude forecast.
-    covariance: np.ndarray
-
-
-@dataclass(frozen=True)
 class VerticalRequest:
     """Size and alignment of a `fit_vertical`."""
 
@@ -190,11 +181,11 @@ class VerticalForecaster:
 
     def forecast(
         self, leads: np.ndarray, age: float, attitude: np.ndarray, attitude_covariance: np.ndarray
-    ) -> VerticalMotion | None:
-        """Vertical motion at leads (L,), s from now, given the attitude forecast (L, 4) and its covariance (L, 4, 4).
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """`VERTICAL` and `ATTITUDE` (L, 9) at leads (L,), s from now, in SI units, and their covariance (L, 9, 9).
 
-        The regression forecasts the attitude too: by the correlation of their errors a better attitude improves the
-        vertical motion. None before anything is learnt.
+        Given the attitude forecast (L, 4) and its covariance (L, 4, 4). The regression forecasts the attitude too: by
+        the correlation of their errors a better attitude improves the vertical motion. None before anything is learnt.
         """
         if self._fit is None or self._mean is None or not np.isfinite(attitude_covariance).all():
             return None
@@ -209,8 +200,8 @@ class VerticalForecaster:
         if self._state_covariance is not None:
             of_state = self._fit.weights[low][:, :count, : self._state_covariance.shape[0]]
             own = own + of_state @ self._state_covariance @ of_state.transpose(0, 2, 1)
-        mean = mean[:, :count] + (slope @ (attitude - mean[:, count:])[:, :, None])[:, :, 0]
+        mean = np.hstack([mean[:, :count] + (slope @ (attitude - mean[:, count:])[:, :, None])[:, :, 0], attitude])
         covariance = np.empty((leads.size, len(VERTICAL) + len(ATTITUDE), len(VERTICAL) + len(ATTITUDE)))
         covariance[:, :count, :count], covariance[:, count:, count:] = own, attitude_covariance
         covariance[:, :count, count:], covariance[:, count:, :count] = both, both.transpose(0, 2, 1)
-        return VerticalMotion(mean, covariance)
+        return mean, covariance
