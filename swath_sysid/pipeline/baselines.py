@@ -149,7 +149,7 @@ def running_regression(
         if now.start == now.stop or not set(targets) <= set(useful) or supported is None:
             continue
         if sums is None or (sums.channels, sums.order) != (useful, supported):
-            sums = _RunningSums.begun(grid, useful, supported, begin, end)
+            sums = _RunningSums(grid, useful, supported, begin, end)
         sums.slide(begin, end)
         if sums.count < supported * len(useful):
             continue
@@ -163,26 +163,18 @@ def running_regression(
     return result
 
 
-@dataclass
 class _RunningSums:
-    """Sums of products of a constant, a row and the rows before it, over a window that slides along a grid."""
+    """Sums of products of a constant, a row and the rows before it, over a window that slides along a grid.
 
-    channels: tuple[int, ...]
-    order: int
-    centre: np.ndarray
-    scale: np.ndarray
-    values: np.ndarray
-    span: tuple[int, int]
-    gram: np.ndarray
-    count: int = 0
+    Empty at first, in the standard deviations of the rows from `begin` to `end`.
+    """
 
-    @classmethod
-    def begun(cls, grid: np.ndarray, channels: tuple[int, ...], order: int, begin: int, end: int) -> Self:
-        """Empty, in the standard deviations of the rows from `begin` to `end`."""
+    def __init__(self, grid: np.ndarray, channels: tuple[int, ...], order: int, begin: int, end: int) -> None:
+        self.channels, self.order, self.count, self.span = channels, order, 0, (begin, begin)
         values = grid[:, channels]
-        centre, scale = np.nanmean(values[begin:end], axis=0), np.nanstd(values[begin:end], axis=0)
-        size = 1 + (order + 1) * len(channels)
-        return cls(channels, order, centre, scale, (values - centre) / scale, (begin, begin), np.zeros((size, size)))
+        self.centre, self.scale = np.nanmean(values[begin:end], axis=0), np.nanstd(values[begin:end], axis=0)
+        self.values = (values - self.centre) / self.scale
+        self.gram = np.zeros((1 + (order + 1) * len(channels),) * 2)
 
     def slide(self, begin: int, end: int) -> None:
         """Make the window that of the rows from `begin` to `end`."""

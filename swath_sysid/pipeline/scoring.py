@@ -286,12 +286,13 @@ def score_valid_leads(record: Record, axis: str, steps: Sequence[Any]) -> ValidL
 def _issued(steps: Sequence[Any], axis: str, leads: np.ndarray):
     """Angles (N, L), half widths (N, L, 3) and the models' own deviations (N, L) as issued; NaN where not forecast."""
     places = _places(steps, leads)
-    absent = np.full(leads.size, np.nan), np.full((leads.size, LEVELS.size), np.nan)
-    issued = [s.forecast.axes.get(axis) for s in steps]
-    angle = np.array([absent[0] if ahead is None else ahead.angle[places] for ahead in issued])
-    half_width = np.array([absent[1] if ahead is None else ahead.half_width[places] for ahead in issued])
-    known = [None if ahead is None else ahead.own_deviation for ahead in issued]
-    own = np.array([absent[0] if deviation is None else deviation[places] for deviation in known])
+    angle, own = np.full((2, len(steps), leads.size), np.nan)
+    half_width = np.full((*angle.shape, LEVELS.size), np.nan)
+    for row, step in enumerate(steps):
+        if axis in step.forecast.axes:
+            ahead = step.forecast.axes[axis]
+            angle[row], half_width[row] = ahead.angle[places], ahead.half_width[places]
+            own[row] = np.nan if ahead.own_deviation is None else ahead.own_deviation[places]
     return angle, half_width, own
 
 
