@@ -118,6 +118,14 @@ def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
     assert numbers.data[4] == model.terms['r1']
 
 
+@pytest.mark.long
+def test_no_window_of_half_an_hour_of_measured_waves_holds_a_decay(data_folder):
+    window = MotionWindow()
+    steps = [window.add(reading) for reading in read_readings(data_folder / 'waves/morro_buoy.csv')]
+    assert window.samples == len(steps) > 17_000
+    assert not any(step.finished for step in steps)
+
+
 def test_a_window_that_comes_amid_a_fit_waits_for_it(bag):
     calls = []
     no_waves = PipelineSettings(forecaster=ForecasterSettings(first_refit=1e9))

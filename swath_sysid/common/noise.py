@@ -4,13 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy import fft
-from scipy.special import ndtri
 
 from swath_sysid.common.signals import white_noise
-
-#: Probability with which chance alone passes for a finding, and the standard deviations beyond which it does.
-CHANCE = 0.001
-SIGNIFICANT = -float(ndtri(0.5 * CHANCE))
 
 MODEL_FLOOR = 0.005  #: No model of a hull is trusted closer than this share of the motion's standard deviation.
 

@@ -11,12 +11,11 @@ from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD
 from swath_sysid.attitude.identification.uncertainty import release_error
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
-from swath_sysid.attitude.motion.segmentation import ASYMMETRY
-from swath_sysid.attitude.motion.sensor_checks import EXPLAINS, MAX_OFFSET
+from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.time_base import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.noise import SIGNIFICANT, white_noise
+from swath_sysid.common.noise import white_noise
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.result import Identification
@@ -26,10 +25,11 @@ LEVELS = REJECTED, DOUBTFUL, ADEQUATE = 'rejected', 'doubtful', 'adequate'  #: T
 ADEQUATE_ERROR = 0.1  #: Relative error of the next release up to which a model is adequate.
 LARGEST_UNEXPLAINED = 0.5  #: Largest share of the motion that a fit may leave, or leave open to the other side.
 LEAST_USABLE = 0.5  #: Least share of a record's rows that must be usable.
+CHANCE_STDS = 2.0  #: Standard deviations of the products of white residuals that are attributed to chance.
 #: Least righting moment at the release over that of the linear stiffness; a craft that was moved has less.
 LEAST_RIGHTING = 0.3
-#: Of `rate_mismatch`: what is left of a rate that correlates less with the slope of its angle than `EXPLAINS`.
-MAX_RATE_MISMATCH = float(np.sqrt(1.0 - EXPLAINS**2))
+LARGEST_PERIOD_RATIO = 2.2  #: Of the natural period and that of the oscillation, or its inverse.
+MAX_RATE_MISMATCH = 0.35  #: Of `rate_mismatch`: above, a unit, sign or delay is wrong.
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def _causes(
     # a hull that softens accelerates little at first, too, but swings for several cycles with the period it is given
     few = all(r.segment.cycles < MIN_CYCLES for r in found.records)
     ratio = period * found.problem.scales.frequency / (2.0 * np.pi)
-    odd = few or not 1.0 / ASYMMETRY < ratio < ASYMMETRY
+    odd = few or not 1.0 / LARGEST_PERIOD_RATIO < ratio < LARGEST_PERIOD_RATIO
     if brief or (odd and not righting >= LEAST_RIGHTING * found.model.natural_frequency**2):
         seen = 'less than one oscillation was recorded' if brief else 'it hardly accelerated at first'
         yield DOUBTFUL, Advice.of('no-release', seen=seen)
@@ -165,7 +165,7 @@ def unexplained_share(found: 'Identification', quantity: str) -> float:
             residual = measured - getattr(record, quantity)
             lags = max(1, round(record.segment.period / SEARCH_STEPS_PER_PERIOD / record.motion.sample_interval))
             products = [float(np.mean(residual[lag:] * residual[:-lag])) for lag in range(1, lags + 1)]
-            chance = SIGNIFICANT * float(np.mean(residual**2)) / np.sqrt(lags * residual.size)
+            chance = CHANCE_STDS * float(np.mean(residual**2)) / np.sqrt(lags * residual.size)
             error += residual.size * (float(np.mean(products)) - chance)
             motion += float(np.sum((measured - measured.mean()) ** 2))
     return float(np.sqrt(max(error, 0.0) / motion)) if motion > 0.0 else 0.0

@@ -20,8 +20,8 @@ from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR, prune, weak_prior
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.common.covariance import sandwich_covariance
-from swath_sysid.common.noise import CHANCE
 
+CHANCE = 0.001  #: Probability that a likelihood ratio calls a complete equation incomplete, or the same hull changed.
 SMOOTH_TERMS = (*DAMPING_NAMES[1:], 'r2', 'r3')
 
 

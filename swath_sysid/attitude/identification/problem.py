@@ -8,7 +8,6 @@ import numpy as np
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
-from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND
 from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -23,9 +22,9 @@ FRICTION_RATE_SHARE = 0.02
 #: Samples per period to which much denser records are averaged, at an error below 1e-5 of the amplitude.
 AVERAGED = 400
 
-#: Periods after a decay that are used, up to where the angle exceeds `HOLD_BAND` of the first amplitude: the craft is
-#: then being pushed again.
-LONGEST_AFTERMATH = 10.0
+LONGEST_AFTERMATH = 10.0  #: Periods after a decay that are used,
+#: up to where the angle exceeds this share of the first amplitude: the craft is then being pushed again.
+LOUDEST_AFTERMATH = 0.5
 #: Waves keep the craft moving, peak to peak, by more than this share of the last amplitude; a hand stops it.
 STOPPED = 0.5
 
@@ -159,7 +158,7 @@ def _left_alone_until(motion: AxisMotion, segment: DecaySegment):
     later = after.primary[after.size // 2 :]
     if segment.ending == 'disturbed' and np.ptp(later) < STOPPED * segment.final_amplitude:
         return segment.end
-    limit = max(HOLD_BAND * segment.initial_amplitude, 1.5 * segment.final_amplitude)
+    limit = max(LOUDEST_AFTERMATH * segment.initial_amplitude, 1.5 * segment.final_amplitude)
     loud = np.flatnonzero(np.abs(after.primary - segment.trim) > limit)
     if not loud.size:
         return float(after.time[-1])

@@ -21,6 +21,7 @@ from swath_sysid.attitude.identification.at_sea import (
     is_at_sea,
 )
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE, REJECTED
+from swath_sysid.attitude.identification.hull_terms import CHANCE
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.live_decays import (
     HeldDecays,
@@ -47,7 +48,6 @@ from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.history import LONGEST
-from swath_sysid.common.noise import CHANCE
 from swath_sysid.common.stopping import Progress, ShouldCancel
 
 #: Codes of verdicts whose decays can be fitted together with the next release.

@@ -13,10 +13,10 @@ from swath_sysid.attitude.hull.scaling import LOWER, UPPER
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.at_sea import is_at_sea
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE, LEVELS, REJECTED
+from swath_sysid.attitude.identification.hull_terms import CHANCE
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD
 from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit
 from swath_sysid.attitude.identification.result import Identification
-from swath_sysid.common.noise import CHANCE
 
 
 def misfit(problem: Problem, model: DecayModel) -> float:

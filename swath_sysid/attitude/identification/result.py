@@ -17,7 +17,7 @@ from swath_sysid.attitude.identification.hull_terms import AbsentTerm
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.attitude.identification.search import SearchResult, SearchSettings
-from swath_sysid.attitude.identification.uncertainty import CURVE_POINTS, AmplitudeBands, amplitude_bands
+from swath_sysid.attitude.identification.uncertainty import AmplitudeBands, amplitude_bands
 from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
@@ -25,6 +25,7 @@ from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.common.plain import as_plain, from_plain
 
 OBJECTIVES = ('simulation', 'one-step')
+CURVE_POINTS = 40
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.identification.motion_fit import MAX_EVALUATIONS
 
+MAX_ITERATIONS = 30
 CONVERGED = 0.003  #: Decrease of the negative log likelihood that a further step promises.
 NEAR = 10.0  #: Decrease that a step promises from which the curvature is learned.
 #: Of the expected information along any direction, taken for the curvature of a step where less was learned.
@@ -136,7 +136,7 @@ def scoring(z: np.ndarray, low: np.ndarray, high: np.ndarray) -> Generator[np.nd
     if not best.is_finite:
         return replace(best, cost=np.inf)
     damping, learned = 0.1, np.zeros_like(best.information)
-    for _ in range(MAX_EVALUATIONS):
+    for _ in range(MAX_ITERATIONS):
         curvature = with_learned(best.information, learned) if learned.any() else best.information
         damped = curvature + damping * np.diag(np.diag(best.information))
         trial = clipped_step(best.z, best.gradient, damped, low, high)

@@ -16,7 +16,7 @@ from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 RELATIVE_STEP = 1e-4
 UPPER_PART = 0.9  #: Share of the draws whose error is smaller than the stated error.
 DRAWS = 100  #: Hulls of the posterior that are simulated, of ten times as many that are drawn.
-CURVE_POINTS = 40  #: Of curves over amplitude, and of the rates at which the sign of each hull's damping is checked.
+RATES = 30  #: At which the sign of each hull's damping is checked.
 RELEASE_PERIODS = 4.0  #: Length of the next release.
 
 
@@ -132,6 +132,6 @@ def _drawn(posterior: HullPosterior, active: Sequence[bool], friction_rate: floa
     hulls[posterior.equation.indices] = posterior.ratios[:, None] + std[:, None] * (
         (vectors * np.sqrt(np.maximum(values, 0.0))) @ normal
     )
-    rates = np.linspace(0.0, largest_rate, CURVE_POINTS)[1:, None]
+    rates = np.linspace(0.0, largest_rate, RATES)[1:, None]
     taken = damping_moment(rates, hulls[:, None, :], active, friction_rate)
     return hulls[:, (taken >= 0.0).all(axis=0)][:, :DRAWS], rng.normal(size=DRAWS)

@@ -25,6 +25,7 @@ LOSS_GROWTH = 1.5
 
 PERIOD_CHANGE = 1.25  #: Ratio by which a period may differ from those before: restoring bends it slowly.
 BRIDGED_GAP = 0.15  #: Part of a half-cycle that a gap must cover to hide a turning point.
+RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the double amplitude away.
 JUMP_PERIODS = 0.05  #: A rise to it faster than the craft oscillates: it was dropped, or the record was cut.
 #: A craft held at a level stays beyond this part of it: a hand wobbles by less than the rest. Motion that reaches this
 #: part of a double amplitude within a period is motion like it.
@@ -32,8 +33,8 @@ HOLD_BAND = 0.5
 HELD = 0.75  #: Part of the held angle from which the angle drops to `HOLD_BAND` after a release.
 #: Share of a half-cycle in which an oscillation covers the way from there to its middle.
 STEEP_SHARE = 0.5 - float(np.arccos(2.0 * HELD - 1.0)) / np.pi
-#: Within this part of the first double amplitude the motion is at a level or a turning point; what breaks a candidate
-#: below it is the background.
+#: Rest means within this part of the first double amplitude about a level; what breaks a candidate below it is the
+#: background.
 REST_BAND = 0.07
 HALF_CYCLES_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
 
@@ -137,7 +138,7 @@ class DecayCandidate:
         """Times, s, near turning point ``turn`` in the half-cycle from turning point ``first`` on."""
         signal = self.signal
         begin, end = signal.index(self.time[first]), signal.index(self.time[first + 1])
-        band = max(REST_BAND * abs(self.value[first + 1] - self.value[first]), 2.0 * signal.noise)
+        band = max(RELEASE_BAND * abs(self.value[first + 1] - self.value[first]), 2.0 * signal.noise)
         near = np.flatnonzero(np.abs(signal.value[begin : end + 1] - self.value[turn]) <= band)
         return signal.start + signal.interval * (begin + near)
 
@@ -169,7 +170,7 @@ class DecayCandidate:
         """Whether it came to the first turning point faster than the craft oscillates, or the record was cut there."""
         part = (self._past - self.value[self.first]) / (self.value[self.first + 1] - self.value[self.first])
         far = np.flatnonzero(part > 1.0 - HOLD_BAND)
-        arrived = np.flatnonzero(np.abs(part) > REST_BAND)
+        arrived = np.flatnonzero(np.abs(part) > RELEASE_BAND)
         return bool(far.size and self.signal.interval * (far[0] - arrived[0]) <= JUMP_PERIODS * self.period)
 
     @cached_property

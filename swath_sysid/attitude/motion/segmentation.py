@@ -22,9 +22,7 @@ from swath_sysid.common.signals import noise_level
 #: rad and rad/s: below it friction and the basin's motion dominate the damping (published tests start at 1 deg); what
 #: moves by less from peak to peak is coupled from the other axis.
 SMALLEST_AMPLITUDE = {'angle': float(np.radians(0.5)), 'rate': float(np.radians(1.25))}
-#: Largest ratio of the first half-cycle to the usual one: it may be held, and restoring asymmetric; or of a period to
-#: that of small motions.
-ASYMMETRY = 2.2
+ASYMMETRY = 2.2  #: Largest ratio of the first half-cycle to the usual one: it may be held, and restoring asymmetric.
 MIN_HALF_CYCLES = 3  #: Three show two losses and one rhythm; fewer are those of a heavily damped hull.
 
 #: Mean logarithmic decrement per half-cycle below which something sustains the motion; the lightest decay has 0.012.
@@ -33,11 +31,11 @@ MIN_DECREMENT = 0.004
 LONGEST_FALL = 3.0  #: A release is at most this many times the drop from `HELD` to `HOLD_BAND` before it, in time.
 PUSH_MEMORY_HALF_CYCLES = 2  #: Left out after a push, while the double amplitude stays above `HELD` of the first.
 
-#: With this many half-cycles the tail below this part of the first is left out, as it is as much the basin's motion;
-#: at that part a decay that is watched counts as over.
+#: With this many half-cycles the tail below this part of the first is left out, as it is as much the basin's motion.
 PLENTY_OF_HALF_CYCLES, PLENTIFUL_TAIL = 20, 0.125
 
 BREAKING_PERIODS = 4.0  #: What breaks a decay grows and decays within this time.
+FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched counts as over.
 
 #: Part of the largest double amplitude from which motion is a decay of its own, or, within every such part of the
 #: record, forced.
@@ -127,7 +125,7 @@ def decays_or_absence(
 
 def is_finished(segment: DecaySegment, motion: AxisMotion) -> bool:
     """Whether a decay found in a growing record is over: small, or ended more than a period ago."""
-    fallen = segment.final_amplitude <= PLENTIFUL_TAIL * segment.initial_amplitude
+    fallen = segment.final_amplitude <= FINISHED * segment.initial_amplitude
     return bool(fallen or motion.time[-1] > segment.end + segment.period)
 
 

@@ -16,6 +16,7 @@ from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.rate_comparison import (
     FOLLOWS,
     MIN_BINS,
+    SIGNIFICANT,
     UNIT_TOLERANCE,
     Slope,
     agreement,
@@ -26,12 +27,12 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.noise import SIGNIFICANT
 from swath_sysid.common.sentences import SENTENCES
 
 WINDOW = 30.0  #: s over which the accelerations of waves average out.
 #: Bins of a window of a sensor so slow that `WINDOW` holds fewer; samples of a fast one are averaged to twice as many.
 WINDOW_BINS = 300
+MAX_STRETCHES = 20  #: Of a long record, over which they are spread; up to twice as many are judged.
 
 FROZEN = 5.0  #: s of fresh stamps with the same values.
 MIN_TURN = np.radians(3.0)  #: rad that the rates turn while the angles stand still; no angle is as coarse.
@@ -119,7 +120,7 @@ def contradictions_in(
     size = max(WINDOW_BINS * samples_a_bin(interval), round(WINDOW / interval))
     starts = range(0, max(time.size - size // 2, 1), size // 2)
     judgements = []
-    for start in starts:
+    for start in starts[:: max(len(starts) // MAX_STRETCHES, 1)]:
         rows = slice(start, start + size)
         unknown = np.full(time[rows].size, np.nan)
         parts = [np.stack([channels[n][rows] if n in channels else unknown for n in names], axis=1) for names in PARTS]

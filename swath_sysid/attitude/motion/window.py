@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND
 from swath_sysid.attitude.motion.intake import INTAKE_REASONS, ConvertedReading, ImuReading, Intake
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
@@ -23,9 +22,8 @@ COLUMNS = ('t', *CHANNELS)  #: Columns of a window: the stamp, s, and the channe
 
 WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
 
-#: s from one look for a decay that has ended to the next, while the motion of the last two of them is not like the
-#: largest in the window.
-LOOK_INTERVAL = 1.0
+LOOK_INTERVAL = 1.0  #: s from one look for a decay that has ended to the next,
+CALM = 0.35  #: ... while the motion of the last two of them stays within this part of all motion in the window.
 LOOK_RATE = 50.0  #: Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms.
 
 
@@ -216,7 +214,7 @@ class DecayWatch:
         except InputError:
             return None
         newest = motion.primary[motion.time >= motion.time[-1] - 2.0 * LOOK_INTERVAL]
-        if not np.ptp(newest) < HOLD_BAND * np.ptp(motion.primary):
+        if not np.ptp(newest) < CALM * np.ptp(motion.primary):
             return None
         motion = averaged(table, LOOK_RATE).trial().axis(axis)
         ended = [decay for decay in find_decays(motion) if self._is_worth_reporting(decay, motion)]

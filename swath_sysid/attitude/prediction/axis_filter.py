@@ -20,8 +20,7 @@ _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over
 
 _THIRD_DIFFERENCE_GAIN = comb(6, 3)  # 1 + 9 + 9 + 1: variance of the third difference of white noise
 #: s; time constant with which sizes are forgotten, of errors as of the motion: a shorter one follows wave groups, in
-#: which errors grow less than the motion. So much of the past shows a new sea, and after as long a silence the motion
-#: is forgotten.
+#: which errors grow less than the motion.
 MEMORY_OF_SIZE = 60.0
 
 #: A squared error over its expected value counts as this much at the most: what nobody could foresee, such as a glitch

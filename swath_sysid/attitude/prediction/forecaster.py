@@ -15,7 +15,7 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE, AxisFilter
+from swath_sysid.attitude.prediction.axis_filter import AxisFilter
 from swath_sysid.attitude.prediction.bank import HULL, OSCILLATOR, Bank
 from swath_sysid.attitude.prediction.blend import UNPROVEN
 from swath_sysid.attitude.prediction.diagnostics import ForecasterDiagnostics, diagnose
@@ -26,7 +26,7 @@ from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, 
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, OF_CHANNELS, OF_MEANS, OF_SAMPLE, ROW_RATE, RowClock
-from swath_sysid.attitude.prediction.sea_fit import WAVES, SeaFit, SeaRequest, newest_stretch
+from swath_sysid.attitude.prediction.sea_fit import SHORT, WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UpstreamRows
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
@@ -42,6 +42,9 @@ _OF_AXIS = {
     axis: itemgetter(*(CraftSample._fields.index(axis + part) for part in ('', '_rate', '_variance', '_rate_variance')))
     for axis in AXES
 }
+
+#: s; after a longer silence the motion is forgotten, hull and sea are not. The sea state is reported as often.
+LONGEST_BRIDGE = 60.0
 
 #: Of a past, after which what is learnt of it is learnt anew; s at most and, for the first forecasts, at least.
 _REFIT_SHARE, _LONGEST_REFIT_INTERVAL, _FIRST_INTERVAL = 0.2, 20.0, 1.0
@@ -179,7 +182,7 @@ class Forecaster:
         interval and, by axis, angle, rate and three covariances one sample ahead as soon as they are known.
         """
         since = elapsed if self._is_linked and elapsed is not None else math.inf
-        linked = since <= MEMORY_OF_SIZE
+        linked = since <= LONGEST_BRIDGE
         elapsed = since if linked else 0.0
         if linked:
             self._time += elapsed
@@ -238,7 +241,7 @@ class Forecaster:
         """Begin with another step, which makes all that was learnt in rows invalid; the rows too if it ``is_new``."""
         if is_new:
             self._rows.clear()
-            self._rows_begun, self._sea_state_due = self._time, self._time + MEMORY_OF_SIZE
+            self._rows_begun, self._sea_state_due = self._time, self._time + LONGEST_BRIDGE
         step = self._clock.step
         self._upstream.begin(step, is_new)
         self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._upstream)
@@ -292,16 +295,16 @@ class Forecaster:
         if self._time < self._refit_due or self._time - self._rows_begun < s.first_refit:
             return None
         self._refit_due = self._time + self._interval_of_refits(s.refit_interval)
-        past, step = self._past(s.window).copy(), self._clock.step
+        past = self._past(s.window).copy()
         return SeaRequest(
             self._time,
-            step,
+            self._clock.step,
             CHANNELS,
             past,
             dict(self._excitation_requests()),
             self._points.request(self._clock, self._rows.newest),
             self._time >= self._sea_state_due,
-            self._upstream.request(len(past), int(MEMORY_OF_SIZE / step), self._leads[-1] + step),
+            self._upstream.request(len(past), int(SHORT / self._clock.step), self._leads[-1] + self._clock.step),
         )
 
     def _excitation_requests(self):
@@ -334,7 +337,7 @@ class Forecaster:
             if self._axes[name].identified is not None:
                 self._axes[name].hull.set_excitation(excitation, self._time - fit.time)
         if fit.sea is not None:
-            self._sea_state_due += MEMORY_OF_SIZE
+            self._sea_state_due += LONGEST_BRIDGE
         return fit.sea
 
     def _keeps_upstream(self, bank: Bank) -> bool:

@@ -7,17 +7,20 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
-from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
 from swath_sysid.attitude.prediction.state_space import InnovationsModel
-from swath_sysid.attitude.prediction.upstream import LONGEST_FILLED, UpstreamFit, UpstreamRequest, fit_upstream
+from swath_sysid.attitude.prediction.upstream import UpstreamFit, UpstreamRequest, fit_upstream
 from swath_sysid.attitude.prediction.variate_analysis import identify, identify_alone
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalRequest, fit_vertical
 
 WAVES, NEW_WAVES = 'waves', 'waves-new'  #: State spaces of the whole past, and of a sea that has just begun.
+
+SHORT = 60.0  #: s of the past that show a new sea.
+
+LONGEST_FILLED = 2.0  #: s; the phase is lost in a longer gap.
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ def fit_sea(request: SeaRequest) -> SeaFit:
         True
     """
     past, names, step = request.values, request.names, request.step
-    newest = past[-round(MEMORY_OF_SIZE / step) :]
+    newest = past[-round(SHORT / step) :]
     new = identify(newest, names, step) if len(newest) < len(past) else None
     waves = {
         WAVES: identify(past, names, step),

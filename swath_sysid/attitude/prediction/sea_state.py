@@ -14,7 +14,7 @@ from scipy.special import fdtri
 from swath_sysid.attitude.motion.vertical import BAND_HZ
 from swath_sysid.common.errors import InputError
 
-MIN_DURATION = 300.0  #: s; a shorter record holds too few waves to measure a sea, or to calibrate intervals in it.
+MIN_DURATION = 300.0  #: s; a shorter record holds too few waves.
 _SEGMENT = 200.0  #: s; resolves the peak of a swell of 20 s and leaves ten segments in 20 minutes.
 _MEASURABLE = 2.0  #: Least height over that from noise alone.
 

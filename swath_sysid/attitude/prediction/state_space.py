@@ -19,12 +19,12 @@ _PAST = 4
 # fourth-order central difference: 4 % low at six samples a period, where the second-order one is 17 % low
 _DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 #: Variance of white noise that every channel is given, over the channel's own: without it, channels of which one
-#: follows from others without error have singular innovations; more costs .1 s ahead (1e-6: 5 to 20 %). A state whose
-#: errors are less is known.
+#: follows from others without error have singular innovations; more costs .1 s ahead (1e-6: 5 to 20 %).
 RIDGE = 1e-8
-#: As many times its usual size, neither an error nor a third difference is a craft's motion: a spike, or a motion that
-#: was broken off, as where one record is appended to another.
-BREAK = 20.0
+# a state whose errors are this much less than the innovations (in variance) is known
+_KNOWN = 1e-4
+#: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.
+BREAK = 400.0
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,11 @@ class InnovationsFilter:
         self._scale = 1.0 / model.scale
         self._following = np.vstack([model.c, model.a])
         self._driven = model.k @ model.s @ model.k.T
+        self._floor = _KNOWN * np.diag(model.s)
         watched = [name in self.targets for name in model.channels]
         self._watched = np.flatnonzero(watched if any(watched) else np.ones(len(watched), dtype=bool))
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
-        self._largest = BREAK**2 * np.diag(model.s)
+        self._largest = BREAK * np.diag(model.s)
         self._at = np.array(steps, dtype=int)
         self._prepare()
         self.restart()
@@ -133,7 +134,7 @@ class InnovationsFilter:
         error = z[seen] - c @ self.state
         pc = self.state_covariance @ c.T
         v = c @ pc + m.s[np.ix_(seen, seen)]
-        if (error * error > BREAK**2 * np.diag(v)).any() and self.state_covariance is not m.prior:
+        if (error * error > BREAK * np.diag(v)).any() and self.state_covariance is not m.prior:
             self.state, self.state_covariance = np.zeros_like(self.state), m.prior
             self._update(z, seen)
             return
@@ -147,7 +148,7 @@ class InnovationsFilter:
             expected = expected + gain[states:] @ error
             covariance -= gain[:states] @ both[:states].T
         covariance = 0.5 * (covariance + covariance.T)
-        known = seen.all() and (((m.c @ covariance) * m.c).sum(axis=1) <= RIDGE).all()
+        known = seen.all() and (((m.c @ covariance) * m.c).sum(axis=1) <= self._floor).all()
         self.state_covariance = None if known else covariance
         self._recent.append(np.where(seen, z, expected))
 

@@ -33,7 +33,7 @@ LONGEST_PAST = 30.0  #: s; waves of 10 s take as long over two wavelengths.
 #: Lags times channels, and states: as many as all channels of the craft take, since the time of a fit goes with their
 #: cubes.
 _MOST_LAGGED, _STATES = MAX_LAGS * len(CHANNELS), STATES_A_CHANNEL * len(CHANNELS)
-LONGEST_FILLED = 2.0  #: s; the phase is lost in a longer gap; a series that repeats one value for longer is stuck.
+_LONGEST_HELD = 2.0  #: s; a series that repeats one value for longer is stuck.
 _IN_TIME = 0.98  #: Share of the values that a model waits for.
 
 
@@ -65,7 +65,7 @@ class _Series:
         elapsed, self._last = stamp - self._last, stamp
         if value != self._value:
             self._value, self._changed = value, stamp
-        if stamp - self._changed > LONGEST_FILLED:
+        if stamp - self._changed > _LONGEST_HELD:
             self._block.clear()
             return
         self._block.append((stamp, value))
@@ -290,7 +290,7 @@ class UpstreamCandidate:
         c, k = m.c[self._channels], self._channels
         error = (whole[self._places] - m.mean[k]) / m.scale[k] - c @ self._space.state
         variance = np.diag(m.s)[k] + (0.0 if p is None else ((c @ p) * c).sum(axis=1))
-        whole[self._places[error * error > BREAK**2 * variance]] = math.nan
+        whole[self._places[error * error > BREAK * variance]] = math.nan
         return whole
 
     def skip(self, count: int) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import fft
 from scipy.linalg import cholesky, eigh, solve_triangular
 
-from swath_sysid.attitude.prediction.state_space import BREAK, RIDGE, InnovationsModel, side_by_side, whole_lags
+from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsModel, side_by_side, whole_lags
 
 # lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
 MAX_LAGS, _LONGEST_REACH, _MIN_LAGS = 40, 20.0, 2
@@ -21,6 +21,8 @@ _LAGS_A_STATE = 2.0
 _MIN_SHARE = 0.5
 # where losses break up more of the lags than this, gaps of few rows are filled from both sides
 _LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
+# third differences as many times their median size are not a craft's motion: a spike, or one record appended to another
+_BREAK = 60.0
 LARGEST_RADIUS = 0.9999
 # regular waves do not die out, and by chance a model of little data grows: at most so much a step is damped away
 _MAX_GROWTH = 1.01
@@ -92,7 +94,7 @@ def without_breaks(rows: np.ndarray) -> np.ndarray:
     # most differences of a coarse sensor are zero, the others several of its steps
     usual = [np.median(sizes[sizes > RIDGE]) if (sizes > RIDGE).any() else np.inf for sizes in size.T]
     result = rows.copy()
-    result[2:-1][(size > BREAK * np.array(usual)).any(axis=1)] = np.nan
+    result[2:-1][(size > _BREAK * np.array(usual)).any(axis=1)] = np.nan
     return result
 
 
