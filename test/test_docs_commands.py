@@ -74,6 +74,8 @@ def blocks_run(page):
 
 
 PAGES_RUN = [page for page in PAGES if blocks_run(page) and page != 'README.md']
+#: guides that begin with no file from another page: test_docs_guides.py runs them in another process
+GUIDES = [page for page in PAGES_RUN if page.startswith('docs/howto/') and page not in NEEDS]
 QUICK = ('docs/howto/identify.md', 'docs/howto/waves.md')
 
 
@@ -169,18 +171,24 @@ def assert_printed(text, printed):
         assert any(numbers[0] == pytest.approx(found, rel=0.01) for found in numbers[1:]), f'not printed: {line}'
 
 
-@pytest.mark.dds
-@pytest.mark.slow
-@pytest.mark.timeout(3.0 * PATIENCE)
-@pytest.mark.parametrize(
-    'page', [page if page in QUICK else pytest.param(page, marks=pytest.mark.long) for page in PAGES_RUN]
-)
-def test_the_commands_of_a_page_run(page, tmp_path_factory):
-    if any(block.manner == 'stays' for block in blocks_run(page)):
-        pytest.importorskip('rclpy')
-    if '--page' in ''.join(block.text for block in blocks_run(page)):
-        pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
-    carried_out(page, tmp_path_factory.getbasetemp())
+def running(pages):
+    """A test that carries out these pages, each a case of its own."""
+
+    @pytest.mark.dds
+    @pytest.mark.slow
+    @pytest.mark.timeout(3.0 * PATIENCE)
+    @pytest.mark.parametrize('page', [p if p in QUICK else pytest.param(p, marks=pytest.mark.long) for p in pages])
+    def run(page, tmp_path_factory):
+        if any(block.manner == 'stays' for block in blocks_run(page)):
+            pytest.importorskip('rclpy')
+        if '--page' in ''.join(block.text for block in blocks_run(page)):
+            pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
+        carried_out(page, tmp_path_factory.getbasetemp())
+
+    return run
+
+
+test_the_commands_of_a_page_run = running(page for page in PAGES_RUN if page not in GUIDES)
 
 
 def test_the_commands_of_the_readme_are_run_by_other_pages():
