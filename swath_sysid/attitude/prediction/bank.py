@@ -1,13 +1,13 @@
 """The bank of candidates: each steps through the rows, skips lost ones, and forecasts the readings to come."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.blend import Blend
+from swath_sysid.attitude.prediction.blend import UNPROVEN, Blend
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import NEW_WAVES, WAVES
@@ -41,6 +41,8 @@ class Bank:
         self.spaces: dict[str, InnovationsFilter] = {}  #: Those on rows.
         self._upstream: dict[str, UpstreamCandidate] = {}
         self._upstream_rows = upstream
+        # when upstream channels last helped, s, and at which place of the scores; whether they contradict that since
+        self._helped, self._helped_at, self._is_contradicted = -math.inf, 0, False
         self._at_row = np.full((len(self.names), 1, len(ATTITUDE)), math.nan), np.empty(0)
         self._axes, self._leads, self._steps, self._step = axes, leads, self.blend.steps, step
         self._horizon = leads[-1] + 2.0 * step
@@ -66,12 +68,34 @@ class Bank:
         self.spaces[name] = space = InnovationsFilter(model, ATTITUDE, self._horizon, self._steps)
         space.seed(past)
 
-    def use_upstream(self, name: str, fit: UpstreamFit, past: np.ndarray) -> None:
-        """Put a fit of the upstream channels to use, after the newest rows (N, width)."""
-        candidate = UpstreamCandidate(fit, self._upstream_rows, self._steps * self._step, self._step)
-        for row in past[len(past) - (self._upstream_rows.newest - fit.newest) :]:
-            candidate.step(row)
-        self._upstream[name] = candidate
+    def use_upstream(self, fits: Mapping[str, UpstreamFit], past: np.ndarray, time: float, memory: float) -> None:
+        """Put fits of the upstream channels to use at a time, s, after the newest rows (N, width)."""
+        is_kept = self._keeps_upstream(time, memory)
+        for name, fit in fits.items():
+            if name == NEW_UPSTREAM or not is_kept:
+                candidate = UpstreamCandidate(fit, self._upstream_rows, self._steps * self._step, self._step)
+                for row in past[len(past) - (self._upstream_rows.newest - fit.newest) :]:
+                    candidate.step(row)
+                self._upstream[name] = candidate
+
+    def _keeps_upstream(self, time: float, memory: float) -> bool:
+        """Whether a state space that has helped stays while the upstream channels contradict it, for so many s at most.
+
+        If they come to agree with it again, what they showed meanwhile was wrong and is forgotten.
+        """
+        of_past = [name for name in self.names if name not in (*CANDIDATES, NEW_UPSTREAM)]
+        ratio = self._ratio(of_past, CANDIDATES)
+        if not np.isfinite(ratio).any():
+            return False
+        since, was_contradicted = time - self._helped, self._is_contradicted
+        is_recent = since < memory
+        if np.nanmin(ratio) < 1.0 / UNPROVEN:
+            self._helped, self._helped_at, self._is_contradicted = time, int(np.nanargmin(ratio)), False
+            if was_contradicted and is_recent:
+                self._upstream_rows.forget(int(since / self._step))
+        elif is_recent and ratio.flat[self._helped_at] > UNPROVEN:
+            self._is_contradicted = True
+        return (was_contradicted or self._is_contradicted) and is_recent
 
     def renew(self, name: str, axis: int | slice = slice(None)) -> None:
         """Judge a candidate with a new model, for an axis or all, as an untried one that knows nothing upstream."""
@@ -108,11 +132,6 @@ class Bank:
         at_row = age == 0.0 and self._leads_are_rows
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
         return self.blend.combine(mean, covariance, _AXIS_OF_TARGET, self._noise)
-
-    def upstream_ratio(self) -> np.ndarray:
-        """Least running square error (S, A) with upstream channels, from the whole past, over the least without."""
-        of_past = [name for name in self.names if name not in (*CANDIDATES, NEW_UPSTREAM)]
-        return self._ratio(of_past, CANDIDATES)
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.

@@ -17,7 +17,6 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
 from swath_sysid.attitude.prediction.bank import HULL, OSCILLATOR, Bank
-from swath_sysid.attitude.prediction.blend import UNPROVEN
 from swath_sysid.attitude.prediction.diagnostics import ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilterSettings
@@ -28,7 +27,7 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliabi
 from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, OF_CHANNELS, OF_MEANS, OF_SAMPLE, ROW_RATE, RowClock
 from swath_sysid.attitude.prediction.sea_fit import SHORT, WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
-from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UpstreamRows
+from swath_sysid.attitude.prediction.upstream import UpstreamRows
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
@@ -247,7 +246,6 @@ class Forecaster:
         self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._upstream)
         self._points.begin(step, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting = False, None
-        self._upstream_helped, self._helped_at, self._is_contradicted = -math.inf, 0, False
         self._oscillator_due = self._refit_due = -math.inf
 
     def _take_row(self, bank: Bank, steps: int, stamp: float):
@@ -327,10 +325,8 @@ class Forecaster:
             bank.use(name, model, self._newest(2 * MAX_LAGS))
             bank.renew(name)
             self._has_waves = True
-        is_kept = bool(fit.upstream) and self._keeps_upstream(bank)
-        for name, upstream in fit.upstream.items():
-            if name == NEW_UPSTREAM or not is_kept:
-                bank.use_upstream(name, upstream, self._newest())
+        if fit.upstream:
+            bank.use_upstream(fit.upstream, self._newest(), self._time, 0.5 * self.settings.window)
         if WAVES in fit.waves:
             self._points.install(fit.vertical, self._rows.newest, bank.spaces[WAVES])
         for name, excitation in fit.excitations.items():
@@ -339,25 +335,6 @@ class Forecaster:
         if fit.sea is not None:
             self._sea_state_due += LONGEST_BRIDGE
         return fit.sea
-
-    def _keeps_upstream(self, bank: Bank) -> bool:
-        """Whether a state space that has helped stays while the upstream channels contradict it, half the window long.
-
-        If they come to agree with it again, what they showed meanwhile was wrong and is forgotten.
-        """
-        ratio = bank.upstream_ratio()
-        if not np.isfinite(ratio).any():
-            return False
-        since, was_contradicted = self._time - self._upstream_helped, self._is_contradicted
-        is_recent = since < 0.5 * self.settings.window
-        if np.nanmin(ratio) < 1.0 / UNPROVEN:
-            self._upstream_helped, self._helped_at = self._time, int(np.nanargmin(ratio))
-            self._is_contradicted = False
-            if was_contradicted and is_recent:
-                self._upstream.forget(int(since / self._clock.step))
-        elif is_recent and ratio.flat[self._helped_at] > UNPROVEN:
-            self._is_contradicted = True
-        return (was_contradicted or self._is_contradicted) and is_recent
 
     # -- forecasts
 
