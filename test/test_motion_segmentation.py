@@ -1,9 +1,7 @@
 """Free decays are found in what surrounds them and checked; none is found in waves."""
 
-import importlib
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -109,10 +107,8 @@ def test_released_after_being_held(seed, damping_ratio):
     assert decay.advice == ()
 
 
-def test_a_release_is_timed_although_the_hand_wobbles(monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
-    made = importlib.import_module('decays')
-    off, intervals = [], []
+def test_a_release_is_timed_although_the_hand_wobbles(benchmark_module):
+    made, off, intervals = benchmark_module('decays'), [], []
     for hull, angle_deg, seed in product(made.HULLS, (2.0, 4.0, 8.0), range(3)):
         release = made.released_again(hull, angle_deg, 1, seed)
         (decay,) = find_decays(release.motion)
@@ -122,9 +118,8 @@ def test_a_release_is_timed_although_the_hand_wobbles(monkeypatch):
     assert np.median(off) < 0.007 and np.quantile(off, 0.9) < 0.025
 
 
-def test_a_strongly_wobbling_hand_does_not_hide_the_release_of_a_heavily_damped_hull(monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
-    made, off = importlib.import_module('basin'), []
+def test_a_strongly_wobbling_hand_does_not_hide_the_release_of_a_heavily_damped_hull(benchmark_module):
+    made, off = benchmark_module('basin'), []
     for hull, scene, seed in product(
         ('hydrofoil-pitch 3', 'swath-usv-pitch 5'), ('all', 'wobble-trim'), (0, 1, 3, 5, 8, 9)
     ):

@@ -1,9 +1,7 @@
 """What a sensor's own data say of its installation: each wrong one is named with its cure, no right one is."""
 
-import importlib
 import json
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -160,9 +158,8 @@ def test_nothing_is_named_of_any_measured_record(data_folder):
 
 
 @pytest.mark.parametrize('first', [0, *(pytest.param(k, marks=pytest.mark.long) for k in (20, 40))])
-def test_nothing_is_named_of_sound_sensors_whatever_they_leave_out(first, monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
-    sensor_records = importlib.import_module('sensor_checks')
+def test_nothing_is_named_of_sound_sensors_whatever_they_leave_out(first, benchmark_module):
+    sensor_records = benchmark_module('sensor_checks')
     for seed in range(first, first + 20):
         sound = sensor_records.record(seed)
         found = sensor_records.faults_of(sound)
