@@ -14,9 +14,9 @@ os.environ['COLUMNS'] = '100'
 
 import swath_sysid  # noqa: E402
 from swath_sysid.cli.main import VERBS, build_parser  # noqa: E402
-from swath_sysid.common.sentences import reasons_table, warnings_table  # noqa: E402
-from swath_sysid.nodes.parameters.files import markdown_table  # noqa: E402
-from swath_sysid.nodes.parameters.table import NODES  # noqa: E402
+from swath_sysid.common.sentences import FLAGS, REASONS, SENTENCES  # noqa: E402
+from swath_sysid.nodes.parameters.files import yaml_value  # noqa: E402
+from swath_sysid.nodes.parameters.table import NODES, table_of  # noqa: E402
 
 project = 'swath_sysid'
 author = copyright = 'The swath_sysid maintainers'
@@ -94,10 +94,37 @@ def commands():
     return '\n'.join(texts)
 
 
+def markdown_table(node_name):
+    """The parameters of a node, as the parameter file names it, as a Markdown table."""
+    lines = ['| Parameter | Default | Range | Unit | Meaning |', '|---|---|---|---|---|']
+    for p in table_of(node_name):
+        fixed = '' if not p.read_only else ' (set at the start)'
+        meaning = f'{p.meaning}{fixed}'.replace('|', '\\|')
+        lines.append(f'| `{p.name}` | `{yaml_value(p.default)}` | {p.allowed} | {p.unit} | {meaning} |')
+    return '\n'.join(lines) + '\n'
+
+
 def parameters():
     """The tables of the nodes' parameters."""
     head = 'The defaults are in `config/swath_sysid.yaml`; those for small computers in `config/small.yaml`.'
     return f'# Parameters\n\n{head}\n\n' + '\n\n'.join(f'## {node}\n\n{markdown_table(node)}' for node in NODES)
+
+
+def reasons_table():
+    """Every reason that is counted and what to do about it, as a Markdown table."""
+    rows = [f'| `{reason}` | {cure.replace("|", "/")} |' for reason, cure in REASONS.items()]
+    return '\n'.join(['| counted as | what it means, and what to do |', '|---|---|', *rows]) + '\n'
+
+
+def warnings_table():
+    """Every warning with its sentences and flags, as a Markdown table; values are in italics by name."""
+    sentences: dict[str, list[str]] = {}
+    for key, sentence in SENTENCES.items():
+        words = re.sub(r'{(\w+)[^}]*}', lambda value: f'*{value[1].replace("_", " ")}*', sentence.replace('|', '\\|'))
+        sentences.setdefault(key.partition(':')[0], []).append(words)
+    flags = {code: f'`{words}`' for code, words in FLAGS.items()}
+    rows = [f'| `{code}` | {"<br>".join(texts)} | {flags.get(code, "")} |' for code, texts in sentences.items()]
+    return '\n'.join(['| code | what it says | on the command line |', '|---|---|---|', *rows]) + '\n'
 
 
 def all_warnings():

@@ -13,7 +13,7 @@ from site_pages import PAGES, ROOT, command_lines
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.cli.main import VERBS, build_parser
-from swath_sysid.common.sentences import SENTENCES, reasons_table
+from swath_sysid.common.sentences import REASONS, SENTENCES
 from swath_sysid.formats.topics import LEADS, MANOEUVRING_LEADS, TYPES
 from swath_sysid.nodes.parameters.table import NODES, table_of
 
@@ -99,7 +99,7 @@ def test_generated_pages_are_those_of_the_code(tmp_path):
     for node in NODES:
         assert all(f'| `{parameter.name}` |' in written['parameters.md'] for parameter in table_of(node))
     assert all(f'\n## {verb}\n' in written['commands.md'] for verb in VERBS)
-    assert written['counted.md'] == reasons_table()
+    assert all(f'| `{reason}` |' in written['counted.md'] for reason in REASONS)
     rows = written['warnings.md'].splitlines()
     assert all(any(row.startswith(f'| `{key.partition(":")[0]}` |') for row in rows) for key in SENTENCES)
     assert '{' not in written['warnings.md']

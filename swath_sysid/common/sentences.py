@@ -3,8 +3,6 @@
 Values stand in braces by name. A key is a code, or a code and after a colon what distinguishes its sentence.
 """
 
-import re
-
 SENTENCES = {
     'angle-against-rate': 'the measured rate differs from the slope of the measured angle by {mismatch:.0%} of itself: '
     'check unit, sign and delay of both columns',
@@ -404,20 +402,3 @@ CURES = {**REASONS, **STATES}
 def with_flags(code: str, message: str) -> str:
     """A sentence with the flags, by its code, that do on the command line what it advises."""
     return f'{message} ({FLAGS[code]})' if code in FLAGS else message
-
-
-def reasons_table() -> str:
-    """Every reason that is counted and what to do about it, as a Markdown table."""
-    rows = [f'| `{reason}` | {cure.replace("|", "/")} |' for reason, cure in REASONS.items()]
-    return '\n'.join(['| counted as | what it means, and what to do |', '|---|---|', *rows]) + '\n'
-
-
-def warnings_table() -> str:
-    """Every warning with its sentences and flags, as a Markdown table; values are in italics by name."""
-    sentences: dict[str, list[str]] = {}
-    for key, sentence in SENTENCES.items():
-        words = re.sub(r'{(\w+)[^}]*}', lambda value: f'*{value[1].replace("_", " ")}*', sentence.replace('|', '\\|'))
-        sentences.setdefault(key.partition(':')[0], []).append(words)
-    flags = {code: f'`{words}`' for code, words in FLAGS.items()}
-    rows = [f'| `{code}` | {"<br>".join(texts)} | {flags.get(code, "")} |' for code, texts in sentences.items()]
-    return '\n'.join(['| code | what it says | on the command line |', '|---|---|---|', *rows]) + '\n'

@@ -6,10 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
-from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, Axes, Figure, new_figure, quiet
-
-_SHOWN = 1e-5
-_TICKS = np.array([1.0, 2.0, 5.0])
+from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, Axes, Figure, new_figure, plain_ticks, quiet
 
 
 def at_sea_figure(found: AtSeaIdentification) -> Figure:
@@ -18,10 +15,9 @@ def at_sea_figure(found: AtSeaIdentification) -> Figure:
     spectrum, excitation, response = (quiet(axes) for axes in figure.subplots(1, 3))
     s, unit = found.spectra, np.degrees(1.0) ** 2 * 2.0 * np.pi
     _spectra(spectrum, found, (unit * s.measured, 'measured'), (unit * s.fitted, 'fitted', MODEL))
-    spectrum.set(xlabel='frequency [Hz]', ylabel=f'{found.model.axis} [deg²/Hz]', ylim=_limits(unit * s.measured))
+    spectrum.set(xlabel='frequency [Hz]', ylabel=f'{found.model.axis} [deg²/Hz]')
     _spectra(excitation, found, (s.excitation, 'needed by the hull'), (s.fitted_excitation, 'fitted waves', RESIDUAL))
     excitation.set(xlabel='frequency [Hz]', ylabel='exciting moment / inertia [(rad/s²)² s]')
-    excitation.set(ylim=_limits(s.fitted_excitation))
     _response(response, found)
     figure.suptitle(
         f'{found.model.axis} at sea: natural period {found.natural_period:.3f} ± {found.natural_period_std:.2g} s,  '
@@ -34,15 +30,8 @@ def at_sea_figure(found: AtSeaIdentification) -> Figure:
 
 def _in_hertz(axes: Axes, hertz: np.ndarray):
     """The range of the frequencies, with plain numbers."""
-    ticks = (_TICKS * 10.0 ** np.arange(-4, 3)[:, None]).ravel()
-    ticks = ticks[(ticks >= hertz[0]) & (ticks <= hertz[-1])]
     axes.set_xlim(hertz[0], hertz[-1])
-    axes.set_xticks(ticks, [f'{tick:g}' for tick in ticks])
-    axes.set_xticks([], minor=True)
-
-
-def _limits(values: np.ndarray):
-    return _SHOWN * values.max(), 3.0 * values.max()
+    plain_ticks(axes.xaxis)
 
 
 def _spectra(axes: Axes, found: AtSeaIdentification, measured: tuple, fitted: tuple):

@@ -49,6 +49,15 @@ def panel(*size: float, **labels: str) -> tuple[Figure, Axes]:
     return figure, axes
 
 
+def plain_ticks(axis: Any) -> None:
+    """Plain numbers at 1, 2 and 5 of every decade of a logarithmic axis."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(lambda value, _: f'{value:g}')
+    axis.set_minor_locator(NullLocator())
+
+
 def draw_fit(above: Axes, below: Axes, motion: AxisMotion, angle: Any, rate: Any) -> None:
     """A record and the simulated motion, with the residual below."""
     measured, label = measured_channel(motion)

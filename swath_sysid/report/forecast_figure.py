@@ -9,7 +9,7 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.pipeline.record_run import Run
 from swath_sysid.pipeline.scoring import FORECAST, Skill
-from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, band, new_figure, quiet
+from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, band, new_figure, plain_ticks, quiet
 from swath_sysid.report.forecast_skill import methods_of
 
 _STRETCH = 40.0  #: s of the record that show forecasts as issued, in the middle of what was scored.
@@ -28,8 +28,6 @@ def forecast_figure(trial: Trial, run: Run, skill: Skill) -> Figure:
 
 
 def _error(axes: Axes, axis: str, leads: np.ndarray, scores: Any):
-    from matplotlib.ticker import LogLocator
-
     # the forecast alone has its colour
     others = [colour for colour in (*SERIES, MEASURED) if colour != MODEL]
     colours = dict(zip([n for n in scores.nrmse if n != FORECAST], others, strict=False))
@@ -47,8 +45,7 @@ def _error(axes: Axes, axis: str, leads: np.ndarray, scores: Any):
     axes.set_title(f'{axis}: error')
     axes.set_ylim(top=3.0)
     axes.set_xticks(leads, [f'{lead:g}' for lead in leads])
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(lambda value, _: f'{value:g}')
+    plain_ticks(axes.yaxis)
     axes.minorticks_off()
     _legend(axes)
 

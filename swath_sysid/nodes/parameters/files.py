@@ -1,4 +1,4 @@
-"""Parameter files: read without ROS; config/swath_sysid.yaml and the site's tables written."""
+"""Parameter files: read without ROS; config/swath_sysid.yaml written."""
 
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,7 @@ import yaml
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import shown
 from swath_sysid.formats.untrusted_yaml import plain_content, text_of
-from swath_sysid.nodes.parameters.table import NODES, Values, defaults, parameters_of, table_of
+from swath_sysid.nodes.parameters.table import NODES, Values, defaults, parameters_of
 
 
 def values_from_file(path: str | Path | None, node_name: str) -> Values:
@@ -58,19 +58,10 @@ def configuration_file() -> str:
         for parameter in parameters_of(node_name):
             allowed = f' ({f"{parameter.allowed} {parameter.unit}".rstrip()})' if parameter.allowed else ''
             lines.append(f'    # {parameter.meaning}{allowed}')
-            lines.append(f'    {parameter.name}: {_yaml_value(parameter.default)}')
+            lines.append(f'    {parameter.name}: {yaml_value(parameter.default)}')
     return '\n'.join(lines) + '\n'
 
 
-def markdown_table(node_name: str) -> str:
-    """The parameters of a node, as the parameter file names it, as a Markdown table."""
-    lines = ['| Parameter | Default | Range | Unit | Meaning |', '|---|---|---|---|---|']
-    for p in table_of(node_name):
-        fixed = '' if not p.read_only else ' (set at the start)'
-        meaning = f'{p.meaning}{fixed}'.replace('|', '\\|')
-        lines.append(f'| `{p.name}` | `{_yaml_value(p.default)}` | {p.allowed} | {p.unit} | {meaning} |')
-    return '\n'.join(lines) + '\n'
-
-
-def _yaml_value(value: Any) -> str:
+def yaml_value(value: Any) -> str:
+    """A value as a parameter file holds it."""
     return yaml.safe_dump(value, default_flow_style=True).replace('\n...', '').strip()
