@@ -54,7 +54,6 @@ def read_record(path: str, arguments: Namespace) -> Trial:
     if not os.path.isfile(path) or os.path.getsize(path) < BLOCK_BYTES:
         return read_trial(path, **how)
     with progress_of(f'reading {path}') as progress:
-        progress(0.0)
         return read_trial(path, **how, progress=progress)
 
 
