@@ -358,6 +358,15 @@ def test_a_good_fit_is_adequate(found):
     assert metrics['verdict'] == ADEQUATE and metrics['verdict_sentence'] == found.verdict.sentence
 
 
+@pytest.mark.parametrize('equation', ['b1,b3|r1,r3', 'auto'])
+def test_both_halves_of_a_long_measured_decay_have_the_same_restoring_within_their_uncertainty(equation):
+    motion = read_trial(ROOT / 'records/kvlcc2_roll_decay.csv').axis('roll')
+    halves = [identify([motion], IdentificationSettings(equation, start=s, end=s + 44.6)) for s in (10.8, 55.4)]
+    for name in ('r1', 'r3'):
+        values, stds = zip(*(f.ratio(name) for f in halves), strict=True)
+        assert abs(values[1] - values[0]) < 3.0 * np.hypot(*stds), (name, values, stds)
+
+
 @pytest.mark.parametrize(
     'path', ['records/kvlcc2_roll_decay.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pitch_8.4deg_repeat3.csv']
 )

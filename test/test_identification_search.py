@@ -24,7 +24,7 @@ from swath_sysid.attitude.identification.uncertainty import known_together
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.common.noise import autocovariance, correlated_information, weighting_noise
+from swath_sysid.common.noise import autocovariance, correlated, weighting_noise
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.common.swarm import ParticleSwarm, SwarmSettings
 
@@ -217,7 +217,7 @@ def test_jacobian_of_the_simulation_objective_against_central_differences():
         assert found[:, k] == pytest.approx(numeric, abs=2e-3 * max(1.0, np.abs(numeric).max()))
 
 
-def test_autocovariance_and_correlated_information():
+def test_autocovariance_and_its_product_with_a_sensitivity():
     rng = np.random.default_rng(1)
     white = rng.normal(size=4000)
     assert autocovariance(white, 20).size <= 3
@@ -233,7 +233,7 @@ def test_autocovariance_and_correlated_information():
     rng = np.random.default_rng(2)
     sensitivity, covariance = rng.normal(size=(60, 3)), np.array([2.0, 1.0, 0.3])
     toeplitz = sum(covariance[k] * (np.eye(60, k=k) + (np.eye(60, k=-k) if k else 0)) for k in range(3))
-    assert correlated_information(sensitivity, covariance) == pytest.approx(sensitivity.T @ toeplitz @ sensitivity)
+    assert correlated(sensitivity, covariance) == pytest.approx(toeplitz @ sensitivity)
 
 
 def test_sandwich_covariance_of_a_regression_with_coloured_noise():
@@ -252,6 +252,25 @@ def test_sandwich_covariance_of_a_regression_with_coloured_noise():
     assert np.mean(given, axis=0) == pytest.approx(np.std(estimates, axis=0), rel=0.25)
     white = sandwich_covariance([rng.normal(size=1500)], [columns], 30)
     assert white.effective_samples == pytest.approx(1500, rel=0.3)
+
+
+def test_sandwich_covariance_of_noise_that_the_fit_absorbs():
+    rng = np.random.default_rng(4)
+    t = np.arange(1500)
+    along = t / t.size
+    columns = np.column_stack([along**k * wave for k in range(3) for wave in (np.cos(0.3 * t), np.sin(0.3 * t))])
+    own = np.exp(-t / 1000) * np.cos(0.3 * t)
+    resonator = np.linalg.cholesky(own[np.abs(t[:, None] - t)] + 1e-9 * np.eye(t.size))
+    for slow, covered, covered_by_brief in ((2.0, (0.8, 0.97), (0.3, 0.6)), (0.0, (0.92, 0.985), (0.92, 0.985))):
+        inside = []
+        for _ in range(100):
+            noise = slow * resonator @ rng.normal(size=t.size) + 0.3 * rng.normal(size=t.size)
+            slope = np.linalg.lstsq(columns, noise, rcond=None)[0]
+            found = [sandwich_covariance([columns @ slope - noise], [columns], 10, kinds) for kinds in ([own], [])]
+            inside.append([np.abs(slope) < 1.96 * np.sqrt(np.diag(each.matrix)) for each in found])
+        lasting, brief = np.mean(inside, axis=(0, 2))
+        assert covered[0] < lasting < covered[1]
+        assert covered_by_brief[0] < brief < covered_by_brief[1]
 
 
 def test_terms_that_cannot_be_told_apart_are_named():

@@ -38,13 +38,13 @@ def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
     return covariance[:length] * (1.0 - np.arange(length) / length)
 
 
-def correlated_information(sensitivity: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """J^T Gamma J, (p, p), for a sensitivity J (N, p) of residuals with an autocovariance (L,)."""
+def correlated(sensitivity: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Gamma J, (N, p), for a sensitivity J (N, p) of residuals with an autocovariance (L,)."""
     if covariance.size == 1:
-        return covariance[0] * sensitivity.T @ sensitivity
+        return covariance[0] * sensitivity
     before = covariance.size - 1
     spread = _convolved(sensitivity, np.concatenate([covariance[:0:-1], covariance])[:, None])
-    return sensitivity.T @ spread[before : before + len(sensitivity)]
+    return spread[before : before + len(sensitivity)]
 
 
 def _convolved(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:

@@ -16,10 +16,9 @@ from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
 from swath_sysid.attitude.identification.motion_fit import InitialState
-from swath_sysid.attitude.identification.problem import Problem, motion_fit
+from swath_sysid.attitude.identification.problem import Problem, motion_fit, residual_covariance
 from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR, prune, weak_prior
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
-from swath_sysid.common.covariance import sandwich_covariance
 
 CHANCE = 0.001  #: Probability that a likelihood ratio calls a complete equation incomplete, or the same hull changed.
 SMOOTH_TERMS = (*DAMPING_NAMES[1:], 'r2', 'r3')
@@ -64,9 +63,8 @@ class ResidualPosterior(LogPosterior):
 
     def __init__(self, problem: Problem, equation: Equation, about: np.ndarray) -> None:
         self._fit = motion_fit(problem, equation)
-        residuals, jacobians = self._fit.residuals_and_jacobian(about)
-        independent = sandwich_covariance(residuals, jacobians, problem.shortest_memory).effective_samples
-        self._variance = sum(float(r @ r) for r in residuals) / independent
+        residual = np.concatenate(self._fit.residuals_and_jacobian(about)[0])
+        self._variance = float(residual @ residual) / residual_covariance(problem, self._fit, about).effective_samples
         std = weak_prior(equation, problem.decayed_to)
         states = about.size - std.size
         super().__init__(

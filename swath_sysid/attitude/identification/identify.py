@@ -24,7 +24,7 @@ from swath_sysid.attitude.identification.motion_fit import (
     InitialState,
 )
 from swath_sysid.attitude.identification.one_step import OneStepObjective
-from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit, prepare
+from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit, prepare, residual_covariance
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.search import (
     PRESETS,
@@ -36,7 +36,6 @@ from swath_sysid.attitude.identification.search import (
     run_search,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 
 #: Periods that the search uses: its basin of attraction narrows with every cycle. Refinement follows the rest.
@@ -217,11 +216,11 @@ def identification_of(
     """The identification that a fitted hull gives, with its uncertainty."""
     equation, fit = hull.equation, motion_fit(problem, hull.equation)
     ratios, states = fit.unpack(hull.parameters)
-    residuals, jacobians = fit.residuals_and_jacobian(hull.parameters)
-    sandwich = sandwich_covariance(residuals, jacobians, problem.shortest_memory)
+    residuals, _ = fit.residuals_and_jacobian(hull.parameters)
+    found = residual_covariance(problem, fit, hull.parameters)
     n, units = len(equation.terms), problem.scales.ratio_units[equation.indices]
-    covariance = sandwich.matrix[:n, :n] * np.outer(units, units)
-    trim_std = float(np.sqrt(np.mean(np.diag(sandwich.matrix)[n + 2 :: 3]))) * problem.scales.amplitude
+    covariance = found.matrix[:n, :n] * np.outer(units, units)
+    trim_std = float(np.sqrt(np.mean(np.diag(found.matrix)[n + 2 :: 3]))) * problem.scales.amplitude
     if hull.basin is not None:
         covariance = hull.basin.covariance
         trim_std = hull.basin.trim_std if problem.motions[0].angle is not None else float('nan')
@@ -236,7 +235,7 @@ def identification_of(
         covariance=covariance,
         trim_std=trim_std,
         objective_value=objective_value,
-        effective_samples=sandwich.effective_samples,
+        effective_samples=found.effective_samples,
         states=tuple(states),
         search=search,
         problem=problem,

@@ -12,6 +12,7 @@ from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.covariance import ParameterCovariance, sandwich_covariance
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.noise import weighting_noise
 from swath_sysid.common.signals import bin_means
@@ -54,6 +55,20 @@ class Problem:
     def shortest_memory(self) -> int:
         """Samples in a quarter of a natural period: the least over which residuals may be correlated."""
         return max(5, round(0.5 * np.pi / self.scales.frequency / self.motions[0].sample_interval))
+
+    @property
+    def own_motion(self) -> list[np.ndarray]:
+        """Autocorrelation (N_k,) of the motion after a disturbance, for each record and channel: the craft's decay.
+
+        It is taken to fall to 1/e within the record at least: a record shows nothing that lasts longer.
+        """
+        found = []
+        for motion, segment in zip(self.motions, self.segments, strict=True):
+            elapsed = np.arange(motion.size) * motion.sample_interval
+            decay = max(1.0, np.log(segment.initial_amplitude / segment.final_amplitude)) / motion.duration
+            own = np.exp(-decay * elapsed) * np.cos(self.scales.frequency * elapsed)
+            found += [own for channel in (motion.angle, motion.rate) if channel is not None]
+        return found
 
     @property
     def decayed_to(self) -> float:
@@ -248,3 +263,13 @@ def motion_fit(
         problem.friction_rate,
         **options,
     )
+
+
+def residual_covariance(problem: Problem, fit: MotionFit, parameters: np.ndarray) -> ParameterCovariance:
+    """Covariance of least-squares parameters, dimensionless, by the residuals they leave.
+
+    A disturbance makes the craft oscillate at its natural frequency for as long as its decay lasts. The fit absorbs
+    most of this motion, so the residuals alone understate it.
+    """
+    found = fit.residuals_and_jacobian(parameters)
+    return sandwich_covariance(*found, problem.shortest_memory, problem.own_motion)
