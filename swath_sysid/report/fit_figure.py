@@ -47,10 +47,13 @@ def fit_figure(identification: Identification) -> Figure:
 
 def _draw_curves(frequency_axes: Axes, damping_axes: Axes, identification: Identification):
     bands = identification.bands
-    amplitude = np.degrees(bands.curves.amplitude)
+    # a curve's amplitude is half the peak-to-peak motion, of which a damped release shows less than its first angle
+    reach = 0.5 * max(np.ptp(each.angle) for each in identification.records)
     for axes, (label, (value, std)) in zip((frequency_axes, damping_axes), curves_of(bands).items(), strict=True):
-        two_std_band(axes, amplitude, value, std, color=BAND, alpha=0.6, label='two standard deviations')
-        axes.plot(amplitude, value, color=MODEL)
+        seen = (bands.curves.amplitude <= reach) & np.isfinite(std)
+        amplitude = np.degrees(bands.curves.amplitude[seen])
+        two_std_band(axes, amplitude, value[seen], std[seen], color=BAND, alpha=0.6, label='two standard deviations')
+        axes.plot(amplitude, value[seen], color=MODEL)
         axes.legend(frameon=False, fontsize='small')
         axes.set(xlabel=f'{identification.model.axis} amplitude [deg]', ylabel=label)
     damping_axes.set_ylim(bottom=0.0)
