@@ -269,7 +269,9 @@ def residual_covariance(problem: Problem, fit: MotionFit, parameters: np.ndarray
     """Covariance of least-squares parameters, dimensionless, by the residuals they leave.
 
     A disturbance makes the craft oscillate at its natural frequency for as long as its decay lasts. The fit absorbs
-    most of this motion, so the residuals alone understate it.
+    most of this motion, so the residuals alone understate it. Where angle and rate were measured, the
+    likelihood of a basin that moves allows for it.
     """
     found = fit.residuals_and_jacobian(parameters)
-    return sandwich_covariance(*found, problem.shortest_memory, problem.own_motion)
+    both = all(m.angle is not None and m.rate is not None for m in problem.motions)
+    return sandwich_covariance(*found, problem.shortest_memory, () if both else problem.own_motion)
