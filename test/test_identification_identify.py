@@ -65,6 +65,22 @@ def plain():
     return identify([decay()], settings())
 
 
+def test_a_hand_that_lifts_the_craft_again_is_no_motion_of_the_decay_before():
+    hull = hull_named('swath-roll').model
+    parts = [
+        simulated_trial(hull, angle, 20.0, 25.0, hold=6.0, seed=k).axis('roll') for k, angle in enumerate((0.12, 0.05))
+    ]
+    time = np.arange(sum(part.size for part in parts)) / 25.0
+    both = AxisMotion('roll', time, *(np.concatenate([getattr(p, name) for p in parts]) for name in ('angle', 'rate')))
+    problem = prepare([both])
+    first, second = problem.segments
+    # the second release is from less than half of the first angle
+    assert problem.observed[0].time[-1] <= first.end + 0.05 < second.start - 5.0
+    found = identify([both])
+    assert found.verdict.level == ADEQUATE
+    assert found.model.natural_period == pytest.approx(hull.natural_period, rel=0.003)
+
+
 @pytest.mark.long
 @pytest.mark.slow
 def test_truth_of_the_published_pitch_hull_within_its_uncertainty():

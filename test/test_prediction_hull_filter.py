@@ -419,3 +419,17 @@ def test_without_a_hull_the_rate_is_constant():
     for wrong in ({'gate_probability': 0.5}, {'gate_probability': 0.0}, {'gate_patience': 0}):
         with pytest.raises(InputError):
             HullFilterSettings(**wrong)
+
+
+@pytest.mark.parametrize('lifted', [0.25, 0.5])
+def test_a_craft_lifted_at_once_and_held_is_within_the_intervals_after_the_restart(lifted):
+    hull, rng, restarted = HullFilter(), np.random.default_rng(0), False
+    hull.set_hull(EXACT_ROLL)
+    hull.start(0.0, 0.0, *VARIANCES)
+    for k in range(600):
+        angle = (0.0 if k < 500 else lifted) + ANGLE_NOISE * rng.normal()
+        restarted |= hull.observe(0.02, angle, RATE_NOISE * rng.normal(), *VARIANCES).restarted
+        if restarted:
+            mean, _, covariance = hull.forecast(np.array([0.2, 0.5, 1.0]))
+            assert (np.abs(mean - lifted) < 3.0 * np.sqrt(covariance[:, 0, 0])).all(), k
+    assert restarted

@@ -9,7 +9,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import shown
 from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT
 
-MAX_WAITING = 16  #: Texts and what they held; of a flood the oldest are dropped, as they are superseded anyway.
+MAX_WAITING = 16  #: Texts; of a flood the oldest are dropped, as they are superseded anyway.
+MAX_ENDINGS = 1000  #: Models and rejections, more than are read between two diagnostics.
 
 
 class ModelIntake:
@@ -20,7 +21,7 @@ class ModelIntake:
         self._on_refused = on_refused
         self._waiting: deque[str] = deque(maxlen=MAX_WAITING)
         #: Content, or why it was rejected, of each text that was read and not taken yet.
-        self.endings: deque[tuple[Any, str | None]] = deque(maxlen=MAX_WAITING)
+        self.endings: deque[tuple[Any, str | None]] = deque(maxlen=MAX_ENDINGS)
         self._come = threading.Semaphore(0)
         self._closing = False
         self._thread = threading.Thread(target=self._serve, name='model intake', daemon=True)

@@ -10,23 +10,21 @@ from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.common.accelerator import why_uncompiled
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.forecast_output import ForecastMessages, forecast_topics
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
-from swath_sysid.formats.topics import DESCRIPTION_TOPIC, FRAMES_TOPIC, LATCHED_TOPICS, NEXT_TOPIC, TYPES, type_of
+from swath_sysid.formats.topics import DESCRIPTION_TOPIC, NEXT_TOPIC
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompiled
 from swath_sysid.nodes.executor_loop import Plan, events_executor
-from swath_sysid.nodes.message_types import message_class
+from swath_sysid.nodes.forecast_publishers import forecast_publishers
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
+from swath_sysid.nodes.parameters.predictor import pipeline_settings
 from swath_sysid.nodes.qos import (
     IMU_TOPIC,
     LATCHED,
     NEWEST,
     imu_subscription,
     waiting,
-    watched_publisher,
     watched_subscription,
 )
 from swath_sysid.nodes.sea_fitting import SeaFitting
@@ -37,11 +35,6 @@ from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER
 
 #: A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late.
 PASSED_OVER_NS = 100_000_000
-
-NO_FRAMES = (
-    'frames_at_s needs the package tf2_msgs, which ROS 2 from apt has (ros-jazzy-tf2-msgs) and PyPI has not: no frames '
-    'are published'
-)
 
 
 class Predictor(Node):
@@ -61,7 +54,7 @@ class Predictor(Node):
         self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         report_uncompiled(self, self.health, uncompiled)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self._is_in_step)
-        self._declare_forecasts()
+        self._messages, self._publisher_of = forecast_publishers(self, self.parameters, self.health)
         self._described: tuple[dict, dict] = {}, {}
         self._published_loading: float | None = None
         # an empty text takes the models away
@@ -75,17 +68,6 @@ class Predictor(Node):
         self.upstream.listen(self.pipeline, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self._depth, self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
-
-    def _declare_forecasts(self) -> None:
-        frames = frames_at(self.parameters['frames_at_s'])
-        if frames and message_class(TYPES[FRAMES_TOPIC]) is None:
-            self.get_logger().error(NO_FRAMES)
-            frames = ()
-        self._messages = ForecastMessages(self.parameters['frame_id'], frames)
-        settings, self._publisher_of = self.parameters.settings.forecaster, {}
-        for topic in forecast_topics(settings.leads, [point.name for point in settings.points], frames):
-            qos = LATCHED if topic in LATCHED_TOPICS else NEWEST
-            self._publisher_of[topic] = watched_publisher(self, message_class(type_of(topic)), topic, qos, self.health)
 
     def destroy_node(self) -> None:
         """Also end the worker and the intake."""

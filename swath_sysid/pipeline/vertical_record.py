@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.attitude.motion.trial import CHANNELS, Trial
 from swath_sysid.attitude.motion.vertical import (
     ACCELERATION,
@@ -20,6 +19,7 @@ from swath_sysid.attitude.prediction.quiescence import quantity_at
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import Record
 
+_BRIDGED = 1.0  #: s; a shorter gap is bridged linearly, a longer one ends a stretch.
 _WITH_RATES = ('heave', 'heave_rate', 'vertical_velocity', 'vertical_velocity_rate', 'vertical_acceleration')
 WITHOUT_RATES = ('roll', 'pitch', 'accel_x', 'accel_y', 'accel_z')
 
@@ -53,7 +53,7 @@ def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretc
     if time.size < 2:
         raise InputError(f'{name} holds no two samples with all of {", ".join(names)}: check the sensor')
     step = float(np.median(np.diff(time)))
-    parts = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > max(StampSettings.gap_limit, 1.5 * step)) + 1)
+    parts = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > max(_BRIDGED, 1.5 * step)) + 1)
     stretches = []
     for part in parts:
         begin, end = time[part[[0, -1]]]

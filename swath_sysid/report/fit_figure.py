@@ -20,10 +20,12 @@ from swath_sysid.report.figures import (
 )
 from swath_sysid.report.fit_summary import short_name, spread_of
 
+MAX_PANELS = 12  #: Of records that are drawn, the first.
+
 
 def fit_figure(identification: Identification) -> Figure:
     """Measured and simulated motion with residual of each record, and the curves with bands."""
-    records = identification.records
+    records = identification.records[:MAX_PANELS]
     columns = min(3, len(records))
     rows = math.ceil(len(records) / columns)
     figure = new_figure(11.0, 3.4 * rows + 3.6)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.identification.problem import Problem, needed_part, problem_of, to_be_fitted
+from swath_sysid.attitude.identification.problem import Problem, before_the_next, needed_part, problem_of, to_be_fitted
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays
 from swath_sysid.attitude.motion.sensor_checks import OFFSET_CODES, RATE_CODES, contradictions_in, refuse_contradictions
 from swath_sysid.attitude.motion.sensor_mount import Installation
@@ -90,9 +90,12 @@ def decays_in(table: MotionTable, trial: Trial, axis: str, source: dict) -> tupl
     """
     refuse_contradictions(trial, axis)
     motion = trial.axis(axis)
+    found = find_decays(motion)
     return tuple(
-        LiveDecay(needed_part(motion, segment), segment, float(table.rows[0, 0]), source)
-        for segment in to_be_fitted(find_decays(motion))
+        LiveDecay(
+            needed_part(before_the_next(motion, segment, found), segment), segment, float(table.rows[0, 0]), source
+        )
+        for segment in to_be_fitted(found)
     )
 
 

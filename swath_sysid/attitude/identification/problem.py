@@ -112,7 +112,7 @@ def _joint_problem(motions: Sequence[AxisMotion], found: Sequence[tuple[DecaySeg
     for motion, each in zip(motions, found, strict=True):
         if isinstance(each, Advice):
             raise InputError(each.message, each.code)
-        decays += [(motion, segment) for segment in to_be_fitted(each)]
+        decays += [(before_the_next(motion, segment, each), segment) for segment in to_be_fitted(each)]
     return problem_of([motion for motion, _ in decays], tuple(segment for _, segment in decays))
 
 
@@ -161,6 +161,13 @@ def needed_part(motion: AxisMotion, segment: DecaySegment) -> AxisMotion:
     """The part of a record that `problem_of` uses: the decay and what follows it, no denser than a fit needs."""
     end = segment.end + LONGEST_AFTERMATH * segment.period
     return block_means(motion.between(segment.start, end), segment.period, AVERAGED)
+
+
+def before_the_next(motion: AxisMotion, segment: DecaySegment, decays: Sequence[DecaySegment]) -> AxisMotion:
+    """The record, up to the end of a decay that another follows: a hand moves the craft before it releases it again."""
+    later = segment.end + LONGEST_AFTERMATH * segment.period
+    is_followed = any(segment.end <= other.start < later for other in decays)
+    return motion.between(None, segment.end) if is_followed else motion
 
 
 def _left_alone_until(motion: AxisMotion, segment: DecaySegment):

@@ -210,8 +210,11 @@ class DecayCandidate:
 
 
 def last_crossing(values: np.ndarray, level: float) -> float:
-    """Place, between samples, from which on the values stay below a level; the last sample's where they do not."""
-    above = int(np.flatnonzero(values >= level)[-1:].sum())
+    """Place, between samples, from which on values stay below a level; 0 where all do, the last if they end above."""
+    is_above = np.flatnonzero(values >= level)
+    if not is_above.size:
+        return 0.0
+    above = int(is_above[-1])
     if above == values.size - 1:
         return float(above)
     return above + float((values[above] - level) / (values[above] - values[above + 1]))

@@ -288,7 +288,7 @@ def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float,
 
 
 def _log_evidence(normal: np.ndarray, common: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Of T linear models with unit noise, but for what they share, shape (T,).
+    """Log evidence of T linear models with unit noise, up to a common constant, shape (T,).
 
     From their normal matrices (T, n, n) and right-hand sides (T, n); coefficients are zero within ``scale`` (n,).
     """

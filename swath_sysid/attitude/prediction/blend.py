@@ -17,6 +17,9 @@ _TRUST = 5.0
 UNPROVEN = 1.25
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.1
+# the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
+# sensor's noise; and that of the candidates' own is at least this share of what they claim
+_MIN_SHARE = 1e-3
 # the least variance that is claimed for the true angle, as a share of the sensor's noise variance: the scatter of the
 # readings about some minutes of forecasts does not prove less
 _PROVABLE_SHARE = 0.01
@@ -97,7 +100,7 @@ class Blend:
         weights = present_weights(self.weights, np.isfinite(mean))
         self._means[now] = mean.swapaxes(0, 1)
         variance = _weighted(weights, variance)
-        true = np.maximum(variance - noise_variance, _PROVABLE_SHARE * variance)
+        true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         half = _QUANTILE**2 * (self.scale * true + noise_variance)
         self._issued[now] = np.stack([_weighted(weights, mean), variance, half], axis=1)
         self._row += 1
@@ -134,7 +137,7 @@ class Blend:
         self._time, gain = self._aged(self._time, known, self._keep, self._step)
         squares = np.where(np.isfinite(errors), errors**2, UNPROVEN * square)
         self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
-        true = np.maximum(variance - noise_variance, _PROVABLE_SHARE * variance)
+        true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         # errors that are the sensor's noise for the most part say as little of the rest as their scatter has it
         shown = (true / variance) ** 2
         time, mean_ratio, tail, _ = self._spread[(slice(None), *was_free)]
@@ -146,7 +149,7 @@ class Blend:
         # with wide tails the mean square is more than the 90 % interval needs
         # a new array: of a view np.exp may take another path, by where its result happens to lie in memory
         tail = tail + _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - _MISSES), 0.0)
-        scale = np.exp(tail) * (_TRUST + time * np.maximum(mean_ratio, _PROVABLE_SHARE)) / (_TRUST + time)
+        scale = np.exp(tail) * (_TRUST + time * np.maximum(mean_ratio, _MIN_SHARE)) / (_TRUST + time)
         self._spread[(slice(None), *was_free)] = time, mean_ratio, tail, scale
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 
@@ -173,7 +176,7 @@ class Blend:
         variance = np.diagonal(blended, axis1=1, axis2=2)
         # targets that no candidate forecasts together are independent
         blended = np.where(np.isnan(blended) & np.isfinite(variance[:, :, None] + variance[:, None, :]), 0.0, blended)
-        true = self.scale[places] * np.maximum(variance - noise_variance, _PROVABLE_SHARE * variance)
+        true = self.scale[places] * np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         factor = np.sqrt(np.maximum(true, _PROVABLE_SHARE * noise_variance) / variance)
         return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :], np.sqrt(variance)
 

@@ -401,6 +401,10 @@ class HullFilter:
         if self.rejections < self.settings.gate_patience:
             return Observed(rejected=True)
         self.start(angle, rate, angle_variance, rate_variance)
+        if self.model is not None:
+            # a craft that lies where its hull would not rest is held there by a moment
+            at = float(self.x[ANGLE] - self.x[TRIM]) + self.model.trim
+            self._raise_level(float(self.model.acceleration(at, float(self.x[RATE]))) ** 2)
         return Observed(restarted=True)
 
     def _something_new(self, angle: float, rate: float, elapsed: float):
@@ -408,8 +412,11 @@ class HullFilter:
         self.driven.strain = 1.0
         e0, e1 = angle - float(self.driven.x[ANGLE]), rate - float(self.driven.x[RATE])
         size = e1 / elapsed if e1 == e1 else 2.0 * e0 / (elapsed * elapsed)
-        # the unknown moment grows by that size, and a learnt sea to its size when learnt
-        self._add(0, size**2 / self.moments[0].variance)
+        self._raise_level(size**2)
+
+    def _raise_level(self, variance: float):
+        """Enlarge the unknown moment, and a learnt sea to its size when learnt."""
+        self._add(0, variance / self.moments[0].variance)
         for place in range(1, len(self.moments)):
             self._add(place, max(1.0 - self.levels[place], 0.0))
 

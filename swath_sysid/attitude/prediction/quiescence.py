@@ -20,6 +20,9 @@ from swath_sysid.common.errors import InputError
 
 AT_A_POINT = POINT_MOTION[:2]  #: What can be limited at each point, beside `ATTITUDE` of the craft.
 
+#: Forecasts of known outcome, from which on their errors give probabilities.
+_ENOUGH = 30
+
 
 @dataclass(frozen=True)
 class PointLimits:
@@ -141,8 +144,6 @@ class Quiescence:
         self._errors = np.full((len(self._quantities), members, leads.size), math.nan)
         self._complete = np.zeros((len(self._quantities), members), dtype=bool)
         self._members = members
-        # from then on the size of the motion, by which they are scaled, is known
-        self._enough = min(round(MEMORY_OF_SIZE / spacing), members)
         self._seen = 0
         self.clear()
         self.set_limits(limits)
@@ -218,10 +219,10 @@ class Quiescence:
     def _members_inside(self, motion: np.ndarray, size: np.ndarray):
         """Whether each member is inside at each lead, shape (members, H); None before enough is known."""
         # forecasts grow better as the sea is learnt: while little is known, its older half is left out
-        count = min(max(self._seen // 2, self._enough), self._seen, self._members)
+        count = min(max(self._seen // 2, _ENOUGH), self._seen, self._members)
         known = np.arange(self._seen - count, self._seen) % self._members
         known = known[self._complete[self._bounded][:, known].all(axis=0)]
-        if known.size < self._enough:
+        if known.size < _ENOUGH:
             return None
         inside = np.ones((known.size, self._leads.size), dtype=bool)
         # their order does not matter, and all of them take no copy

@@ -29,7 +29,7 @@ class SeaState:
     mean_period: float  #: Mean zero-crossing period sqrt(m0 / m2), s.
     mean_period_std: float  #: s.
     peak_period: float  #: s; of the largest value of the spectrum.
-    peak_period_interval: tuple[float, float]  #: 95 %, s.
+    peak_period_interval: tuple[float, float]  #: s; of at least 95 %, as the peak is the largest of many lines.
     #: Line along which the waves run, either way, rad from the bow to port, -pi/2 to pi/2; NaN if not coherent.
     axis: float
     axis_std: float  #: rad; NaN likewise.

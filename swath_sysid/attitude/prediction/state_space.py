@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from swath_sysid.attitude.prediction.hull_track import STRAIN_GAIN
-
 # rows before the newest that the interpolation and the differences at a lead of zero reach back to
 _PAST = 4
 # fourth-order central difference: 4 % low at six samples a period, where the second-order one is 17 % low
@@ -23,6 +21,8 @@ _DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 RIDGE = 1e-8
 # a state whose errors are this much less than the innovations (in variance) is known
 _KNOWN = 1e-4
+# s over which the innovations of the targets are averaged
+_STRAIN_TIME = 1.0
 #: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.
 BREAK = 400.0
 
@@ -73,6 +73,7 @@ class InnovationsFilter:
         watched = [name in self.targets for name in model.channels]
         self._watched = np.flatnonzero(watched if any(watched) else np.ones(len(watched), dtype=bool))
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
+        self._strain_gain = min(1.0, model.step / _STRAIN_TIME)
         self._largest = BREAK * np.diag(model.s)
         self._at = np.array(steps, dtype=int)
         self._prepare()
@@ -122,7 +123,7 @@ class InnovationsFilter:
     def _follow_strain(self, error: np.ndarray):
         square = float(error @ self._precision @ error) / error.size
         if square == square:
-            self.strain += STRAIN_GAIN * (square - self.strain)
+            self.strain += self._strain_gain * (square - self.strain)
 
     def _update(self, z: np.ndarray, seen: np.ndarray):
         """The Kalman update with the channels that were seen, all or none of them included.

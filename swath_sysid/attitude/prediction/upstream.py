@@ -14,12 +14,9 @@ from scipy.linalg import cholesky, solve_triangular
 from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.point import ATTITUDE
-from swath_sysid.attitude.prediction.rows import CHANNELS
 from swath_sysid.attitude.prediction.state_space import BREAK, RIDGE, InnovationsFilter
 from swath_sysid.attitude.prediction.variate_analysis import (
-    MAX_LAGS,
     ROWS_A_COEFFICIENT,
-    STATES_A_CHANNEL,
     identify,
     lag_gram,
     useful_channels,
@@ -30,9 +27,8 @@ from swath_sysid.common.row_buffer import RowBuffer
 UPSTREAM, NEW_UPSTREAM = 'upstream', 'upstream-new'  #: State spaces of the whole past, and of its end.
 
 LONGEST_PAST = 30.0  #: s; waves of 10 s take as long over two wavelengths.
-#: Lags times channels, and states: as many as all channels of the craft take, since the time of a fit goes with their
-#: cubes.
-_MOST_LAGGED, _STATES = MAX_LAGS * len(CHANNELS), STATES_A_CHANNEL * len(CHANNELS)
+_MOST_LAGGED = 300  #: Lags times channels: the time of a fit goes with its cube.
+_STATES = 60  #: Of one model: waves on their way take more than a craft's motion does.
 _LONGEST_HELD = 2.0  #: s; a series that repeats one value for longer is stuck.
 _IN_TIME = 0.98  #: Share of the values that a model waits for.
 

@@ -15,7 +15,7 @@ from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsModel,
 
 # lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
 MAX_LAGS, _LONGEST_REACH, _MIN_LAGS = 40, 20.0, 2
-STATES_A_CHANNEL = 7
+_STATES_A_CHANNEL = 7
 ROWS_A_COEFFICIENT = 8.0
 _LAGS_A_STATE = 2.0
 _MIN_SHARE = 0.5
@@ -50,7 +50,7 @@ def identify(
         return None
     gram, count = lag_gram(rows, 2 * half)
     width = len(places)
-    states = min(states or STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
+    states = min(states or _STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
     space = canonical_state_space(gram / count, width, states)
     if space is None:
         return None

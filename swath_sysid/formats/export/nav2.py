@@ -10,9 +10,9 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.export.expressible import Export
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
-from swath_sysid.manoeuvring.hull.standard_tests import LONGEST
 from swath_sysid.manoeuvring.motion.trial import STEP
 
+DURATION = 180.0  #: s, after which a craft under held inputs is steady.
 SHARES = (0.25, 0.5, 0.75)  #: Mean inputs as shares of the largest; the faster thruster has the rest for steering.
 
 RISE = 1.0 - math.exp(-1.0)
@@ -91,7 +91,7 @@ def nav2(model: ManoeuvringModel) -> Export:
 
 def _held(model: ManoeuvringModel, port: float, starboard: float, speed: float = 0.0, before: float = 0.0) -> Manoeuvre:
     """Run in still water under inputs that step from ``before``, long held, at `STEP` s."""
-    steps = round(LONGEST / STEP)
+    steps = round(DURATION / STEP)
     left, right = (np.append(before, np.full(steps, value)) for value in (port, starboard))
     return simulate(model, left, right, STEP, (speed, 0.0, 0.0), current=(0.0, 0.0))
 

@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from swath_sysid.common.covariance import ParameterCovariance, sandwich_covariance
-from swath_sysid.common.noise import MODEL_FLOOR
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
@@ -32,6 +31,7 @@ from swath_sysid.manoeuvring.identification.windows import cut
 
 MEMORY = 10  #: Lags that must be small before a residual counts as uncorrelated (see noise.autocovariance).
 MARGIN = 4.0  #: Added to the criterion's ln(N), so that chance seldom adds one of twenty terms.
+NOISE_FLOOR = 0.003  #: Least noise as a share of the motion.
 DOUBTED = 6.0  #: A term below so many standard deviations must help runs held out.
 LARGEST_GROWTH = 1.5  #: 1/s; a craft whose turns grow faster cannot be steered.
 OFF_COURSE = 0.5  #: Largest misfit on runs held out of a course-unstable model, as a share of that of the stable one.
@@ -209,7 +209,7 @@ def off_course(
 
 
 def with_noise(problem: Problem, found: Fit) -> Problem:
-    """The problem with the residual noise of a fit, at least `MODEL_FLOOR` of the motion; what is unmeasured stays."""
+    """The problem with the residual noise of a fit, at least `NOISE_FLOOR` of the motion; what is unmeasured stays."""
     residual = channel_residuals(found.shooting, found.values)
     motion = [problem.scales.speed, SWAY_SHARE * problem.scales.speed, problem.scales.yaw_rate]
     noise = []
@@ -220,7 +220,7 @@ def with_noise(problem: Problem, found: Fit) -> Problem:
             continue
         # between the robust and the plain size: outliers neither rule nor vanish
         spread = np.sqrt(np.mean(np.minimum(np.abs(known), 4.0 * 1.4826 * np.median(np.abs(known)) + 1e-12) ** 2))
-        noise.append(max(spread, MODEL_FLOOR * motion[c]))
+        noise.append(max(spread, NOISE_FLOOR * motion[c]))
     return replace(problem, noise=np.array(noise))
 
 

@@ -8,13 +8,13 @@ import numpy as np
 from swath_sysid.manoeuvring.hull import measurement
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import states_under, substeps_for, track
-from swath_sysid.manoeuvring.hull.stability import EXCESS
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.windows import LENGTH, Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run, turned
 
 LEADS = (5.0, 10.0, 20.0)  #: s, at which errors of position and heading are reported.
+RUN_AWAY = 3.0  #: A motion beyond this multiple of the largest measured one has diverged.
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def _reference_track(run: Run):
 def _diverged(found: Simulated):
     """Number of windows beyond the bounds, or not finite."""
     measured = np.nanmax(np.abs(found.windows.measured), axis=(1, 2), initial=0.0)
-    limits = EXCESS * np.maximum(measured, [0.5, 0.5, 0.1])
+    limits = RUN_AWAY * np.maximum(measured, [0.5, 0.5, 0.1])
     inside = np.arange(len(found.states))[:, None] <= found.windows.steps
     with np.errstate(invalid='ignore'):
         away = ~(np.abs(found.states) <= limits[:, None]) & inside[:, None]

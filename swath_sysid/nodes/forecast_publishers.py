@@ -1,0 +1,32 @@
+"""What the predictor publishes: the messages of its forecasts, and a publisher of each topic."""
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from swath_sysid.formats.forecast_output import ForecastMessages, forecast_topics
+from swath_sysid.formats.topics import FRAMES_TOPIC, LATCHED_TOPICS, TYPES, type_of
+from swath_sysid.nodes.message_types import message_class
+from swath_sysid.nodes.parameters.declared import NodeParameters
+from swath_sysid.nodes.parameters.predictor import frames_at
+from swath_sysid.nodes.qos import LATCHED, NEWEST, watched_publisher
+from swath_sysid.pipeline.forecast_health import PredictorHealth
+
+NO_FRAMES = (
+    'frames_at_s needs the package tf2_msgs, which ROS 2 from apt has (ros-jazzy-tf2-msgs) and PyPI has not: no frames '
+    'are published'
+)
+
+
+def forecast_publishers(
+    node: Node, parameters: NodeParameters, health: PredictorHealth
+) -> tuple[ForecastMessages, dict[str, Publisher]]:
+    """The messages of forecasts, and their publishers by topic."""
+    frames = frames_at(parameters['frames_at_s'])
+    if frames and message_class(TYPES[FRAMES_TOPIC]) is None:
+        node.get_logger().error(NO_FRAMES)
+        frames = ()
+    settings, found = parameters.settings.forecaster, {}
+    for topic in forecast_topics(settings.leads, [point.name for point in settings.points], frames):
+        qos = LATCHED if topic in LATCHED_TOPICS else NEWEST
+        found[topic] = watched_publisher(node, message_class(type_of(topic)), topic, qos, health)
+    return ForecastMessages(parameters['frame_id'], frames), found
