@@ -22,7 +22,7 @@ def sea_in_words(found: SeaState, name: str) -> list[str]:
         f'{name}: {found.duration / 60.0:.0f} min of motion',
         f'  significant height   {found.significant_height:.3g} ± {found.significant_height_std:.2g} m',
         f'  mean period          {found.mean_period:.2f} ± {found.mean_period_std:.2f} s (zero crossings)',
-        f'  peak period          {found.peak_period:.1f} s, at least 95 % between {low:.1f} and {high:.1f} s (of the heave)',
+        f'  peak period          {found.peak_period:.1f} s, 95 % between {low:.1f} and {high:.1f} s (of the heave)',
         f'  the waves run        {axis}',
         f'  least height         {found.least_height:.2g} m: the noise of this sensor may show as much',
         *REMARKS,
@@ -34,7 +34,7 @@ def sea_figure(found: SeaState) -> Figure:
     figure, axes = panel(8.0, 4.2)
     axes.plot(found.frequency, found.spectrum, color=RESIDUAL, linewidth=1.4)
     low, high = found.peak_period_interval
-    axes.axvspan(1.0 / high, 1.0 / low, color=BAND, alpha=0.4, lw=0, label='interval of the peak, at least 95 %')
+    axes.axvspan(1.0 / high, 1.0 / low, color=BAND, alpha=0.4, lw=0, label='95 % interval of the peak')
     axes.axvline(1.0 / found.peak_period, color=MODEL, linewidth=1.2, label=f'peak, {found.peak_period:.1f} s')
     axes.set(
         xlabel='frequency of encounter, Hz',

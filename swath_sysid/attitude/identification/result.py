@@ -86,7 +86,7 @@ class Identification:
     Example:
         >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')])
         >>> f'{found.damping_ratio:.4f} of critical, R2 {found.r2:.3f}'
-        '0.0050 of critical, R2 1.000'
+        '0.0051 of critical, R2 1.000'
         >>> fit = found.records[0]  # measured and simulated motion of the first record
         >>> fit.angle.shape == fit.motion.time.shape
         True
