@@ -168,6 +168,8 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         found = manoeuvring_from_yaml(models[-1].data, 'manoeuvring/model')
         assert found.model['Nr'] == pytest.approx(OLD['Nr'], rel=0.15)
         assert read_manoeuvring_model(path).model['Nr'] == found.model['Nr']
+        in_use = 'forecasting with the identified model'
+        wait_for(lambda: any(words == in_use for _, words, _ in bench.statuses.values()), 'the model in use')
         before = len(forecasts)
         craft.drive(120.0, 195.0)
         wait_for(lambda: len(forecasts) > before + 70, 'forecasts with the model')
