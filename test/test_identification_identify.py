@@ -380,7 +380,7 @@ def test_both_halves_of_a_long_measured_decay_have_the_same_restoring_within_the
     halves = [identify([motion], IdentificationSettings(equation, start=s, end=s + 44.6)) for s in (10.8, 55.4)]
     for name in ('r1', 'r3'):
         values, stds = zip(*(f.ratio(name) for f in halves), strict=True)
-        assert abs(values[1] - values[0]) < 3.0 * np.hypot(*stds), (name, values, stds)
+        assert abs(values[1] - values[0]) < 2.5 * np.hypot(*stds), (name, values, stds)
 
 
 @pytest.mark.parametrize(

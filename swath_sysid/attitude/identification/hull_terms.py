@@ -15,7 +15,7 @@ from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
-from swath_sysid.attitude.identification.motion_fit import InitialState
+from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit
 from swath_sysid.attitude.identification.problem import Problem, motion_fit, residual_covariance
 from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR, prune, weak_prior
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
@@ -62,7 +62,7 @@ class ResidualPosterior(LogPosterior):
     """
 
     def __init__(self, problem: Problem, equation: Equation, about: np.ndarray) -> None:
-        self._fit = motion_fit(problem, equation)
+        self._problem, self._fit = problem, motion_fit(problem, equation)
         residual = np.concatenate(self._fit.residuals_and_jacobian(about)[0])
         self._variance = float(residual @ residual) / residual_covariance(problem, self._fit, about).effective_samples
         std = weak_prior(equation, problem.decayed_to)
@@ -79,6 +79,17 @@ class ResidualPosterior(LogPosterior):
         for z in points:
             e, slopes = (np.concatenate(each) for each in self._fit.residuals_and_jacobian(z))
             yield 0.5 * float(e @ e) / self._variance, slopes.T @ e / self._variance, slopes.T @ slopes / self._variance
+
+    def spread(self, fit: MotionFit, optimum: Evaluation, known: np.ndarray) -> np.ndarray:
+        """Covariance (k, k) of the ``known`` parameters, mask (p,), about an optimum: those of ``fit``.
+
+        The estimate lies between the least-squares estimate, which has its own covariance under correlated noise, and
+        the prior: the mean square of its error is that of both, each by its share.
+        """
+        inverse, weight = np.linalg.inv(optimum.information[np.ix_(known, known)]), np.diag(self._weight[known])
+        share = np.eye(len(inverse)) - inverse @ weight
+        least_squares = np.nan_to_num(residual_covariance(self._problem, fit, optimum.z[known]).matrix)
+        return share @ least_squares @ share.T + inverse @ weight @ inverse
 
 
 def residual_posterior(problem: Problem, equation: Equation, start: np.ndarray) -> tuple[ResidualPosterior, Evaluation]:
@@ -185,8 +196,8 @@ def _by_residuals(problem: Problem, ratios: np.ndarray, states: Sequence[Initial
     equation = _kept(general, known[: pruned.kept.size])
     units = problem.scales.ratio_units[equation.indices]
     n = units.size
-    covariance = np.linalg.inv(every.information[np.ix_(known, known)])[:n, :n] * np.outer(units, units)
-    posterior = HullPosterior(equation, every.z[known][:n] * units, covariance)
+    spread = likelihood.spread(motion_fit(problem, equation), every, known)[:n, :n] * np.outer(units, units)
+    posterior = HullPosterior(equation, every.z[known][:n] * units, spread)
     rest = np.ones(complete.z.size - pruned.kept.size, dtype=bool)
     return FittedHull(_kept(general, pruned.kept), pruned.optimum.z[np.r_[pruned.kept, rest]], None, posterior)
 
