@@ -194,16 +194,18 @@ class MotionFit:
 
         from scipy.optimize import least_squares
 
-        return least_squares(
-            residuals,
-            parameters[chosen],
-            jacobian,
-            bounds=bounds,
-            ftol=tolerance,
-            xtol=tolerance,
-            gtol=tolerance,
-            max_nfev=MAX_EVALUATIONS,
-        )
+        # a step after which the motion runs away is shortened
+        with np.errstate(over='ignore'):
+            return least_squares(
+                residuals,
+                parameters[chosen],
+                jacobian,
+                bounds=bounds,
+                ftol=tolerance,
+                xtol=tolerance,
+                gtol=tolerance,
+                max_nfev=MAX_EVALUATIONS,
+            )
 
     def _simulate(self, x: np.ndarray, rate: np.ndarray, ratios: np.ndarray):
         return runge_kutta_population(
