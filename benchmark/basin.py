@@ -229,10 +229,10 @@ def judged(task):
 
 def motion_held(made, found, trim):
     """Share of the first two periods of the next release that its pointwise 95 % interval holds."""
-    from swath_sysid.attitude.identification.fit_quality import largest_release
+    from swath_sysid.attitude.identification.fit_quality import largest_releases
     from swath_sysid.attitude.identification.uncertainty import drawn_releases
 
-    start, away = largest_release(found), trim - found.model.trim
+    start, away = largest_releases(found)[0], trim - found.model.trim
     time, drawn = drawn_releases(found.model, found.posterior, found.trim_std, start, found.problem.scales)
     early = (time > 0.0) & (time < 2.0 * found.model.natural_period)
     low, high = np.quantile(drawn[early, :-1], (0.025, 0.975), axis=1)

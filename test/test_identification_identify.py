@@ -434,27 +434,39 @@ def test_what_the_record_leaves_open_makes_the_verdict(found, scale, level):
         (
             0.15,
             0.02,
-            'release, to the same side, should be forecast to within 2.0% of its motion (15% to the other side);',
+            'release from a positive angle should be forecast to within 2.0% of its motion (15% from a negative one);',
         ),
         (
             0.6,
             0.02,
-            'a release to the other side may be wrong by 60% of its motion: release the craft from the other side',
+            'one from a negative angle may be wrong by 60% of its motion: release the craft from that side too',
         ),
         (
             np.inf,
             0.02,
-            'the restoring moment of this fit vanishes at about -11.5 deg: release the craft there too, but',
+            'vanishes at about -11.5 deg: release the craft from a negative angle too, but from a smaller one',
         ),
     ],
 )
 def test_the_verdict_says_to_which_side_its_error_holds(found, monkeypatch, other_side, error, words):
     monkeypatch.setattr(fit_quality, 'posterior_errors', lambda fit: (0.02, other_side))
     monkeypatch.setattr(fit_quality, 'unexplained_share', lambda fit, quantity: 0.0)
-    monkeypatch.setattr(fit_quality, 'vanishing_angle', lambda model, side: -0.2 - model.trim)
+    vanishing = -0.2 - found.model.trim if np.isinf(other_side) else np.nan
+    monkeypatch.setattr(fit_quality, 'vanishing_angle', lambda model, side: vanishing)
     verdict = judge(found)
     assert words in verdict.sentence and verdict.motion_error == pytest.approx(error)
     assert verdict.level == (DOUBTFUL if other_side > 0.5 else ADEQUATE)
+
+
+@pytest.mark.parametrize('seed', [1, 4, 5])
+def test_a_hull_that_capsizes_to_one_side_is_doubtful_until_it_was_released_there(seed):
+    hull = hull_named('swath-roll').model
+    large, small = decay(seed, hull, 8.0), decay(10 + seed, hull, -6.0)
+    one_sided = identify([large]).verdict
+    assert (one_sided.level, one_sided.code) == (DOUBTFUL, 'one-sided')
+    assert 'vanishes at about -7.' in one_sided.sentence and 'from a negative angle too' in one_sided.sentence
+    both = identify([large, small]).verdict
+    assert both.level == ADEQUATE and 'from -5.6 to 7.' in both.sentence
 
 
 def test_the_restoring_moment_vanishes_to_one_side():

@@ -158,10 +158,10 @@ SENTENCES = {
     'numba-disabled': 'NUMBA_DISABLE_JIT is set, so fits take longer than they could; unset it',
     'numba-fails': 'numba is installed but cannot be loaded ({error}), so fits take longer than they could; install '
     'versions of numba and numpy that fit each other, or remove numba',
-    'one-sided': 'the record shows the motion to one side only, so the forecast of a release to the other side may be '
-    'wrong{size}: release the craft from the other side too',
-    'one-sided: vanishing': 'the record shows the motion to one side only, and to the other side the restoring moment '
-    'of this fit vanishes at about {angle:.1f} deg: release the craft there too, but only from a smaller angle',
+    'one-sided': 'the largest release is to one side, so the forecast of one from a {side} angle may be '
+    'wrong{size}: release the craft from that side too',
+    'one-sided: vanishing': 'the largest release is to one side, and to the other the restoring moment of this fit '
+    'vanishes at about {angle:.1f} deg: release the craft from a {side} angle too, but from a smaller one',
     'one-step-biased': 'the one-step objective is biased under measurement noise, and its damping is too large: use '
     'the simulation objective for a model that forecasts',
     'out-of-order-stamps': '{rows} out of order were left out: split the file if it holds two recordings, or a replay '

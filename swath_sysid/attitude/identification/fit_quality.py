@@ -73,10 +73,19 @@ def judge(found: 'Identification') -> Verdict:
     # a gyro may drift and an angle lag without a fault of the model, as long as little of the rate is left
     unexplained = max(angle, rate) if found.rmse is None or not rate <= LARGEST_UNEXPLAINED else angle
     error = float(np.hypot(uncertain, unexplained))
-    side, other = 'either', ''
+    start, opposite = largest_releases(found)
+    side, other = ', to either side,', ''
     if other_side > ADEQUATE_ERROR:
-        side, other = 'the same', f' ({other_side:.0%} to the other side)'
-    ahead = f'the next release, to {side} side, should be forecast to within {error:.1%} of its motion{other}'
+        own, away = sides(found)
+        limit = angle_within_reach(found, other_side)
+        vanishing = (
+            f', where its restoring moment vanishes at about {np.degrees(limit):.1f} deg' if limit is not None else ''
+        )
+        side, other = f' from a {own} angle', f' ({other_side:.0%} from a {away} one{vanishing})'
+    elif opposite != -start:
+        low, high = sorted(np.degrees([found.model.trim + start, found.model.trim + opposite]))
+        side = f', from {low:.1f} to {high:.1f} deg,'
+    ahead = f'the next release{side} should be forecast to within {error:.1%} of its motion{other}'
     left = f'{unexplained:.1%}' if unexplained >= 0.0005 else 'less than 0.1%'
     good = Advice(ADEQUATE, f'{ahead}; the fit leaves {left} of the motion unexplained')
     causes = [*_causes(found, uncertain, unexplained, other_side), (ADEQUATE, good)]
@@ -108,7 +117,7 @@ def _causes(
     usable = min(r.motion.usable_share for r in found.records)
     if not usable >= LEAST_USABLE:
         yield DOUBTFUL, Advice.of('few-samples', usable=usable)
-    start = largest_release(found)
+    start, _ = largest_releases(found)
     righting = -float(found.model.acceleration(found.model.trim + start, 0.0)) / start
     brief = any(r.segment.beginning == 'pushed' and r.segment.cycles < 1.0 for r in found.records)
     # a hull that softens accelerates little at first, too, but swings for several cycles with the period it is given
@@ -121,18 +130,42 @@ def _causes(
     absent, equation = found.absent_term, found.model.equation.name
     if absent is not None:
         yield DOUBTFUL, Advice.of('absent-term', equation=equation, term=absent.name, stds=absent.significance)
-    if not other_side <= LARGEST_UNEXPLAINED:
-        limit = np.nan if np.isfinite(other_side) else vanishing_angle(found.model, -start)
+    # an adequate forecast may be off by this share of its motion
+    is_lost = other_side > ADEQUATE_ERROR and angle_within_reach(found, ADEQUATE_ERROR) is not None
+    if is_lost or not other_side <= LARGEST_UNEXPLAINED:
         size = f' by {other_side:.0%} of its motion' if other_side < 1.0 else ''
-        one_sided = Advice.of('one-sided', size=size)
-        if np.isfinite(limit):
-            one_sided = Advice.of('one-sided: vanishing', angle=np.degrees(found.model.trim + limit))
-        yield DOUBTFUL, one_sided
+        limit, (_, away) = angle_within_reach(found, other_side), sides(found)
+        yield (
+            DOUBTFUL,
+            Advice.of('one-sided', side=away, size=size)
+            if limit is None
+            else Advice.of('one-sided: vanishing', side=away, angle=np.degrees(limit)),
+        )
 
 
-def largest_release(found: 'Identification') -> float:
-    """The largest amplitude seen, rad from trim, to the side on which that record begins."""
-    return float(np.copysign(found.problem.scales.amplitude, max((r.state.x for r in found.records), key=abs)))
+def sides(found: 'Identification') -> tuple[str, str]:
+    """From which angles the largest release began, and those of the other side, in words."""
+    return ('positive', 'negative') if largest_releases(found)[0] > 0.0 else ('negative', 'positive')
+
+
+def largest_releases(found: 'Identification') -> tuple[float, float]:
+    """The largest amplitude seen, rad from trim, to the side on which that record begins, and that of the other side.
+
+    The same amplitude where none does.
+    """
+    begun = [float(r.state.x) for r in found.records]
+    start = float(np.copysign(found.problem.scales.amplitude, max(begun, key=abs)))
+    return start, max((x for x in begun if x * start < 0.0), key=abs, default=-start)
+
+
+def angle_within_reach(found: 'Identification', error: float) -> float | None:
+    """Angle, rad, at which the restoring moment vanishes to the other side, if a release may come there.
+
+    Its motion is forecast with an error of this share. None where it does not come that far.
+    """
+    _, opposite = largest_releases(found)
+    limit = vanishing_angle(found.model, opposite)
+    return found.model.trim + limit if abs(limit) <= (1.0 + error) * abs(opposite) else None
 
 
 def vanishing_angle(model: DecayModel, side: float) -> float:
@@ -143,12 +176,11 @@ def vanishing_angle(model: DecayModel, side: float) -> float:
 
 
 def posterior_errors(found: 'Identification') -> tuple[float, float]:
-    """The `release_error` of a fit from the largest amplitude seen: to the same side, and to the other."""
+    """The `release_error` of a fit from each of the `largest_releases`."""
     model, scales = found.model, found.problem.scales
-    start = largest_release(found)
     own = HullPosterior(model.equation, model.ratios[model.equation.indices], found.covariance)
     same, other = (
-        release_error(model, found.posterior or own, found.trim_std, side, scales) for side in (start, -start)
+        release_error(model, found.posterior or own, found.trim_std, start, scales) for start in largest_releases(found)
     )
     return same, other
 
