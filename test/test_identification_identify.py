@@ -34,6 +34,7 @@ from swath_sysid.attitude.identification.fit_quality import (
     vanishing_angle,
 )
 from swath_sysid.attitude.identification.identify import identify
+from swath_sysid.attitude.identification.motion_fit import MotionFit
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.pruning import log_evidence, prune
 from swath_sysid.attitude.identification.result import IdentificationSettings
@@ -457,6 +458,22 @@ def test_the_verdict_says_to_which_side_its_error_holds(found, monkeypatch, othe
     verdict = judge(found)
     assert words in verdict.sentence and verdict.motion_error == pytest.approx(error)
     assert verdict.level == (DOUBTFUL if other_side > 0.5 else ADEQUATE)
+
+
+@pytest.mark.parametrize(('start', 'end'), [(16.2, 34.0), (15.0, None)])
+def test_bounds_that_take_in_a_hold_are_answered_with_the_time_of_the_release(start, end):
+    held = decay(3, hull_named('swath-roll').model, 6.0, 30.0, hold=19.0)
+    fit = identify([held], IdentificationSettings(start=start, end=end))
+    assert fit.verdict.level == REJECTED
+    late = next(each for each in fit.advice if each.code == 'late-start')
+    assert 'only from 19.0 s on: give this as the start' in late.message
+
+
+def test_a_motion_that_no_hull_follows_is_refused(monkeypatch):
+    monkeypatch.setattr(MotionFit, 'refine', lambda fit, start, *bounds: (start, np.inf))
+    with pytest.raises(InputError, match='no hull of swath-pitch-2 follows the pitch') as refused:
+        identify([decay()], settings())
+    assert refused.value.code == 'runaway'
 
 
 @pytest.mark.parametrize('seed', [1, 4, 5])

@@ -210,6 +210,8 @@ SENTENCES = {
     'shape of the hull, and only its damping is exported',
     'rounded-stamps': 'the stamps are rounded to {resolution:.4g} s, about {each} rows each: they were spread evenly, '
     'one every {interval:.4g} s; write the time with more digits',
+    'runaway': 'no hull of {equation} follows the {axis} from {spans}, each tried runs away: choose bounds that begin '
+    'at the release, or another equation',
     'saturation': 'the {axis} {name} is cut off at {level:.3g} {unit} in {half_cycles}: the sensor saturates there; '
     'set a wider range, or release from a smaller angle',
     'scale-not-given': 'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass or '

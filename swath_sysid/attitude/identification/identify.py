@@ -36,6 +36,8 @@ from swath_sysid.attitude.identification.search import (
     run_search,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 
 #: Periods that the search uses: its basin of attraction narrows with every cycle. Refinement follows the rest.
@@ -202,7 +204,12 @@ def _refine_outwards(
     starts = [np.r_[ratios, states] for ratios in (best, np.clip(_linear_guess(problem, equation), *bounds))]
     while True:
         fit = motion_fit(problem, equation, problem.until(horizon) if horizon < longest else None)
-        starts = [min((fit.refine(start, *bounds, tolerance) for start in starts), key=lambda tried: tried[1])[0]]
+        refined, error = min((fit.refine(start, *bounds, tolerance) for start in starts), key=lambda tried: tried[1])
+        if not np.isfinite(error):
+            spans = ', '.join(f'{each.start:.1f} to {each.end:.1f} s' for each in problem.segments)
+            runaway = Advice.of('runaway', axis=problem.axis, equation=equation.name, spans=spans)
+            raise InputError(runaway.message, runaway.code)
+        starts = [refined]
         if should_cancel is not None and should_cancel():
             raise Cancelled
         if horizon >= longest:

@@ -177,23 +177,31 @@ class MotionFit:
         return self.refine_states(parameters) if np.isfinite(simulated).all() else None
 
     def _least_squares(self, parameters: np.ndarray, chosen: np.ndarray, bounds: tuple, tolerance: float):
-        """scipy's least squares over the chosen parameters; one simulation gives residuals and Jacobian."""
+        """scipy's least squares over the chosen parameters; one simulation gives residuals and Jacobian.
+
+        From where the motion runs away there is no step: the start is returned, at an infinite cost.
+        """
         held = {}
 
         def residuals(values: np.ndarray):
             trial = parameters.copy()
             trial[chosen] = values
             parts, jacobians = self.residuals_and_jacobian(trial)
-            held['jacobian'] = values.copy(), np.concatenate(jacobians)[:, chosen]
-            return np.concatenate(parts)
+            slopes = np.concatenate(jacobians)[:, chosen]
+            held['jacobian'] = values.copy(), slopes
+            # where the slightest change makes the motion run away, it runs away
+            return np.where(np.isfinite(slopes).all(), np.concatenate(parts), np.inf)
 
         def jacobian(values: np.ndarray):
             if not np.array_equal(held['jacobian'][0], values):
                 residuals(values)
             return held['jacobian'][1]
 
-        from scipy.optimize import least_squares
+        from scipy.optimize import OptimizeResult, least_squares
 
+        first = residuals(parameters[chosen])
+        if not np.isfinite(first).all():
+            return OptimizeResult(x=parameters[chosen], cost=np.inf, fun=first)
         # a step after which the motion runs away is shortened
         with np.errstate(over='ignore'):
             return least_squares(

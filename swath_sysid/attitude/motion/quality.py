@@ -118,7 +118,9 @@ def _bounds(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
             yield Advice.of('forced-motion: bounds', start=segment.start, end=segment.end)
         return
     found, late = decays[0], MIN_CYCLES * segment.period
-    if segment.beginning == 'given' and found.start > inside.time[0] + late:
+    # a craft that was held was not free
+    early = segment.period if found.beginning == 'released' else late
+    if segment.beginning == 'given' and found.start > inside.time[0] + early:
         yield Advice.of('late-start', found=found.start, start=segment.start)
     if segment.ending == 'given' and found.ending == 'disturbed' and found.end < inside.time[-1] - late:
         yield Advice.of('disturbed-tail: bounds', found=found.end, end=segment.end)
