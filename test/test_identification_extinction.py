@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from swath_sysid.attitude.hull.amplitude import AmplitudeCurves
+from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.extinction import (
     Particulars,
     Peaks,
@@ -27,7 +29,7 @@ from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
-from swath_sysid.report.extinction_tables import curve_rows, curve_table
+from swath_sysid.report.extinction_tables import curve_rows, curve_table, tank_tables
 from swath_sysid.report.tables import Column
 
 
@@ -178,6 +180,15 @@ def test_terms_in_which_curve_and_motion_fit_differ_are_marked_and_counted():
     several = curve_table('extinction', '', [(at, *row) for at in (1, 2) for row in rows], (Column('draft'),))
     assert 'b2 (in 2 of 2 conditions)' in several.finding and len(several.marks) == 4
     assert not curve_table('extinction', '', rows[:4]).finding
+
+
+def test_where_the_formula_of_the_curve_errs_the_motion_fit_is_recommended():
+    hull = hull_named('swath-roll').model
+    motion = simulated_trial(hull, np.radians(8.0), 15.0, 100.0, SensorNoise(), 1).axis('roll')
+    _, curve, _ = tank_tables(identify([motion]), Particulars(), TypeB())
+    by_curve, by_motion = next((row[2], row[4]) for row in curve.rows if row[0] == 'b3')
+    assert abs(by_curve - hull.terms['b3']) > 5.0 * abs(by_motion - hull.terms['b3'])
+    assert curve.finding.endswith('use the motion fit.')
 
 
 @pytest.mark.slow

@@ -469,6 +469,17 @@ def test_bounds_that_take_in_a_hold_are_answered_with_the_time_of_the_release(st
     assert 'only from 19.0 s on: give this as the start' in late.message
 
 
+def test_spikes_are_left_out_of_the_fit(plain):
+    motion = decay()
+    angle = motion.angle.copy()
+    angle[[300, 500, 701]] += 0.3
+    spoilt = identify([replace(motion, angle=angle)], settings())
+    assert 'spikes' in {each.code for each in spoilt.advice}
+    assert spoilt.amplitude_range[1] == pytest.approx(plain.amplitude_range[1], rel=1e-3)
+    for name, value in plain.model.terms.items():
+        assert abs(spoilt.model.terms[name] - value) < 0.1 * plain.std[name]
+
+
 def test_a_motion_that_no_hull_follows_is_refused(monkeypatch):
     monkeypatch.setattr(MotionFit, 'refine', lambda fit, start, *bounds: (start, np.inf))
     with pytest.raises(InputError, match='no hull of swath-pitch-2 follows the pitch') as refused:

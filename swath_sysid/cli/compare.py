@@ -56,9 +56,11 @@ def run(arguments: Namespace) -> int:
 
 def _print_ranking(comparison: Comparison) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table('equation', 'terms', 'R2', 'objective', 'criterion', 'held-out error', 'period [s]', 'damping ratio')
+    head = 'equation', 'terms', 'R2', 'objective', 'criterion', 'held-out error', 'period [s]', 'damping ratio'
+    table = Table(*map(escape, head))
     best = comparison.ranked[0].criterion
     for ranked in comparison.ranked:
         fit = ranked.identification

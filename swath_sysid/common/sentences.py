@@ -232,8 +232,8 @@ SENTENCES = {
     'short-rows': '{number} rows end early, the first in line {line}, and their missing cells are treated as missing '
     'values: check that the file was written to the end',
     'speed-derived': '{source} has no {missing}: it was derived from position and heading',
-    'spikes': 'the {axis} {name} of the decay has {samples} far from their neighbours, which a fit would treat as '
-    'motion: remove them, or look for lost or damaged packets',
+    'spikes': 'the {axis} {name} of the decay has {samples} far from their neighbours, left out of the fit: look for '
+    'lost or damaged packets',
     'spikes: run': '{source}: {number} values of {name} are isolated spikes and were left out: check the sensor if '
     'there are many',
     'stability-changed': 'the natural period of roll went from {before:.3g} to {now:.3g} s, so the metacentric height '

@@ -67,6 +67,10 @@ CURVE_NOTE = (
     'or sqrt(L / g) for the unit of time. Dry friction, for which the curve has no term, makes its p1 large and p2 '
     'negative.'
 )
+METHOD_ERROR = (
+    'The peaks of the fitted motion itself give the same curve, so it is the formula of the curve that errs here (it '
+    'is for a symmetric craft with weak damping): use the motion fit.'
+)
 UNCERTAINTIES = 'U (k = 2)', 'type A, fit', 'type A, repeats', *(f'type B, {name}' for name in SOURCES.values())
 QUANTITY_COLUMNS = columns_of(
     {'quantity': str, 'unit': str, 'value': digits(5), **dict.fromkeys(UNCERTAINTIES, digits(2))}
@@ -157,6 +161,23 @@ def quantity_row(quantity: TankQuantity) -> tuple:
     return quantity.name, quantity.unit, quantity.value, quantity.expanded, quantity.fit, quantity.repeats, *type_b
 
 
+def _is_of_fitted_motion(curve: Extinction, identification: Identification):
+    """Whether the peaks of the fitted motion give the same damping terms as the curve of the measured ones."""
+    simulated = [
+        replace(
+            r.motion,
+            angle=None if r.motion.angle is None else r.angle,
+            rate=None if r.motion.rate is None else r.rate,
+        )
+        for r in identification.records
+    ]
+    own = extinction_of(
+        [measured_peaks(motion, r.segment.period) for motion, r in zip(simulated, identification.records, strict=True)]
+    )
+    apart = np.abs(own.damping - curve.damping)
+    return bool(np.all(apart <= TWO_STD * (own.damping_std + curve.damping_std)))
+
+
 def tank_tables(identification: Identification, particulars: Particulars, type_b: TypeB) -> list[Table]:
     """The tables of one `Identification`: peaks, extinction curve where the records hold one, damping."""
     model, axis = identification.model, identification.model.axis
@@ -169,9 +190,12 @@ def tank_tables(identification: Identification, particulars: Particulars, type_b
     quantities = tank_quantities(axis, identification.bands, at, inertia, particulars, type_b)
     found = [peaks_table('peaks', labelled)]
     try:
-        rows = curve_rows(extinction_of([p for _, p in labelled]), terms, inertia, particulars, axis)
-        title = 'Extinction curve and damping terms'
-        found.append(curve_table('extinction', title, rows))
+        curve = extinction_of([p for _, p in labelled])
+        rows = curve_rows(curve, terms, inertia, particulars, axis)
+        table = curve_table('extinction', 'Extinction curve and damping terms', rows)
+        if table.finding and _is_of_fitted_motion(curve, identification):
+            table = replace(table, finding=f'{table.finding} {METHOD_ERROR}')
+        found.append(table)
     except InputError as error:
         found[0] = replace(found[0], note=f'{error}.')
     title = f'Damping at {math.degrees(at):.3g} deg and its uncertainty'

@@ -179,5 +179,6 @@ def spread_of(identified: Any, name: str, intervals: dict[str, tuple[float, floa
 
 
 def short_name(source: str) -> str:
-    """The last part of a path, of whichever system."""
-    return source.replace('\\', '/').rpartition('/')[2]
+    """The last part of a path, of whichever system; of a topic of a bag, the bag's with the topic."""
+    path, space, topic = source.partition(' /')
+    return path.replace('\\', '/').rpartition('/')[2] + space + topic

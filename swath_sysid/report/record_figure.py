@@ -33,7 +33,7 @@ def _draw_motion(axes: Axes, motion: AxisMotion, decays: Sequence[DecaySegment])
     axes.plot(time, values, color=MEASURED, linewidth=0.9)
     for begin, end in find_gaps(motion, longer_than=3.0 * motion.sample_interval) if motion.size > 2 else ():
         axes.axvspan(begin, end, color=MODEL, alpha=0.5, linewidth=1)
-    for index, decay in enumerate(decays):
+    for index, decay in enumerate(sorted(decays, key=lambda decay: decay.start)):
         axes.axvspan(decay.start, decay.end, color=BAND, alpha=0.35, linewidth=0)
         _draw_turning_points(axes, motion, decay)
         axes.text(

@@ -56,7 +56,7 @@ def _axis_as_data(motion: AxisMotion, decays: Sequence[DecaySegment], is_idle: b
         'decays': [
             {f'{name}_s': getattr(decay, name) for name in ('start', 'end', 'period')}
             | {name: getattr(decay, name) for name in DECAY_FIELDS}
-            for decay in decays
+            for decay in sorted(decays, key=lambda decay: decay.start)
         ],
         **warnings_as_data(advice),
     }

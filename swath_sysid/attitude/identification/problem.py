@@ -8,7 +8,7 @@ import numpy as np
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
-from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay
+from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay, without_spikes
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
@@ -134,7 +134,8 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
         raise InputError(f'the records are of different axes ({", ".join(sorted(axes))}): identify one axis at a time')
     advice = [a for m, s in zip(motions, segments, strict=True) for a in (*s.advice, *check_decay(m, s))]
     cut = tuple(
-        block_means(m.between(s.start, s.end), s.period, AVERAGED) for m, s in zip(motions, segments, strict=True)
+        block_means(without_spikes(m.between(s.start, s.end)), s.period, AVERAGED)
+        for m, s in zip(motions, segments, strict=True)
     )
     frequency = float(np.median([_frequency(m, s) for m, s in zip(cut, segments, strict=True)]))
     noise = Noise(
@@ -148,7 +149,9 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
         axis=motions[0].axis,
         motions=cut,
         segments=segments,
-        observed=tuple(m.between(s.start, _left_alone_until(m, s)) for m, s in zip(motions, segments, strict=True)),
+        observed=tuple(
+            without_spikes(m.between(s.start, _left_alone_until(m, s))) for m, s in zip(motions, segments, strict=True)
+        ),
         states=states,
         scales=scales,
         noise=noise,

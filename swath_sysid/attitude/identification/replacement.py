@@ -1,7 +1,6 @@
 """Which model of free decays is published: by its verdict, then by the expected error of the next release."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -34,12 +33,12 @@ def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayM
     """The least sum of squares of residuals, started from several hulls, whose ratios may be held."""
     fit, found = motion_fit(problem, equation), [float('inf')]
     for model in starts:
-        # scipy raises where the motion diverges
-        with suppress(ValueError, np.linalg.LinAlgError):
-            parameters = fit.refine_states(fit.pack(model.ratios, problem.states))
-            if not held:
-                parameters, _ = fit.refine(parameters, LOWER[equation.indices], UPPER[equation.indices])
-            residuals = np.concatenate(fit.residuals_and_jacobian(parameters)[0])
+        parameters = fit.refine_states(fit.pack(model.ratios, problem.states))
+        if not held:
+            parameters, _ = fit.refine(parameters, LOWER[equation.indices], UPPER[equation.indices])
+        residuals = np.concatenate(fit.residuals_and_jacobian(parameters)[0])
+        # infinite where the motion runs away
+        with np.errstate(over='ignore', invalid='ignore'):
             found.append(float(np.nan_to_num(residuals @ residuals, nan=np.inf)))
     return min(found)
 

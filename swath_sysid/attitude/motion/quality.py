@@ -101,13 +101,23 @@ def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
 
 def _spikes(inside: AxisMotion) -> Iterator[Advice]:
     for name, value in _measured(inside).items():
-        bad = spikes(value)
-        # at an end one side alone cannot tell a glitch from a release
-        bad[: SPIKE_NEIGHBOURS // 2] = bad[-(SPIKE_NEIGHBOURS // 2) :] = False
-        away = np.abs(value - median_filter(value, SPIKE_NEIGHBOURS))[bad]
-        number = int(np.count_nonzero(away > MIN_SPIKE * np.ptp(value[~bad])))
+        number = int(np.count_nonzero(_bending(value)))
         if number:
             yield Advice.of('spikes', axis=inside.axis, name=name, samples=counted(number, 'sample'))
+
+
+def without_spikes(motion: AxisMotion) -> AxisMotion:
+    """The samples of a decay that are no spikes."""
+    return motion.only(~np.any([_bending(value) for value in _measured(motion).values()], axis=0))
+
+
+def _bending(value: np.ndarray) -> np.ndarray:
+    """Mask of the spikes that are large enough to bend a fit."""
+    bad = spikes(value)
+    # at an end one side alone cannot tell a glitch from a release
+    bad[: SPIKE_NEIGHBOURS // 2] = bad[-(SPIKE_NEIGHBOURS // 2) :] = False
+    away = np.abs(value - median_filter(value, SPIKE_NEIGHBOURS))
+    return bad & (away > MIN_SPIKE * np.ptp(value[~bad]))
 
 
 def _bounds(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
