@@ -234,9 +234,11 @@ def test_the_command_line_refuses_with_a_sentence(sea_file, capsys, arguments, s
 def test_a_hull_that_is_known_too_poorly_is_told_but_not_written(sea_file, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr('swath_sysid.attitude.identification.at_sea.DAMPING_USABLE', 1e-3)
     model = tmp_path / 'model.yaml'
-    assert main(['identify', str(sea_file), '--output', str(model)]) == 2
+    command = ['identify', str(sea_file), '--output', str(model)]
+    assert main(command) == 1
     assert f'{model} was not written' in capsys.readouterr().err
     assert not model.exists()
+    assert main([*command, '--force']) == 0 and model.exists()
 
 
 def test_thirds_of_a_measured_record_agree(data_folder):

@@ -125,27 +125,31 @@ def _print_skill(skill: Any, name: str) -> None:
             for method, values in scores.gap_nrmse.items():
                 table.add_row(f'  {LABELS[method]}', *map(cell, values))
         console.print(table)
-        _print_valid_lead(console, axis, scores.valid_lead)
+        _print_valid_lead(axis, scores.valid_lead)
     for point, kinds in skill.points.items():
         _print_point(console, skill, point, kinds)
     _print_quiescence(console, skill)
-    console.print(
+    print(
         f'processing: {1e3 * skill.step_time["median"]:.2f} ms per sample (median), '
         f'{1e3 * skill.refit_time["median"]:.0f} ms per refit (longest {1e3 * skill.refit_time["most"]:.0f} ms)'
     )
 
 
-def _print_valid_lead(console: Console, axis: str, found: Any) -> None:
+def _print_valid_lead(axis: str, found: Any) -> None:
     if not np.isfinite(found.lead[0]):
         return
     median, low, high = found.lead
+    if high == 0.0:
+        print(f'valid lead of {axis}: none, as it hardly moves or nothing of its motion can be forecast')
+        return
     if found.beyond_horizon == 1.0:
-        console.print(f'valid lead of {axis}: the whole horizon of {high:.2g} s or more')
+        print(f'valid lead of {axis}: the whole horizon of {high:.2g} s or more')
         return
     beyond = f', the horizon or more for {found.beyond_horizon:.0%}' * (found.beyond_horizon > 0.0)
-    console.print(
+    measured = f'; the error measured there is {found.error_over_limit:.2f} times the limit' * (found.counted > 0)
+    print(
         f'valid lead of {axis}: {median:.2g} s in the median, {low:.2g} to {high:.2g} s for 80 % of the forecasts'
-        f'{beyond}; the error measured there is {found.error_over_limit:.2f} times the limit'
+        f'{beyond}{measured}'
     )
 
 
@@ -192,13 +196,13 @@ def _print_quiescence(console: Any, skill: Any) -> None:
         if found.count.any():
             kept = np.nanmax(found.observed) == 1.0
             why = f'the craft never {"left the limits" if kept else "kept the limits for so long"}'
-        console.print(f'quiet for {limits.duration:g} s ({bounds}): not scored, since {why}')
+        print(f'quiet for {limits.duration:g} s ({bounds}): not scored, since {why}')
         return
-    console.print(
+    print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
         f'(climatology: {found.brier_of_climate:.3f})'
     )
-    if skill.decisions is not None:
+    if skill.decisions is not None and skill.decisions.base_rate > 0.0:
         _print_decisions(console, skill.decisions)
 
 
@@ -210,9 +214,7 @@ def _print_decisions(console: Console, found: Any) -> None:
         table.add_row(name, cell(rule.f1), *_percentages((rule.precision, rule.recall)), cell(rule.false_alarms, 1))
     console.print(table)
     counts = ', '.join(f'{start:g} s: {count}' for start, count in zip(found.edges, found.lead_times, strict=False))
-    console.print(
-        f'windows of calm by how long before they were announced: {counts}, not announced: {found.unannounced}'
-    )
+    print(f'windows of calm by how long before they were announced: {counts}, not announced: {found.unannounced}')
 
 
 def _percentages(shares: Any):

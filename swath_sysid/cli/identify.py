@@ -132,13 +132,15 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
             searched=not arguments.at_sea,
             progress=progress,
         )
-    written = write_fit(arguments, found, at_sea_figure, found.is_usable)
+    is_poor = bool(arguments.output) and not (arguments.force or found.is_usable)
+    written = write_fit(arguments, found, at_sea_figure, not is_poor)
     show_advice(found.advice)
     data = {**at_sea_as_data(found, time.perf_counter() - began), **warnings_as_data((*read_advice, *found.advice))}
     print_result(arguments.json, data, [*at_sea_in_words(found), *written])
-    if arguments.output and not found.is_usable:
-        raise InputError(
+    if is_poor:
+        print(
             f'{arguments.output} was not written, as these waves do not determine the hull: record longer, on another '
-            'heading or in another sea, or record a free decay in still water'
+            'heading or in another sea, or record a free decay in still water; --force writes it nevertheless',
+            file=sys.stderr,
         )
-    return 0
+    return PARTLY_DONE if is_poor else DONE

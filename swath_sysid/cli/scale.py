@@ -5,13 +5,13 @@ from argparse import Namespace
 from swath_sysid.attitude.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
 from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.formats.model_file import read_description, read_model, write_model, write_scheduled
-from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.outputs import MODEL_ENDINGS, Output, check_outputs
 from swath_sysid.report.fit_summary import warnings_as_data
 
 
 def run(arguments: Namespace) -> int:
     """Scale, warn, and write."""
-    check_outputs([Output('--output', arguments.output)], [arguments.model])
+    check_outputs([Output('--output', arguments.output, endings=MODEL_ENDINGS)], [arguments.model])
     ratio = length_ratio(arguments.ratio)
     models, schedules = read_description(arguments.model)
     if schedules:

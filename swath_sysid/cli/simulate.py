@@ -2,6 +2,7 @@
 
 import math
 from argparse import Namespace
+from pathlib import Path
 
 from swath_sysid.attitude.hull.catalogue import hull_named, hull_of_family
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
@@ -14,7 +15,10 @@ NO_NOISE = SensorNoise(0.0, 0.0, 0.0)
 
 def run(arguments: Namespace) -> int:
     """Write the trial."""
-    check_outputs([Output('--output', arguments.output, is_recording=True)], [arguments.model])
+    # a folder may be named after a number, as in run.5
+    is_file = Path(arguments.output).suffix[1:].isalpha()
+    endings = ('csv', 'mcap', 'db3') if is_file else ()
+    check_outputs([Output('--output', arguments.output, is_recording=True, endings=endings)], [arguments.model])
     model = hull_of(arguments).with_trim(math.radians(arguments.trim_deg))
     studied = hull_named(arguments.hull) if arguments.hull else hull_of_family(arguments.equation or '')
     usual = SensorNoise.rate if studied is None else studied.rate_noise

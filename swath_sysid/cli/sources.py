@@ -18,7 +18,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import BLOCK_BYTES, existing
 from swath_sysid.formats.model_file import write_model
-from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.outputs import MODEL_ENDINGS, Output, check_outputs
 from swath_sysid.formats.reading import read_trial, source_hash
 from swath_sysid.report.figures import FORMATS, Figure, save_figure
 
@@ -43,7 +43,10 @@ def assignment(text: str, example: str) -> tuple[str, float]:
 def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> None:
     """Refuse a model file (``--output``) and a picture (``--plot``) that cannot be written, before any work."""
     check_outputs(
-        [Output('--output', getattr(arguments, 'output', None)), Output('--plot', arguments.plot, endings=FORMATS)],
+        [
+            Output('--output', getattr(arguments, 'output', None), endings=MODEL_ENDINGS),
+            Output('--plot', arguments.plot, endings=FORMATS),
+        ],
         inputs,
     )
 

@@ -201,7 +201,7 @@ SENTENCES = {
     'rates-turned: quarter': 'the roll rate follows the pitch angle and the pitch rate the roll angle, one of them '
     'reversed: rates and accelerations are turned by {turn} deg (roll, pitch, yaw) against the orientation; let the '
     'driver give all in the axes of the sensor and set mounting_deg to {mounting}',
-    'record-not-adequate': '{number} of {records} records are not adequate by themselves ({names}): see their verdicts',
+    'record-not-adequate': 'not adequate by themselves, {number} of {records} records ({names}): see their verdicts',
     'repeated-stamps': '{rows} with the same stamp as the previous row were left out: if most rows are affected, write '
     'the time with more digits',
     'restoring-not-exported': '{axis}: gz-sim takes restoring from the Buoyancy plugin and the shape of the hull: '

@@ -10,6 +10,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import refuse_no_file
 from swath_sysid.formats.tables import read_head
 
+MODEL_ENDINGS = 'yaml', 'yml'  #: Of model files.
 #: A table with a column of which the name begins so is a recording.
 TIME_WORDS = ('time', 'stamp', 'packetcounter', 'sampletimefine')
 
@@ -68,7 +69,7 @@ def _check_name(output: Output) -> None:
         shown = str(output.path)[:80]
         raise InputError(f'cannot write {shown}: {getattr(error, "strerror", error)}; choose another name') from error
     if output.endings and Path(output.path).suffix.lower().lstrip('.') not in output.endings:
-        raise InputError(f"{output.option} cannot be '{output.path}': end the name in .{', '.join(output.endings)}")
+        raise InputError(f"{output.option} cannot be '{output.path}': end the name in .{' or .'.join(output.endings)}")
 
 
 def _check_folder(output: Output) -> None:
