@@ -10,7 +10,7 @@ from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentific
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
 from swath_sysid.manoeuvring.identification.validation import Scores
 from swath_sysid.manoeuvring.prediction.skill import ForecastScores
-from swath_sysid.report.fit_summary import warnings_as_data
+from swath_sysid.report.fit_summary import short_name, warnings_as_data
 
 OF_PARAMETERS = ('not-separable', 'uncertain', 'at-bound')  #: Warnings that are not about single runs.
 #: Of the parameters that are not hydrodynamic derivatives.
@@ -130,12 +130,13 @@ def terms_in_words() -> list[str]:
 def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
     """Lines for a reader."""
     model = found.model
-    held = f', {len(found.validated_on)} held out for validation' if found.validated_on else ''
+    names = ', '.join(short_name(run.source) for run in found.validated_on)
+    held = f', {len(found.validated_on)} held out for validation ({names})' if names else ''
     width = max(map(len, found.derivatives), default=0)
     # without a length or a scale of its own the prime system says nothing
     assumed = {a.code for a in found.advice} & {'length-assumed', 'scale-not-given'}
     lines = [
-        f'manoeuvring model from {len(found.identified_on)} run(s){held}; thrust as {model.thrust_input}',
+        f'manoeuvring model from {counted(len(found.identified_on), "run")}{held}; thrust as {model.thrust_input}',
         f'  {"":<{width}}{"value":>12}    {"std":<10}{"" if assumed else "prime":>11}  unit',
     ]
     for name, d in found.derivatives.items():
