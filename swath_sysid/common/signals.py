@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.ndimage import median_filter
+from scipy.special import ndtri
 
-NORMAL_MEDIAN = 0.6745  #: Median absolute value of a standard normal variable.
+NORMAL_MEDIAN = float(ndtri(0.75))  #: Median absolute value of a standard normal variable.
 SPIKE_NEIGHBOURS = 5  #: Samples, the one in question among them, whose median a spike differs from.
 SPIKE_THRESHOLD = 10.0  #: Standard deviations of the noise by which it does.
 TAPERS = 5  #: Over which a spectrum is averaged.

@@ -10,8 +10,12 @@ from numpy.typing import ArrayLike
 
 from swath_sysid.common.stopping import AskAndTell, SearchBudget
 
-#: Share of its velocity that a particle keeps, and its pull to its own best place and to the swarm's, by that paper.
-INERTIA_WEIGHT, ACCELERATION = 0.7298, 1.49618
+PULL = 4.1  #: To a particle's own best place and to the swarm's together, by that paper.
+
+
+def constriction(pull: float) -> float:
+    """By what velocity and pull are multiplied, so that the swarm converges."""
+    return 2.0 / (pull - 2.0 + (pull * (pull - 4.0)) ** 0.5)
 
 
 @dataclass(frozen=True)
@@ -63,11 +67,9 @@ class ParticleSwarm(AskAndTell):
         return self._stop_reason(self._own_best)
 
     def _move(self) -> None:
-        own, swarm = self._rng.random((2, *self._place.shape))
-        self._velocity = (
-            INERTIA_WEIGHT * self._velocity
-            + ACCELERATION * own * (self._own_best - self._place)
-            + ACCELERATION * swarm * (self.best - self._place)
+        own, swarm = 0.5 * PULL * self._rng.random((2, *self._place.shape))
+        self._velocity = constriction(PULL) * (
+            self._velocity + own * (self._own_best - self._place) + swarm * (self.best - self._place)
         )
         self._velocity = np.clip(self._velocity, -self._fastest, self._fastest)
         self._place = self._place + self._velocity

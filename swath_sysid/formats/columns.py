@@ -7,6 +7,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
+from scipy import constants
 
 from swath_sysid.common.advice import Advice, did_you_mean
 from swath_sysid.common.errors import InputError
@@ -18,7 +19,16 @@ from swath_sysid.formats.table_files import known_by_name, tables_in
 UNITS = {
     **{'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9},
     **{'rad': 1.0, 'deg': np.pi / 180, 'rad_s': 1.0, 'deg_s': np.pi / 180, 'dps': np.pi / 180},
-    **{'m': 1.0, 'm_s': 1.0, 'km_h': 1.0 / 3.6, 'kn': 1852.0 / 3600.0, 'm_s2': 1.0, 'g': 9.80665, 'n': 1.0, '': 1.0},
+    **{
+        'm': 1.0,
+        'm_s': 1.0,
+        'km_h': constants.kmh,
+        'kn': constants.knot,
+        'm_s2': 1.0,
+        'g': constants.g,
+        'n': 1.0,
+        '': 1.0,
+    },
 }
 TIME, ANGLE, RATE, SPEED = ('s', 'ms', 'us', 'ns'), ('rad', 'deg'), ('rad_s', 'deg_s', 'dps'), ('m_s', 'km_h', 'kn')
 SAMPLES = 'samples'  #: The unit of a time column that numbers the samples; a comment line says how many a second.

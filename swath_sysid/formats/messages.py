@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients
-from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
+from swath_sysid.attitude.motion.intake import NANOSECOND, NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay
 from swath_sysid.common.errors import InputError
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.hull.identified_model import IdentifiedModel
     from swath_sysid.pipeline.forecast_pipeline import AttitudeForecast, HorizonForecast
 
-SECOND_NS = 1_000_000_000
+SECOND_NS = round(1.0 / NANOSECOND)
 #: The last is 1 (roll) or 2 (pitch) in the rows of the free decay for which the window was published by itself, else 0.
 WINDOW_COLUMNS = (*COLUMNS, 'decay')
 ORIENTATION, RATES, FORCE = slice(0, 4), slice(13, 16), slice(25, 28)

@@ -100,7 +100,8 @@ class PipelineSettings:
     forecaster: ForecasterSettings = field(default_factory=ForecasterSettings)
 
 
-class PipelineStep(NamedTuple):
+@dataclass(frozen=True)
+class PipelineStep:
     """The results of one sample."""
 
     reasons: tuple[str, ...] = ()  #: From `PIPELINE_REASONS`: what was counted.

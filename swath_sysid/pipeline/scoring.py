@@ -14,6 +14,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability, quantity_at
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.chance import CONFIDENCE
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts
 from swath_sysid.pipeline.decisions import DecisionSkill, score_decisions
@@ -25,7 +26,6 @@ METHODS = (FORECAST, *BASELINES)
 
 SENSOR = Point('sensor', (0.0, 0.0, 0.0))  #: Where vertical motion is scored beside the points asked for.
 AFTER_GAP = 4.0  #: s after lost samples for which the forecasts have scores of their own.
-CONFIDENCE = 0.95  #: Of the intervals of the scores.
 _BLOCK = 30.0  #: s: several wave groups, so that the errors of one block say little about the next.
 
 _MIN_BLOCKS = 8

@@ -7,6 +7,7 @@ import numpy as np
 
 from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.chance import TWO_STD
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 
@@ -18,7 +19,6 @@ else:
     Axes = Figure = Any
 
 MEASURED, MODEL, RESIDUAL, BAND = '#1f2933', '#d1495b', '#2e86ab', '#9ecae1'
-TWO_STD = 2.0
 SERIES = ('#2e86ab', '#d1495b', '#edae49', '#3b8b5a', '#7b4fa3', '#8c6d46')
 FORMATS = ('png', 'svg', 'pdf')
 

@@ -19,6 +19,7 @@ from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.chance import CONFIDENCE
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
 BIAS_PRIOR = float(np.radians(2.0))  #: rad/s: an uncalibrated gyro's.
@@ -46,8 +47,7 @@ FARTHEST = 7.0  #: Standard deviations of its prior beyond which no parameter of
 LARGEST_SHAPE = 0.9  #: Damping and spread of the disturbance stay below this.
 MIN_NOISE = 1e-4  #: Of the amplitude: white noise where third differences show none.
 PERTURBATION = 1e-5
-INTERVAL = 0.95
-NORMAL = float(ndtri(0.5 * (1.0 + INTERVAL)))
+NORMAL = float(ndtri(0.5 * (1.0 + CONFIDENCE)))
 
 
 def blocked(motion: AxisMotion, frequency: float) -> BlockedRecord:
@@ -246,7 +246,7 @@ def _height(optimum: Evaluation, information: np.ndarray) -> float:
 def interval(value: float, std: float, bounded: bool) -> tuple[float, float]:
     """95 % of a Gaussian, or, where that reaches below a bound at zero, of what of it lies above: from zero up."""
     if bounded and value < NORMAL * std:
-        return 0.0, float(value - std * ndtri((1.0 - INTERVAL) * ndtr(value / std)))
+        return 0.0, float(value - std * ndtri((1.0 - CONFIDENCE) * ndtr(value / std)))
     return value - NORMAL * std, value + NORMAL * std
 
 

@@ -16,6 +16,7 @@ from swath_sysid.attitude.identification.one_step import with_angle_and_rate
 from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import find_turning_points
+from swath_sysid.common.chance import TWO_STD
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
 
@@ -23,7 +24,6 @@ from swath_sysid.common.errors import InputError
 PEAK_WINDOW = 0.1
 
 RESIDUAL_MEMORY = 4  #: Half cycles over which disturbances of a basin are correlated, at least.
-COVERAGE_FACTOR = 2.0  #: k of the expanded uncertainty: 95 %.
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ class TankQuantity:
     @property
     def expanded(self) -> float:
         """U with coverage factor 2."""
-        return COVERAGE_FACTOR * self.combined
+        return TWO_STD * self.combined
 
 
 _BOTH = ('frequency', 'damping_ratio')

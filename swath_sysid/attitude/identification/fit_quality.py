@@ -15,6 +15,7 @@ from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.time_base import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.chance import TWO_STD
 from swath_sysid.common.noise import white_noise
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ LEVELS = REJECTED, DOUBTFUL, ADEQUATE = 'rejected', 'doubtful', 'adequate'  #: T
 ADEQUATE_ERROR = 0.1  #: Relative error of the next release up to which a model is adequate.
 LARGEST_UNEXPLAINED = 0.5  #: Largest share of the motion that a fit may leave, or leave open to the other side.
 LEAST_USABLE = 0.5  #: Least share of a record's rows that must be usable.
-CHANCE_STDS = 2.0  #: Standard deviations of the products of white residuals that are attributed to chance.
 #: Least righting moment at the release over that of the linear stiffness; a craft that was moved has less.
 LEAST_RIGHTING = 0.3
 LARGEST_PERIOD_RATIO = 2.2  #: Of the natural period and that of the oscillation, or its inverse.
@@ -197,7 +197,7 @@ def unexplained_share(found: 'Identification', quantity: str) -> float:
             residual = measured - getattr(record, quantity)
             lags = max(1, round(record.segment.period / SEARCH_STEPS_PER_PERIOD / record.motion.sample_interval))
             products = [float(np.mean(residual[lag:] * residual[:-lag])) for lag in range(1, lags + 1)]
-            chance = CHANCE_STDS * float(np.mean(residual**2)) / np.sqrt(lags * residual.size)
+            chance = TWO_STD * float(np.mean(residual**2)) / np.sqrt(lags * residual.size)
             error += residual.size * (float(np.mean(products)) - chance)
             motion += float(np.sum((measured - measured.mean()) ** 2))
     return float(np.sqrt(max(error, 0.0) / motion)) if motion > 0.0 else 0.0

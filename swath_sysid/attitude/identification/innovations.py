@@ -27,8 +27,8 @@ from swath_sysid.attitude.hull.compiled import (
 from swath_sysid.common.accelerator import accelerated, has_numba
 
 #: Places in the state; from ``MOMENT`` on the disturbance, its slope, and the same of what drives it and that.
-X, RATE, MOMENT, *_, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE = range(12)
-STATES = RATE_NOISE + 1
+X, RATE, MOMENT, *_, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE = _PLACES = range(12)
+STATES = len(_PLACES)
 SUBSTEPS = 2  #: Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign.
 
 #: Places of the basin's and the sensor's parameters: the disturbance's standard deviation, rad/s^2, frequency, rad/s,

@@ -9,10 +9,11 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+from scipy import constants
 
 UNIT_TOLERANCE = 0.1  #: How far the squared norm of a measured quaternion may be from one.
 VERTICAL_COSINE = 1e-9  #: Below this cosine of pitch, roll and yaw cannot be separated.
-STANDARD_GRAVITY = 9.80665  #: m/s^2, ISO 80000-3.
+STANDARD_GRAVITY = constants.g  #: m/s^2.
 
 Value = Any  #: A float, or an ndarray that broadcasts with the others.
 

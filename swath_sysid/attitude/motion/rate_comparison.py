@@ -7,6 +7,8 @@ from math import isfinite
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from swath_sysid.common.chance import SIGNIFICANT
+
 MIN_BINS = 40  #: Fewer are not judged.
 MIN_ANGLE = np.radians(0.25)  #: rad, standard deviation; a craft that moves less shows nothing.
 BAND_POWER = 0.98  #: Share of an angle's power below the highest frequency used; the rest is mostly noise.
@@ -16,7 +18,6 @@ WIDEST_BAND = 0.3
 LIVELY = 0.9  #: Share of the energy of the slopes within the part of a stretch that is looked at.
 
 FOLLOWS = 0.7  #: Correlation with the slope of its angle from which a rate is that of the angle.
-SIGNIFICANT = 4.0  #: Standard deviations beyond which a delay, a factor or an offset is not chance.
 UNIT_TOLERANCE = 1.3  #: Factor by which a rate may differ from the slope of its angle, and from another unit of it.
 
 

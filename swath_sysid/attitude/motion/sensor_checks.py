@@ -16,7 +16,6 @@ from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.rate_comparison import (
     FOLLOWS,
     MIN_BINS,
-    SIGNIFICANT,
     UNIT_TOLERANCE,
     Slope,
     agreement,
@@ -26,6 +25,7 @@ from swath_sysid.attitude.motion.rate_comparison import (
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.chance import SIGNIFICANT
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import SENTENCES
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
 
+from scipy import constants
+
 from swath_sysid.common.errors import InputError
 
 DUPLICATE = 'duplicate-stamp'
@@ -16,7 +18,7 @@ RATE_CHANGED = 'rate-changed'
 #: All counted reasons; the first three leave the sample out.
 STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, GAP, LONG_GAP, RATE_CHANGED)
 
-NANOSECOND = 1e-9
+NANOSECOND = constants.nano  #: s.
 GAP_INTERVALS = 2.5
 FOLLOWING = {True: 0.02, False: 0.1}  #: Largest relative step per sample of the tracked interval, settled or not.
 SETTLING_SAMPLES = 50

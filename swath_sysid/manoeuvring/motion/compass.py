@@ -8,11 +8,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.chance import SIGNIFICANT
 from swath_sysid.manoeuvring.motion.resampling import MOVING, TURNING, even, lowpass, speeds_of_track
 from swath_sysid.manoeuvring.motion.trial import STEP, ManoeuvringTrial, turned
 
 MIN_MISALIGNMENT = math.radians(4.0)
-SURE = 4.0  #: A significant misalignment is so many standard deviations.
 USUAL_CURRENT = 0.3  #: m/s, prior standard deviation of a current.
 
 #: rad, prior standard deviation of the compass deviation by course, which the identification finds.
@@ -46,7 +46,7 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
         found = covariance @ (matrix.T @ sway) / (variance * REMEMBERED)
         variance = max(float(np.mean((sway - matrix @ found) ** 2)), 1e-6)
     offset, std = float(np.arctan(found[0])), float(np.sqrt(covariance[0, 0]))
-    if abs(offset) < max(MIN_MISALIGNMENT, SURE * std):
+    if abs(offset) < max(MIN_MISALIGNMENT, SIGNIFICANT * std):
         return trials
     size, side = abs(math.degrees(offset)), 'port' if offset > 0.0 else 'starboard'
     for item, trial in zip(advice, trials, strict=True):
