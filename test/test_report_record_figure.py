@@ -41,17 +41,6 @@ def test_gaps_are_marked_and_the_spectrum_peaks_at_the_natural_frequency():
     assert natural.get_xdata()[0] == pytest.approx(3.0 / (2 * np.pi), rel=0.01)
 
 
-def test_long_records_are_thinned_without_losing_their_extremes():
-    motion = decaying(duration=4000.0)
-    angle = motion.angle.copy()
-    angle[123457] = 0.3
-    figure = record_figure([AxisMotion('roll', motion.time, angle, None)])
-    line = figure.axes[0].lines[0]
-    assert line.get_xdata().size <= 20_000
-    assert line.get_ydata().max() == pytest.approx(np.degrees(0.3))
-    assert np.all(np.diff(line.get_xdata()) > 0)
-
-
 @pytest.mark.parametrize('size', [1, 2, 3, 20])
 def test_records_too_short_for_anything(size, tmp_path):
     time = np.arange(size) * 0.1

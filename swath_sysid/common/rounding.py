@@ -1,10 +1,12 @@
-"""Numbers rounded for readers, never as powers of ten."""
+"""What rounding is: of numbers for readers, never as powers of ten, and of sums."""
 
 import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+
+ROUNDING = 1e-9  #: What is smaller, in its unit, is zero but for rounding.
 
 
 def digits(count: int) -> Callable[[Any], str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
@@ -23,7 +24,6 @@ STALE_S = 5.0  #: s after which a status is ignored.
 SHOWN_S = 30.0  #: s of motion in a chart, and of the earlier forecasts that are kept for it.
 CHECKED_LEAD = 2.0  #: s; lead of the forecast that is kept until its motion has been measured.
 
-KEPT_MODELS = 5
 MAX_STATUSES = 100
 
 
@@ -91,7 +91,7 @@ class LiveRecord:
         finished = None if self._window is None else self._window.add(reading).finished
         if finished is not None and (release := release_of(finished)) is not None:
             self.releases[finished.axis] = release
-            self.tried.setdefault(finished.axis, deque(maxlen=KEPT_MODELS)).append((release, ()))
+            self.tried.setdefault(finished.axis, deque(maxlen=MOST_DECAYS)).append((release, ()))
             self._credit(finished.axis)
 
     def add_horizon(self, horizon: Horizon, name: str = '') -> None:
@@ -116,7 +116,7 @@ class LiveRecord:
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
         """Set the published models; an axis without one has none any more."""
         for axis in AXES:
-            before = self.models_before.setdefault(axis, deque(maxlen=KEPT_MODELS))
+            before = self.models_before.setdefault(axis, deque(maxlen=MOST_DECAYS))
             if axis not in models:
                 before.clear()
             elif not before or before[-1] != models[axis]:

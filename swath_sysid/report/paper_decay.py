@@ -16,7 +16,7 @@ from swath_sysid.campaign.evaluation import TIE
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DecayStudy
 from swath_sysid.campaign.papers.publication import citation
 from swath_sysid.common.chance import TWO_STD
-from swath_sysid.common.rounding import digits, percent
+from swath_sysid.common.rounding import ROUNDING, digits, percent
 from swath_sysid.report.campaign_extinction import PARTICULARS
 from swath_sysid.report.campaign_figures import LINE_STYLES, legend_below
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, Axes, panel
@@ -26,7 +26,6 @@ from swath_sysid.report.paper_decay_claims import (
     GENETIC,
     HULL,
     OURS,
-    ROUNDING,
     UNCHANGED,
     claims,
     coefficient,

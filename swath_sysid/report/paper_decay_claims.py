@@ -13,13 +13,12 @@ from swath_sysid.attitude.identification.forecast_check import next_step
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.evaluation import TIE
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DecayStudy, StudiedRecord
-from swath_sysid.common.rounding import digits, percent
+from swath_sysid.common.rounding import ROUNDING, digits, percent
 from swath_sysid.report.tables import Column, Table
 
 STEADY = 0.2  #: A curve that changes by less than this share of its largest value hardly changes.
 ZERO_SHARE = 0.01  #: Of the range of a coefficient; what is less is near zero.
 MUCH = 3.0  #: By this factor a coefficient is much larger than another.
-ROUNDING = 1e-9  #: Ratios to inertia below this are zero, to the rounding of a search.
 
 NEAR_ZERO, CONSTANT = 'near zero', 'steady'
 BY_CONSTRUCTION = 'by construction'

@@ -10,7 +10,6 @@ from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, f
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, measured_channel, new_figure, quiet
 from swath_sysid.report.fit_summary import short_name
 
-MAX_POINTS = 20000  #: A longer record is drawn as minimum and maximum of each interval.
 SPECTRUM_PERIODS = 16.0  #: Length of the averaged windows, in mean periods.
 SPECTRUM_REACH = 4.0  #: Highest frequency drawn, over that of the mean period.
 
@@ -29,8 +28,7 @@ def record_figure(motions: Sequence[AxisMotion]) -> Figure:
 
 def _draw_motion(axes: Axes, motion: AxisMotion, decays: Sequence[DecaySegment]):
     measured, label = measured_channel(motion)
-    time, values = _thinned(motion.time, np.degrees(measured))
-    axes.plot(time, values, color=MEASURED, linewidth=0.9)
+    axes.plot(motion.time, np.degrees(measured), color=MEASURED, linewidth=0.9)
     for begin, end in find_gaps(motion, longer_than=3.0 * motion.sample_interval) if motion.size > 2 else ():
         axes.axvspan(begin, end, color=MODEL, alpha=0.5, linewidth=1)
     for index, decay in enumerate(sorted(decays, key=lambda decay: decay.start)):
@@ -56,18 +54,6 @@ def _draw_turning_points(axes: Axes, motion: AxisMotion, decay: DecaySegment):
         return
     points = find_turning_points(inside, decay.period)
     axes.plot(points.time, np.degrees(points.value), '.', color=MODEL, markersize=4)
-
-
-def _thinned(time: np.ndarray, values: np.ndarray):
-    """The samples, or the smallest and largest of each stretch in order of time."""
-    if time.size <= MAX_POINTS:
-        return time, values
-    stretch = int(np.ceil(2.0 * time.size / MAX_POINTS))
-    whole = time.size // stretch * stretch
-    blocks = values[:whole].reshape(-1, stretch)
-    begins = np.arange(0, whole, stretch)
-    at = np.sort(np.stack([begins + blocks.argmin(axis=1), begins + blocks.argmax(axis=1)], axis=1), axis=1).ravel()
-    return time[at], values[at]
 
 
 def _draw_spectrum(axes: Axes, motion: AxisMotion, decays: Sequence[DecaySegment]):

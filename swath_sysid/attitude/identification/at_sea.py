@@ -11,6 +11,7 @@ import numpy as np
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.motion_fit import PERTURBATION
 from swath_sysid.attitude.identification.scoring import Evaluation
 from swath_sysid.attitude.identification.sea_motion import Heave, SeaMotion, heave_spectrum, sea_motion
 from swath_sysid.attitude.identification.sea_posterior import SeaPosterior
@@ -241,8 +242,10 @@ def _identification(motion: AxisMotion, fit: SeaPosterior, optima: Sequence[Eval
 def _estimate_with_covariance(fit: SeaPosterior, optima: Sequence[Evaluation]):
     """`estimate` and its covariance (2, 2), the spread over other optima included."""
     best, inflation = optima[0], fit.inflation(optima[0])
-    steps = 1e-4 * np.eye(best.z.size)
-    slopes = np.array([fit.estimate(best.z + step) - fit.estimate(best.z - step) for step in steps]).T / 2e-4
+    steps = PERTURBATION * np.eye(best.z.size)
+    slopes = np.array([fit.estimate(best.z + step) - fit.estimate(best.z - step) for step in steps]).T / (
+        2.0 * PERTURBATION
+    )
     apart: list[tuple[float, np.ndarray]] = []
     for each in optima:
         found = fit.estimate(each.z)

@@ -14,7 +14,7 @@ from scipy.special import ndtr, ndtri
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring_slope
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, innovations
-from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState
+from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD, InitialState
 from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
@@ -46,7 +46,6 @@ GRID = [(i, j) for i in range(-2, 3) for j in range(-2, 3) if i * i + j * j <= 4
 FARTHEST = 7.0  #: Standard deviations of its prior beyond which no parameter of the basin is looked for.
 LARGEST_SHAPE = 0.9  #: Damping and spread of the disturbance stay below this.
 MIN_NOISE = 1e-4  #: Of the amplitude: white noise where third differences show none.
-PERTURBATION = 1e-5
 NORMAL = float(ndtri(0.5 * (1.0 + CONFIDENCE)))
 
 

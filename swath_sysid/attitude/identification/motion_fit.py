@@ -15,12 +15,12 @@ from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.simulation import STEPS_PER_PERIOD, interpolate, places_in_steps, runge_kutta_population
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.rounding import ROUNDING
 
 SEARCH_STEPS_PER_PERIOD = 24  #: Within one of them the motion hardly changes.
 PERTURBATION = 1e-6
 TOLERANCE = 1e-11
 STARTING_TOLERANCE = 1e-5  #: Of what another search goes on from.
-BOUND_MARGIN = 1e-9
 MAX_EVALUATIONS = 100
 
 
@@ -141,9 +141,9 @@ class MotionFit:
         """
         free = np.full(parameters.size - len(self._terms), np.inf)
         bounds = (np.concatenate([lower, -free]), np.concatenate([upper, free]))
-        start = np.clip(parameters, bounds[0] + BOUND_MARGIN, bounds[1] - BOUND_MARGIN)
+        start = np.clip(parameters, bounds[0] + ROUNDING, bounds[1] - ROUNDING)
         found = self._least_squares(start, np.arange(parameters.size), bounds, tolerance)
-        vanished = found.x - bounds[0] < BOUND_MARGIN
+        vanished = found.x - bounds[0] < ROUNDING
         return np.where(vanished, bounds[0], found.x), float(np.sqrt(2.0 * found.cost / found.fun.size))
 
     def refine_states(self, parameters: np.ndarray) -> np.ndarray:

@@ -11,9 +11,9 @@ from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.simulation import longest_step, runge_kutta_population
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RESTORING_NAMES, TERM_NAMES, damping_moment
+from swath_sysid.attitude.identification.motion_fit import PERTURBATION
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 
-RELATIVE_STEP = 1e-4
 UPPER_PART = 0.9  #: Share of the draws whose error is smaller than the stated error.
 DRAWS = 100  #: Hulls of the posterior that are simulated, of ten times as many that are drawn.
 RATES = 30  #: At which the sign of each hull's damping is checked.
@@ -74,7 +74,7 @@ def amplitude_bands(
     slopes = []
     for index, spread in zip(known.equation.indices, np.sqrt(np.diag(known.covariance)), strict=True):
         step = np.zeros(complete.size)
-        step[index] = RELATIVE_STEP * max(abs(complete[index]), spread) or RELATIVE_STEP
+        step[index] = PERTURBATION * max(abs(complete[index]), spread) or PERTURBATION
         slopes.append((curves_of(complete + step)[1] - curves_of(complete - step)[1]) / (2 * step[index]))
     variance = np.einsum('ika,ij,jka->ka', slopes, known.covariance, slopes)
     return AmplitudeBands(curves, *np.hypot(np.sqrt(np.maximum(variance, 0.0)), curves_of(complete)[1] - own))

@@ -11,13 +11,13 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.rounding import ROUNDING
 
 QUATERNION = ('quaternion_x', 'quaternion_y', 'quaternion_z', 'quaternion_w')
 GYRO = ('gyro_x', 'gyro_y', 'gyro_z')
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
 EULER_RATES = ('roll_rate', 'pitch_rate', 'yaw_rate')
 
-STILL_YAW_RATE = 1e-9  #: rad/s: a heading that never turns faster was not measured but filled in.
 
 Readings = dict[str, np.ndarray]
 
@@ -93,7 +93,8 @@ def _craft_channels(
     rates.update(_euler_rates(readings, installation, name))
     if 'yaw_rate' not in rates and 'yaw' in angles:
         turning = turn_rate(time, angles['yaw'])
-        if np.nanmax(np.abs(turning), initial=0.0) > STILL_YAW_RATE:
+        # a heading that never turns was not measured but filled in
+        if np.nanmax(np.abs(turning), initial=0.0) > ROUNDING:
             rates['yaw_rate'] = turning
     force = _turned_vector(readings, ACCEL, installation, name)
     if from_gyro - set(readings) and not ('roll' in angles and 'pitch' in angles and _has(readings, GYRO)):

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from scipy import constants
 
+from swath_sysid.common.rounding import ROUNDING
+
 UNIT_TOLERANCE = 0.1  #: How far the squared norm of a measured quaternion may be from one.
-VERTICAL_COSINE = 1e-9  #: Below this cosine of pitch, roll and yaw cannot be separated.
 STANDARD_GRAVITY = constants.g  #: m/s^2.
 
 Value = Any  #: A float, or an ndarray that broadcasts with the others.
@@ -77,7 +78,7 @@ def _euler_angles(
     forward_east, forward_north = ww + xx - yy - zz, 2 * (x * y + z * w)
     left_east, left_north = 2 * (x * y - z * w), ww - xx + yy - zz
     roll, pitch = _tilt_angles(f, 2 * (x * z - y * w), 2 * (y * z + x * w), ww - xx - yy + zz)
-    vertical = f.hypot(forward_east, forward_north) < VERTICAL_COSINE
+    vertical = f.hypot(forward_east, forward_north) < ROUNDING
     yaw = f.where(vertical, f.arctan2(-left_east, left_north), f.arctan2(forward_north, forward_east))
     return f.where(vertical, 0.0, roll), pitch, yaw
 
@@ -114,7 +115,7 @@ def euler_rates(roll: Value, pitch: Value, rate_x: Value, rate_y: Value, rate_z:
     """Rates of roll, pitch and yaw of body rates, NaN where the x axis is vertical: [1], section 2.2.1."""
     f = _for_angles(roll, pitch)
     sin_roll, cos_roll, cos_pitch = f.sin(roll), f.cos(roll), f.cos(pitch)
-    cos_pitch = f.where(abs(cos_pitch) < VERTICAL_COSINE, math.nan, cos_pitch)
+    cos_pitch = f.where(abs(cos_pitch) < ROUNDING, math.nan, cos_pitch)
     yaw_rate = (rate_y * sin_roll + rate_z * cos_roll) / cos_pitch
     return rate_x + yaw_rate * f.sin(pitch), rate_y * cos_roll - rate_z * sin_roll, yaw_rate
 

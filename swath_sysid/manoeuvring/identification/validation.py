@@ -9,11 +9,10 @@ from swath_sysid.manoeuvring.hull import measurement
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import states_under, substeps_for, track
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
-from swath_sysid.manoeuvring.identification.windows import LENGTH, Windows, cut
+from swath_sysid.manoeuvring.identification.windows import LEADS, LENGTH, Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run, turned
 
-LEADS = (5.0, 10.0, 20.0)  #: s, at which errors of position and heading are reported.
 RUN_AWAY = 3.0  #: A motion beyond this multiple of the largest measured one has diverged.
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.trial import Run
 
-LENGTH = 20.0
+LEADS = (5.0, 10.0, 20.0)  #: s, at which errors of position and heading are reported.
+LENGTH = max(LEADS)
 SETTLING = 5.0  #: s; the shortest window, and simulations and filters run so long before they count.
 SETTLED = 2.0  #: s after which acting thrust no longer depends on inputs before the record.
 
