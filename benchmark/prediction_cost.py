@@ -33,8 +33,7 @@ POINTS = Point('bow', (2.5, 0.0, 0.0)), Point('crane_tip', (-1.0, 1.5, 4.0))
 QUIET = QuiescenceLimits(roll=math.radians(3.0), pitch=math.radians(3.0))
 AT_NONE = ForecasterSettings(quiescence=QUIET)
 AT_POINTS = ForecasterSettings(
-    points=POINTS,
-    quiescence=replace(QUIET, points=tuple(PointLimits(p.name, vertical_velocity=0.5) for p in POINTS)),
+    points=POINTS, quiescence=replace(QUIET, points=tuple(PointLimits(p.name, vertical_velocity=0.5) for p in POINTS))
 )
 
 

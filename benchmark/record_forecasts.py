@@ -40,12 +40,7 @@ SEA_DURATION = 600.0
 def run_of(trial, leads):
     """The forecaster run through a record, as `swath-sysid forecast` does without a hull."""
     settings = ForecasterSettings()
-    settings = replace(
-        settings,
-        leads=leads,
-        window=WINDOW,
-        horizon=max(settings.horizon, leads[-1]),
-    )
+    settings = replace(settings, leads=leads, window=WINDOW, horizon=max(settings.horizon, leads[-1]))
     return run_through(trial, settings, {})
 
 

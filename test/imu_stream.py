@@ -44,10 +44,7 @@ def released(time, release, amplitude=0.1, period=2.6, damping=0.08, hold=4.0):
     if t < 0.0:
         return amplitude, 0.0
     fall, v = amplitude * np.exp(-damping * w * t), w * np.sqrt(1 - damping**2)
-    return (
-        fall * (np.cos(v * t) + damping * w / v * np.sin(v * t)),
-        -fall * w * w / v * np.sin(v * t),
-    )
+    return (fall * (np.cos(v * t) + damping * w / v * np.sin(v * t)), -fall * w * w / v * np.sin(v * t))
 
 
 def decay_stream(rate=100.0, duration=40.0, release=8.0, axis='pitch', seed=1, first_ns=EPOCH_NS, **motion):
@@ -55,6 +52,5 @@ def decay_stream(rate=100.0, duration=40.0, release=8.0, axis='pitch', seed=1, f
     for k, (angle_noise, rate_noise) in enumerate(noise.tolist()):
         angle, angle_rate = released(k / rate, release, **motion)
         yield reading(
-            first_ns + round(k * 1e9 / rate),
-            **{axis: angle + angle_noise, f'{axis}_rate': angle_rate + rate_noise},
+            first_ns + round(k * 1e9 / rate), **{axis: angle + angle_noise, f'{axis}_rate': angle_rate + rate_noise}
         )

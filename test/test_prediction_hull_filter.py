@@ -21,14 +21,7 @@ from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.prediction import hull_filter
 from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, HullFilter, HullFilterSettings, HullPrior
-from swath_sysid.attitude.prediction.hull_track import (
-    HULL_STATES,
-    RATIOS,
-    HullTrack,
-    hull_step,
-    predict,
-    predict_to,
-)
+from swath_sysid.attitude.prediction.hull_track import HULL_STATES, RATIOS, HullTrack, hull_step, predict, predict_to
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, sum_of_moments
 from swath_sysid.common.errors import InputError
 

@@ -76,7 +76,7 @@ _TRIAL = named(
         'frame': one_of(('flu', 'frd'), 'frame'),
         'topic': _NAME,
         'columns': _columns,
-    },
+    }
 )
 
 
@@ -181,7 +181,7 @@ _CAMPAIGN = named(
         'trials': anything,
         'uncertainty': record(TypeB, **{each.name: number(0.0, 1.0) for each in fields(TypeB)}),
         'predictions': one_or_more(record(PredictedDamping)),
-    },
+    }
 )
 
 

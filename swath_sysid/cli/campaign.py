@@ -49,10 +49,7 @@ def run(arguments: Namespace) -> int:
             progress_of('campaign') as progress,
         ):
             outcome = run_campaign(
-                manifest,
-                store,
-                executor,
-                lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2])),
+                manifest, store, executor, lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2]))
             )
     except KeyboardInterrupt:
         print('stopped: the same command continues from the finished fits', file=sys.stderr)

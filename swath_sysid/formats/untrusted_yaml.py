@@ -130,13 +130,7 @@ def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...]) -> str | int |
 
 def dumped(content: Any) -> str:
     """YAML text without anchors that `plain_content` reads back; numbers that are not finite become null."""
-    return yaml.dump(
-        finite_or_none(content),
-        Dumper=_PlainDumper,
-        sort_keys=False,
-        default_flow_style=None,
-        width=120,
-    )
+    return yaml.dump(finite_or_none(content), Dumper=_PlainDumper, sort_keys=False, default_flow_style=None, width=120)
 
 
 class _PlainDumper(yaml.SafeDumper):

@@ -79,11 +79,7 @@ def stamp_of(message: Any) -> int | None:
 
 
 def read_upstream(
-    path: str | Path,
-    names: Sequence[str],
-    *,
-    topic: str | None = None,
-    columns: Mapping[str, str] | None = None,
+    path: str | Path, names: Sequence[str], *, topic: str | None = None, columns: Mapping[str, str] | None = None
 ) -> dict[str, UpstreamSeries]:
     """Read the upstream channels of a record, with the time of `read_trial`.
 

@@ -113,10 +113,7 @@ STATES = {
         'identify',
     ),
     'kept': Guidance(
-        KEPT,
-        'Accepted: {model}.',
-        cure='Watch the forecasts; save, download or export the model.',
-        action='save',
+        KEPT, 'Accepted: {model}.', cure='Watch the forecasts; save, download or export the model.', action='save'
     ),
     'identifying': Guidance(IDENTIFY, 'Identifying: {share:.0f} %.'),
     'not identified': Guidance(

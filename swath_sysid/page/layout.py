@@ -46,15 +46,7 @@ def build(state: PageState) -> None:
             list(AXES), value=state.view.axis or AXES[0], on_change=lambda event: state.choose(event.value)
         ).props('dense color=primary toggle-color=secondary text-color=white').mark('axis')
     with ui.element('main').classes('w-full grid items-start gap-3 grid-cols-1 lg:grid-cols-2 xl:grid-cols-3'):
-        updates = [
-            _guide(state),
-            _release(),
-            _model(),
-            *(_motion(axis) for axis in AXES),
-            _calm(),
-            _health(),
-            _heave(),
-        ]
+        updates = [_guide(state), _release(), _model(), *(_motion(axis) for axis in AXES), _calm(), _health(), _heave()]
         if state.manifest:
             updates.append(_trials())
 

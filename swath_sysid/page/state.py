@@ -105,13 +105,7 @@ class View:
 class PageState:
     """The state of the page; models and bags are saved in ``folder``."""
 
-    def __init__(
-        self,
-        source: Source,
-        folder: Path,
-        axis: str = AXES[0],
-        manifest: str | None = None,
-    ) -> None:
+    def __init__(self, source: Source, folder: Path, axis: str = AXES[0], manifest: str | None = None) -> None:
         self.view = View()
         self.answers: deque[str] = deque(maxlen=SHOWN_ANSWERS)
         self.manifest = manifest

@@ -26,13 +26,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.rounding import digits
 from swath_sysid.report.campaign_figures import legend_below
 from swath_sysid.report.campaign_tables import LOADING_NAMES
-from swath_sysid.report.extinction_tables import (
-    QUANTITY_COLUMNS,
-    curve_rows,
-    curve_table,
-    peaks_table,
-    quantity_row,
-)
+from swath_sysid.report.extinction_tables import QUANTITY_COLUMNS, curve_rows, curve_table, peaks_table, quantity_row
 from swath_sysid.report.figures import MEASURED, SERIES, panel, two_std_band
 from swath_sysid.report.html_page import Drawing
 from swath_sysid.report.tables import Column, Table, columns_of

@@ -165,9 +165,7 @@ def _is_of_fitted_motion(curve: Extinction, identification: Identification):
     """Whether the peaks of the fitted motion give the same damping terms as the curve of the measured ones."""
     simulated = [
         replace(
-            r.motion,
-            angle=None if r.motion.angle is None else r.angle,
-            rate=None if r.motion.rate is None else r.rate,
+            r.motion, angle=None if r.motion.angle is None else r.angle, rate=None if r.motion.rate is None else r.rate
         )
         for r in identification.records
     ]

@@ -7,17 +7,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.result import Identification
-from swath_sysid.report.figures import (
-    BAND,
-    MODEL,
-    Axes,
-    Figure,
-    curves_of,
-    draw_fit,
-    new_figure,
-    quiet,
-    two_std_band,
-)
+from swath_sysid.report.figures import BAND, MODEL, Axes, Figure, curves_of, draw_fit, new_figure, quiet, two_std_band
 from swath_sysid.report.fit_summary import short_name, spread_of
 
 MAX_PANELS = 12  #: Of records that are drawn, the first.

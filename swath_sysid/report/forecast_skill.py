@@ -81,11 +81,7 @@ def _scores_as_data(scores: Any, unit: str):
         'ratio_interval': scores.ratio_interval,
         'stood_in': scores.replaced_share,
         'coverage': {f'{100 * level:g}': scores.coverage[:, k] for k, level in enumerate(LEVELS)},
-        'after_gap': {
-            'within_s': AFTER_GAP,
-            'share': scores.gap_share,
-            'nrmse': scores.gap_nrmse,
-        },
+        'after_gap': {'within_s': AFTER_GAP, 'share': scores.gap_share, 'nrmse': scores.gap_nrmse},
     }
 
 

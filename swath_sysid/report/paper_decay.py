@@ -204,10 +204,7 @@ def _motion(study: DecayStudy, spec: dict[str, Any]) -> Iterator[Drawing]:
         figure, axes = panel(xlabel='time since release [s]', ylabel=f'{motion.axis} {unit}')
         recorded = np.degrees(getattr(motion, quantity))
         axes.plot(time, recorded, color=MEASURED, linewidth=0.7, alpha=0.7, label='simulated record')
-        for model, by, colour, style in (
-            (searched, GENETIC, MODEL, '--'),
-            (record.ours.model, OURS, RESIDUAL, '-'),
-        ):
+        for model, by, colour, style in ((searched, GENETIC, MODEL, '--'), (record.ours.model, OURS, RESIDUAL, '-')):
             own = simulate(model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
             label = f'model by {BY[by]}'
             axes.plot(time, np.degrees(own[quantity == 'rate']), style, color=colour, label=label)

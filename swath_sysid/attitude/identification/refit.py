@@ -15,11 +15,7 @@ from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.at_sea import (
-    PERIOD_USABLE,
-    identify_at_sea,
-    is_at_sea,
-)
+from swath_sysid.attitude.identification.at_sea import PERIOD_USABLE, identify_at_sea, is_at_sea
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE, REJECTED
 from swath_sysid.attitude.identification.hull_terms import CHANCE
 from swath_sysid.attitude.identification.identify import identify_problem

@@ -63,10 +63,7 @@ class LogPosterior(ABC):
                 cost += 0.5 * float(pull @ (z - self.mean))
                 found.append(
                     Evaluation(
-                        z,
-                        cost if np.isfinite(cost) else np.inf,
-                        gradient + pull,
-                        information + np.diag(self._weight),
+                        z, cost if np.isfinite(cost) else np.inf, gradient + pull, information + np.diag(self._weight)
                     )
                 )
         return found

@@ -224,14 +224,7 @@ def term_spectra(sea: SeaMotion) -> TermSpectra:
     """Cross spectra of the terms of a hull's equation."""
     x, w, s, q = sea.angle, sea.rate, sea.angle.std(), sea.rate.std()
     columns = np.stack(
-        [
-            sea.acceleration,
-            w,
-            x,
-            np.abs(w) * w / q - GAUSSIAN_RATE * w,
-            x * x / s,
-            x**3 / s**2 - 3.0 * x,
-        ]
+        [sea.acceleration, w, x, np.abs(w) * w / q - GAUSSIAN_RATE * w, x * x / s, x**3 / s**2 - 3.0 * x]
     )
     columns = columns - columns.mean(axis=1, keepdims=True)
     frequency = 2.0 * np.pi * np.fft.rfftfreq(x.size, sea.interval)
@@ -246,9 +239,7 @@ def term_spectra(sea: SeaMotion) -> TermSpectra:
     starts = np.flatnonzero(np.diff(band, prepend=-1))
     counts = np.diff(np.append(starts, frequency.size))
     return TermSpectra(
-        np.add.reduceat(frequency, starts) / counts,
-        np.add.reduceat(cross, starts) / counts[:, None, None],
-        counts,
+        np.add.reduceat(frequency, starts) / counts, np.add.reduceat(cross, starts) / counts[:, None, None], counts
     )
 
 

@@ -34,10 +34,7 @@ _NONLINEAR = slice(_QUADRATIC, _LEVEL)
 #: Of the sea's shape, the log of the floor over its peak last. JONSWAP: log peak frequency over that of the spectrum,
 #: log of its peakedness less one (with less than its mean, 3.3, a hull near resonance takes part of the sea's peak for
 #: its own), tail; the measured heave: power of the frequency.
-SEA_PRIORS = {
-    'jonswap': ((0.0, 0.5), (np.log(2.3), 1.0), (3.0, 2.0), (-7.0, 2.0)),
-    'heave': ((0.0, 1.0), (-7.0, 2.0)),
-}
+SEA_PRIORS = {'jonswap': ((0.0, 0.5), (np.log(2.3), 1.0), (3.0, 2.0), (-7.0, 2.0)), 'heave': ((0.0, 1.0), (-7.0, 2.0))}
 
 MISSING_TOGETHER = 12  #: Neighbouring bands whose misfits may be correlated.
 

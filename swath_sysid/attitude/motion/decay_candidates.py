@@ -132,7 +132,7 @@ class DecayCandidate:
     @property
     def is_suited(self) -> bool:
         """Whether its grid is the one on which to look at its period."""
-        return self.end > self.release and turning_points.suits(self.signal, self.period)
+        return turning_points.suits(self.signal, self.period) and self.end > self.release
 
     def _near(self, turn: int, first: int) -> np.ndarray:
         """Times, s, near turning point ``turn`` in the half-cycle from turning point ``first`` on."""

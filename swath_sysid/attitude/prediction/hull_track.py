@@ -152,11 +152,7 @@ def limit(covariance: np.ndarray) -> None:
 
 @accelerated
 def update(
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    values: tuple[float, float],
-    variances: tuple[float, float],
-    learns: bool,
+    mean: np.ndarray, covariance: np.ndarray, values: tuple[float, float], variances: tuple[float, float], learns: bool
 ) -> None:
     """Update with angle and rate (NaN: not measured), in place, one after the other.
 

@@ -9,13 +9,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE, AxisFilter, MotionSize
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, point_motion
-from swath_sysid.attitude.prediction.quiescence import (
-    AT_A_POINT,
-    CalmWindow,
-    Quiescence,
-    QuiescenceLimits,
-    quantity_at,
-)
+from swath_sysid.attitude.prediction.quiescence import AT_A_POINT, CalmWindow, Quiescence, QuiescenceLimits, quantity_at
 from swath_sysid.attitude.prediction.rows import CHANNELS, OF_SAMPLE, RowClock
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalForecaster, VerticalRequest

@@ -15,12 +15,7 @@ from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.state_space import BREAK, RIDGE, InnovationsFilter
-from swath_sysid.attitude.prediction.variate_analysis import (
-    ROWS_A_COEFFICIENT,
-    identify,
-    lag_gram,
-    useful_channels,
-)
+from swath_sysid.attitude.prediction.variate_analysis import ROWS_A_COEFFICIENT, identify, lag_gram, useful_channels
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 

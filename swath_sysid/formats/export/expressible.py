@@ -96,11 +96,7 @@ def added_mass_diverges(model: ManoeuvringModel) -> bool:
     """Whether added mass applied with the acceleration of the previous step exceeds the mass of the craft."""
     own = np.diag([model['m'], model['m'], model['Iz']])
     added = np.array(
-        [
-            [model['Xu_dot'], 0.0, 0.0],
-            [0.0, model['Yv_dot'], model['Yr_dot']],
-            [0.0, model['Nv_dot'], model['Nr_dot']],
-        ]
+        [[model['Xu_dot'], 0.0, 0.0], [0.0, model['Yv_dot'], model['Yr_dot']], [0.0, model['Nv_dot'], model['Nr_dot']]]
     )
     return bool(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(own, added)))) >= 1.0)
 

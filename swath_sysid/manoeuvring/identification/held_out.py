@@ -8,12 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from swath_sysid.manoeuvring.identification.shooting import (
-    ROBUST_AT,
-    Shooting,
-    free_run_residuals,
-    instability_slopes,
-)
+from swath_sysid.manoeuvring.identification.shooting import ROBUST_AT, Shooting, free_run_residuals, instability_slopes
 
 LARGEST_SHARE = 0.25  #: Largest share of one run in the misfit and in its change.
 

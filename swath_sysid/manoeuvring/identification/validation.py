@@ -40,10 +40,7 @@ class Scores:
 
 
 def simulate_windows(
-    model: ManoeuvringModel,
-    runs: Sequence[Run],
-    length: float = LENGTH,
-    currents: np.ndarray | None = None,
+    model: ManoeuvringModel, runs: Sequence[Run], length: float = LENGTH, currents: np.ndarray | None = None
 ) -> Simulated:
     """Every window of some runs under currents (R, 2), m/s, or the model's; an unmeasured sway starts from zero."""
     windows = cut(runs, length)
