@@ -66,7 +66,7 @@ def without_spikes(values: np.ndarray) -> np.ndarray:
 
 def prominent_maxima(values: np.ndarray, least: float) -> np.ndarray:
     """Indices of the maxima of finite values (N,) with this prominence; `scipy.signal.find_peaks` loads 35 MB."""
-    begins = np.flatnonzero(np.diff(values, prepend=np.nan))
+    begins = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]])[: values.size])
     ends = np.append(begins, values.size)[1:] - 1
     level = values[begins]
     maxima = np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:])) + 1

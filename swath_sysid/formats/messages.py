@@ -278,10 +278,15 @@ def coefficients_message(models: Mapping[str, IdentifiedModel]) -> bytes:
 
 def named_numbers_message(values: Mapping[str, float]) -> bytes:
     """A std_msgs/Float32MultiArray of named numbers, with their names in its only dimension."""
-    dimension = ','.join(values), len(values), len(values)
-    return serialised(
-        make('std_msgs/msg/Float32MultiArray', ([dimension], 0), np.array([*values.values()], np.float32))
-    )
+    numbers = np.array([*values.values()], '<f4')
+    return _before_named_numbers(tuple(values)) + numbers.tobytes()
+
+
+@lru_cache
+def _before_named_numbers(names: tuple[str, ...]) -> bytes:
+    dimension = ','.join(names), len(names), len(names)
+    whole = make('std_msgs/msg/Float32MultiArray', ([dimension], 0), np.zeros(len(names), np.float32))
+    return serialised(whole)[: -whole.data.nbytes or None]
 
 
 def diagnostics_message(

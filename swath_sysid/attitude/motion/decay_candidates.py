@@ -8,6 +8,7 @@ quadratic and cubic damping, none negative, the loss per half-cycle never grows.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import compress, pairwise
 from statistics import median
 
 import numpy as np
@@ -54,7 +55,8 @@ class DecayCandidate:
     @cached_property
     def double_amplitudes(self) -> np.ndarray:
         """Its double amplitudes, shape (last - first,)."""
-        return np.abs(np.diff(self.value[self.first : self.last + 1]))
+        turns = self.value[self.first : self.last + 1]
+        return np.abs(turns[1:] - turns[:-1])
 
     @property
     def weight(self) -> float:
@@ -72,8 +74,8 @@ class DecayCandidate:
     @cached_property
     def end(self) -> float:
         """Time of its last turning point, s; of a single half-cycle, when it comes near it."""
-        near = self._near(self.last, self.first) if self.is_single else ()
-        return float(next(iter(near), self.time[self.last]))
+        near = self._near(self.last, self.first)[0] if self.is_single else None
+        return float(self.time[self.last]) if near is None else near
 
     @property
     def at_record_end(self) -> bool:
@@ -99,13 +101,9 @@ class DecayCandidate:
         """Mean period, weighted by the double amplitudes, s; by the first half-cycle where there is no whole one."""
         # the first turning point may have been held, the record's end is none
         inner = slice(self.first + 1, self.last if self.at_record_end else self.last + 1)
-        periods = self.time[inner][2:] - self.time[inner][:-2]
-        if not periods.size:
+        if inner.stop - inner.start < 3:
             return 2.0 * self.first_half_duration
-        double_amplitudes = np.abs(np.diff(self.value[inner]))[1:]
-        # any other spans a gap
-        usual = np.abs(periods / turning_points.weighted_median(periods, double_amplitudes) - 1.0) < PERIOD_CHANGE - 1.0
-        return float(np.average(periods[usual], weights=double_amplitudes[usual]))
+        return usual_period(self.time[inner].tolist(), self.value[inner].tolist())
 
     @cached_property
     def first_half_duration(self) -> float:
@@ -116,10 +114,11 @@ class DecayCandidate:
     @cached_property
     def _steep_part(self) -> tuple[float, float]:
         """Times, s, from which on less than `HELD` and than half of the first half-cycle's way is left."""
-        signal, begin = self.signal, self.signal.index(self.time[self.first])
-        left = signal.value[begin : signal.index(self.time[self.first + 1]) + 1] - self.value[self.first + 1]
-        left /= self.value[self.first] - self.value[self.first + 1]
-        steep, halfway = last_crossing(left, HELD), last_crossing(left, 0.5)
+        signal = self.signal
+        begin, end = map(signal.index, self.time[self.first : self.first + 2].tolist())
+        left = signal.values[begin : end + 1]
+        high, low = self.value[self.first : self.first + 2].tolist()
+        steep, halfway = (last_crossing(left, part, low, high - low) for part in (HELD, 0.5))
         # where the grid is too coarse to tell them apart, a sample
         steep = steep if steep < halfway else halfway - 1.0
         return signal.start + signal.interval * (begin + steep), signal.start + signal.interval * (begin + halfway)
@@ -134,17 +133,21 @@ class DecayCandidate:
         """Whether its grid is the one on which to look at its period."""
         return turning_points.suits(self.signal, self.period) and self.end > self.release
 
-    def _near(self, turn: int, first: int) -> np.ndarray:
-        """Times, s, near turning point ``turn`` in the half-cycle from turning point ``first`` on."""
+    def _near(self, turn: int, first: int) -> tuple[float | None, float | None]:
+        """First and last time, s, near turning point ``turn`` in the half-cycle from turning point ``first`` on."""
         signal = self.signal
-        begin, end = signal.index(self.time[first]), signal.index(self.time[first + 1])
-        band = max(RELEASE_BAND * abs(self.value[first + 1] - self.value[first]), 2.0 * signal.noise)
-        near = np.flatnonzero(np.abs(signal.value[begin : end + 1] - self.value[turn]) <= band)
-        return signal.start + signal.interval * (begin + near)
+        begin, end = map(signal.index, self.time[first : first + 2].tolist())
+        level = float(self.value[turn])
+        band = max(RELEASE_BAND * abs(float(self.value[first + 1] - self.value[first])), 2.0 * signal.noise)
+        near = [at for at in range(begin, end + 1) if abs(signal.values[at] - level) <= band]
+        if not near:
+            return None, None
+        return signal.start + signal.interval * near[0], signal.start + signal.interval * near[-1]
 
     def leaving_time(self, turn: int) -> float:
         """Last time near turning point ``turn`` on the way to the next, s."""
-        return float(max([self.time[turn], *self._near(turn, turn)[-1:]]))
+        last = self._near(turn, turn)[1]
+        return float(self.time[turn] if last is None else max(self.time[turn], last))
 
     @property
     def leaves_in_gap(self) -> bool:
@@ -155,9 +158,9 @@ class DecayCandidate:
     @cached_property
     def arrival(self) -> float:
         """Time since when the signal had stayed on the side of the first turning point, s."""
-        level = self.value[self.first] - self.centre
-        left = np.flatnonzero((self._past - self.centre) / level < HOLD_BAND) if level else np.empty(0)
-        return self.release - self.signal.interval * float(left[0] if left.size else self._past.size)
+        level = float(self.value[self.first]) - self.centre
+        left = first_beyond(self._past, self.centre, -level, -HOLD_BAND) if level else len(self._past)
+        return self.release - self.signal.interval * float(left)
 
     @property
     def hold(self) -> float:
@@ -168,25 +171,27 @@ class DecayCandidate:
     @property
     def was_dropped(self) -> bool:
         """Whether it came to the first turning point faster than the craft oscillates, or the record was cut there."""
-        part = (self._past - self.value[self.first]) / (self.value[self.first + 1] - self.value[self.first])
-        far = np.flatnonzero(part > 1.0 - HOLD_BAND)
-        arrived = np.flatnonzero(np.abs(part) > RELEASE_BAND)
-        return bool(far.size and self.signal.interval * (far[0] - arrived[0]) <= JUMP_PERIODS * self.period)
+        turn, following = self.value[self.first : self.first + 2].tolist()
+        far = first_beyond(self._past, turn, following - turn, 1.0 - HOLD_BAND)
+        if far == len(self._past):
+            return False
+        arrived = min(first_beyond(self._past, turn, way, RELEASE_BAND) for way in (following - turn, turn - following))
+        return bool(self.signal.interval * (far - arrived) <= JUMP_PERIODS * self.period)
 
     @cached_property
-    def _past(self) -> np.ndarray:
+    def _past(self) -> Sequence[float]:
         """Samples up to the release, latest first."""
-        return self.signal.value[: self.signal.index(self.release) + 1][::-1]
+        return self.signal.values[self.signal.index(self.release) :: -1]
 
     @cached_property
     def rest(self) -> float:
         """Longest rest about the centre, in periods, that begins at the end or, if noise hides it, up to one later."""
         signal = self.signal
         begin, end = signal.index(self.release), signal.index(self.end)
-        low = np.abs(signal.value[begin:] - self.centre) <= REST_BAND * self.double_amplitudes[0]
-        later = (signal.index(self.end + part * self.period) - begin for part in (0.25, 0.5, 0.75, 1.0))
-        rests = _leading(low[: end - begin][::-1]) + _leading(low[end - begin :]), *(_leading(low[at:]) for at in later)
-        return (max(*rests, 1) - 1) * signal.interval / self.period
+        later = [signal.index(self.end + part * self.period) for part in (0.25, 0.5, 0.75, 1.0)]
+        band = REST_BAND * float(self.double_amplitudes[0])
+        longest = longest_rest(signal.values, self.centre, band, begin, (end, *later))
+        return (max(longest, 1) - 1) * signal.interval / self.period
 
     @cached_property
     def activity(self) -> np.ndarray:
@@ -209,20 +214,47 @@ class DecayCandidate:
         return self.evidence >= 1.0 + unexplained / (self.end - self.release)
 
 
-def last_crossing(values: np.ndarray, level: float) -> float:
-    """Place, between samples, from which on values stay below a level; 0 where all do, the last if they end above."""
-    is_above = np.flatnonzero(values >= level)
-    if not is_above.size:
-        return 0.0
-    above = int(is_above[-1])
-    if above == values.size - 1:
-        return float(above)
-    return above + float((values[above] - level) / (values[above] - values[above + 1]))
+def last_crossing(values: Sequence[float], part: float, start: float = 0.0, way: float = 1.0) -> float:
+    """Place, between samples, from which on less than a part of a way from a start is left; 0 where it always is, the
+    last if more is left at the end.
+    """
+    last = above = len(values) - 1
+    while above >= 0 and not (values[above] - start) / way >= part:
+        above -= 1
+    if above < 0 or above == last:
+        return float(max(above, 0))
+    high, low = (values[above] - start) / way, (values[above + 1] - start) / way
+    return above + (high - part) / (high - low)
 
 
-def _leading(mask: np.ndarray) -> int:
-    """Number of True values before the first False one."""
-    return int(mask.size if mask.all() else mask.argmin())
+def first_beyond(values: Sequence[float], start: float, way: float, part: float) -> int:
+    """Index of the first value that has gone more than a part of a way from a start; their number where none has."""
+    return next((at for at, value in enumerate(values) if (value - start) / way > part), len(values))
+
+
+def longest_rest(values: Sequence[float], level: float, band: float, earliest: int, begins: Sequence[int]) -> int:
+    """Samples of the longest stretch within a band about a level, around the first of some places or from the others
+    on; none before the earliest.
+    """
+    longest = 0
+    for begin in begins:
+        first = last = begin
+        while last < len(values) and abs(values[last] - level) <= band:
+            last += 1
+        while begin == begins[0] and first > earliest and abs(values[first - 1] - level) <= band:
+            first -= 1
+        longest = max(longest, last - first)
+    return longest
+
+
+def usual_period(time: Sequence[float], value: Sequence[float]) -> float:
+    """Mean period of turning points (M,), M >= 3, weighted by the double amplitudes, without those that span a gap."""
+    periods = [later - each for each, later in zip(time, time[2:], strict=False)]
+    weights = [abs(later - each) for each, later in pairwise(value[1:])]
+    middle = turning_points.weighted_median(periods, weights)
+    usual = [abs(period / middle - 1.0) < PERIOD_CHANGE - 1.0 for period in periods]
+    total = sum(compress(weights, usual))
+    return sum(period * weight for period, weight in compress(zip(periods, weights, strict=True), usual)) / total
 
 
 def find_candidates(motion: AxisMotion) -> list[DecayCandidate]:
@@ -237,9 +269,8 @@ def find_candidates(motion: AxisMotion) -> list[DecayCandidate]:
         value = np.concatenate([signal.value[:1], points.value, signal.value[-1:]])
         bridged = bridged_half_cycles(time, signal)
         for first, last, broken in split_into_candidates(time, value, least, bridged):
-            candidate = DecayCandidate(signal, time, value, first, last, broken, bridged)
-            if candidate.double_amplitudes[0] > 0.0:
-                candidates.append(candidate)
+            if value[first] != value[first + 1]:
+                candidates.append(DecayCandidate(signal, time, value, first, last, broken, bridged))
     return candidates
 
 

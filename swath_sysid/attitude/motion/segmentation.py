@@ -240,7 +240,7 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     away = towards * (candidate.centre - signal.value[inside])
     level = float(np.median(away[signal.time[inside] <= candidate.release]))
     at, later = (
-        signal.start + signal.interval * (inside.start + last_crossing(away, part * level))
+        signal.start + signal.interval * (inside.start + last_crossing(away.tolist(), part * level))
         for part in (HELD, HOLD_BAND)
     )
     if not at < later:

@@ -4,9 +4,11 @@ A motion is examined on a pyramid of even time grids, each the pairwise mean of 
 tens of samples per period the noise is small and the turning points are still sharp.
 """
 
-from collections.abc import Iterator
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -45,6 +47,11 @@ class EvenSignal:
     def time(self) -> np.ndarray:
         """Times of the samples, s."""
         return self.start + self.interval * np.arange(self.value.size)
+
+    @cached_property
+    def values(self) -> list[float]:
+        """``value`` as plain numbers, of which one after another is quicker to read."""
+        return self.value.tolist()
 
     @cached_property
     def final_level(self) -> float:
@@ -113,14 +120,14 @@ def centre_of_decay(value: np.ndarray) -> float:
     if not bent.any():
         return float(np.mean(value[-2:]))
     centre = (third[bent] * first[bent] - second[bent] ** 2) / bend[bent]
-    return weighted_median(centre, np.abs(bend[bent]))
+    return weighted_median(centre.tolist(), np.abs(bend[bent]).tolist())
 
 
-def weighted_median(value: np.ndarray, weight: np.ndarray) -> float:
+def weighted_median(value: Sequence[float], weight: Sequence[float]) -> float:
     """Value below and above which half of the weight lies."""
-    order = np.argsort(value)
-    cumulated = np.cumsum(weight[order])
-    return float(value[order][np.searchsorted(cumulated, 0.5 * cumulated[-1])])
+    in_order = sorted(zip(value, weight, strict=True))
+    cumulated = list(accumulate(weight for _, weight in in_order))
+    return in_order[bisect_left(cumulated, 0.5 * cumulated[-1])][0]
 
 
 def find_gaps(motion: AxisMotion, longer_than: float | None = None) -> np.ndarray:

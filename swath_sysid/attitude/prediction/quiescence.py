@@ -239,20 +239,21 @@ class Quiescence:
         needed = math.ceil(self._asked * (members + 1.0) - 0.5)
         if needed > members:
             return None
-        # how many leads each member stays inside, from each lead on
-        places = np.arange(leads)
-        first_outside = np.minimum.accumulate(np.where(inside, leads, places)[:, ::-1], axis=1)[:, ::-1]
-        lasting = first_outside - places
         # the quiet of now lasts up to the first lead; any later one begins at a lead, which is one more
-        lasting_enough = (lasting >= self._within + (places > 0)).sum(axis=0) >= needed
-        if not lasting_enough.any():
-            return None
-        begin = int(lasting_enough.argmax())
-        longest = np.partition(lasting[:, begin], members - needed)[members - needed]
+        begin = 0
+        if np.count_nonzero(inside[:, : self._within].all(axis=1)) < needed:
+            later = np.count_nonzero(_inside_from(inside[:, 1:], self._within + 1), axis=0) >= needed
+            if not later.any():
+                return None
+            begin = 1 + int(later.argmax())
+        # how many leads each member stays inside
+        rest = inside[:, begin:]
+        lasting = np.where(rest.all(axis=1), leads - begin, rest.argmin(axis=1))
+        longest = np.partition(lasting, members - needed)[members - needed]
         return CalmWindow(
             0.0 if begin == 0 else float(self._leads[begin]),
             float(self._leads[begin + longest - 1]),
-            _share(lasting[:, begin] >= longest),
+            _share(lasting >= longest),
         )
 
     def _by_marginals(self, motion: np.ndarray, deviation: np.ndarray):
@@ -261,6 +262,16 @@ class Quiescence:
         upper = ndtr((self._bound - motion) / wide)
         lower = ndtr((-self._bound - motion) / wide)
         return float(np.min(upper - lower))
+
+
+def _inside_from(inside: np.ndarray, count: int) -> np.ndarray:
+    """Whether each member stays inside for ``count`` leads, from each lead on that has so many."""
+    length = 1
+    while length < count:
+        step = min(length, count - length)
+        inside = inside[:, :-step] & inside[:, step:]
+        length += step
+    return inside
 
 
 def _share(inside: np.ndarray):
