@@ -168,6 +168,12 @@ def test_period_is_that_of_the_swing():
 def test_other_units_are_refused_with_their_cure_and_slow_sensors_pass(start, step, words):
     with pytest.raises(InputError, match=words):
         check_time_base(start + step * np.arange(900), [swing(900, 200.0)], 'a.csv')
+    with pytest.raises(InputError, match='too seldom'):
+        check_time_base(np.arange(700.0) / 0.4, [], 'a.csv')
+    with pytest.raises(InputError, match='more often'):
+        check_time_base(np.arange(700.0) / 12e3, [], 'a.csv')
+    for plausible in (0.6, 8e3):
+        check_time_base(np.arange(700.0) / plausible, [], 'a.csv')
     time = np.arange(700.0)
     for samples_a_cycle in (8.0, 50.0):
         check_time_base(time, [swing(700, samples_a_cycle)], 'a.csv')

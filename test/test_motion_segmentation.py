@@ -13,10 +13,25 @@ from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.attitude.motion.quality import check_decay, check_motion, clipped_extremes
-from swath_sysid.attitude.motion.segmentation import explain_absence, find_decay, find_decays, is_finished
+from swath_sysid.attitude.motion.decay_candidates import bridged_half_cycles
+from swath_sysid.attitude.motion.quality import check_decay, check_motion, clipped_extremes, without_spikes
+from swath_sysid.attitude.motion.segmentation import (
+    explain_absence,
+    find_decay,
+    find_decays,
+    is_finished,
+    keeps_oscillating,
+)
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.attitude.motion.turning_points import centre_of_decay, find_turning_points, mean_period
+from swath_sysid.attitude.motion.turning_points import (
+    EvenSignal,
+    centre_of_decay,
+    even_signal,
+    find_turning_points,
+    mean_period,
+    split_at_pauses,
+    turning_points_of,
+)
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
 
@@ -179,6 +194,71 @@ def test_ends_before_a_reflected_wave_and_before_the_craft_is_stopped(seed):
     braked = find_decay(replace(motion, angle=motion.angle * np.exp(-np.maximum(motion.time - 20.0, 0.0) / 0.4)))
     assert 17.0 < braked.end <= 20.2
     assert reflected.ending == braked.ending == 'disturbed'
+
+
+@pytest.mark.parametrize(('decrement', 'number'), [(0.0036, 0), (0.005, 1)])
+def test_motion_that_hardly_loses_anything_is_sustained(decrement, number):
+    assert len(find_decays(held_then_released(0, decrement / np.pi, duration=60.0))) == number
+
+
+@pytest.mark.parametrize(('duration', 'number'), [(4.5, 0), (5.5, 1)])
+def test_a_record_that_begins_at_the_release_needs_six_half_cycles(duration, number):
+    time = np.arange(0.0, duration, 0.02)
+    assert len(find_decays(motion_of(time, released(time, 0.1, 0.05)[0]))) == number
+
+
+@pytest.mark.parametrize(('samples', 'beginning'), [(3, 'released'), (4, 'pushed')])
+def test_a_rise_faster_than_the_craft_oscillates_is_a_cut_in_the_record(samples, beginning):
+    time = np.arange(0.0, 40.0, 0.05)
+    rising = 0.1 * np.clip(1.0 + (time - 10.0) / (0.05 * samples), 0.0, 1.0)
+    (decay,) = find_decays(
+        motion_of(time, np.where(time < 10.0, rising, released(time - 10.0, 0.1, 0.05)[0]), noise=0.2)
+    )
+    assert decay.beginning == beginning
+
+
+def test_what_breaks_a_decay_is_none_but_a_push_five_periods_later_is():
+    motion = held_then_released(0, 0.02, trim_deg=0.0)
+    wave = 0.05 * np.sin(2 * np.pi * motion.time / 1.7) * np.exp(-(((motion.time - 20.0) / 2.5) ** 2))
+    assert len(find_decays(replace(motion, angle=motion.angle + wave))) == 1
+    time = np.arange(0.0, 60.0, 1 / RATE_HZ)
+    stopped = np.where(time < 8.0, 0.1 * np.clip(time - 3.0, 0.0, 1.0), released(time - 8.0, 0.1, 0.02)[0])
+    stopped *= np.exp(-np.maximum(time - 14.0, 0.0) / 0.4)
+    natural, since = 2 * np.pi / PERIOD, np.maximum(time - 24.0, 0.0)
+    pushed = 0.06 * np.exp(-0.06 * natural * since) * np.sin(natural * since)
+    assert [d.beginning for d in find_decays(motion_of(time, stopped + pushed))] == ['released', 'pushed']
+
+
+@pytest.mark.parametrize(('lull', 'keeps'), [(0.2, True), (0.3, False)])
+def test_waves_may_have_a_lull_of_a_quarter_of_the_record(lull, keeps):
+    time = np.arange(0.0, 200.0, 0.05)
+    waves = np.where(np.abs(time - 100.0) < 100.0 * lull, 0.0, 0.1 * np.sin(np.pi * time))
+    assert keeps_oscillating(motion_of(time, waves, noise=0.1)) == keeps
+
+
+@pytest.mark.parametrize(('part', 'number'), [(0.15, 1), (0.25, 2)])
+def test_a_long_pause_splits_a_record(part, number):
+    time = np.arange(0.0, 20.0, 0.05)
+    assert len(split_at_pauses(motion_of(time + 20.0 * part * (time > 8.0), np.sin(time)))) == number
+
+
+@pytest.mark.parametrize(('gap', 'is_hidden'), [(0.12, False), (0.2, True)])
+def test_a_gap_of_a_sixth_of_a_half_cycle_may_hide_a_turning_point(gap, is_hidden):
+    signal = EvenSignal('angle', 0.0, 0.001, np.zeros(3000), 0.0, 0.0, np.array([[1.4, 1.4 + gap]]))
+    assert bridged_half_cycles(np.array([0.0, 1.0, 2.0, 3.0]), signal).tolist() == [False, is_hidden, False]
+
+
+@pytest.mark.parametrize(('ripple', 'number'), [(0.0016, 1), (0.0026, 3)])
+def test_trifles_of_a_record_without_noise_are_no_turning_points(ripple, number):
+    value = np.interp(np.arange(2001), [0, 800, 1000, 1200, 2000], [0.0, 1.0, 1.0 - ripple, 1.0, 0.0])
+    signal = EvenSignal('angle', 0.0, 0.0005, value, 0.0, 0.0, np.empty((0, 2)))
+    assert turning_points_of(signal).time.size == number
+
+
+def test_the_grid_of_a_long_record_is_bounded():
+    """20 samples per period suffice in an hour of 1 s periods."""
+    sizes = [even_signal(motion_of(np.arange(count) / 20.0, np.zeros(count))).value.size for count in (60_000, 90_000)]
+    assert sizes[0] == 60_000 and sizes[1] < 90_000
 
 
 @pytest.mark.parametrize(
@@ -388,6 +468,14 @@ def test_gaps_and_spikes():
     for spoilt, code, words in ((holed, 'gaps', '0.6'), (replace(motion, angle=angle), 'spikes', '3 samples')):
         (found,) = check_decay(spoilt, find_decay(spoilt if code == 'gaps' else motion, 2.2, 20.0))
         assert found.code == code and words in found.message
+
+
+@pytest.mark.parametrize(('part', 'number'), [(0.04, 0), (0.065, 1)])
+def test_a_spike_of_a_twentieth_of_the_range_bends_a_fit(part, number):
+    motion = quality_decay(angle_noise=1e-5)
+    angle = motion.angle.copy()
+    angle[900] += part * np.ptp(angle)
+    assert motion.size - without_spikes(replace(motion, angle=angle)).size == number
 
 
 def test_saturation_is_told_from_rounding():

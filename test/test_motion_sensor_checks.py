@@ -277,6 +277,26 @@ def test_the_standard_deviation_of_a_delay_is_that_of_repeats():
     assert 0.3 < np.std(lags) / np.mean(told) < 1.5
 
 
+def faults_of_roll(angles, rates, interval):
+    """The codes of the contradictions between angles and rates of a sensor of this interval, s."""
+    unknown = np.full(rates.shape, np.nan)
+    whole = np.column_stack([angles, unknown[:, 0]])
+    time = STEP * np.arange(len(rates))
+    found = sensor_checks.judge(time, whole, rates, unknown, installation=STRAIGHT, interval=interval)
+    return [each.code for each in found.contradictions if each.axis == 'roll']
+
+
+def test_small_delays_and_offsets_are_not_reported():
+    for intervals, codes in ((2.0, []), (3.0, ['rate-late'])):
+        assert faults_of_roll(*rolling(3, delay=intervals * STEP), STEP) == codes
+    frequency = compare_rates(STEP, *rolling(3))[0].frequency
+    for phase, codes in ((0.12, []), (0.2, ['rate-late'])):
+        assert faults_of_roll(*rolling(3, delay=phase / frequency), 0.1 * STEP) == codes
+    angles, rates = rolling(3)
+    for offset, codes in ((1.6, []), (2.6, ['rate-offset'])):
+        assert faults_of_roll(angles, rates + np.radians(offset), STEP) == codes
+
+
 def test_a_little_more_than_a_tolerance_shows_and_a_little_less_does_not():
     angles, rates = rolling(3)
     size = np.radians(1.0) / angles.std(axis=0)
