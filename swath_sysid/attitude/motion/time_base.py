@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import constants
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 MIN_RATE, MAX_RATE = 0.5, 10_000.0  #: Hz: sensors of motion lie well within.
 
-SHORTER_UNITS = {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
+SHORTER_UNITS = {'ms': constants.milli, 'us': constants.micro, 'ns': constants.nano}
 
 LONGEST_PERIOD = 60.0  #: s: roll and pitch of small craft take a few seconds, of ships up to 30.
 
