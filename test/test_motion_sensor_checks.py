@@ -297,6 +297,24 @@ def test_small_delays_and_offsets_are_not_reported():
         assert faults_of_roll(angles, rates + np.radians(offset), STEP) == codes
 
 
+def test_angles_too_coarse_to_be_differentiated_are_not_compared():
+    time = np.arange(0.0, 30.0, STEP)
+    for part_of_nyquist, count in ((0.25, 1), (0.35, 0)):
+        w = np.pi * part_of_nyquist / STEP
+        angles, rates = np.zeros((time.size, 2)), np.zeros((time.size, 3))
+        angles[:, 0], rates[:, 0] = 0.1 * np.sin(w * time), 0.1 * w * np.cos(w * time)
+        assert len(compare_rates(STEP, angles, rates)) == count
+
+
+def test_a_contradiction_is_reported_when_a_second_judgement_confirms_it():
+    random = np.random.default_rng(1)
+    attitude = Rotation.from_euler('ZYX', random.normal(0.0, 0.01, (400, 3)))
+    in_g = random.normal(0.0, 1e-3, (400, 3)) + [0.0, 0.0, 1.0]
+    found, _ = named_by(readings_of(attitude, random.normal(0.0, 0.01, (400, 3)), in_g), STRAIGHT)
+    since, _ = found['accelerations-in-g']
+    assert since == pytest.approx(3.0 * sensor_checks.FROZEN, abs=1.0)
+
+
 def test_a_little_more_than_a_tolerance_shows_and_a_little_less_does_not():
     angles, rates = rolling(3)
     size = np.radians(1.0) / angles.std(axis=0)
