@@ -99,12 +99,10 @@ class ForecastMessages:
             values = np.stack([motion.mean, deviation], axis=2).ravel()
             yield topics.point_horizon_topic(name), self._filled(_point_horizon, leads_ns, step.stamp_ns, values)
         if step.quiescence is not None:
-            points = []
-            if (calm := horizon.calm) is not None:
-                times = calm.begin, calm.end
-                points = [messages.trajectory_point(round(time * SECOND_NS), [calm.probability]) for time in times]
-            fields = header(step.stamp_ns, self._level), ['probability'], points
-            yield topics.CALM_TOPIC, serialised(make(topics.TRAJECTORY, *fields))
+            calm = horizon.calm
+            times_ns = () if calm is None else (round(calm.begin * SECOND_NS), round(calm.end * SECOND_NS))
+            probabilities = () if calm is None else (calm.probability, calm.probability)
+            yield topics.CALM_TOPIC, self._filled(_calm_window, times_ns, step.stamp_ns, probabilities)
 
     def _filled(self, message_of: Callable, key: Any, stamp_ns: int, values: Any) -> bytes:
         if (message_of, key) not in self._templates:
@@ -120,6 +118,11 @@ def _odometry(v: np.ndarray, level: str, point: str) -> Any:
 
 def _acceleration(v: np.ndarray, level: str, _: str) -> Any:
     return make(topics.ACCELERATION, header(0, level), ((tuple(v[:3]), (0.0, 0.0, 0.0)), v[3:39]))
+
+
+def _calm_window(v: np.ndarray, level: str, times_ns: Sequence[int]) -> Any:
+    points = [messages.trajectory_point(time, [value]) for time, value in zip(times_ns, v, strict=True)]
+    return make(topics.TRAJECTORY, header(0, level), ['probability'], points)
 
 
 def _point_horizon(v: np.ndarray, level: str, leads_ns: Sequence[int]) -> Any:

@@ -91,8 +91,8 @@ class Template:
         size = (len(self._raw) - ENCAPSULATION_BYTES) // FLOAT64_BYTES
         self._doubles = np.frombuffer(self._raw, '<f8', size, ENCAPSULATION_BYTES)
         self._places = np.flatnonzero(np.isin(self._doubles, marks))
-        self._begin = ENCAPSULATION_BYTES + FLOAT64_BYTES * int(self._places[0])
-        are_together = self._places[-1] - self._places[0] == count - 1
+        self._begin = ENCAPSULATION_BYTES + FLOAT64_BYTES * int(self._places[0] if count else 0)
+        are_together = not count or self._places[-1] - self._places[0] == count - 1
         # a third of the time of an assignment to an array
         self._together = Struct(f'<{count}d') if are_together else None
 
