@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ndtri, stdtrit
 
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scaling import Scales
@@ -12,6 +13,7 @@ from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay, without
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.chance import CONFIDENCE
 from swath_sysid.common.covariance import ParameterCovariance, sandwich_covariance
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.noise import weighting_noise
@@ -283,5 +285,9 @@ def residual_covariance(problem: Problem, fit: MotionFit, parameters: np.ndarray
     likelihood of a basin that moves allows for it.
     """
     found = fit.residuals_and_jacobian(parameters)
-    both = all(m.angle is not None and m.rate is not None for m in problem.motions)
-    return sandwich_covariance(*found, problem.shortest_memory, () if both else problem.own_motion)
+    if all(m.angle is not None and m.rate is not None for m in problem.motions):
+        return sandwich_covariance(*found, problem.shortest_memory)
+    lasting = sandwich_covariance(*found, problem.shortest_memory, problem.own_motion)
+    # few independent samples tell little of the noise itself (Student 1908)
+    wider = stdtrit(lasting.effective_samples, 0.5 * (1.0 + CONFIDENCE)) / ndtri(0.5 * (1.0 + CONFIDENCE))
+    return replace(lasting, matrix=wider**2 * lasting.matrix)
