@@ -232,7 +232,7 @@ def test_the_command_line_refuses_with_a_sentence(sea_file, capsys, arguments, s
 
 
 def test_a_hull_that_is_known_too_poorly_is_told_but_not_written(sea_file, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr('swath_sysid.attitude.identification.at_sea.DAMPING_USABLE', 1e-3)
+    monkeypatch.setattr('swath_sysid.attitude.identification.at_sea.UNCERTAIN', 1e-3)
     model = tmp_path / 'model.yaml'
     command = ['identify', str(sea_file), '--output', str(model)]
     assert main(command) == 1

@@ -50,7 +50,6 @@ SEA_OPTIONS = ('--leads', '0.5,1,2,3', '--warmup', '180')
 SEA, RELEASE = 'sea', 'release'
 
 TIMEOUT_S = 300.0  #: Of every wait: only a failure waits so long.
-ATTEMPTS = 2
 
 
 def run(arguments: Namespace) -> int:
@@ -232,13 +231,13 @@ def _demonstrate(craft: _Craft, stage: _Stage):
     if not stage.wait(starting, stage.listener.is_ready, TIMEOUT_S):
         raise InputError(f'the nodes sent nothing within {TIMEOUT_S:g} s: see demo.log')
     stage.pause('still water, no model', craft.period)
-    for attempt in range(ATTEMPTS):
-        first = stage.release('lifting the craft')
-        waiting = 'released; waiting until the decay is detected and the model identified'
+    waiting = 'released; waiting until the decay is detected and the model identified'
+    for lifting in ('lifting the craft', 'lifting the craft again, as no model came'):
+        first = stage.release(lifting)
         if stage.wait(waiting, lambda: received.model_ns is not None, TIMEOUT_S):
             break
-        if attempt == ATTEMPTS - 1:
-            raise InputError(f'no model was published within {TIMEOUT_S:g} s of either release: see demo.log')
+    else:
+        raise InputError(f'no model was published within {TIMEOUT_S:g} s of either release: see demo.log')
     stage.pause('identified', craft.period)
     second = stage.release('lifting the craft again')
     stage.pause('forecasting with the identified model', (second - received.angles[-1][0]) * NANOSECOND + SCORED_SPAN)

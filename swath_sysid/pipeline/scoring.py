@@ -14,7 +14,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability, quantity_at
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.chance import CONFIDENCE
+from swath_sysid.common.chance import CONFIDENCE, TWO_STD
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts
 from swath_sysid.pipeline.decisions import DecisionSkill, score_decisions
@@ -30,7 +30,6 @@ _BLOCK = 30.0  #: s: several wave groups, so that the errors of one block say li
 
 _MIN_BLOCKS = 8
 _REPLICATES = 2000
-_SELDOM = 2.0  #: Standard deviations: passed so rarely that staying below for some seconds is uncertain.
 _MIN_WARMUP = 30.0  #: s from which limits of quiescence can be taken.
 _LONGEST_WARMUP = 600.0
 
@@ -113,7 +112,8 @@ def usual_limits(
     warm = {axis: angle for axis, angle in warm.items() if np.nanmax(np.abs(angle), initial=0.0) > 0.0}
     if warmup < _MIN_WARMUP or not warm:
         return None
-    found: dict[str, Any] = {axis: float(abs(np.nanmean(a)) + _SELDOM * np.nanstd(a)) for axis, a in warm.items()}
+    # passed so rarely that staying below for some seconds is uncertain
+    found: dict[str, Any] = {axis: float(abs(np.nanmean(a)) + TWO_STD * np.nanstd(a)) for axis, a in warm.items()}
     return replace(limits, **found)
 
 

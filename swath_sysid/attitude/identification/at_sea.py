@@ -18,6 +18,7 @@ from swath_sysid.attitude.identification.sea_posterior import SeaPosterior
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.chance import UNCERTAIN
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Progress, ShouldCancel
 
@@ -29,9 +30,9 @@ HEAVE_PREFERRED = 1.5
 
 MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; otherwise it is a tone.
 
-#: Relative standard deviations above which the result is unusable; from half of them the sea is reported to hide the
-#: hull.
-PERIOD_USABLE, DAMPING_USABLE = 0.10, 0.50
+#: Relative standard deviation of the period above which the result is unusable, as it is with uncertain damping; from
+#: half of either the sea is reported to hide the hull.
+PERIOD_USABLE = 0.10
 POOR_FIT = 2.0
 
 
@@ -76,7 +77,7 @@ class AtSeaIdentification:
     @property
     def is_usable(self) -> bool:
         """Whether period and damping are known well enough."""
-        return self.has_period and self.damping_ratio_std < DAMPING_USABLE * self.damping_ratio
+        return self.has_period and self.damping_ratio_std < UNCERTAIN * self.damping_ratio
 
     @property
     def std(self) -> dict[str, float]:
@@ -89,7 +90,7 @@ class AtSeaIdentification:
         found = [Advice.of('equivalent-linear', amplitude=np.degrees(self.amplitude))]
         period = 100.0 * self.natural_period_std / self.natural_period
         damping = 100.0 * self.damping_ratio_std / self.damping_ratio
-        if period > 50.0 * PERIOD_USABLE or damping > 50.0 * DAMPING_USABLE:
+        if period > 50.0 * PERIOD_USABLE or damping > 50.0 * UNCERTAIN:
             peak, minutes = self.peak_period, self.duration / 60
             found.append(Advice.of('sea-hides-hull', peak=peak, period=period, damping=damping, minutes=minutes))
         if self.holds_decay:

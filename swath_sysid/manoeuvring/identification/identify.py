@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.chance import UNCERTAIN
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
@@ -24,7 +25,6 @@ from swath_sysid.manoeuvring.identification.shooting import CURRENT, objective_o
 from swath_sysid.manoeuvring.identification.validation import Scores, score
 from swath_sysid.manoeuvring.motion.trial import Run
 
-UNCERTAIN = 0.5  #: A standard deviation beyond this share of a value makes it uncertain.
 STRANGE_MASS = 0.6  #: Largest added mass in surge of a small craft, as a share of its mass.
 MORE_THAN_NOISE = 2.0  #: A simulation error within so many times the sensor noise is not poor.
 
