@@ -193,6 +193,7 @@ def test_a_craft_to_try_is_identified_in_waves_and_its_bag_replays(tmp_path):
         bench.close()
     assert [code for code, _ in ends] == [0, 0], ends
     assert 'pushed to 6 deg and released' in ends[1][1] and 'Traceback' not in ends[1][1]
+    assert models.exists(), ends[1][1]
     published = read_model(models)['roll']
     played = tmp_path / 'played.mcap'
     assert main(['play-through', str(bag), '--output', str(played)]) == 0
