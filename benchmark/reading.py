@@ -12,8 +12,8 @@ from timeit import timeit
 
 import numpy as np
 
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.intake import ImuReading, convert
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.formats.bags import write_imu_bag
 from swath_sysid.formats.csv_trials import write_csv

@@ -5,9 +5,9 @@ from imu_stream import EPOCH_NS, reading, released
 
 from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
 from swath_sysid.attitude.identification.result import IdentificationSettings
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import Intake
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
 from swath_sysid.page.bring_up import BringUp

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.motion import intake
 from swath_sysid.attitude.motion import stamps as reasons_of
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.intake import ImuReading, convert
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import StampOrder, StampSettings
 from swath_sysid.attitude.motion.window import (
     COLUMNS,

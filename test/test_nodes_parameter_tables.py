@@ -10,7 +10,7 @@ from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.refit import RefitSettings
 from swath_sysid.attitude.identification.result import OBJECTIVES
 from swath_sysid.attitude.identification.search import ALGORITHMS
-from swath_sysid.attitude.motion.sensor_mount import FRAMES
+from swath_sysid.attitude.motion.attitude import FRAMES
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings

@@ -14,7 +14,7 @@ from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulation import simulate
-from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState

@@ -7,7 +7,7 @@ from argparse import Namespace
 from dataclasses import replace
 from typing import Any
 
-from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import columns_of
 from swath_sysid.common.advice import Advice, counted

@@ -13,9 +13,8 @@ import numpy as np
 from rosbags.rosbag2 import Reader
 
 from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemble_trial
-from swath_sysid.attitude.motion.attitude import body_rates, quaternion
+from swath_sysid.attitude.motion.attitude import Installation, body_rates, quaternion
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.attitude.motion.assembly import ACCEL, QUATERNION, assemble_trial
-from swath_sysid.attitude.motion.attitude import euler_angles
-from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.attitude import Installation, euler_angles
 from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice

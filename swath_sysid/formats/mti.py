@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemble_trial
-from swath_sysid.attitude.motion.attitude import tilt_angles
-from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.attitude import Installation, tilt_angles
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import reading

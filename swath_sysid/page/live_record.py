@@ -8,8 +8,8 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits

@@ -10,7 +10,7 @@ import numpy as np
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion import attitude
-from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Installation
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import (
     INTAKE_REASONS,
@@ -21,7 +21,6 @@ from swath_sysid.attitude.motion.intake import (
     ImuReading,
     Intake,
 )
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecast import Forecast

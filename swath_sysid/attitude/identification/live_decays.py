@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.identification.problem import Problem, before_the_next, needed_part, problem_of, to_be_fitted
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays
 from swath_sysid.attitude.motion.sensor_checks import OFFSET_CODES, RATE_CODES, contradictions_in, refuse_contradictions
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.window import MotionTable
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from swath_sysid.attitude.motion import attitude
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.cleaning import clean
 from swath_sysid.attitude.motion.sensor_checks import contradictions_in
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError

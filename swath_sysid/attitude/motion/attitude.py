@@ -5,16 +5,20 @@ as fast as numpy. Formulas: [1] T. I. Fossen, Handbook of Marine Craft Hydrodyna
 """
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
 from typing import Any
 
 import numpy as np
 from scipy import constants
 
+from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.common.rounding import ROUNDING
 
 UNIT_TOLERANCE = 0.1  #: How far the squared norm of a measured quaternion may be from one.
 STANDARD_GRAVITY = constants.g  #: m/s^2.
+FRAMES = ('flu', 'frd')  #: Sensor axes forward-left-up in an ENU world, or forward-right-down in a NED world.
 
 Value = Any  #: A float, or an ndarray that broadcasts with the others.
 
@@ -169,3 +173,42 @@ def rotate(rotation: Quaternion, x: Value, y: Value, z: Value) -> tuple[Value, V
     ux, uy, uz, w = rotation
     cx, cy, cz = 2 * (uy * z - uz * y), 2 * (uz * x - ux * z), 2 * (ux * y - uy * x)
     return (x + w * cx + uy * cz - uz * cy, y + w * cy + uz * cx - ux * cz, z + w * cz + ux * cy - uy * cx)
+
+
+@dataclass(frozen=True)
+class Installation:
+    """Frame and mounting of a sensor: readings go from its frame to FLU in ENU, then through the mounting."""
+
+    frame: str = 'flu'  #: One of `FRAMES`: what the sensor's axes and angles mean.
+    #: rad: roll, pitch, yaw of the sensor's (FLU) axes as seen from the craft's.
+    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        check_choice(self.frame, FRAMES, 'frame')
+        if len(self.mounting) != 3 or not all(isfinite(angle) for angle in self.mounting):
+            raise InputError(f'a mounting is three finite angles (roll, pitch, yaw in rad), not {self.mounting}')
+
+    @cached_property
+    def is_turned(self) -> bool:
+        """Whether the sensor's axes are not the craft's."""
+        return any(self.mounting)
+
+    @cached_property
+    def rotation(self) -> Quaternion:
+        """The quaternion (x, y, z, w) that turns sensor vectors (FLU) into craft vectors."""
+        x, y, z, w = quaternion(*self.mounting)
+        return float(x), float(y), float(z), float(w)
+
+    def vector(self, x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
+        """A rate or specific force from the sensor's axes to the craft's (FLU); floats or arrays."""
+        if self.frame == 'frd':
+            x, y, z = swap_body_axes(x, y, z)
+        return rotate(self.rotation, x, y, z) if self.is_turned else (x, y, z)
+
+    def orientation(self, x: Value, y: Value, z: Value, w: Value) -> Quaternion:
+        """The quaternion of the sensor in its world as that of the craft in ENU; floats or arrays."""
+        if self.frame == 'frd':
+            x, y, z, w = swap_frames(x, y, z, w)
+        if self.is_turned:
+            x, y, z, w = multiply((x, y, z, w), conjugate(*self.rotation))
+        return x, y, z, w

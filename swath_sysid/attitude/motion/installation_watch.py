@@ -6,9 +6,9 @@ from operator import itemgetter
 import numpy as np
 
 from swath_sysid.attitude.motion import sensor_checks
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.intake import NANOSECOND, CraftSample
 from swath_sysid.attitude.motion.sensor_checks import GRAVITY_CODES, PARTS, RATE_CODES, Contradiction, Judgement
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.common.row_buffer import RowBuffer
 

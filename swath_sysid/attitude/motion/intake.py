@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion import attitude
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.cleaning import limit_of
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import NANOSECOND, StampOrder, StampSettings
 
 NOT_FINITE = 'not-finite'

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.motion import attitude, sensor_mount
-from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Installation
 from swath_sysid.attitude.motion.rate_comparison import (
     FOLLOWS,
     MIN_BINS,
@@ -22,7 +22,6 @@ from swath_sysid.attitude.motion.rate_comparison import (
     compare_rates,
     is_near,
 )
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.chance import SIGNIFICANT

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.intake import INTAKE_REASONS, ConvertedReading, ImuReading, Intake
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, NANOSECOND, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES, CHANNELS, AxisMotion, Trial
 from swath_sysid.common.errors import InputError

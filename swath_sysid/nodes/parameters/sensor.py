@@ -2,7 +2,7 @@
 
 from math import radians
 
-from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.parameters.table import Values
