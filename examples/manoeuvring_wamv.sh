@@ -1,8 +1,8 @@
 #!/bin/sh
 # The procedure of a free-running identification, on a simulated WAM-V 16, in one command:
 #   examples/manoeuvring_wamv.sh [FOLDER] [NAME=VALUE ...]
-# Straight runs, turns and zig-zags are simulated with sensor noise; the model is identified from two thirds of them and
-# validated on the others; its turning circle is compared with that of the craft that made the runs.
+# Straight runs, turns and zig-zags are simulated with sensor noise; a fit to two thirds of them is validated on
+# the others, and the model is identified from all; its turning circle is compared with that of the craft that made the runs.
 # With arguments such as  dead_band=0.05 lag=0.3  the craft is driven by normalised commands instead of thrust in N.
 set -e
 folder=${1:-manoeuvring_wamv}

@@ -62,6 +62,14 @@ def test_truth_is_found_with_honest_uncertainty(force_runs):
         assert found.derivatives[name].value == pytest.approx(OLD[name], rel=0.1)
     assert found.stability.stable
     assert diameters(found.model, OLD) == pytest.approx([1, 1], abs=0.05)
+    # all runs are used, and the scores are those of a fit to two thirds of them, on the others
+    assert len(found.identified_on) == len(force_runs)
+    tested, unseen = split(force_runs)
+    alone = identify_manoeuvring(tested, ManoeuvringSettings(**QUICK), unseen)
+    assert [run.source for run in found.validated_on] == [run.source for run in unseen]
+    assert found.validation == alone.validation
+    assert found.validated_model['Xuu'] == alone.model['Xuu'] != found.model['Xuu']
+    assert found.derivatives['Xuu'].std < alone.derivatives['Xuu'].std
     assert found.validation.diverged == 0
     assert found.validation.r2['yaw_rate'] > 0.99
     assert found.validation.position_error[20.0] < 1.0

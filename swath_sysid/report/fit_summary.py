@@ -101,6 +101,7 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
     """Lines for a reader."""
     model = found.model
     low, high = (math.degrees(a) for a in found.amplitude_range)
+    period, damping, period_std, damping_std = found.bands.at(found.reference_amplitude)
     lines = [
         f'{model.axis}: {title_of(model.equation, model.axis)}, {counted(len(found.records), "decay")}',
         f'  {with_flags(found.verdict.code, str(found.verdict))}',
@@ -113,8 +114,9 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
         *_joint_lines(found),
         f'  trim {math.degrees(model.trim):.4f} deg'
         + (f' +- {math.degrees(found.trim_std):.2g}' if math.isfinite(found.trim_std) else ''),
-        f'  natural period of small motions {model.natural_period:.4f} s (extrapolated below {low:.2f} deg), '
-        f'equivalent damping ratio {found.damping_ratio:.4f} at {math.degrees(found.reference_amplitude):.2f} deg',
+        f'  natural period of small motions {model.natural_period:.4f} s (extrapolated below {low:.2f} deg)',
+        f'  at {math.degrees(found.reference_amplitude):.2f} deg: natural period {period:.4f} s +- {period_std:.2g}, '
+        f'equivalent damping ratio {damping:.4f} +- {damping_std:.2g}',
         f'  R2 {found.r2:.6f}, {found.objective} objective {found.objective_value:.6g}, '
         f'{found.effective_samples:.0f} effective of {found.samples} samples',
         f'  valid from {low:.2f} to {high:.2f} deg; search ended by {found.search.stop} after '

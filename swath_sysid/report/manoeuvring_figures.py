@@ -25,15 +25,15 @@ def identification_figures(found: ManoeuvringIdentification, window: float) -> d
     s; by file name without ending.
     """
     figures = {'derivatives': _derivatives_figure(found), 'residuals': _residuals_figure(found, window)}
-    for label, runs, currents in (
-        ('identification', found.identified_on, found.currents),
-        ('validation', found.validated_on, None),
+    for label, model, runs, currents in (
+        ('identification', found.model, found.identified_on, found.currents),
+        ('validation', found.validated_model, found.validated_on, None),
     ):
         for number, run in enumerate(runs, 1):
             its_own = None if currents is None else currents[number - 1 : number]
-            simulated = simulate_windows(found.model, [run], window, currents=its_own)
+            simulated = simulate_windows(model, [run], window, currents=its_own)
             name = re.sub(r'[^\w-]', '_', short_name(run.source).rsplit('.', 1)[0])
-            r2 = score(found.model, [run], window, currents=its_own).r2
+            r2 = score(model, [run], window, currents=its_own).r2
             figures[f'{label}_{number:02d}_{name}'] = _run_figure(run, simulated, label, r2)
     return figures
 
@@ -187,13 +187,13 @@ def _residuals_figure(found: ManoeuvringIdentification, window: float):
     figure = new_figure(11, 6)
     rows = figure.subplots(3, 2, gridspec_kw={'width_ratios': (2.2, 1)})
     groups = [
-        ('identification', found.identified_on, found.currents, RESIDUAL),
-        ('validation', found.validated_on, None, MODEL),
+        ('identification', found.model, found.identified_on, found.currents, RESIDUAL),
+        ('validation', found.validated_model, found.validated_on, None, MODEL),
     ]
-    for label, runs, currents, color in groups:
+    for label, model, runs, currents, color in groups:
         if not runs:
             continue
-        simulated = simulate_windows(found.model, runs, window, currents=currents)
+        simulated = simulate_windows(model, runs, window, currents=currents)
         measured = simulated.windows.measured
         step = simulated.windows.step
         for c in range(len(CHANNELS)):

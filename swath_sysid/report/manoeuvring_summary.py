@@ -131,7 +131,8 @@ def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
     """Lines for a reader."""
     model = found.model
     names = ', '.join(short_name(run.source) for run in found.validated_on)
-    held = f', {len(found.validated_on)} held out for validation ({names})' if names else ''
+    others = '' if found.validated_model is model else ' by a fit to the others'
+    held = f', validated on {names}{others}' if names else ''
     width = max(map(len, found.derivatives), default=0)
     # without a length or a scale of its own the prime system says nothing
     assumed = {a.code for a in found.advice} & {'length-assumed', 'scale-not-given'}

@@ -55,9 +55,12 @@ class ManoeuvringIdentification:
     prime_units: PrimeUnits
     noise: np.ndarray  #: (3,); Residual standard deviation of surge, sway, yaw rate.
     identification: Scores  #: On the runs that it was fitted to.
-    validation: Scores | None  #: On the runs kept out of the fit; None: there were none.
-    identified_on: tuple  #: The runs that it was fitted to.
-    validated_on: tuple  #: The runs kept out of the fit.
+    validation: Scores | None  #: Of ``validated_model`` on runs kept out of its fit; None: there were none.
+    identified_on: tuple  #: The runs that the model was fitted to.
+    validated_on: tuple  #: The runs kept out of the fit of ``validated_model``.
+    validated_model: (
+        ManoeuvringModel  #: The model, or where it is of all runs, one identified without ``validated_on``.
+    )
     stability: StabilityCheck
     rejected: dict[str, str]  #: Rejected terms and why.
     currents: np.ndarray  #: (R, 2); East and north, m/s, of each run of the identification.
@@ -92,8 +95,8 @@ def identify_manoeuvring(
     Args:
         runs: Of one craft, as `prepare_runs` gives them.
         settings: What is given, fixed and searched.
-        validation: Kept out of the fit and scored; by default a third of the runs, where there are three or more.
-            Empty: none.
+        validation: Kept out of the fit and scored. By default a third of the runs, where there are three or more,
+            test a fit to the others; the model is then identified from all. Empty: none.
         progress: Called with the share of the work done, 0 to 1.
         should_cancel: Asked between steps.
 
@@ -124,16 +127,45 @@ def identify_manoeuvring(
     note(0.0)
     kept, advice = assembly.moving_runs(runs)
     if validation is None:
-        kept, held_out = split(kept)
+        outcome = _tested_on_a_third(kept, settings, note)
     else:
         held_out, more = assembly.moving_runs(validation) if len(validation) else ((), ())
         advice += more
-    problem = assembly.assemble(kept, settings)
-    start = _searched(problem, settings, lambda share: note(0.05 + 0.3 * share))
-    problem, found = selection.identified(problem, start, settings.window, settings.terms is None, note)
-    outcome = _outcome(problem, found, held_out, settings)
+        outcome = _fitted(kept, held_out, settings, note)
     note(1.0)
     return replace(outcome, advice=advice + outcome.advice)
+
+
+def _tested_on_a_third(
+    runs: tuple[Run, ...], settings: ManoeuvringSettings, note: Callable[[float], object]
+) -> ManoeuvringIdentification:
+    """Of all runs, with the scores on some of them of a fit to the others: a run held out for good would be wasted."""
+    kept, held_out = split(runs)
+    if not held_out:
+        return _fitted(runs, (), settings, note)
+    tested = _fitted(kept, held_out, settings, lambda share: note(0.5 * share))
+    whole = _fitted(runs, (), settings, lambda share: note(0.5 + 0.5 * share))
+    more = _simulation_advice('validation', tested.validation, assembly.sensor_noise(kept))
+    return replace(
+        whole,
+        validation=tested.validation,
+        validated_on=tested.validated_on,
+        validated_model=tested.model,
+        advice=(*whole.advice, *more),
+    )
+
+
+def _fitted(
+    runs: tuple[Run, ...],
+    held_out: tuple[Run, ...],
+    settings: ManoeuvringSettings,
+    note: Callable[[float], object],
+) -> ManoeuvringIdentification:
+    """What a fit to some runs says, with its scores, on runs held out too, and its warnings."""
+    problem = assembly.assemble(runs, settings)
+    start = _searched(problem, settings, lambda share: note(0.05 + 0.3 * share))
+    problem, found = selection.identified(problem, start, settings.window, settings.terms is None, note)
+    return _outcome(problem, found, held_out, settings)
 
 
 def _outcome(
@@ -158,11 +190,13 @@ def _outcome(
     if np.any(currents != model.current):
         strengths = np.hypot(*currents.T)
         advice.append(Advice.of('current-by-run', least=strengths.min(), most=strengths.max()))
-    advice += _verdicts(stability, problem.largest_growth < 0.0, scores, validated, assembly.sensor_noise(runs))
+    advice += _stability_advice(stability, problem.largest_growth < 0.0)
+    for label, of_runs in (('identification', scores), ('validation', validated)):
+        advice += _simulation_advice(label, of_runs, assembly.sensor_noise(runs))
     assumed = (*(n for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names), *problem.assumed, *settings.fixed)
     fixed = {name: model[name] for name in assumed}
     fitted = model, found.names, found.values, found.covariance.matrix, derivatives, fixed, units, problem.noise
-    tested = scores, validated, runs, held_out, stability, found.rejected, currents
+    tested = scores, validated, runs, held_out, model, stability, found.rejected, currents
     counts = found.covariance.effective_samples, found.evaluations
     return ManoeuvringIdentification(*fitted, *tested, *counts, tuple(advice))
 
@@ -248,27 +282,28 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
     return derivatives, advice
 
 
-def _verdicts(
-    stability: StabilityCheck, keeps_course: bool, scores: Scores, validated: Scores | None, noise: np.ndarray
-):
-    """Advice on stability and on the fit of the simulations."""
-    advice = []
+def _stability_advice(stability: StabilityCheck, keeps_course: bool) -> list[Advice]:
     if not (keeps_course or stability.stable) and stability.bounded:
         growth = stability.largest_growth
-        advice.append(Advice.of('course-unstable', speed=stability.unstable_speed, growth=growth, time=3.0 / growth))
-    elif not stability.stable:
+        return [Advice.of('course-unstable', speed=stability.unstable_speed, growth=growth, time=3.0 / growth)]
+    if not stability.stable:
         where = '' if np.isnan(stability.unstable_speed) else f' (at {stability.unstable_speed:.2f} m/s)'
-        advice.append(Advice.of('unstable', where=where))
-    for label, found in (('identification', scores), ('validation', validated)):
-        if found is None:
-            continue
-        if found.diverged:
-            advice.append(Advice.of('diverged', diverged=found.diverged, windows=found.windows, label=label))
-        low = [
-            f'{name} {found.r2[name]:.2f}'
-            for (name, good), white in zip(GOOD_R2.items(), noise, strict=True)
-            if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white
-        ]
-        if low:
-            advice.append(Advice.of('poor-simulation', label=label, channels=', '.join(low)))
+        return [Advice.of('unstable', where=where)]
+    return []
+
+
+def _simulation_advice(label: str, scores: Scores | None, noise: np.ndarray) -> list[Advice]:
+    """Advice on how well the free simulation follows the runs, whose sensor noise is (3,)."""
+    if scores is None:
+        return []
+    advice = []
+    if scores.diverged:
+        advice.append(Advice.of('diverged', diverged=scores.diverged, windows=scores.windows, label=label))
+    low = [
+        f'{name} {scores.r2[name]:.2f}'
+        for (name, good), white in zip(GOOD_R2.items(), noise, strict=True)
+        if scores.r2[name] < good and scores.rmse[name] > MORE_THAN_NOISE * white
+    ]
+    if low:
+        advice.append(Advice.of('poor-simulation', label=label, channels=', '.join(low)))
     return advice
