@@ -5,8 +5,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from swath_sysid.attitude.motion import attitude
-from swath_sysid.attitude.motion.attitude import Installation
+from swath_sysid.attitude.motion.attitude import Installation, euler_angles, multiply, quaternion
 
 
 def _turns() -> list[np.ndarray]:
@@ -45,5 +44,5 @@ def in_degrees(mounting: Sequence[float]) -> list[int]:
 
 def mounting_after(further: Sequence[float], installation: Installation) -> list[int]:
     """The mounting, deg, of a sensor with a further rotation, rad, after its stated mounting."""
-    turned = attitude.multiply(attitude.quaternion(*further), installation.rotation)
-    return in_degrees(attitude.euler_angles(*turned))
+    turned = multiply(quaternion(*further), installation.rotation)
+    return in_degrees(euler_angles(*turned))

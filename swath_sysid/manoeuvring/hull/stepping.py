@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from swath_sysid.manoeuvring.hull import simulation
+from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, manoeuvre_of, moved, states_under, steady_speed, substeps_for
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 from swath_sysid.manoeuvring.motion.trial import STEP
@@ -15,11 +15,11 @@ class SteeredCraft:
         self.model = model
         self._thrust = ThrustMemory(model.values, first_input)
         push = float(np.sum(self._thrust.advance(-STEP, STEP)))
-        speed = simulation.steady_speed(model, push) if push > 0.0 else 0.0
+        speed = steady_speed(model, push) if push > 0.0 else 0.0
         self._state = np.array([speed, 0.0, 0.0])
         self._pose = np.zeros(3)
         most = max(abs(push), 2.0 * abs(float(thrust_curve(model.largest_input, model.values))))
-        self._substeps = simulation.substeps_for(model, STEP, self._state, most)
+        self._substeps = substeps_for(model, STEP, self._state, most)
         self._rows = [(*self._state, *self._pose)]
         self._inputs: list[tuple[float, float]] = []
 
@@ -47,9 +47,9 @@ class SteeredCraft:
         """Hold both inputs over one step."""
         self._thrust.command(self.time, port, starboard)
         thrust, before = self._thrust.advance(self.time, STEP)[:, None, None], self._state
-        states = simulation.states_under(self.model.values, before[:, None], thrust, STEP, self._substeps)
+        states = states_under(self.model.values, before[:, None], thrust, STEP, self._substeps)
         self._state = states[-1, :, 0]
-        self._pose = self._pose + simulation.moved(before, self._state, self._pose[0], STEP, self.model.current)
+        self._pose = self._pose + moved(before, self._state, self._pose[0], STEP, self.model.current)
         self._rows.append((*self._state, *self._pose))
         self._inputs.append((port, starboard))
 
@@ -58,7 +58,7 @@ class SteeredCraft:
         for _ in range(round(duration / STEP)):
             self.advance(port, starboard)
 
-    def manoeuvre(self) -> simulation.Manoeuvre:
+    def manoeuvre(self) -> Manoeuvre:
         """All motion since the start."""
         rows = np.array(self._rows).T
-        return simulation.manoeuvre_of(STEP, rows[:3], rows[3:], np.array(self._inputs).T, self.model.current)
+        return manoeuvre_of(STEP, rows[:3], rows[3:], np.array(self._inputs).T, self.model.current)
