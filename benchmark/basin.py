@@ -229,8 +229,7 @@ def judged(task):
 
 def motion_held(made, found, trim):
     """Share of the first two periods of the next release that its pointwise 95 % interval holds."""
-    from swath_sysid.attitude.identification.fit_quality import largest_releases
-    from swath_sysid.attitude.identification.uncertainty import drawn_releases
+    from swath_sysid.attitude.identification.fit_quality import drawn_releases, largest_releases
 
     start, away = largest_releases(found)[0], trim - found.model.trim
     time, drawn = drawn_releases(found.model, found.posterior, found.trim_std, start, found.problem.scales)

@@ -1,6 +1,6 @@
 """Which hand-chosen constants nothing notices: each is multiplied and divided by 1.5 while a command runs.
 
-    python benchmark/constants.py swath_sysid/common/noise.py -- python -m pytest -qx test/test_common_signals.py
+    python benchmark/constants.py swath_sysid/common/signals.py -- python -m pytest -qx test/test_common_signals.py
     python benchmark/constants.py swath_sysid/attitude/hull --only _RANGES,LEAST -- python -m pytest -qx test
     python benchmark/constants.py FILE... --score 'mean (\\S+)' -- python benchmark/default_hull.py --seeds 1
 

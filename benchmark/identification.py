@@ -17,15 +17,15 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.attitude.hull.scaling import LOWER, UPPER
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.terms import LOWER, UPPER
+from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.identify import _search_objective, identify_problem
-from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.accelerator import has_numba
-from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
+from swath_sysid.common.search import GeneticSearch, GeneticSettings
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
 LOWER_7, UPPER_7 = np.zeros(7), np.array([1.0, 50.0, 50.0, 50.0, 50.0, 200.0, 1000.0])

@@ -18,15 +18,13 @@ from dataclasses import replace
 import numpy as np
 import simulated_craft
 
-from swath_sysid.manoeuvring.hull.presets import preset
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.manoeuvring.hull.standard_tests import run_test
+from swath_sysid.manoeuvring.hull.model import preset
+from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, run_test, trial_programme, with_noise
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import COMMAND, ManoeuvringTrial
-from swath_sysid.manoeuvring.prediction.calibration import calibrated
-from swath_sysid.manoeuvring.prediction.skill import score_forecasts
+from swath_sysid.manoeuvring.prediction.skill import calibrated, score_forecasts
 
 WAMV = preset('wamv-vrx-old')
 COMMANDED = replace(

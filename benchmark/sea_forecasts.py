@@ -18,8 +18,8 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.compiled import motion_step
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulation import motion_step
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import Trial

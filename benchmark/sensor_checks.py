@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.hull.simulation import simulate
-from swath_sysid.attitude.motion.assembly import assemble_trial
 from swath_sysid.attitude.motion.attitude import Installation
+from swath_sysid.attitude.motion.cleaning import assemble_trial
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.sensor_checks import Contradiction

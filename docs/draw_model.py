@@ -4,9 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.catalogue import composed
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, amplitude_curves
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.report.figures import SERIES, new_figure, quiet, save_figure
 

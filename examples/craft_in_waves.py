@@ -17,9 +17,9 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.formats.upstream import read_upstream
+from swath_sysid.pipeline.baselines import vertical_record
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import SENSOR
-from swath_sysid.pipeline.vertical_record import vertical_record
 from swath_sysid.report.figures import FORMATS, save_figure
 
 STEP = 0.1

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.attitude.hull.amplitude import amplitude_curves
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, amplitude_curves
 
 COMPONENTS = 400
 SETTLING = 20.0

@@ -7,10 +7,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.hull.presets import preset
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, Region
+from swath_sysid.manoeuvring.hull.model import preset
+from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 

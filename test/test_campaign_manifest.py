@@ -16,7 +16,7 @@ from swath_sysid.campaign.manifest import (
     read_manifest,
     write_new_manifest,
 )
-from swath_sysid.campaign.result_store import ResultStore, key_of
+from swath_sysid.campaign.work import ResultStore, key_of
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 
@@ -187,7 +187,7 @@ def test_what_is_not_there_or_torn_is_none_and_leftovers_of_a_killed_process_are
 
 def test_one_process_at_a_time_in_a_folder_that_can_be_made(store, tmp_path):
     code = (
-        'import sys\nfrom swath_sysid.campaign.result_store import ResultStore\n'
+        'import sys\nfrom swath_sysid.campaign.work import ResultStore\n'
         'with ResultStore(sys.argv[1]).locked(): print("alone")\n'
     )
     command = [sys.executable, '-c', code, str(tmp_path / 'results')]

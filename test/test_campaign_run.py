@@ -22,13 +22,12 @@ import pytest
 
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.campaign import executors
+from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
+from swath_sysid.campaign import work as executors
 from swath_sysid.campaign.evaluation import out_of_order
-from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.manifest import read_manifest
-from swath_sysid.campaign.result_store import ResultStore
 from swath_sysid.campaign.run import run_campaign
+from swath_sysid.campaign.work import ResultStore, executor_of
 from swath_sysid.cli import campaign
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.signal import find_peaks
 from scipy.stats import qmc
 
-from swath_sysid.common.latin_hypercube import latin_hypercube
-from swath_sysid.common.rounding import digits, percent
+from swath_sysid.common.conventions import digits, percent
 from swath_sysid.common.row_buffer import RowBuffer
+from swath_sysid.common.search import latin_hypercube
 from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, white_noise
 
 

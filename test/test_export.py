@@ -23,10 +23,9 @@ from swath_sysid.formats.export.nav2 import nav2
 from swath_sysid.formats.export.vrx import vrx
 from swath_sysid.formats.manoeuvring_model_file import write_manoeuvring_model
 from swath_sysid.formats.model_file import write_model
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, Region
+from swath_sysid.manoeuvring.hull.model import preset
 from swath_sysid.manoeuvring.hull.simulation import simulate
-from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.hull.standard_tests import run_test
 
 NEW = preset('wamv-vrx-new')

@@ -16,7 +16,7 @@ from swath_sysid.formats import messages as layout
 from swath_sysid.formats.bags import is_bag, read_bag, read_imu, write_imu_bag
 from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.formats.topics import IMU
-from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.model import preset
 from swath_sysid.manoeuvring.hull.simulation import simulate
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -8,7 +8,7 @@ import pytest
 
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.files import replacing
 from swath_sysid.formats.outputs import Output, check_outputs
 
 

@@ -12,15 +12,16 @@ from hypothesis import strategies as st
 from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats import schema, untrusted_yaml
-from swath_sysid.formats.input_files import shown
+from swath_sysid.formats import schema
+from swath_sysid.formats import schema as untrusted_yaml
+from swath_sysid.formats.files import shown
 from swath_sysid.formats.manoeuvring_model_file import (
     manoeuvring_from_yaml,
     manoeuvring_to_yaml,
     read_manoeuvring_model,
 )
 from swath_sysid.formats.model_file import description_from_yaml, model_to_yaml, read_model
-from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT, dumped, plain_content, text_of
+from swath_sysid.formats.schema import LARGEST_TEXT, dumped, plain_content, text_of
 
 READERS = {'attitude': description_from_yaml, 'manoeuvring': manoeuvring_from_yaml}
 VALID = {'attitude': attitude_text(), 'manoeuvring': manoeuvring_text()}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
+from swath_sysid.attitude.prediction.blend import AxisForecast, Forecast
 from swath_sysid.attitude.prediction.point import point_motion
 from swath_sysid.attitude.prediction.quiescence import CalmWindow
 from swath_sysid.common.errors import InputError

@@ -11,20 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.decay_model import RATIO_RANGES, DecayModel, Equation, check_physical
 from swath_sysid.attitude.hull.froude import length_ratio, scaled, scaled_model, scaled_schedule, scaling_advice
-from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
-from swath_sysid.attitude.hull.physical_range import RATIO_RANGES, check_physical
-from swath_sysid.attitude.hull.scheduled_model import ScheduledModel, models_at
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel, ScheduledModel, models_at
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import model_file
-from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
-from swath_sysid.manoeuvring.hull.physical_range import PARAMETER_RANGES
-from swath_sysid.manoeuvring.hull.physical_range import check_physical as check_manoeuvring
-from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
+from swath_sysid.manoeuvring.hull.model import PARAMETER_RANGES, PRESETS, ManoeuvringModel, preset
+from swath_sysid.manoeuvring.hull.model import check_physical as check_manoeuvring
 from swath_sysid.manoeuvring.hull.terms import INDEX, NAMES
 
 FULL = DecayModel(

@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks
 from scipy.special import ellipk
 
-from swath_sysid.attitude.hull.amplitude import amplitude_curves, orbit_centre
 from swath_sysid.attitude.hull.catalogue import (
     EQUATIONS,
     PUBLISHED_EQUATIONS,
@@ -18,10 +17,22 @@ from swath_sysid.attitude.hull.catalogue import (
     equation_named,
     hull_named,
 )
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.published_form import PublishedForm, from_published, to_published
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft, release_angle
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.decay_model import (
+    DecayModel,
+    Equation,
+    PublishedForm,
+    amplitude_curves,
+    from_published,
+    orbit_centre,
+    to_published,
+)
+from swath_sysid.attitude.hull.simulated_craft import (
+    CraftSettings,
+    SensorNoise,
+    SimulatedCraft,
+    release_angle,
+    simulated_trial,
+)
 from swath_sysid.attitude.hull.simulation import runge_kutta_population, simulate
 from swath_sysid.attitude.hull.terms import TERM_NAMES, restoring_energy, term_moments
 from swath_sysid.cli.main import main

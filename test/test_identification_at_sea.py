@@ -10,16 +10,15 @@ from craft_at_sea import jonswap, known_sea
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.at_sea import identify_at_sea, is_at_sea
+from swath_sysid.attitude.identification.at_sea import excitation_spectrum, identify_at_sea, is_at_sea
 from swath_sysid.attitude.identification.problem import decays_or_waves
 from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
 from swath_sysid.attitude.identification.sea_motion import Heave, heave_of, sea_motion, tapered_spectrum
-from swath_sysid.attitude.identification.sea_posterior import excitation_spectrum
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.stopping import Cancelled
+from swath_sysid.common.search import Cancelled
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model
 from swath_sysid.formats.reading import read_trial
 

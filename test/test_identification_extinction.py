@@ -9,10 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from swath_sysid.attitude.hull.amplitude import AmplitudeCurves
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.decay_model import AmplitudeCurves, DecayModel, Equation
+from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.extinction import (
     Particulars,
     Peaks,
@@ -21,9 +20,9 @@ from swath_sysid.attitude.identification.extinction import (
     measured_peaks,
     tank_quantities,
 )
+from swath_sysid.attitude.identification.fit_quality import AmplitudeBands
 from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.result import IdentificationSettings
-from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError

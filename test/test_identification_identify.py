@@ -22,7 +22,7 @@ from swath_sysid.attitude.hull.catalogue import (
     published_alike,
 )
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification import fit_quality
 from swath_sysid.attitude.identification.fit_quality import (
@@ -36,15 +36,14 @@ from swath_sysid.attitude.identification.fit_quality import (
 from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.motion_fit import MotionFit
 from swath_sysid.attitude.identification.problem import prepare
-from swath_sysid.attitude.identification.pruning import log_evidence, prune
 from swath_sysid.attitude.identification.result import IdentificationSettings
-from swath_sysid.attitude.identification.scoring import LogPosterior
+from swath_sysid.attitude.identification.scoring import LogPosterior, log_evidence, prune
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.selection import compare, first_part, held_out_error, information_criterion
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.stopping import Cancelled
+from swath_sysid.common.search import Cancelled
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 

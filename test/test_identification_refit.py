@@ -9,15 +9,21 @@ import numpy as np
 import pytest
 from imu_stream import EPOCH_NS, decay_stream, reading
 
-from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, IdentifiedModel, coefficients
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.live_decays import LiveDecay, newest
 from swath_sysid.attitude.identification.problem import prepare
-from swath_sysid.attitude.identification.refit import AxisVerdict, RefitOutcome, RefitSettings, Refitter, refit
-from swath_sysid.attitude.identification.replacement import misfit, reason_to_keep
+from swath_sysid.attitude.identification.refit import (
+    AxisVerdict,
+    RefitOutcome,
+    RefitSettings,
+    Refitter,
+    misfit,
+    reason_to_keep,
+    refit,
+)
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.attitude.hull.scaling import Scales
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.attitude.hull.terms import term_moments
+from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.terms import Scales, term_moments
+from swath_sysid.attitude.identification.fit_quality import known_together
+from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
-from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.search import (
     ALGORITHMS,
     PRESETS,
@@ -20,13 +20,10 @@ from swath_sysid.attitude.identification.search import (
     published_space,
     run_search,
 )
-from swath_sysid.attitude.identification.uncertainty import known_together
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.common.noise import autocovariance, correlated, weighting_noise
-from swath_sysid.common.stopping import Cancelled
-from swath_sysid.common.swarm import ParticleSwarm, SwarmSettings
+from swath_sysid.common.search import Cancelled, GeneticSearch, GeneticSettings, ParticleSwarm, SwarmSettings
+from swath_sysid.common.signals import autocovariance, correlated, weighting_noise
 
 SEARCHES = [(GeneticSearch, GeneticSettings), (ParticleSwarm, SwarmSettings)]
 EQUATION = EQUATIONS['odd-cubic']

@@ -9,11 +9,10 @@ from manoeuvring_runs import OLD, codes, runs_of, trial_of
 from scipy.optimize import approx_fprime, least_squares, lsq_linear
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.stopping import Cancelled
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.common.search import Cancelled
+from swath_sysid.manoeuvring.hull.identified_model import check_stability
 from swath_sysid.manoeuvring.hull.simulation import simulate
-from swath_sysid.manoeuvring.hull.stability import check_stability
-from swath_sysid.manoeuvring.hull.standard_tests import run_test
+from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, run_test, trial_programme, with_noise
 from swath_sysid.manoeuvring.identification import held_out
 from swath_sysid.manoeuvring.identification.assembly import assemble, moving_runs, seen_region
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring, split
@@ -25,10 +24,9 @@ from swath_sysid.manoeuvring.identification.refit import (
     refit_manoeuvring,
 )
 from swath_sysid.manoeuvring.identification.selection import shooting_of
-from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
+from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings, cut
 from swath_sysid.manoeuvring.identification.shooting import jacobian, residuals
 from swath_sysid.manoeuvring.identification.validation import score
-from swath_sysid.manoeuvring.identification.windows import cut
 from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE
 from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow

@@ -11,17 +11,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import approx_fprime, fsolve
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.identified_model import Region, check_stability
 from swath_sysid.manoeuvring.hull.measurement import deviation, recorded_heading, recorded_speeds, through_water
-from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
-from swath_sysid.manoeuvring.hull.physical_range import check_physical
-from swath_sysid.manoeuvring.hull.presets import preset
-from swath_sysid.manoeuvring.hull.prime import PrimeUnits
-from swath_sysid.manoeuvring.hull.programme import RECIPE, trial_programme
-from swath_sysid.manoeuvring.hull.simulation import simulate, steady_speed
-from swath_sysid.manoeuvring.hull.stability import Region, check_stability
-from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
-from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
-from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, OFFSET, PARAMETERS
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, check_physical, parameter_values, preset
+from swath_sysid.manoeuvring.hull.simulation import SteeredCraft, simulate, steady_speed
+from swath_sysid.manoeuvring.hull.standard_tests import RECIPE, TESTS, DriveSettings, run_test, trial_programme
+from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, OFFSET, PARAMETERS, PrimeUnits
 from swath_sysid.manoeuvring.hull.thrust import delayed, lagged, thrust_curve
 
 RICH = dict(

@@ -22,8 +22,8 @@ from swath_sysid.formats.manoeuvring_model_file import (  # noqa: E402
     read_manoeuvring_model,
 )
 from swath_sysid.formats.messages import stamp_ns  # noqa: E402
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise  # noqa: E402
 from swath_sysid.manoeuvring.hull.simulation import simulate  # noqa: E402
+from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, with_noise  # noqa: E402
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: E402
 from swath_sysid.nodes.manoeuvring_predictor import odometry_message, odometry_reading  # noqa: E402
 from swath_sysid.nodes.qos import LATCHED  # noqa: E402

@@ -14,8 +14,8 @@ from swath_sysid.formats.manoeuvring_model_file import (
     read_manoeuvring_model,
     write_manoeuvring_model,
 )
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.simulation import simulate
+from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, acting_thrust
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlook, ManoeuvreOutlookSettings, OdometryReading
 from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter, ManoeuvreFilterSettings

@@ -20,9 +20,8 @@ from swath_sysid.manoeuvring.identification.selection import fit, model_of, sele
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
-from swath_sysid.manoeuvring.prediction.calibration import _scale, calibrated
 from swath_sysid.manoeuvring.prediction.predictor import THRUST_TO_COME, ManoeuvreFilter
-from swath_sysid.manoeuvring.prediction.skill import score_forecasts
+from swath_sysid.manoeuvring.prediction.skill import _scale, calibrated, score_forecasts
 
 SEED = 1
 

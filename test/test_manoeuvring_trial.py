@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv, write_manoeuvring_csv
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
 from swath_sysid.manoeuvring.motion.polarity import mirrored
 from swath_sysid.manoeuvring.motion.resampling import smoothed

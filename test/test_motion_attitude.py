@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.motion import attitude
-from swath_sysid.attitude.motion.assembly import assemble_trial, turn_rate
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Installation, is_orientation
+from swath_sysid.attitude.motion.cleaning import assemble_trial, turn_rate
 from swath_sysid.attitude.motion.intake import LARGEST_PITCH, ImuReading, convert
 from swath_sysid.attitude.motion.vertical import (
     ACCELERATION,

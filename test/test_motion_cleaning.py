@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hypothesis_numpy
 
 from swath_sysid.attitude.motion.cleaning import MIN_ROWS, clean
-from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
+from swath_sysid.attitude.motion.stamps import check_time_base, motion_period
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
 

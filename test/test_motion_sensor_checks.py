@@ -12,11 +12,10 @@ from imu_stream import NOT_GIVEN, diagonal
 from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.motion import sensor_checks
-from swath_sysid.attitude.motion.attitude import Installation
+from swath_sysid.attitude.motion.attitude import TURNS, Installation, angles_of
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import ImuReading, Intake
 from swath_sysid.attitude.motion.rate_comparison import compare_rates
-from swath_sysid.attitude.motion.sensor_mount import TURNS, angles_of
 from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.formats.reading import read_trial
 

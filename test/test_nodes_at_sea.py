@@ -17,8 +17,10 @@ from std_msgs.msg import Float32, Float64, String  # noqa: E402
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS  # noqa: E402
 from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel  # noqa: E402
-from swath_sysid.attitude.hull.scheduled_model import ScheduledModel  # noqa: E402
+from swath_sysid.attitude.hull.identified_model import (
+    IdentifiedModel,  # noqa: E402
+    ScheduledModel,  # noqa: E402
+)
 from swath_sysid.attitude.identification.at_sea import is_at_sea  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, read_model, scheduled_to_yaml  # noqa: E402
 

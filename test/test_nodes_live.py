@@ -28,7 +28,7 @@ from rosgraph_msgs.msg import Clock  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from std_srvs.srv import SetBool  # noqa: E402
 
-from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients  # noqa: E402
+from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, coefficients  # noqa: E402
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings  # noqa: E402
 from swath_sysid.formats.messages import window_message, window_table  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, read_model  # noqa: E402

@@ -15,7 +15,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.cli.main import main
 from swath_sysid.formats.bags import read_imu, write_imu_bag
 from swath_sysid.formats.messages import stamp_ns as time_ns

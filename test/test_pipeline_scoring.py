@@ -9,7 +9,7 @@ import pytest
 from records_at_sea import only, sea, swell
 
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.attitude.prediction.forecast import NORMAL_QUANTILES, AxisForecast, Forecast
+from swath_sysid.attitude.prediction.blend import NORMAL_QUANTILES, AxisForecast, Forecast
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.refit import AxisVerdict, RefitOutcome
 from swath_sysid.attitude.motion.attitude import euler_angles
 from swath_sysid.attitude.motion.window import MotionWindow

@@ -8,8 +8,8 @@ from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.compiled import motion_step
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulation import motion_step
 from swath_sysid.attitude.prediction import excitation_model as excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilter, HullPrior
 from swath_sysid.attitude.prediction.hull_track import HULL_STATES

@@ -8,8 +8,7 @@ import pytest
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SensorNoise, SimulatedCraft
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.prediction.bank import CANDIDATES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings

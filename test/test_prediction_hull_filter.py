@@ -15,8 +15,7 @@ from scipy.stats import multivariate_normal
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SensorNoise, SimulatedCraft
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.prediction import hull_filter

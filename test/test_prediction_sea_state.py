@@ -9,7 +9,7 @@ from scipy import signal
 from swath_sysid.attitude.prediction.sea_state import cross_spectra, sea_report, sea_state
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
-from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
+from swath_sysid.pipeline.baselines import WITHOUT_RATES, even_stretches
 
 STEP, COUNT = 0.1, 12_000
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from swath_sysid.attitude.prediction import variate_analysis as analysis
-from swath_sysid.attitude.prediction.oscillator import angle_statistics, oscillators
+from swath_sysid.attitude.prediction.bank import angle_statistics, oscillators
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 
 STEP = 0.1

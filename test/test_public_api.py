@@ -14,8 +14,8 @@ from test_light import loaded_by
 
 import swath_sysid
 from swath_sysid.formats.manoeuvring_csv import write_manoeuvring_csv
-from swath_sysid.manoeuvring.hull.presets import preset
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.model import preset
+from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / 'docs' / 'api.rst').read_text(encoding='utf-8')

@@ -11,11 +11,11 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.campaign.manifest import read_manifest
-from swath_sysid.campaign.result_store import ResultStore
 from swath_sysid.campaign.run import run_campaign
+from swath_sysid.campaign.work import ResultStore
 from swath_sysid.cli.main import main
 from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.bags import opened_bag

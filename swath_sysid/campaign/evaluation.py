@@ -28,10 +28,9 @@ from swath_sysid.attitude.identification.selection import (
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.chance import CONFIDENCE
+from swath_sysid.common.conventions import CONFIDENCE, percent
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import as_plain
-from swath_sysid.common.rounding import percent
 
 TIE = 1e-7  #: Relative difference of objective values below which they are equal.
 

@@ -14,19 +14,30 @@ from typing import Annotated, Any
 import yaml
 
 from swath_sysid.attitude.hull.catalogue import equation_named
-from swath_sysid.attitude.hull.scheduled_model import QUANTITIES
+from swath_sysid.attitude.hull.identified_model import QUANTITIES
 from swath_sysid.attitude.identification.extinction import TypeB
 from swath_sysid.attitude.identification.result import OBJECTIVES
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.advice import counted
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import write_text
-from swath_sysid.formats.input_files import existing, shown
-from swath_sysid.formats.named_columns import listed_names
-from swath_sysid.formats.schema import anything, built, mapping, named, number, one_of, one_or_more, record, text, whole
+from swath_sysid.formats.files import existing, shown, write_text
+from swath_sysid.formats.schema import (
+    anything,
+    built,
+    mapping,
+    named,
+    number,
+    one_of,
+    one_or_more,
+    plain_content,
+    record,
+    text,
+    text_of,
+    whole,
+)
 from swath_sysid.formats.table_files import ENDINGS
-from swath_sysid.formats.untrusted_yaml import plain_content, text_of
+from swath_sysid.formats.tables import listed_names
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
 #: Placeholder of a pattern to the field it fills and what it matches.

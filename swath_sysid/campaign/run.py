@@ -8,14 +8,13 @@ from typing import Any
 
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named, title_of
-from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
+from swath_sysid.attitude.hull.identified_model import ScheduledModel
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.campaign import evaluation
 from swath_sysid.campaign.evaluation import Condition, Record
 from swath_sysid.campaign.manifest import Manifest, first_of
-from swath_sysid.campaign.result_store import ResultStore, key_of
 from swath_sysid.campaign.trials import TrialOutcome, prepared_trials
-from swath_sysid.campaign.work import Progress, Task, Work
+from swath_sysid.campaign.work import Progress, ResultStore, Task, Work, key_of
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
 

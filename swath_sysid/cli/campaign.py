@@ -6,10 +6,9 @@ import time
 from argparse import Namespace
 from pathlib import Path
 
-from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.manifest import read_manifest, write_new_manifest
-from swath_sysid.campaign.result_store import ResultStore
 from swath_sysid.campaign.run import CampaignOutcome, run_campaign
+from swath_sysid.campaign.work import ResultStore, executor_of
 from swath_sysid.cli.progress import print_result, progress_of
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among

@@ -8,16 +8,16 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.cli.sources import assignment
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.export.expressible import Export
 from swath_sysid.formats.export.fossen import MATLAB, PYTHON, fossen, fossen_attitude
 from swath_sysid.formats.export.gazebo import gazebo, gazebo_attitude
 from swath_sysid.formats.export.nav2 import nav2
 from swath_sysid.formats.export.vrx import vrx
+from swath_sysid.formats.files import write_text
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
 from swath_sysid.formats.model_file import FORMAT, read_model
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.formats.untrusted_yaml import text_of
+from swath_sysid.formats.schema import text_of
 from swath_sysid.report.fit_summary import warnings_as_data
 
 GAZEBO, VRX, NAV2, FOSSEN = TARGETS = ('gazebo', 'vrx', 'nav2', 'fossen')

@@ -22,6 +22,7 @@ from swath_sysid.cli.sources import check_model_and_plot, columns_of, read_recor
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.upstream import read_upstream
+from swath_sysid.pipeline.baselines import even_stretches
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import (
     AFTER_GAP,
@@ -33,7 +34,6 @@ from swath_sysid.pipeline.scoring import (
     usual_limits,
     usual_warmup,
 )
-from swath_sysid.pipeline.vertical_record import even_stretches
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.forecast_figure import forecast_figure
 from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, methods_of, skill_as_data

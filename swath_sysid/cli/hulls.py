@@ -3,8 +3,7 @@
 from argparse import Namespace
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named, hull_of_family
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.physical_range import check_physical
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, check_physical
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.cli.sources import assignment
 from swath_sysid.common.errors import InputError

@@ -14,24 +14,34 @@ from swath_sysid.cli.flags import finite
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
-from swath_sysid.formats.input_files import existing
-from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
+from swath_sysid.formats.files import existing
+from swath_sysid.formats.manoeuvring_bags import (
+    play_manoeuvres,
+    read_manoeuvring_bag,
+    write_forecasts,
+    write_manoeuvring_bag,
+)
 from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
-from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
-from swath_sysid.manoeuvring.hull.programme import RECIPE, SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.model import PRESETS, preset
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
-from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
+from swath_sysid.manoeuvring.hull.standard_tests import (
+    RECIPE,
+    TESTS,
+    DriveSettings,
+    SensorNoise,
+    run_test,
+    trial_programme,
+    with_noise,
+)
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, COMMAND, Run
-from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
-from swath_sysid.manoeuvring.prediction.skill import score_forecasts
+from swath_sysid.manoeuvring.prediction.skill import calibrated, score_forecasts
 from swath_sysid.report import manoeuvring_summary
 from swath_sysid.report.figures import FORMATS, save_figure
 from swath_sysid.report.fit_summary import warnings_as_data

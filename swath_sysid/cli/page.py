@@ -10,7 +10,7 @@ from pathlib import Path
 from swath_sysid.cli.ros import ros_needed
 from swath_sysid.cli.run import remappings
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.worker_process import NICENESS
+from swath_sysid.common.processes import NICENESS
 from swath_sysid.page.server import LOCAL_NAMES, check_installed, served
 
 

@@ -5,12 +5,12 @@ from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
-from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.papers.decay_study import run_decay_study
 from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study
 from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY
+from swath_sysid.campaign.work import executor_of
 from swath_sysid.cli.progress import print_result, progress_of
-from swath_sysid.formats.atomic import write_text
+from swath_sysid.formats.files import write_text
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.report.paper_decay import decay_page
 from swath_sysid.report.paper_manoeuvring import manoeuvring_page

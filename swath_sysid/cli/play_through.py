@@ -13,9 +13,13 @@ from swath_sysid.cli.sources import columns_of
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.sentences import REASONS
 from swath_sysid.formats.bags import is_bag
-from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
+from swath_sysid.formats.manoeuvring_bags import (
+    holds_manoeuvres,
+    play_manoeuvres,
+    read_manoeuvring_bag,
+    write_forecasts,
+)
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
-from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs

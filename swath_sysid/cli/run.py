@@ -16,8 +16,8 @@ from swath_sysid.cli.ros import ros_needed
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import ended, verb_command
 from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.schema import plain_content, text_of
 from swath_sysid.formats.topics import IMU_TOPIC
-from swath_sysid.formats.untrusted_yaml import plain_content, text_of
 from swath_sysid.nodes.parameters.simulated_craft import craft_settings
 from swath_sysid.nodes.parameters.table import defaults
 

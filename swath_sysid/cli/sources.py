@@ -16,7 +16,7 @@ from swath_sysid.cli.flags import finite
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.input_files import BLOCK_BYTES, existing
+from swath_sysid.formats.files import BLOCK_BYTES, existing
 from swath_sysid.formats.model_file import write_model
 from swath_sysid.formats.outputs import MODEL_ENDINGS, Output, check_outputs
 from swath_sysid.formats.reading import read_trial, source_hash

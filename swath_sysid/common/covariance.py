@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.common.noise import autocovariance, correlated
+from swath_sysid.common.signals import autocovariance, correlated
 
 NOT_SEPARABLE = 0.95  #: Correlation beyond which a record does not separate two terms.
 

@@ -1,16 +1,23 @@
-"""Independent tasks in this process or in several of this machine, by futures, and verbs in processes of their own."""
+"""Independent tasks in processes by futures, verbs in processes of their own, and a child that works for its parent."""
 
 import contextlib
 import multiprocessing
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, TypeVar
+
+import swath_sysid
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.search import Cancelled
 
 Task = TypeVar('Task')
 Result = TypeVar('Result')
@@ -112,3 +119,191 @@ def _begin_worker() -> None:
 def _end_with(parent: multiprocessing.process.BaseProcess) -> None:
     parent.join()
     os._exit(1)
+
+
+NICENESS = 10  #: The child yields to the processes that forecast.
+CANCEL_PATIENCE = 0.3  #: s; a child that has not given up by then is killed and restarted.
+POLL_PERIOD = 0.02
+
+Work = tuple[Callable, tuple, bool]
+
+PROGRESS, DONE, REFUSED, CANCELLED, FAILED = 'progress', 'done', 'refused', 'cancelled', 'failed'
+
+
+class WorkerError(RuntimeError):
+    """The worker died, or its work ended in an error of its own."""
+
+
+class WorkerProcess:
+    """The process, as its parent uses it, from one thread at a time; all functions must be importable in it. The clock
+    gives monotonic seconds. A process that is resting starts with the first work.
+    """
+
+    def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float], is_resting: bool = False) -> None:
+        self._warm_up, self._clock = warm_up, clock
+        self._ready, self._is_resting = False, is_resting
+        if not is_resting:
+            self._start()
+
+    @property
+    def pid(self) -> int:
+        """Process id of now."""
+        return self._process.pid
+
+    def died_idle(self) -> bool:
+        """Whether it was ready and has died since, reported once."""
+        if self._is_resting:
+            return False
+        try:
+            if not self._ready and self._connection.poll():
+                self._note_ready()
+        except (EOFError, OSError, WorkerError):
+            return False
+        died = self._ready and self._process.poll() is not None
+        self._ready = self._ready and not died
+        return died
+
+    def run(
+        self, work: Work, is_cancelled: Callable[[], bool], on_progress: Callable[[float], None] | None = None
+    ) -> Any:
+        """The result of a function that the process runs, or what it raised; EOFError or OSError if the process died.
+        `Cancelled` comes within half a second of ``is_cancelled()``; ``on_progress`` is called with 0 to 1.
+        """
+        sent, asked_at = False, None
+        if self._is_resting:
+            self._start()
+        while True:
+            if self._ready and not sent and not is_cancelled():
+                self._connection.send(work)
+                sent = True
+            if self._connection.poll(POLL_PERIOD):
+                if not sent:
+                    self._note_ready()
+                    continue
+                kind, content = self._connection.recv()
+                if kind != PROGRESS:
+                    return _result(kind, content)
+                if on_progress is not None:
+                    on_progress(content)
+            if is_cancelled():
+                now = self._clock()
+                if not sent:
+                    raise Cancelled
+                if asked_at is None:
+                    asked_at = now
+                    self._connection.send(None)
+                elif now - asked_at > CANCEL_PATIENCE:
+                    self.restart()
+                    raise Cancelled
+
+    def restart(self) -> str:
+        """Start another process in place of this one: how this one ended, in words."""
+        code = None
+        if not self._is_resting:
+            code = self._process.poll()
+            self._process.kill()
+        self.end()
+        self._start()
+        return f'with code {code}' if code is not None else 'unexpectedly'
+
+    def rest(self) -> None:
+        """End the process until there is work again."""
+        self.end()
+        self._is_resting = True
+
+    def end(self) -> None:
+        """End the process, which has `CANCEL_PATIENCE` to do so itself."""
+        if self._is_resting:
+            return
+        self._connection.close()
+        try:
+            self._process.wait(CANCEL_PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _start(self) -> None:
+        self._ready = False
+        ours, theirs = socket.socketpair()
+        # held from here on, so that a start that fails leaves nothing open
+        self._connection = Connection(ours.detach())
+        environment = {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1'}
+        # `python -m` must find this very package, installed or not
+        root = str(Path(swath_sysid.__file__).resolve().parents[1])
+        environment['PYTHONPATH'] = os.pathsep.join(filter(None, [root, environment.get('PYTHONPATH')]))
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, '-m', __name__, str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                # out of the terminal's process group: Ctrl-C is the parent's, which then closes the socket
+                start_new_session=True,
+            )
+        self._is_resting = False
+        self._connection.send((self._warm_up, (), False))
+
+    def _note_ready(self) -> None:
+        """The answer of the warm-up, if it has come."""
+        kind, content = self._connection.recv()
+        if kind == FAILED:
+            raise WorkerError(content)
+        self._ready = True
+
+
+def _result(kind: str, content: Any) -> Any:
+    """What a function returned or, raised, what it ended in."""
+    if kind == DONE:
+        return content
+    if kind == REFUSED:
+        raise InputError(content)
+    if kind == CANCELLED:
+        raise Cancelled
+    raise WorkerError(content)
+
+
+def serve(connection: Connection) -> None:
+    """Run one function after the other until the parent is gone."""
+    while True:
+        try:
+            work = connection.recv()
+            if work is not None:  # else: to stop what has ended already
+                connection.send(_carried_out(connection, *work))
+        except (EOFError, OSError):
+            return
+
+
+def _carried_out(connection: Connection, function: Callable, arguments: tuple, reports: bool) -> tuple[str, Any]:
+    """Run a function and say how it ended."""
+    reported = [0.0]
+
+    def progress(share: float) -> None:
+        if share - reported[0] >= 0.01 or share >= 1.0:
+            reported[0] = share
+            connection.send((PROGRESS, float(share)))
+
+    def should_cancel() -> bool:
+        # a message during work can only mean: stop
+        if connection.poll():
+            connection.recv()
+            return True
+        return False
+
+    try:
+        reporting = {'progress': progress, 'should_cancel': should_cancel} if reports else {}
+        return DONE, function(*arguments, **reporting)
+    except InputError as error:
+        return REFUSED, str(error)
+    except Cancelled:
+        return CANCELLED, None
+    except (EOFError, OSError):
+        raise
+    except Exception as error:  # whatever it is, the parent reports it and the process goes on
+        return FAILED, f'{type(error).__name__}: {error}'
+
+
+if __name__ == '__main__':
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICENESS)
+    with Connection(int(sys.argv[1])) as to_parent:
+        serve(to_parent)

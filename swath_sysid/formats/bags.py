@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from rosbags.rosbag2 import Reader
 
-from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.attitude import Installation, body_rates, quaternion
+from swath_sysid.attitude.motion.cleaning import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.input_files import BLOCK_BYTES, existing, reading
+from swath_sysid.formats.files import BLOCK_BYTES, existing, reading
 from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC
 from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
 from swath_sysid.formats.messages import IMU_PARTS, IMU_VALUES, SECOND_NS, ImuMessage

@@ -6,16 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.attitude.motion.assembly import ACCEL, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.attitude import Installation, euler_angles
-from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
+from swath_sysid.attitude.motion.cleaning import ACCEL, QUATERNION, assemble_trial
+from swath_sysid.attitude.motion.stamps import check_time_base, motion_period
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import MOTION_QUANTITIES, UNKNOWN, Table, agree, read_table
-from swath_sysid.formats.input_files import shown
-from swath_sysid.formats.named_columns import Progress
-from swath_sysid.formats.tables import write_table
+from swath_sysid.formats.files import shown
+from swath_sysid.formats.tables import Progress, write_table
 
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}  #: rad, with some rounding.
 BROKEN_SHARE = 0.01  #: Of values beyond all limits, which may be broken packets.

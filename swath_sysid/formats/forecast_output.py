@@ -15,7 +15,7 @@ from swath_sysid.formats.sea_state import sea_as_yaml
 from swath_sysid.pipeline.forecast_pipeline import UNKNOWN_PLACE_VARIANCE
 
 if TYPE_CHECKING:
-    from swath_sysid.attitude.prediction.forecast import Forecast
+    from swath_sysid.attitude.prediction.blend import Forecast
     from swath_sysid.pipeline.forecast_pipeline import AttitudeForecast, PipelineStep
 
 _NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [LARGEST_RATE_VARIANCE] * 3)

@@ -8,12 +8,9 @@ import numpy as np
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_format import ModelFormat, Stated, covariance, metrics, stated_of
-from swath_sysid.formats.schema import Check, built, list_of, number, one_of, record
-from swath_sysid.formats.untrusted_yaml import text_of
-from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise, IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
-from swath_sysid.manoeuvring.hull.physical_range import check_physical
-from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.formats.schema import Check, built, list_of, number, one_of, record, text_of
+from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise, IdentifiedManoeuvringModel, Region
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, check_physical, parameter_values
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
 from swath_sysid.manoeuvring.motion.trial import INPUTS

@@ -13,7 +13,7 @@ from typing import BinaryIO
 
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 
-from swath_sysid.formats.input_files import BLOCK_BYTES
+from swath_sysid.formats.files import BLOCK_BYTES
 
 MAGIC = b'\x89MCAP0\r\n'
 FOOTER, CHUNK, DATA_END = b'\x02', b'\x06', b'\x0f'

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients
+from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.motion.intake import NANOSECOND, NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay

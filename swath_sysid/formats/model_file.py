@@ -12,16 +12,13 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
-from swath_sysid.attitude.hull.physical_range import check_physical
-from swath_sysid.attitude.hull.scheduled_model import QUANTITIES, ScheduledModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, check_physical
+from swath_sysid.attitude.hull.identified_model import QUANTITIES, HullPosterior, IdentifiedModel, ScheduledModel
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_format import ModelFormat, Stated, covariance, metrics, stated_of
-from swath_sysid.formats.schema import built, if_known, list_of, number, one_of, record, table_of
-from swath_sysid.formats.untrusted_yaml import text_of
+from swath_sysid.formats.schema import built, if_known, list_of, number, one_of, record, table_of, text_of
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,20 @@ from typing import Annotated, Any
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import write_text
-from swath_sysid.formats.input_files import shown
-from swath_sysid.formats.schema import Check, if_known, list_of, mapping, number, one_of, record, table_of, text
-from swath_sysid.formats.untrusted_yaml import dumped, plain_content
+from swath_sysid.formats.files import shown, write_text
+from swath_sysid.formats.schema import (
+    Check,
+    dumped,
+    if_known,
+    list_of,
+    mapping,
+    number,
+    one_of,
+    plain_content,
+    record,
+    table_of,
+    text,
+)
 
 VERSION = 1
 ROUNDING = 1e-6  #: Relative difference of what should be equal, and negative eigenvalue of a correlation, by rounding.

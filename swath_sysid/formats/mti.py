@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.attitude import Installation, tilt_angles
+from swath_sysid.attitude.motion.cleaning import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.input_files import reading
-from swath_sysid.formats.named_columns import Progress, listed_names
-from swath_sysid.formats.tables import read_columns, read_head
+from swath_sysid.formats.files import reading
+from swath_sysid.formats.tables import Progress, listed_names, read_columns, read_head
 
 SAMPLE_TIME_FINE_HZ = 10_000  #: Ticks a second of the sensor's clock.
 

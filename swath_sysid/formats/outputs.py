@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import refuse_no_file
+from swath_sysid.formats.files import refuse_no_file
 from swath_sysid.formats.tables import read_head
 
 MODEL_ENDINGS = 'yaml', 'yml'  #: Of model files.

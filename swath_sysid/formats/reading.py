@@ -13,11 +13,10 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
-from swath_sysid.formats.input_files import existing, reading
+from swath_sysid.formats.files import existing, reading
 from swath_sysid.formats.mti import is_mti, read_mti
-from swath_sysid.formats.named_columns import Progress
 from swath_sysid.formats.table_files import kind_of, known_by_name
-from swath_sysid.formats.tables import read_head
+from swath_sysid.formats.tables import Progress, read_head
 
 if TYPE_CHECKING:
     from swath_sysid.formats.bags import ImuRecord

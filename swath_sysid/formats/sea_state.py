@@ -10,8 +10,8 @@ from swath_sysid.attitude.motion.vertical import BAND_HZ
 from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import finite_or_none
+from swath_sysid.formats.schema import plain_content
 from swath_sysid.formats.topics import SEA_TOPIC
-from swath_sysid.formats.untrusted_yaml import plain_content
 
 #: What a sea state from own motion is, and what it is not.
 REMARKS = (

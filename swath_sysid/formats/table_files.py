@@ -12,9 +12,8 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.input_files import shown
-from swath_sysid.formats.named_columns import NamedColumns, Progress, Read
-from swath_sysid.formats.tables import read_columns, read_head
+from swath_sysid.formats.files import shown
+from swath_sysid.formats.tables import NamedColumns, Progress, Read, read_columns, read_head
 
 #: First bytes of files that are none of ours, and what to do with them.
 FOREIGN = {

@@ -10,7 +10,7 @@ from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
 from swath_sysid.common.accelerator import why_uncompiled
-from swath_sysid.common.stopping import Cancelled
+from swath_sysid.common.search import Cancelled
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompiled
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.declared import NodeParameters

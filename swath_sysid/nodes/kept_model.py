@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import keep_copy, kept_files, set_aside
+from swath_sysid.formats.files import keep_copy, kept_files, set_aside
 from swath_sysid.pipeline.health import BAD_MODEL_FILE, NOT_SAVED, IdentifierHealth
 
 PARAMETER = 'model_path'  #: The parameter of both identifiers that names the file.

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.input_files import shown
-from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT
+from swath_sysid.formats.files import shown
+from swath_sysid.formats.schema import LARGEST_TEXT
 
 MAX_WAITING = 16  #: Texts; of a flood the oldest are dropped, as they are superseded anyway.
 MAX_ENDINGS = 1000  #: Models and rejections, more than are read between two diagnostics.

@@ -6,7 +6,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64, String
 
-from swath_sysid.attitude.hull.scheduled_model import models_at
+from swath_sysid.attitude.hull.identified_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.common.accelerator import why_uncompiled
 from swath_sysid.common.errors import InputError

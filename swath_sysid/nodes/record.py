@@ -9,7 +9,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from swath_sysid.formats.recording import Recording, is_ours
+from swath_sysid.formats.output_bag import Recording, is_ours
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD, events_executor, run
 from swath_sysid.nodes.message_types import message_class
 from swath_sysid.nodes.qos import bag_qos

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.stopping import Cancelled
-from swath_sysid.common.worker_process import WorkerError, WorkerProcess
+from swath_sysid.common.processes import WorkerError, WorkerProcess
+from swath_sysid.common.search import Cancelled
 
 IDLE_PERIOD = 0.5
 

@@ -15,8 +15,8 @@ from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import ended, verb_command
-from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.files import write_text
 from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Facts, Guidance
 from swath_sysid.page.charts import motion_changes
 from swath_sysid.page.live_record import LiveRecord

@@ -23,7 +23,7 @@ from swath_sysid.attitude.motion.intake import (
 )
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.blend import Forecast
 from swath_sysid.attitude.prediction.forecaster import (
     FORECASTER_REASONS,
     Forecaster,

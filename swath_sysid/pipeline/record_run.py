@@ -11,7 +11,7 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
-from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.blend import Forecast
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.sea_fit import fit_sea

@@ -9,17 +9,16 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.vertical import EDGE
-from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.blend import LEVELS, NORMAL_QUANTILES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability, quantity_at
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.chance import CONFIDENCE, TWO_STD
+from swath_sysid.common.conventions import CONFIDENCE, TWO_STD
 from swath_sysid.common.errors import InputError
-from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts
+from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts, vertical_record
 from swath_sysid.pipeline.decisions import DecisionSkill, score_decisions
 from swath_sysid.pipeline.record_run import Run
-from swath_sysid.pipeline.vertical_record import vertical_record
 
 FORECAST = 'forecast'
 METHODS = (FORECAST, *BASELINES)

@@ -22,8 +22,8 @@ from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.campaign.evaluation import Condition
 from swath_sysid.campaign.manifest import PredictedDamping
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
+from swath_sysid.common.conventions import digits
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.rounding import digits
 from swath_sysid.report.campaign_figures import legend_below
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.extinction_tables import QUANTITY_COLUMNS, curve_rows, curve_table, peaks_table, quantity_row

@@ -11,7 +11,7 @@ from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.campaign.evaluation import Condition
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
-from swath_sysid.common.chance import TWO_STD
+from swath_sysid.common.conventions import TWO_STD
 from swath_sysid.common.covariance import correlation
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.figures import (

@@ -13,7 +13,7 @@ from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.campaign.evaluation import noise_statement, out_of_order
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import write_text
+from swath_sysid.formats.files import write_text
 from swath_sysid.formats.model_file import write_scheduled
 from swath_sysid.report.campaign_extinction import conditions_table, extinction_drawings, extinction_tables
 from swath_sysid.report.campaign_figures import campaign_drawings

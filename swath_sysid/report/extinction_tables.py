@@ -18,9 +18,8 @@ from swath_sysid.attitude.identification.extinction import (
     tank_quantities,
 )
 from swath_sysid.attitude.identification.result import Identification
-from swath_sysid.common.chance import TWO_STD
+from swath_sysid.common.conventions import TWO_STD, digits
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.rounding import digits
 from swath_sysid.report.fit_summary import short_name
 from swath_sysid.report.tables import Column, Table, columns_of
 

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
+from swath_sysid.attitude.identification.fit_quality import AmplitudeBands
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.common.chance import TWO_STD
+from swath_sysid.common.conventions import TWO_STD
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

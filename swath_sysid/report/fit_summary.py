@@ -5,12 +5,12 @@ from collections.abc import Iterable
 from typing import Any
 
 from swath_sysid.attitude.hull.catalogue import published_alike, title_of
-from swath_sysid.attitude.hull.published_form import to_published
+from swath_sysid.attitude.hull.decay_model import to_published
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RATIO_UNITS
 from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
+from swath_sysid.attitude.identification.fit_quality import known_together
 from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.attitude.identification.selection import Comparison
-from swath_sysid.attitude.identification.uncertainty import known_together
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.covariance import correlation
 from swath_sysid.common.plain import finite_or_none

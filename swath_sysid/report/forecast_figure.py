@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.attitude.prediction.forecast import LEVELS
+from swath_sysid.attitude.prediction.blend import LEVELS
 from swath_sysid.pipeline.record_run import Run
 from swath_sysid.pipeline.scoring import FORECAST, Skill
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, band, new_figure, plain_ticks, quiet

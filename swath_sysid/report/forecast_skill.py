@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.prediction.forecast import LEVELS
+from swath_sysid.attitude.prediction.blend import LEVELS
 from swath_sysid.attitude.prediction.point import ATTITUDE
-from swath_sysid.common.chance import CONFIDENCE
+from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.plain import finite_or_none
 from swath_sysid.pipeline.scoring import AFTER_GAP, Skill
 from swath_sysid.report.fit_summary import warnings_as_data

@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.hull.decay_model import amplitude_curves
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.evaluation import TIE
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DecayStudy
 from swath_sysid.campaign.papers.publication import citation
-from swath_sysid.common.chance import TWO_STD
-from swath_sysid.common.rounding import ROUNDING, digits, percent
+from swath_sysid.common.conventions import ROUNDING, TWO_STD, digits, percent
 from swath_sysid.report.campaign_extinction import PARTICULARS
 from swath_sysid.report.campaign_figures import LINE_STYLES, legend_below
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, Axes, panel

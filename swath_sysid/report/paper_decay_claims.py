@@ -13,7 +13,7 @@ from swath_sysid.attitude.identification.forecast_check import next_step
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.evaluation import TIE
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DecayStudy, StudiedRecord
-from swath_sysid.common.rounding import ROUNDING, digits, percent
+from swath_sysid.common.conventions import ROUNDING, digits, percent
 from swath_sysid.report.tables import Column, Table
 
 STEADY = 0.2  #: A curve that changes by less than this share of its largest value hardly changes.

@@ -6,7 +6,7 @@ import numpy as np
 
 from swath_sysid.campaign.papers.manoeuvring_study import ManoeuvringStudy, track_error
 from swath_sysid.campaign.papers.publication import citation
-from swath_sysid.common.rounding import digits
+from swath_sysid.common.conventions import digits
 from swath_sysid.report.campaign_extinction import PARTICULARS
 from swath_sysid.report.campaign_figures import LINE_STYLES, legend_below
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, panel, quiet

@@ -9,8 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.published_form import PublishedForm, from_published
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, PublishedForm, from_published
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, DAMPING_TERMS, RESTORING_NAMES, RESTORING_TERMS
 from swath_sysid.common.errors import InputError, check_choice
 

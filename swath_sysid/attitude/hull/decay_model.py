@@ -1,14 +1,28 @@
-"""The nonlinear decay model of one axis: an equation (which terms) and its ratios."""
+"""The nonlinear decay model of one axis: equation and ratios, ranges, curves over amplitude, and its published form."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.hull import terms
-from swath_sysid.attitude.hull.terms import DAMPING_TERMS, RESTORING_TERMS, TERM_INDEX, TERM_NAMES
-from swath_sysid.attitude.motion.attitude import Value
+from swath_sysid.attitude.hull.terms import (
+    DAMPING_TERMS,
+    R1,
+    RESTORING_TERMS,
+    S1,
+    TERM_INDEX,
+    TERM_NAMES,
+    UPPER,
+    Scales,
+    damping_moment,
+    restoring_energy,
+    restoring_moment,
+)
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value
 from swath_sysid.common.errors import InputError, check_choice
 
 DEFAULT_FRICTION_RATE = 0.01  #: rad/s; about 0.6 deg/s, small against the rates of a decay worth fitting.
@@ -129,3 +143,153 @@ class DecayModel:
     def damping_ratio(self) -> float:
         """Linear damping over critical damping, for small motions and without friction."""
         return self._row[1] / (2.0 * self.natural_frequency)
+
+
+PERIODS = 0.05, 1000.0  #: s; small models roll in tenths of a second, the largest ships within a minute.
+AMPLITUDES = math.radians(0.05), math.pi  #: rad.
+FRICTION_RATES = (1e-6, 100.0)  #: rad/s; of the smoothing of dry friction.
+
+_LARGEST = UPPER * np.max([Scales(a, 2.0 * math.pi / t).ratio_units for a, t in product(AMPLITUDES, PERIODS)], axis=0)
+#: Least and largest ratio of each term, from those of a search; b0 and b1 are not negative: damping takes energy.
+RATIO_RANGES = {
+    name: (0.0 if name in ('b0', 'b1') else -largest, largest)
+    for name, largest in zip(TERM_NAMES, _LARGEST.tolist(), strict=True)
+}
+
+
+def check_physical(model: DecayModel) -> None:
+    """Reject a decay model that no floating craft can have."""
+    for name, ratio in model.terms.items():
+        _check(f'the ratio {name}', ratio, *RATIO_RANGES[name])
+    _check('the trim in rad', model.trim, -math.pi, math.pi)
+    _check('friction_rate in rad/s', model.friction_rate, *FRICTION_RATES)
+    by_angle, by_rate = model.jacobian(model.trim, 0.0)
+    _check('the damping at rest, b1 + b0/friction_rate in 1/s,', -by_rate, *RATIO_RANGES['b1'])
+    if by_angle < 0.0:
+        period = 2.0 * math.pi / math.sqrt(-by_angle)
+        _check('the natural period in s', period, *PERIODS)
+
+
+def _check(what: str, value: float, lowest: float, highest: float) -> None:
+    if not lowest <= value <= highest:
+        raise InputError(f'{what} is {value:g}, which no craft has: it must lie within {lowest:g} and {highest:g}')
+
+
+QUADRATURE_NODES = 96
+NEWTON_STEPS = 6  #: Each doubles the correct digits.
+
+_ALL_TERMS = (True,) * len(TERM_NAMES)
+
+
+@dataclass(frozen=True)
+class AmplitudeCurves:
+    """What a hull's oscillation looks like at each amplitude."""
+
+    amplitude: np.ndarray  #: (A,); Half the peak-to-peak motion, rad.
+    frequency: np.ndarray  #: (A,); undamped natural frequency, rad/s; NaN where there is no closed orbit.
+    damping_ratio: np.ndarray  #: (A,); Equivalent linear damping over critical damping.
+
+
+def amplitude_curves(ratios: np.ndarray, amplitude: np.ndarray, friction_rate: float) -> AmplitudeCurves:
+    """Natural frequency and equivalent damping of ratios (9,) at amplitudes (A,) > 0, rad; friction rate in rad/s."""
+    ratios = np.asarray(ratios, dtype=float)
+    amplitude = np.asarray(amplitude, dtype=float)
+    with np.errstate(all='ignore'):
+        centre = orbit_centre(ratios, amplitude)
+        theta = np.pi * (np.arange(QUADRATURE_NODES) + 0.5) / QUADRATURE_NODES
+        x = centre[:, None] + amplitude[:, None] * np.cos(theta)
+        height = restoring_energy(centre + amplitude, ratios)[:, None] - restoring_energy(x, ratios)
+        rate = np.sqrt(2.0 * height)
+        arc = amplitude[:, None] * np.sin(theta)
+        period = 2.0 * np.pi * np.mean(arc / rate, axis=1)
+        taken = np.mean(damping_moment(rate, ratios, _ALL_TERMS, friction_rate) * arc, axis=1)
+        upper, lower = (restoring_energy(centre + side * amplitude, ratios) for side in (1.0, -1.0))
+        meets = np.abs(upper - lower) <= 1e-6 * np.abs(upper + lower)
+        closed = (np.abs(centre) < amplitude) & (height > 0.0).all(axis=1) & meets
+        frequency = np.where(closed, 2.0 * np.pi / period, np.nan)
+        damping = taken / np.mean(rate * arc, axis=1)
+        return AmplitudeCurves(amplitude, frequency, damping / (2.0 * frequency))
+
+
+def orbit_centre(ratios: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
+    """Middle of the undamped orbit of each amplitude (A,), rad from trim, by Newton's method."""
+    centre = np.zeros_like(amplitude)
+    if not (ratios[5] or ratios[8]):
+        return centre
+    for _ in range(NEWTON_STEPS):
+        upper, lower = centre + amplitude, centre - amplitude
+        gap = restoring_energy(upper, ratios) - restoring_energy(lower, ratios)
+        slope = restoring_moment(upper, ratios, _ALL_TERMS) - restoring_moment(lower, ratios, _ALL_TERMS)
+        centre = centre - np.clip(gap / slope, -0.5 * amplitude, 0.5 * amplitude)
+    return centre
+
+
+@dataclass(frozen=True)
+class PublishedForm:
+    """Coefficients as printed: I', N, W, x, C1, C2, C3."""
+
+    inertia: float  #: I', with added inertia, kg m^2 (the papers non-dimensionalise; any unit shared by all).
+    linear_damping: float = 0.0  #: N; the linear damping moment is 2 N w.
+    quadratic_damping: float = 0.0  #: W.
+    cubic_damping: float = 0.0  #: x.
+    c1: float = 0.0  #: Restoring: cubic, or sine-squared in sine forms.
+    c2: float = 0.0  #: Quadratic, or sine (also printed D H).
+    c3: float = 0.0  #: Linear (also printed D h); not in sine forms.
+    friction: float = 0.0  #: Dry friction moment, ours; not in any paper.
+
+    def __post_init__(self) -> None:
+        if not self.inertia > 0.0:
+            raise InputError(f"the inertia I' must be greater than zero, not {self.inertia}")
+
+
+def _is_sine_form(equation: Equation) -> bool:
+    polynomial = {'r1', 'r2', 'r3'} & set(equation.terms)
+    sine = {'s1', 's2'} & set(equation.terms)
+    if polynomial and sine:
+        raise InputError(
+            f'equation {equation.name} mixes polynomial and sine restoring: the papers have no form for it, '
+            'use the ratios'
+        )
+    return bool(sine)
+
+
+def from_published(equation: Equation, form: PublishedForm, axis: str, trim: float = 0.0) -> DecayModel:
+    """Decay model of coefficients named as in the publication; the equation says which are read, ``trim`` is in rad."""
+    moments = {
+        'b0': form.friction,
+        'b1': 2.0 * form.linear_damping,
+        'b2': form.quadratic_damping,
+        'b3': form.cubic_damping,
+    }
+    if _is_sine_form(equation):
+        moments |= {'s1': form.c2, 's2': form.c1}
+    else:
+        moments |= {'r1': form.c3, 'r2': form.c2, 'r3': form.c1}
+    values = {name: moments[name] / form.inertia for name in equation.terms}
+    return DecayModel.from_terms(equation, values, trim=trim, axis=axis)
+
+
+def to_published(model: DecayModel, inertia: float) -> PublishedForm:
+    """Coefficients in the published form for a given inertia, kg m^2."""
+    sine_form = _is_sine_form(model.equation)
+    if not inertia > 0.0:
+        raise InputError(f"the inertia I' must be greater than zero, not {inertia}")
+    moment = {name: inertia * ratio for name, ratio in model.terms.items()}
+    return PublishedForm(
+        inertia=inertia,
+        linear_damping=moment.get('b1', 0.0) / 2.0,
+        quadratic_damping=moment.get('b2', 0.0),
+        cubic_damping=moment.get('b3', 0.0),
+        c1=moment.get('s2' if sine_form else 'r3', 0.0),
+        c2=moment.get('s1' if sine_form else 'r2', 0.0),
+        c3=0.0 if sine_form else moment.get('r1', 0.0),
+        friction=moment.get('b0', 0.0),
+    )
+
+
+def inertia_from_metacentric_height(model: DecayModel, mass: float, metacentric_height: float) -> float:
+    """Inertia with added inertia, kg m^2, from mass, kg, and GM of the axis, m: I' = m g GM / (r1 + s1)."""
+    stiffness = model.ratios[R1] + model.ratios[S1]
+    if not (mass > 0.0 and metacentric_height > 0.0 and stiffness > 0.0):
+        raise InputError('inertia from hydrostatics needs a positive mass, metacentric height and linear restoring')
+    return float(mass * STANDARD_GRAVITY * metacentric_height / stiffness)

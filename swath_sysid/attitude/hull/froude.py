@@ -13,8 +13,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import composed
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
-from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel, ScheduledModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError

@@ -6,6 +6,7 @@ A free decay determines ratios only. Each formula takes floats or arrays: filter
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -98,3 +99,34 @@ def term_moments(x: np.ndarray | float, rate: np.ndarray | float, friction_rate:
     """Moment over inertia of each term at ratio one, (9, N), so that ``acceleration = -ratios @ term_moments``."""
     friction, sine = np.tanh(rate / friction_rate), np.sin(x)
     return np.array([friction, rate, np.abs(rate) * rate, rate**3, x, x**2, x**3, sine, sine**2])
+
+
+_RANGES = {
+    'b0': (0.0, 0.5),
+    'b1': (0.0, 4.0),
+    **dict.fromkeys(('b2', 'b3'), (0.0, 12.0)),
+    **dict.fromkeys(('r1', 's1'), (0.0, 5.0)),
+    **dict.fromkeys(('r2', 's2'), (-3.0, 3.0)),
+    'r3': (-3.0, 6.0),
+}
+#: Damping is not negative. No upper limit is meant to bind.
+LOWER, UPPER = np.array([_RANGES[name] for name in TERM_NAMES]).T
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Amplitude and frequency of the records under identification."""
+
+    amplitude: float  #: rad.
+    frequency: float  #: rad/s.
+
+    @property
+    def rate(self) -> float:
+        """Amplitude of the rate, rad/s."""
+        return self.amplitude * self.frequency
+
+    @property
+    def ratio_units(self) -> np.ndarray:
+        """The ratio of each term that is one in dimensionless form, shape (9,)."""
+        a, w = self.amplitude, self.frequency
+        return np.array([w * w * a, w, 1 / a, 1 / (w * a * a), w * w, w * w / a, w * w / (a * a), w * w, w * w / a])

@@ -16,11 +16,10 @@ from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, innovations
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD, InitialState
 from swath_sysid.attitude.identification.problem import Problem
-from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR
-from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
+from swath_sysid.attitude.identification.scoring import LINEAR_PRIOR, Evaluation, LogPosterior
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.common.chance import CONFIDENCE
-from swath_sysid.common.noise import MODEL_FLOOR, white_noise
+from swath_sysid.common.conventions import CONFIDENCE
+from swath_sysid.common.signals import MODEL_FLOOR, white_noise
 
 BIAS_PRIOR = float(np.radians(2.0))  #: rad/s: an uncalibrated gyro's.
 #: Name, mean and standard deviation of the logarithm of each of the basin's and the sensors' parameters.

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY, inertia_from_metacentric_height
-from swath_sysid.attitude.identification.one_step import with_angle_and_rate
-from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
+from swath_sysid.attitude.hull.decay_model import STANDARD_GRAVITY, DecayModel, inertia_from_metacentric_height
+from swath_sysid.attitude.identification.fit_quality import AmplitudeBands
+from swath_sysid.attitude.identification.forecast_check import with_angle_and_rate
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import find_turning_points
-from swath_sysid.common.chance import TWO_STD
+from swath_sysid.common.conventions import TWO_STD
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
 

@@ -17,8 +17,7 @@ from swath_sysid.attitude.hull.terms import DAMPING_NAMES
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit
 from swath_sysid.attitude.identification.problem import Problem, motion_fit, residual_covariance
-from swath_sysid.attitude.identification.pruning import LINEAR_PRIOR, prune, weak_prior
-from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
+from swath_sysid.attitude.identification.scoring import LINEAR_PRIOR, Evaluation, LogPosterior, prune, weak_prior
 
 CHANCE = 0.001  #: Probability that a likelihood ratio calls a complete equation incomplete, or the same hull changed.
 SMOOTH_TERMS = (*DAMPING_NAMES[1:], 'r2', 'r3')

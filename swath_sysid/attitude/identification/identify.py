@@ -7,9 +7,9 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.scaling import LOWER, UPPER
-from swath_sysid.attitude.hull.terms import TERM_INDEX
+from swath_sysid.attitude.hull.terms import LOWER, TERM_INDEX, UPPER
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit
+from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.hull_terms import (
     FittedHull,
     absent_by_residuals,
@@ -23,7 +23,6 @@ from swath_sysid.attitude.identification.motion_fit import (
     TOLERANCE,
     InitialState,
 )
-from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit, prepare, residual_covariance
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.search import (
@@ -38,7 +37,7 @@ from swath_sysid.attitude.identification.search import (
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
+from swath_sysid.common.search import Cancelled, Progress, ShouldCancel
 
 #: Periods that the search uses: its basin of attraction narrows with every cycle. Refinement follows the rest.
 SEARCH_PERIODS = 6.0

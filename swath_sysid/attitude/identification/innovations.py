@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swath_sysid.attitude.hull.compiled import (
+from swath_sysid.attitude.hull.simulation import (
     damping_moment,
     damping_slope,
     motion_step,

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.scaling import Scales
 from swath_sysid.attitude.hull.simulation import STEPS_PER_PERIOD, interpolate, places_in_steps, runge_kutta_population
-from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.hull.terms import TERM_NAMES, Scales
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.common.rounding import ROUNDING
+from swath_sysid.common.conventions import ROUNDING
 
 SEARCH_STEPS_PER_PERIOD = 24  #: Within one of them the motion hardly changes.
 PERTURBATION = 1e-6

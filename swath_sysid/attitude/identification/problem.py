@@ -7,17 +7,16 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.scaling import Scales
+from swath_sysid.attitude.hull.terms import Scales
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
 from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay, without_spikes
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.chance import CONFIDENCE
+from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.covariance import ParameterCovariance, sandwich_covariance
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.noise import weighting_noise
-from swath_sysid.common.signals import bin_means
+from swath_sysid.common.signals import bin_means, weighting_noise
 
 #: Dry friction is smoothed over this share of the greatest rate, wide enough for the usual integration step.
 FRICTION_RATE_SHARE = 0.02

@@ -12,12 +12,11 @@ from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
-from swath_sysid.attitude.identification.fit_quality import Verdict, judge
+from swath_sysid.attitude.identification.fit_quality import AmplitudeBands, Verdict, amplitude_bands, judge
 from swath_sysid.attitude.identification.hull_terms import AbsentTerm
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.attitude.identification.search import SearchResult, SearchSettings
-from swath_sysid.attitude.identification.uncertainty import AmplitudeBands, amplitude_bands
 from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice

@@ -9,12 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.scaling import LOWER, UPPER, Scales
-from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.hull.terms import LOWER, TERM_NAMES, UPPER, Scales
 from swath_sysid.common.errors import InputError, check_choice
-from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
-from swath_sysid.common.swarm import ParticleSwarm, SwarmSettings
+from swath_sysid.common.search import (
+    Cancelled,
+    GeneticSearch,
+    GeneticSettings,
+    ParticleSwarm,
+    Progress,
+    ShouldCancel,
+    SwarmSettings,
+)
 
 ALGORITHMS = ('ga', 'pso')
 Budget = TypeVar('Budget', GeneticSettings, SwarmSettings)

@@ -7,7 +7,7 @@ from math import isfinite
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from swath_sysid.common.chance import SIGNIFICANT
+from swath_sysid.common.conventions import SIGNIFICANT
 
 MIN_BINS = 40  #: Fewer are not judged.
 MIN_ANGLE = np.radians(0.25)  #: rad, standard deviation; a craft that moves less shows nothing.

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.motion import attitude, sensor_mount
+from swath_sysid.attitude.motion import attitude
+from swath_sysid.attitude.motion import attitude as sensor_mount
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Installation
 from swath_sysid.attitude.motion.rate_comparison import (
     FOLLOWS,
@@ -24,7 +25,7 @@ from swath_sysid.attitude.motion.rate_comparison import (
 )
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.chance import SIGNIFICANT
+from swath_sysid.common.conventions import SIGNIFICANT
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.sentences import SENTENCES
 

@@ -2,16 +2,19 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from scipy.linalg import expm, solve_discrete_are
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
 from swath_sysid.attitude.prediction.blend import UNPROVEN, Blend
-from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
+from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN, USUAL_AMPLITUDE
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import NEW_WAVES, WAVES
-from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel
+from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsFilter, InnovationsModel, side_by_side
 from swath_sysid.attitude.prediction.upstream import (
     NEW_UPSTREAM,
     UpstreamCandidate,
@@ -20,6 +23,65 @@ from swath_sysid.attitude.prediction.upstream import (
     candidates_of,
     without,
 )
+from swath_sysid.common.advice import Advice
+
+_DAMPING = 0.4
+# rad/s; expected of a small craft's motion, and counts for a quarter of its period
+_EXPECTED_FREQUENCY = 1.1
+
+
+def oscillators(
+    values: np.ndarray, names: Sequence[str], step: float, angles: Sequence[str]
+) -> InnovationsModel | None:
+    """A model of each angle, with its rate ``X_rate`` where measured; None while no angle has been seen.
+
+    Values (N, width) are oldest first, one row per step, s, NaN where missing; ``names`` are their columns.
+    """
+    names = list(names)
+    seen = [name for name, column in zip(names, values.T, strict=True) if np.isfinite(column).any()]
+    parts = [
+        _oscillator(values, names, step, [names.index(name) for name in (angle, f'{angle}_rate') if name in seen])
+        for angle in angles
+        if angle in seen
+    ]
+    return side_by_side(parts) if parts else None
+
+
+def _oscillator(values: np.ndarray, names: Sequence[str], step: float, places: Sequence[int]):
+    """Of an angle and, where measured, its rate."""
+    count, columns = len(places), [values[:, place] for place in places]
+    mean, deviation, frequency = angle_statistics(columns[0], columns[1] if count > 1 else None, step)
+    # in units of the standard deviations of angle and rate, whose covariance is then one
+    drift = frequency * np.array([[0.0, 1.0], [-1.0, -2.0 * _DAMPING]])
+    a, c = expm(drift * step), np.eye(count, 2)
+    driven = np.eye(2) - a @ a.T + RIDGE * np.eye(2)
+    if count > 1:
+        s, k, prior = driven, a, a @ a.T
+    else:
+        error = solve_discrete_are(a.T, c.T, driven, np.array([[RIDGE]]))
+        s = c @ error @ c.T + RIDGE
+        k, prior = a @ error @ c.T / s, np.eye(2) - error
+    centre, scale = np.array([mean, 0.0]), np.array([deviation, deviation * frequency])
+    channels = tuple([names[place] for place in places])
+    return InnovationsModel(channels, tuple(places), step, centre[:count], scale[:count], a, k, c, s, prior)
+
+
+def angle_statistics(angle: np.ndarray, rate: np.ndarray | None, step: float) -> tuple[float, float, float]:
+    """Mean, rad, standard deviation, rad, and natural frequency, rad/s, drawn to expected values with few data.
+
+    Angle (N,), rad, and rate (N,), rad/s, NaN where missing; without a rate the angle's differences.
+    """
+    duration = step * np.isfinite(angle).sum()
+    rates = np.diff(angle) / step if rate is None else rate
+    rates = rates[np.isfinite(rates)]
+    rate_square = np.mean(rates**2) if rates.size else (USUAL_AMPLITUDE * _EXPECTED_FREQUENCY) ** 2
+    # less than a period says little of the mean
+    mean = duration / (duration + 2.0 * np.pi / _EXPECTED_FREQUENCY) * np.nanmean(angle)
+    expected, known_for = rate_square / _EXPECTED_FREQUENCY**2, 0.5 * np.pi / _EXPECTED_FREQUENCY
+    square = (duration * np.nanmean((angle - mean) ** 2) + known_for * expected) / (duration + known_for)
+    deviation = max(np.sqrt(square), RIDGE)
+    return mean, deviation, np.sqrt(max(rate_square, 1e-12)) / deviation
+
 
 HULL, OSCILLATOR = 'hull-filter', 'oscillator'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
@@ -188,3 +250,58 @@ class Bank:
             for axis in self._axes
         ]
         return ((level[self._place[HULL]] < level) & explains)[:, _AXIS_OF_TARGET]
+
+
+@dataclass(frozen=True)
+class ForecasterDiagnostics:
+    """The running state, for operators."""
+
+    sample_interval: float  #: s; NaN before the second sample.
+    has_model: dict[str, bool]  #: By axis.
+    has_waves: bool  #: Whether a state space of the waves is in use.
+    nis_ratio: dict[str, float]  #: Innovations squared over their expectation, by axis; one is healthy.
+    nrmse: np.ndarray  #: (A, L); running error over the size of the motion.
+    coverage: np.ndarray  #: (A, L); coverage of the 90 % intervals.
+    candidates: tuple[str, ...]  #: (K,); their names.
+    candidate_nrmse: np.ndarray  #: (K, A, L); running error of each.
+    weights: np.ndarray  #: (K, A, L); their weights.
+    upstream_gain: dict[str, np.ndarray]  #: (A, L); share of the running error that each upstream channel saves.
+    advice: tuple[Advice, ...]
+    valid_leads: dict[str, float] = field(default_factory=dict)  #: As in `Forecast`.
+
+
+def diagnose(
+    axes: Mapping[str, AxisFilter], bank: Bank | None, asked: Any, count: int, interval: float, has_waves: bool
+) -> ForecasterDiagnostics:
+    """The running state at ``count`` leads, the places ``asked`` of the bank's; errors are NaN before any row."""
+    started = {name: axis for name, axis in axes.items() if axis.hull.is_started}
+    advice = tuple(Advice.of('no-model', axis=name) for name, axis in started.items() if axis.identified is None)
+    if not has_waves:
+        advice += (Advice.of('no-waves'),)
+    advice += tuple(note for axis in axes.values() for note in axis.advice())
+    gain: dict[str, np.ndarray] = {}
+    nrmse = coverage = np.full((len(axes), count), np.nan)
+    names = tuple(CANDIDATES) if bank is None else bank.names
+    candidate = weights = np.full((len(names), len(axes), count), np.nan)
+    if bank is not None:
+        # a still craft moves less than its sensor's noise, which no forecast of readings can miss by less
+        size = np.array([max(axis.size.deviation, math.sqrt(axis.noise[0])) for axis in axes.values()])[:, None]
+        blend = bank.blend
+        places = blend.place_of_lead[asked]
+        nrmse, coverage = np.sqrt(blend.blended_square[places]).T / size, blend.coverage[places].T
+        candidate = np.sqrt(blend.mean_square[:, places]).transpose(0, 2, 1) / size
+        weights = blend.weights[:, places].transpose(0, 2, 1)
+        gain = {channel: bank.gain_of(channel)[places].T for channel in bank.channels}
+    return ForecasterDiagnostics(
+        interval,
+        {name: axis.identified is not None for name, axis in axes.items()},
+        has_waves,
+        {name: axis.hull.strain for name, axis in started.items()},
+        nrmse,
+        coverage,
+        names,
+        candidate,
+        weights,
+        gain,
+        advice,
+    )

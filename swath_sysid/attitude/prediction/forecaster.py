@@ -16,11 +16,9 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.bank import HULL, OSCILLATOR, Bank
-from swath_sysid.attitude.prediction.diagnostics import ForecasterDiagnostics, diagnose
-from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
+from swath_sysid.attitude.prediction.bank import HULL, OSCILLATOR, Bank, ForecasterDiagnostics, diagnose, oscillators
+from swath_sysid.attitude.prediction.blend import AxisForecast, Forecast
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilterSettings
-from swath_sysid.attitude.prediction.oscillator import oscillators
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, PointForecaster, ValidLeads
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability

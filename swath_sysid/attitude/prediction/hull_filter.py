@@ -20,9 +20,9 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.special import chdtri
 
-from swath_sysid.attitude.hull.compiled import term_moments
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
+from swath_sysid.attitude.hull.simulation import term_moments
 from swath_sysid.attitude.hull.terms import B0, B3, R1, S2, TERM_NAMES
 from swath_sysid.attitude.prediction.hull_track import (
     ANGLE,

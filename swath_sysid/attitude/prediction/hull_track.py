@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.hull.compiled import (
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.simulation import (
     damping_moment,
     damping_slope,
     motion_step,
@@ -16,7 +17,6 @@ from swath_sysid.attitude.hull.compiled import (
     restoring_slope,
     term_moments,
 )
-from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.terms import B1, B2, B3, TERM_NAMES
 from swath_sysid.common.accelerator import accelerated
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification import search
+from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.identify import identify_problem
-from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, prepare
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.campaign.papers.publication import DecayPublication, decay_publication

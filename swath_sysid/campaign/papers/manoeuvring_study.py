@@ -11,9 +11,9 @@ from scipy.optimize import least_squares
 
 from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY, printed_values
 from swath_sysid.manoeuvring.hull.model import DIFFERENCE, ManoeuvringModel, parameter_values
-from swath_sysid.manoeuvring.hull.prime import PrimeUnits
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
+from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, with_noise
+from swath_sysid.manoeuvring.hull.terms import PrimeUnits
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification, identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_runs

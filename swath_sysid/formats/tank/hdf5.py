@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.formats.named_columns import NamedColumns, check_size
+from swath_sysid.formats.tables import NamedColumns, check_size
 from swath_sysid.formats.tank.nested import nested_tables
 
 

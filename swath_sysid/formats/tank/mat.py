@@ -10,7 +10,7 @@ from pathlib import Path
 
 from scipy.io import loadmat, whosmat
 
-from swath_sysid.formats.named_columns import NamedColumns, check_size
+from swath_sysid.formats.tables import NamedColumns, check_size
 from swath_sysid.formats.tank.nested import nested_tables
 
 HEADER = struct.Struct('116s8sH2s')  #: Text, place of the subsystem's data, version, byte order.

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.formats.named_columns import NamedColumns, Progress, check_size, numbers_of
+from swath_sysid.formats.tables import NamedColumns, Progress, check_size, numbers_of
 
 
 def tables(path: str | Path) -> list[NamedColumns]:

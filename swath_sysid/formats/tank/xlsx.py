@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.formats.columns import UNITS
-from swath_sysid.formats.named_columns import (
+from swath_sysid.formats.tables import (
     NamedColumns,
     Progress,
     Read,

@@ -1,24 +1,12 @@
-"""The catalogue of manoeuvring parameters, and the accelerations that they cause.
+"""The catalogue of manoeuvring parameters, the accelerations they cause, and the prime system (SNAME 1950)."""
 
-Body axes x forward, y to port, z up: surge u and sway v through the water, m/s, yaw rate r, rad/s,
-positive to port. The origin is where the hull is symmetric, the centre of gravity x_G ahead of it, and Iz is about the
-origin (Yasukawa and Yoshimura 2015). The derivatives of a laterally symmetric craft are the same numbers in axes with
-y to starboard and z down. The sensor's parameters act in `measurement`.
-
-The equations of motion are those of the MMG kind of PAPERS E, with further terms of the same make:
-
-    (m - Xu_dot) du/dt - m (v + x_G r) r                     = X(u, v, r) + X_thrust
-    (m - Yv_dot) dv/dt + (m x_G - Yr_dot) dr/dt + m u r      = Y(u, v, r)
-    (Iz - Nr_dot) dr/dt + (m x_G - Nv_dot) dv/dt + m x_G u r = N(u, v, r) + N_thrust
-    X_thrust = (1 - deduction) (1 - advance u) (T_starboard + T_port)
-    N_thrust = (1 + moment_factor) lever (1 - advance u) (T_starboard - T_port)
-"""
-
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from swath_sysid.common.accelerator import accelerated
+from swath_sysid.common.errors import InputError
 
 Numbers = float | np.ndarray  #: A number, or an array that broadcasts with the other arguments.
 
@@ -178,3 +166,47 @@ def accelerations(
         (yaw_inertia * y - sway_by_yaw * n) / determinant,
         (sway_mass * n - yaw_by_sway * y) / determinant,
     )
+
+
+SEA_WATER = 1025.0  #: kg/m^3.
+
+
+def unit_of(parameter: Parameter, mass: float, radius: float, motion: Mapping[str, float], response: float) -> float:
+    """Size of a derivative that is one for a mass, kg, a radius of inertia, m, motions by ``u``, ``v``, ``r``, and a
+    time, s, within which the loads change them.
+    """
+    if parameter.kind == INERTIA:
+        return {'kg': mass, 'kg m': mass * radius, 'kg m2': mass * radius**2, 'm': radius}[parameter.unit]
+    load = (mass * radius**2 * motion['r'] if parameter.row == 'N' else mass * motion['u']) / response
+    for factor in parameter.factors:
+        load /= motion[factor]
+    return load
+
+
+@dataclass(frozen=True)
+class PrimeUnits:
+    """Length, speed and density that make derivatives non-dimensional."""
+
+    length: float  #: Of the hulls, m.
+    speed: float  #: m/s.
+    density: float = SEA_WATER  #: kg/m^3.
+
+    def __post_init__(self):
+        if not (self.length > 0.0 and self.speed > 0.0 and self.density > 0.0):
+            raise InputError('length, speed and density of the prime system must be positive: give positive numbers')
+
+    def unit(self, name: str) -> float:
+        """Dimensional size of a derivative whose prime value is one."""
+        parameter = PARAMETERS[INDEX[name]] if name in INDEX else None
+        if parameter is None or parameter.kind not in HULL:
+            raise InputError(f"'{name}' is not a derivative of the prime system: give one such as Xuu or Nr")
+        motion = {'u': self.speed, 'v': self.speed, 'r': self.speed / self.length}
+        return unit_of(parameter, 0.5 * self.density * self.length**3, self.length, motion, self.length / self.speed)
+
+    def to_prime(self, name: str, value: float) -> float:
+        """Prime value of a dimensional derivative."""
+        return value / self.unit(name)
+
+    def from_prime(self, name: str, prime: float) -> float:
+        """Dimensional value of a prime derivative."""
+        return prime * self.unit(name)

@@ -9,16 +9,15 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import white_noise
-from swath_sysid.manoeuvring.hull.model import parameter_values
-from swath_sysid.manoeuvring.hull.presets import WAMV_LENGTH, WAMV_LEVER
-from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.hull.identified_model import Region
+from swath_sysid.manoeuvring.hull.model import WAMV_LENGTH, WAMV_LEVER, parameter_values
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+from swath_sysid.manoeuvring.identification.disturbances import surge_ratios, sway_ratios, yaw_ratios
 from swath_sysid.manoeuvring.identification.scaling import SWAY_SHARE, Scales
 from swath_sysid.manoeuvring.identification.settings import AUTO, SHARED, ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, Unknowns
-from swath_sysid.manoeuvring.identification.starts import surge_ratios, sway_ratios, yaw_ratios
-from swath_sysid.manoeuvring.motion.compass import USUAL_CURRENT
+from swath_sysid.manoeuvring.motion.polarity import USUAL_CURRENT
 from swath_sysid.manoeuvring.motion.resampling import TURNING
 from swath_sysid.manoeuvring.motion.trial import COMMAND, Run
 

@@ -6,16 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.chance import UNCERTAIN
+from swath_sysid.common.conventions import UNCERTAIN
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.common.stopping import Cancelled
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.common.search import Cancelled, GeneticSearch, GeneticSettings
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, StabilityCheck, check_stability
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
-from swath_sysid.manoeuvring.hull.prime import PrimeUnits
-from swath_sysid.manoeuvring.hull.stability import StabilityCheck, check_stability
-from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
+from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS, PrimeUnits
 from swath_sysid.manoeuvring.identification import assembly, selection
 from swath_sysid.manoeuvring.identification.assembly import Problem
 from swath_sysid.manoeuvring.identification.disturbances import forecast_noise

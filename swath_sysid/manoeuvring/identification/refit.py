@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from swath_sysid.common.conventions import LONGEST
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.history import LONGEST
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.model import preset
 from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings

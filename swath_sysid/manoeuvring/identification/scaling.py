@@ -5,10 +5,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.manoeuvring.hull.physical_range import PARAMETER_RANGES
-from swath_sysid.manoeuvring.hull.prime import unit_of
-from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, INDEX, INERTIA, OFFSET, PARAMETERS, SENSOR, THRUST
-from swath_sysid.manoeuvring.motion.compass import USUAL_DEVIATION
+from swath_sysid.manoeuvring.hull.model import PARAMETER_RANGES
+from swath_sysid.manoeuvring.hull.terms import (
+    CROSS,
+    DAMPING,
+    INDEX,
+    INERTIA,
+    OFFSET,
+    PARAMETERS,
+    SENSOR,
+    THRUST,
+    unit_of,
+)
+from swath_sysid.manoeuvring.motion.polarity import USUAL_DEVIATION
 
 RESPONSE = 3.0  #: s, time within which a craft responds to its thrusters.
 SWAY_SHARE = 0.3  #: Sway in natural units, as a share of the speed.

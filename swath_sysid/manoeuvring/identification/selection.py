@@ -7,12 +7,13 @@ from functools import cached_property
 import numpy as np
 
 from swath_sysid.common.covariance import ParameterCovariance, sandwich_covariance
+from swath_sysid.manoeuvring.hull.identified_model import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
-from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
 from swath_sysid.manoeuvring.identification import held_out
 from swath_sysid.manoeuvring.identification.assembly import EQUAL_CURRENTS, Problem
 from swath_sysid.manoeuvring.identification.scaling import SWAY_SHARE
+from swath_sysid.manoeuvring.identification.settings import cut
 from swath_sysid.manoeuvring.identification.shooting import (
     CURRENT,
     MIN_DECAY,
@@ -27,7 +28,6 @@ from swath_sysid.manoeuvring.identification.shooting import (
     residuals,
     weighed,
 )
-from swath_sysid.manoeuvring.identification.windows import cut
 
 MEMORY = 10  #: Lags that must be small before a residual counts as uncorrelated (see noise.autocovariance).
 MARGIN = 4.0  #: Added to the criterion's ln(N), so that chance seldom adds one of twenty terms.

@@ -9,15 +9,15 @@ from functools import cached_property
 
 import numpy as np
 
+from swath_sysid.manoeuvring.hull.identified_model import growth_rates
 from swath_sysid.manoeuvring.hull.measurement import recorded_speeds, through_water
 from swath_sysid.manoeuvring.hull.model import DIFFERENCE, jacobians
 from swath_sysid.manoeuvring.hull.simulation import STABLE_STEP, UNDISTURBED, runge_kutta_columns
-from swath_sysid.manoeuvring.hull.stability import growth_rates
 from swath_sysid.manoeuvring.hull.terms import BALANCE, DELAY, LAG, NAMES
 from swath_sysid.manoeuvring.hull.thrust import CURVE, acting_thrust
 from swath_sysid.manoeuvring.identification.least_squares import minimise
 from swath_sysid.manoeuvring.identification.scaling import SWAY_SHARE
-from swath_sysid.manoeuvring.identification.windows import Windows
+from swath_sysid.manoeuvring.identification.settings import Windows
 from swath_sysid.manoeuvring.motion.trial import turned
 
 THRUSTER = sorted({*CURVE, BALANCE, LAG, DELAY})

@@ -9,7 +9,7 @@ from swath_sysid.manoeuvring.hull import measurement
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import states_under, substeps_for, track
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
-from swath_sysid.manoeuvring.identification.windows import LEADS, LENGTH, Windows, cut
+from swath_sysid.manoeuvring.identification.settings import LEADS, LENGTH, Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run, turned
 

@@ -8,10 +8,17 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion import resampling
-from swath_sysid.manoeuvring.motion.cleaning import cleaned, without_constant
-from swath_sysid.manoeuvring.motion.compass import aligned
-from swath_sysid.manoeuvring.motion.polarity import set_right
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, POSE, STEP, ManoeuvringTrial, Run, turned
+from swath_sysid.manoeuvring.motion.polarity import aligned, set_right
+from swath_sysid.manoeuvring.motion.trial import (
+    CHANNELS,
+    POSE,
+    STEP,
+    ManoeuvringTrial,
+    Run,
+    cleaned,
+    turned,
+    without_constant,
+)
 
 
 def prepare(trial: ManoeuvringTrial, gap_means_zero: bool = False, step: float | None = None) -> Run:

@@ -12,9 +12,8 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, Region
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
-from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.prediction import predictor
 from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter, ManoeuvreFilterSettings
 

@@ -6,8 +6,8 @@ from typing import Any
 import yaml
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.input_files import shown
-from swath_sysid.formats.untrusted_yaml import plain_content, text_of
+from swath_sysid.formats.files import shown
+from swath_sysid.formats.schema import plain_content, text_of
 from swath_sysid.nodes.parameters.table import NODES, Values, defaults, parameters_of
 
 

@@ -1,10 +1,16 @@
-"""What rounding is: of numbers for readers, never as powers of ten, and of sums."""
+"""What is meant throughout by chance, by a confident interval, by rounding, and by a history."""
 
 import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+
+TWO_STD = 2.0  #: Standard deviations within which chance stays in 95 % of cases: the coverage factor k.
+SIGNIFICANT = 4.0  #: Standard deviations beyond which a difference is not chance.
+UNCERTAIN = 0.5  #: A standard deviation beyond this share of a value makes it uncertain.
+CONFIDENCE = 0.95  #: Of the intervals that are stated.
+
 
 ROUNDING = 1e-9  #: What is smaller, in its unit, is zero but for rounding.
 
@@ -23,3 +29,6 @@ def digits(count: int) -> Callable[[Any], str]:
 def percent(share: float | None, count: int = 3) -> str:
     """A share in percent, with this many digits."""
     return '-' if share is None or math.isnan(share) else f'{digits(count)(100.0 * share)} %'
+
+
+LONGEST = 20  #: Models, or files of them, that are kept.
