@@ -141,7 +141,7 @@ class Quiescence:
         self._within = int(np.sum(leads <= limits.duration + 1e-9))
         self._quantities = tuple(quantities)
         self._spacing = spacing
-        self._errors = np.full((len(self._quantities), members, leads.size), math.nan)
+        self._errors = np.full((len(self._quantities), leads.size, members), math.nan)
         self._complete = np.zeros((len(self._quantities), members), dtype=bool)
         self._members = members
         self._seen = 0
@@ -172,7 +172,7 @@ class Quiescence:
             issued = self._pending.popleft()
             actual = motion_at(issued.stamp + self._leads)
             place = self._seen % self._members
-            self._errors[:, place] = errors = ((actual - issued.motion) / issued.size).T
+            self._errors[:, :, place] = errors = ((actual - issued.motion) / issued.size).T
             self._complete[:, place] = np.isfinite(errors).all(axis=1)
             self._seen += 1
             actual = (actual - issued.trim)[: self._within, self._bounded]
@@ -201,8 +201,9 @@ class Quiescence:
             if inside is None:
                 probability = self._by_marginals(centred[: self._within], deviation[: self._within])
             else:
-                probability = _share(inside[:, : self._within].all(axis=1))
-                window = self._calm_window(inside)
+                quiet = np.count_nonzero(inside[: self._within].all(axis=0))
+                probability = _share(quiet, inside.shape[1])
+                window = self._calm_window(inside, quiet)
         if not self._pending or now - self._pending[-1].stamp >= self._spacing - 1e-6:
             self._pending.append(_Issued(now, motion, size, about, probability))
         return probability, window
@@ -217,43 +218,45 @@ class Quiescence:
         return np.sqrt(self._square)
 
     def _members_inside(self, motion: np.ndarray, size: np.ndarray):
-        """Whether each member is inside at each lead, shape (members, H); None before enough is known."""
+        """Whether each member is inside at each lead, shape (H, members); None before enough is known."""
         # forecasts grow better as the sea is learnt: while little is known, its older half is left out
         count = min(max(self._seen // 2, _ENOUGH), self._seen, self._members)
         known = np.arange(self._seen - count, self._seen) % self._members
         known = known[self._complete[self._bounded][:, known].all(axis=0)]
         if known.size < _ENOUGH:
             return None
-        inside = np.ones((known.size, self._leads.size), dtype=bool)
-        # their order does not matter, and all of them take no copy
-        members = slice(None) if known.size == self._members else known
+        inside = np.ones(self._errors.shape[1:], dtype=bool)
         for quantity, bound in zip(np.flatnonzero(self._bounded), self._bound, strict=True):
-            excursion = self._errors[quantity, members] * size[quantity]
-            excursion += motion[:, quantity]
-            inside &= np.abs(excursion, out=excursion) <= bound
-        return inside
+            errors, centre = self._errors[quantity], motion[:, quantity, None]
+            inside &= errors >= (-bound - centre) / size[quantity]
+            inside &= errors <= (bound - centre) / size[quantity]
+        # their order does not matter
+        return inside if known.size == self._members else inside[:, known]
 
-    def _calm_window(self, inside: np.ndarray):
-        """The first stretch as long as the duration that is quiet with the asked probability, to its end."""
-        members, leads = inside.shape
+    def _calm_window(self, inside: np.ndarray, quiet: int):
+        """The first stretch as long as the duration that is quiet with the asked probability, to its end.
+
+        ``quiet`` members are inside for the duration from now.
+        """
+        leads, members = inside.shape
         needed = math.ceil(self._asked * (members + 1.0) - 0.5)
         if needed > members:
             return None
         # the quiet of now lasts up to the first lead; any later one begins at a lead, which is one more
         begin = 0
-        if np.count_nonzero(inside[:, : self._within].all(axis=1)) < needed:
-            later = np.count_nonzero(_inside_from(inside[:, 1:], self._within + 1), axis=0) >= needed
+        if quiet < needed:
+            later = np.count_nonzero(_inside_from(inside[1:], self._within + 1), axis=1) >= needed
             if not later.any():
                 return None
             begin = 1 + int(later.argmax())
         # how many leads each member stays inside
-        rest = inside[:, begin:]
-        lasting = np.where(rest.all(axis=1), leads - begin, rest.argmin(axis=1))
+        rest = inside[begin:]
+        lasting = np.where(rest.all(axis=0), leads - begin, rest.argmin(axis=0))
         longest = np.partition(lasting, members - needed)[members - needed]
         return CalmWindow(
             0.0 if begin == 0 else float(self._leads[begin]),
             float(self._leads[begin + longest - 1]),
-            _share(lasting >= longest),
+            _share(np.count_nonzero(lasting >= longest), members),
         )
 
     def _by_marginals(self, motion: np.ndarray, deviation: np.ndarray):
@@ -269,11 +272,11 @@ def _inside_from(inside: np.ndarray, count: int) -> np.ndarray:
     length = 1
     while length < count:
         step = min(length, count - length)
-        inside = inside[:, :-step] & inside[:, step:]
+        inside = inside[:-step] & inside[step:]
         length += step
     return inside
 
 
-def _share(inside: np.ndarray):
+def _share(quiet: int, members: int):
     # no count of a finite ensemble proves zero or one
-    return (int(inside.sum()) + 0.5) / (inside.size + 1.0)
+    return float((quiet + 0.5) / (members + 1.0))
