@@ -54,24 +54,30 @@ def serialised(message: Any) -> bytes:
 
 def make(kind: str, *values: Any) -> Any:
     """A message of the `typestore` from its fields in their order; those that are messages too may be tuples."""
-    parts = []
-    for part, value in zip(_part_kinds(kind), values, strict=True):
-        if part and isinstance(value, list):
-            value = [make(part, *each) for each in value]
-        parts.append(make(part, *value) if part and isinstance(value, tuple) else value)
-    return typestore().types[kind](*parts)
+    return _maker(kind)(*values)
 
 
 @cache
-def _part_kinds(kind: str) -> tuple[str, ...]:
-    """The message type of each field or of its elements, empty for plain values."""
+def _maker(kind: str) -> Callable:
+    """Of a message that holds no others, its class."""
     from rosbags.interfaces import Nodetype
 
-    kinds = []
+    made, makers = typestore().types[kind], []
     for _, (node, what) in typestore().fielddefs[kind][1]:
         node, what = what[0] if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (node, what)
-        kinds.append(what if node == Nodetype.NAME else '')
-    return tuple(kinds)
+        makers.append(_maker(what) if node == Nodetype.NAME else None)
+    if not any(makers):
+        return made
+
+    def of(*values: Any) -> Any:
+        parts = []
+        for maker, value in zip(makers, values, strict=True):
+            if maker and isinstance(value, list):
+                value = [maker(*each) for each in value]
+            parts.append(maker(*value) if maker and isinstance(value, tuple) else value)
+        return made(*parts)
+
+    return of
 
 
 def header(stamp_ns: int, frame_id: str) -> tuple:
