@@ -92,10 +92,9 @@ class Blend:
         memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, MEMORY_OF_SIZE)
         self._keep = (1.0 - step / memory)[:, None]
         self._row = 0
-        # of each row, by step: what each candidate forecast, the blend, its variance, and half its interval squared
+        # of each row, by step: the blend, its variance, half its interval squared, and what each candidate forecast
         rows = int(self.steps[-1]) + 1
-        self._means = np.full((rows, steps, candidates, axes), np.nan)
-        self._issued = np.full((rows, steps, 3, axes), np.nan)
+        self._issued = np.full((rows, 3 + candidates, steps, axes), np.nan)
         self.mean_square = np.zeros((candidates, steps, axes))
         self._time = np.zeros((steps, axes))
         self._excused = np.zeros((steps, axes))
@@ -126,9 +125,8 @@ class Blend:
         """
         rows = self._issued.shape[0]
         then, now = (self._row - self.steps) % rows, self._row % rows
-        errors = reading - self._means[then, self._places].swapaxes(0, 1)
-        average, of_average, interval = self._issued[then, self._places].swapaxes(0, 1)
-        blended = reading - average
+        average, of_average, interval, *means = self._issued[then, :, self._places].transpose(1, 0, 2)
+        errors, blended = reading - means, reading - average
         judged = np.isfinite(blended) & np.isfinite(interval)
         gain = self._step / (MEMORY_OF_SIZE + self._step) * judged
         square = np.where(judged, blended, 0.0) ** 2
@@ -142,11 +140,10 @@ class Blend:
         self._was_free[now] = free
         self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
         weights = present_weights(self.weights, np.isfinite(mean))
-        self._means[now] = mean.swapaxes(0, 1)
         variance = _weighted(weights, variance)
         true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         half = _QUANTILE**2 * (self.scale * true + noise_variance)
-        self._issued[now] = np.stack([_weighted(weights, mean), variance, half], axis=1)
+        self._issued[now] = [_weighted(weights, mean), variance, half, *mean]
         self._row += 1
 
     def renew(self, candidate: int, axis: int | slice = slice(None), among: int | None = None) -> None:
@@ -161,7 +158,7 @@ class Blend:
         """Pass over ``count`` rows without readings or forecasts."""
         for _ in range(min(count, self._issued.shape[0])):
             now = self._row % self._issued.shape[0]
-            self._means[now] = self._issued[now] = np.nan
+            self._issued[now] = np.nan
             self._row += 1
         self._row += max(count - self._issued.shape[0], 0)
 
@@ -231,7 +228,7 @@ def error_weights(mean_square: np.ndarray, time: np.ndarray, prior: np.ndarray) 
     ``prior`` (E, 1, 1) are the weights at equal errors.
     """
     square = np.maximum(mean_square, 1e-300)
-    common = np.exp(np.log(square).mean(axis=0))
+    common = np.exp(np.log(square).sum(axis=0) / len(square))
     drawn = (time * square / common + _TRUST) / (time + _TRUST)
     weights = prior * (drawn.min(axis=0) / drawn) ** _POWER
     return weights / weights.sum(axis=0)
