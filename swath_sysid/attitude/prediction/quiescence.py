@@ -197,13 +197,13 @@ class Quiescence:
         probability, window = math.nan, None
         if self._bound.size and np.isfinite(motion[:, self._bounded]).all():
             centred = motion - about
-            inside = self._members_inside(centred, size)
-            if inside is None:
+            inside, members = self._members_inside(centred, size)
+            if members < _ENOUGH:
                 probability = self._by_marginals(centred[: self._within], deviation[: self._within])
             else:
                 quiet = np.count_nonzero(inside[: self._within].all(axis=0))
-                probability = _share(quiet, inside.shape[1])
-                window = self._calm_window(inside, quiet)
+                probability = _share(quiet, members)
+                window = self._calm_window(inside, quiet, members)
         if not self._pending or now - self._pending[-1].stamp >= self._spacing - 1e-6:
             self._pending.append(_Issued(now, motion, size, about, probability))
         return probability, window
@@ -218,27 +218,23 @@ class Quiescence:
         return np.sqrt(self._square)
 
     def _members_inside(self, motion: np.ndarray, size: np.ndarray):
-        """Whether each member is inside at each lead, shape (H, members); None before enough is known."""
+        """Whether each member is inside at each lead, shape (H, members), and how many are; the others are not."""
         # forecasts grow better as the sea is learnt: while little is known, its older half is left out
         count = min(max(self._seen // 2, _ENOUGH), self._seen, self._members)
-        known = np.arange(self._seen - count, self._seen) % self._members
-        known = known[self._complete[self._bounded][:, known].all(axis=0)]
-        if known.size < _ENOUGH:
-            return None
-        inside = np.ones(self._errors.shape[1:], dtype=bool)
+        known = self._complete[self._bounded].all(axis=0)
+        known &= (self._seen - 1 - np.arange(self._members)) % self._members < count
+        inside = np.tile(known, (self._leads.size, 1))
         for quantity, bound in zip(np.flatnonzero(self._bounded), self._bound, strict=True):
             errors, centre = self._errors[quantity], motion[:, quantity, None]
             inside &= errors >= (-bound - centre) / size[quantity]
             inside &= errors <= (bound - centre) / size[quantity]
-        # their order does not matter
-        return inside if known.size == self._members else inside[:, known]
+        return inside, np.count_nonzero(known)
 
-    def _calm_window(self, inside: np.ndarray, quiet: int):
+    def _calm_window(self, inside: np.ndarray, quiet: int, members: int):
         """The first stretch as long as the duration that is quiet with the asked probability, to its end.
 
         ``quiet`` members are inside for the duration from now.
         """
-        leads, members = inside.shape
         needed = math.ceil(self._asked * (members + 1.0) - 0.5)
         if needed > members:
             return None
@@ -251,8 +247,8 @@ class Quiescence:
             begin = 1 + int(later.argmax())
         # how many leads each member stays inside
         rest = inside[begin:]
-        lasting = np.where(rest.all(axis=0), leads - begin, rest.argmin(axis=0))
-        longest = np.partition(lasting, members - needed)[members - needed]
+        lasting = np.where(rest.all(axis=0), len(rest), rest.argmin(axis=0))
+        longest = np.partition(lasting, -needed)[-needed]
         return CalmWindow(
             0.0 if begin == 0 else float(self._leads[begin]),
             float(self._leads[begin + longest - 1]),
