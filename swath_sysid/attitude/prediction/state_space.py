@@ -75,7 +75,10 @@ class InnovationsFilter:
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
         self._strain_gain = min(1.0, model.step / _STRAIN_TIME)
         self._largest = BREAK * np.diag(model.s)
-        self._at = np.array(steps, dtype=int)
+        self._at: Any = np.array(steps, dtype=int)
+        if self._at.size and self._at[-1] - self._at[0] == self._at.size - 1:
+            # which takes no copy
+            self._at = slice(self._at[0], self._at[-1] + 1)
         self._prepare()
         self.restart()
 
@@ -173,7 +176,7 @@ class InnovationsFilter:
             self._stepped = means.reshape(-1, len(self.targets)) + self._offset, covariances
         means, covariances = self._stepped
         if leads is None:
-            return means[self._at + 1], covariances[self._at]
+            return means[1:][self._at], covariances[self._at]
         steps = (np.asarray(leads, dtype=float) + age) / self.model.step
         near = np.round(steps)
         whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
