@@ -201,7 +201,7 @@ class Quiescence:
             if members < _ENOUGH:
                 probability = self._by_marginals(centred[: self._within], deviation[: self._within])
             else:
-                quiet = np.count_nonzero(inside[: self._within].all(axis=0))
+                quiet = int(np.count_nonzero(inside[: self._within].all(axis=0)))
                 probability = _share(quiet, members)
                 window = self._calm_window(inside, quiet, members)
         if not self._pending or now - self._pending[-1].stamp >= self._spacing - 1e-6:
@@ -228,7 +228,7 @@ class Quiescence:
             errors, centre = self._errors[quantity], motion[:, quantity, None]
             inside &= errors >= (-bound - centre) / size[quantity]
             inside &= errors <= (bound - centre) / size[quantity]
-        return inside, np.count_nonzero(known)
+        return inside, int(np.count_nonzero(known))
 
     def _calm_window(self, inside: np.ndarray, quiet: int, members: int):
         """The first stretch as long as the duration that is quiet with the asked probability, to its end.
@@ -252,7 +252,7 @@ class Quiescence:
         return CalmWindow(
             0.0 if begin == 0 else float(self._leads[begin]),
             float(self._leads[begin + longest - 1]),
-            _share(np.count_nonzero(lasting >= longest), members),
+            _share(int(np.count_nonzero(lasting >= longest)), members),
         )
 
     def _by_marginals(self, motion: np.ndarray, deviation: np.ndarray):
@@ -275,4 +275,4 @@ def _inside_from(inside: np.ndarray, count: int) -> np.ndarray:
 
 def _share(quiet: int, members: int):
     # no count of a finite ensemble proves zero or one
-    return float((quiet + 0.5) / (members + 1.0))
+    return (quiet + 0.5) / (members + 1.0)
