@@ -59,7 +59,17 @@ def _print_ranking(comparison: Comparison) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    head = 'equation', 'terms', 'R2', 'objective', 'criterion', 'held-out error', 'period [s]', 'damping ratio'
+    head = (
+        'equation',
+        'terms',
+        'R2',
+        'objective',
+        'criterion',
+        'held-out error',
+        'period [s]',
+        'damping ratio',
+        'verdict',
+    )
     table = Table(*map(escape, head))
     best = comparison.ranked[0].criterion
     for ranked in comparison.ranked:
@@ -73,6 +83,7 @@ def _print_ranking(comparison: Comparison) -> None:
             f'{ranked.held_out:.4f}',
             f'{fit.model.natural_period:.4f}',
             f'{fit.damping_ratio:.4f}',
+            fit.verdict.level,
             style='bold' if ranked is comparison.choice else None,
         )
     Console(file=sys.stdout, width=None if sys.stdout.isatty() else 120).print(table)

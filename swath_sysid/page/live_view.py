@@ -148,15 +148,20 @@ def model_words(record: LiveRecord, axis: str, verdict: str | None) -> list[str]
 
 def calm_words(record: LiveRecord) -> str:
     """The next calm window, the probability of staying quiet, and the limits."""
+
+    def shown(probability: float):
+        # no count of forecasts that came true proves certainty
+        return f'{min(100.0 * probability, 99.0):.0f} %'
+
     words = []
     if record.quiescence is not None:
-        words.append(f'The craft stays within its quiet limits with a probability of {100 * record.quiescence:.0f} %.')
+        words.append(f'The craft stays within its quiet limits with a probability of {shown(record.quiescence)}.')
     if record.calm is not None:
         begin, end, probability = record.calm
         if end > record.stamp:
             words.append(
                 f'Calm from {max(begin - record.stamp, 0.0):.1f} to {end - record.stamp:.1f} s from now '
-                f'({100 * probability:.0f} %).'
+                f'({shown(probability)}).'
             )
     return ' '.join(words or ['No calm window forecast yet.']) + limits_in_words(record.limits)
 

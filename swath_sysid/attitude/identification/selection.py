@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.identification.fit_quality import LEVELS
 from swath_sysid.attitude.identification.identify import identify_problem, refit_from
 from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
@@ -81,11 +82,15 @@ def compare(
 
 
 def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Comparison:
-    """Rank fits of the same records, with their held-out errors, and choose the simplest adequate one."""
+    """Rank fits of the same records, with their held-out errors; choose the simplest of those with the best verdict."""
     samples = min(fits, key=lambda f: f.objective_value).effective_samples
     ranked = [RankedFit(f, information_criterion(f, samples), e) for f, e in zip(fits, held_out, strict=True)]
     ranked.sort(key=lambda fit: fit.criterion)
-    return Comparison(tuple(ranked), *simplest_adequate(ranked))
+    best = max(LEVELS.index(f.verdict.level) for f in fits)
+    usable = [r for r in ranked if LEVELS.index(r.identification.verdict.level) == best]
+    choice, reason = simplest_adequate(usable)
+    others = '' if len(usable) == len(ranked) else f' The other equations are not {LEVELS[best]}.'
+    return Comparison(tuple(ranked), choice, f'{reason}{others}')
 
 
 def simplest_adequate(ranked: Sequence[Ranked], criterion: str = 'criterion') -> tuple[Ranked, str]:

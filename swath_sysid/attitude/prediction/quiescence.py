@@ -199,7 +199,8 @@ class Quiescence:
             centred = motion - about
             inside, members = self._members_inside(centred, size)
             if members < _ENOUGH:
-                probability = self._by_marginals(centred[: self._within], deviation[: self._within])
+                likely = self._by_marginals(centred[: self._within], deviation[: self._within])
+                probability = min(likely, _share(members, members))
             else:
                 quiet = int(np.count_nonzero(inside[: self._within].all(axis=0)))
                 probability = _share(quiet, members)
