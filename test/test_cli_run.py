@@ -173,3 +173,21 @@ def test_a_tool_interrupted_at_its_start_ends_with_130_and_nodes_with_0(words, n
     # a tool may have come to its own end before, and said so; the interpreter's very last moments know no handlers
     ended = process.returncode in (2, -number) and 'cannot read the manifest' in told
     assert process.returncode == (0 if words.startswith('run') else 130) or ended, told
+
+
+@pytest.mark.skipif(sys.platform != 'linux', reason='other systems do not tell a process of the death of its parent')
+def test_what_runs_beside_the_nodes_ends_when_they_are_killed():
+    beside = 'import time; print("begun", flush=True); time.sleep(600)'
+    program = f"""import sys
+from swath_sysid.cli.run import process_beside
+with process_beside([sys.executable, '-c', {beside!r}]) as process:
+    print(process.pid, flush=True)
+    process.wait()
+"""
+    with subprocess.Popen([sys.executable, '-c', program], stdout=subprocess.PIPE, text=True) as parent:
+        pid = next(int(line) for line in parent.stdout if line.strip().isdigit())
+        parent.kill()
+    deadline = time.monotonic() + 60.0
+    while Path(f'/proc/{pid}').exists() and Path(f'/proc/{pid}/stat').read_text().split()[2] != 'Z':
+        assert time.monotonic() < deadline
+        time.sleep(0.05)

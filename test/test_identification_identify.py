@@ -33,13 +33,19 @@ from swath_sysid.attitude.identification.fit_quality import (
     posterior_errors,
     vanishing_angle,
 )
-from swath_sysid.attitude.identification.identify import identify
+from swath_sysid.attitude.identification.identify import identify, identify_problem
 from swath_sysid.attitude.identification.motion_fit import MotionFit
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.scoring import LogPosterior, log_evidence, prune
 from swath_sysid.attitude.identification.search import SearchSettings
-from swath_sysid.attitude.identification.selection import compare, first_part, held_out_error, information_criterion
+from swath_sysid.attitude.identification.selection import (
+    compare,
+    first_part,
+    held_out_error,
+    information_criterion,
+    rank,
+)
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
@@ -157,6 +163,18 @@ def test_a_containing_equation_never_fits_worse():
     assert len(pairs) > 20
     for larger, smaller in pairs:
         assert larger.objective_value <= smaller.objective_value * (1 + 1e-9)
+
+
+def test_a_doubtful_equation_is_not_chosen_while_another_is_adequate():
+    problem = prepare([decay(noise=SensorNoise(1e-4, 1e-3))])
+    adequate, doubtful = (identify_problem(problem, settings(name)) for name in ('swath-pitch-2', 'swath-pitch-9'))
+    assert (adequate.verdict.level, doubtful.verdict.level != 'adequate') == ('adequate', True)
+    # as if the worse one had the better criterion
+    favoured = replace(doubtful, objective_value=0.1 * adequate.objective_value)
+    found = rank([adequate, favoured], [0.1, 0.01])
+    assert (found.ranked[0].name, found.choice.name) == ('swath-pitch-9', 'swath-pitch-2')
+    assert found.reason.endswith(' The other equations are not adequate.')
+    assert rank([favoured], [0.01]).choice.name == 'swath-pitch-9'
 
 
 @pytest.mark.long

@@ -17,9 +17,11 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.cli.main import main
+from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import read_imu, write_imu_bag
 from swath_sysid.formats.messages import stamp_ns as time_ns
 from swath_sysid.formats.model_file import write_model
+from swath_sysid.formats.output_bag import Recording
 
 pytest.importorskip('rclpy', reason='replay and record need ROS 2')
 
@@ -164,6 +166,8 @@ def test_a_killed_recording_can_be_read(bag, tmp_path):
             recorder.kill()
             recorder.wait()
         assert player.poll() is None
+    with pytest.raises(InputError, match='can be read as a bag: move it away'):
+        Recording(tmp_path / 'cut.mcap')
     record = read_imu(tmp_path / 'cut.recording', '/imu/data')
     assert record.stamps.size > 25
     assert {advice.code for advice in record.advice} == {'damaged-bag'}

@@ -68,6 +68,9 @@ def test_the_forecast_stands_behind_now_with_its_intervals_and_is_kept_until_it_
     times = [time for time, _ in chart['measured']]
     assert times == sorted(times) and -0.05 < times[-1] <= 0.0
     assert [chart['forecast'][0][0], chart['forecast'][-1][0]] == pytest.approx([0.0, 5.0], abs=0.05)
+    old = view.motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'], age=20.0)
+    assert [old['forecast'][0][0], old['measured'][-1][0]] == pytest.approx([-20.0, times[-1] - 20.0], abs=0.05)
+    assert not view.motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'], age=40.0)['forecast']
     for band, width in zip(chart['bands'], norm.ppf((0.75, 0.95, 0.995)), strict=True):
         _, low, high = band[0]
         assert [low, high] == pytest.approx(np.degrees([0.1 - width * 0.02, 0.1 + width * 0.02]), abs=1e-3)
@@ -143,6 +146,9 @@ def test_calm_is_counted_from_now_and_valid_leads_are_those_of_the_diagnostics(t
     assert view.calm_words(tank.record) == 'No calm window forecast yet.'
     tank.record.quiescence, tank.record.calm = 0.25, (tank.record.stamp + 1.0, tank.record.stamp + 4.0, 0.93)
     assert view.calm_words(tank.record).endswith('probability of 25 %. Calm from 1.0 to 4.0 s from now (93 %).')
+    tank.record.quiescence = 0.999
+    assert 'probability of 99 %' in view.calm_words(tank.record)
+    assert view.calm_words(tank.record, age=14.2) == 'No forecast: the newest sample is 14 s old.'
     tank.record.limits = QuiescenceLimits(roll=np.radians(3.0), duration=5.0)
     assert view.calm_words(tank.record).endswith(' Quiet means within ±(roll 3 deg) for 5 s.')
     values = {'published': 3, 'valid_lead_roll_s': '2.74', 'valid_lead_bow.heave_s': 1.0}

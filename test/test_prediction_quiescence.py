@@ -52,6 +52,18 @@ def told_after(quiet, seconds, spread_at, seed):
     return told
 
 
+def test_quiet_is_no_more_certain_than_the_forecasts_that_came_true_allow():
+    quiet = Quiescence(QuiescenceLimits(pitch=1.0, duration=1.0), LEADS)
+    assert quiet.assess(0.0, STILL, DEVIATION, ONES)[0] == 0.5
+    told = [quiet.assess(0.0, STILL, DEVIATION, ONES)[0]]
+    for k in range(1, 12):
+        quiet.learn(float(k), lambda stamps: np.zeros((stamps.size, 4)))
+        told.append(quiet.assess(float(k), STILL, DEVIATION, ONES)[0])
+    assert told == pytest.approx([(k + 0.5) / (k + 1.0) for k in range(12)])
+    quiet.set_limits(QuiescenceLimits(pitch=0.02, duration=1.0))
+    assert quiet.assess(12.0, STILL, DEVIATION, ONES)[0] == pytest.approx(0.683, abs=1e-3)
+
+
 def test_errors_count_in_the_size_of_the_motion():
     quiet = Quiescence(QuiescenceLimits(pitch=0.1, duration=1.0), LEADS)
     told = told_after(quiet, 400, lambda k: 0.02, 9)
@@ -69,11 +81,11 @@ def test_errors_count_in_the_size_of_the_motion():
 
 def test_before_any_experience_the_worst_lead_decides_and_what_is_not_measured_is_unknown():
     quiet, deviation = Quiescence(QuiescenceLimits(roll_rate=0.2, duration=1.0), LEADS), np.full((10, 4), 0.1)
-    deviation[4, 2] = 0.2
-    assert quiet.assess(0.0, STILL, deviation, ONES)[0] == pytest.approx(math.erf(1.0 / math.sqrt(2.0)))
+    deviation[4, 2] = 0.4
+    assert quiet.assess(0.0, STILL, deviation, ONES)[0] == pytest.approx(math.erf(0.5 / math.sqrt(2.0)))
     quiet, motion = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS), STILL.copy()
     motion[:, [1, 3]] = math.nan
-    assert quiet.assess(0.0, motion, DEVIATION, ONES)[0] > 0.99
+    assert quiet.assess(0.0, motion, DEVIATION, ONES)[0] == 0.5
     motion[:, [0, 2]] = math.nan
     assert math.isnan(quiet.assess(1.0, motion, DEVIATION, ONES)[0])
 

@@ -14,7 +14,7 @@ from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.cli.interfaces import interface_lines
 from swath_sysid.cli.ros import ros_needed
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.processes import ended, verb_command
+from swath_sysid.common.processes import end_with_parent, ended, verb_command
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.schema import plain_content, text_of
 from swath_sysid.formats.topics import IMU_TOPIC
@@ -87,7 +87,7 @@ def page_command(arguments: Namespace) -> list[str]:
 @contextmanager
 def process_beside(command: list[str], **options: Any) -> Iterator[subprocess.Popen]:
     """Run a command while the block runs; Ctrl-C is for the block, which ends it."""
-    process = subprocess.Popen(command, start_new_session=True, **options)
+    process = subprocess.Popen(command, start_new_session=True, preexec_fn=end_with_parent, **options)
     try:
         yield process
     finally:

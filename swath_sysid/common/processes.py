@@ -1,6 +1,7 @@
 """Independent tasks in processes by futures, verbs in processes of their own, and a child that works for its parent."""
 
 import contextlib
+import ctypes
 import multiprocessing
 import os
 import signal
@@ -41,6 +42,12 @@ class SerialExecutor(Executor):
 def verb_command(verb: str, *options: str) -> list[str]:
     """The words that run a verb of the command line in a process of its own."""
     return [sys.executable, '-m', 'swath_sysid.start', verb, *options]
+
+
+def end_with_parent() -> None:
+    """On Linux, have this process terminated when the parent is: one that is killed cannot end what it started."""
+    if sys.platform == 'linux':
+        ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
 
 
 def ended(process: subprocess.Popen) -> None:

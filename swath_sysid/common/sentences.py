@@ -128,8 +128,8 @@ SENTENCES = {
     'was replaced by {turn} deg minus the recorded one: give both in one frame',
     'mixed-frames: turned': '{source}: the heading is off the course by {turn} deg and was turned by that much: check '
     'from which axis heading and position are measured',
-    'model-contradicted': 'the motion shows {more} {quantity} than the {axis} model, beyond its uncertainty '
-    '({stds:+.1f} standard deviations): identify again',
+    'model-contradicted': 'the motion shows {change:.0%} {more} {quantity} than the {axis} model ({stds:+.1f} of '
+    'its standard deviations): identify again',
     'model-doubtful': 'the {axis} model is {verdict}: {sentence}',
     'motion-simplified': 'Nav2 moves a craft along its heading at the commanded speed: this one drifts by up to '
     '{drift:.3g} deg and its speed changes by {change:+.0%} in the hardest turn at the highest speed',

@@ -135,9 +135,13 @@ class Recording:
         self._folder = self.path.with_suffix('.recording')
         if not self.path.parent.is_dir():
             raise InputError(f'cannot write {path}: there is no folder {self.path.parent}; choose one that exists')
-        for taken in (self.path, self._folder):
-            if taken.exists():
-                raise InputError(f'{taken} exists already: choose another name, or remove it first')
+        if self.path.exists():
+            raise InputError(f'{path} exists already: choose another name, or remove it first')
+        if self._folder.exists():
+            raise InputError(
+                f'{self._folder} holds what a recording that was killed had written, and can be read as a bag: move it '
+                'away, or choose another name'
+            )
         self._store = typestore()
         self._writer = Writer(self._folder, version=9, storage_plugin=StoragePlugin.MCAP)
         try:

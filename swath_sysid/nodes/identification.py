@@ -10,6 +10,7 @@ from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
 from swath_sysid.common.accelerator import why_uncompiled
+from swath_sysid.common.advice import counted
 from swath_sysid.common.search import Cancelled
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompiled
 from swath_sysid.nodes.kept_model import ModelFile
@@ -141,6 +142,6 @@ class IdentificationNode(Node):
         """Publish the models after a change of the refitter, or answer why there was none."""
         response.success, response.message = False, refusal if self._ended is None else BUSY
         if self._ended is None and change():
-            remark = f'{self.refitter.steps_back} more are kept{self.file.keep(self._publish())}'
+            remark = f'{counted(self.refitter.steps_back, "earlier model")} kept{self.file.keep(self._publish())}'
             response.success, response.message = True, f'back to {self.refitter.described}; {remark}'
         return response

@@ -56,11 +56,11 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
     return lines
 
 
-def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -> dict[str, list]:
-    """Measured motion, the forecast with its intervals and the earlier forecast, against the time from now. Lists of
-    (s, deg or m), and for each interval of (s, lower, upper).
+def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None, age: float = 0.0) -> dict[str, list]:
+    """Measured motion, the forecast with its intervals and the earlier forecast, against the time from now, ``age``
+    s after the newest sample. Lists of (s, deg or m), and for each interval of (s, lower, upper).
     """
-    now = record.stamp
+    now = record.stamp + age
     scale = np.degrees(1.0) if motion is not None or quantity in ('roll', 'pitch') else 1.0
     chart: dict[str, list] = {'measured': [], 'forecast': [], 'checked': [], 'bands': [[] for _ in INTERVALS]}
     if motion is not None and motion.angle is not None:
@@ -146,8 +146,10 @@ def model_words(record: LiveRecord, axis: str, verdict: str | None) -> list[str]
     ]
 
 
-def calm_words(record: LiveRecord) -> str:
-    """The next calm window, the probability of staying quiet, and the limits."""
+def calm_words(record: LiveRecord, age: float = 0.0) -> str:
+    """The next calm window, the probability of staying quiet, and the limits, ``age`` s after the newest sample."""
+    if age > 0.0:
+        return f'No forecast: the newest sample is {age:.0f} s old.'
 
     def shown(probability: float):
         # no count of forecasts that came true proves certainty

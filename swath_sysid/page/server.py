@@ -113,10 +113,21 @@ def served(state: PageState, host: str, port: int, token: str) -> Iterator[str]:
     )
     thread = threading.Thread(target=lambda: server.run(sockets=[listener]), daemon=True)
     thread.start()
-    shown = 'localhost' if host in LOCAL_NAMES else socket.gethostname() if host in ('0.0.0.0', '::') else host
+    shown = 'localhost' if host in LOCAL_NAMES else _address() if host in ('0.0.0.0', '::') else host
     try:
         yield f'http://{shown}:{listener.getsockname()[1]}/' + (f'?token={token}' if token else '')
     finally:
         server.should_exit = True
         thread.join(END_S)
         state.close()
+
+
+def _address() -> str:
+    """The address of this machine in its network: a phone cannot resolve a host name."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unsent:
+        try:
+            # nothing is sent; the system only chooses the interface (RFC 5737 gives this address for examples)
+            unsent.connect(('192.0.2.1', 9))
+        except OSError:
+            return socket.gethostname()
+        return unsent.getsockname()[0]

@@ -19,7 +19,7 @@ from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.files import write_text
 from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Facts, Guidance
 from swath_sysid.page.charts import motion_changes
-from swath_sysid.page.live_record import LiveRecord
+from swath_sysid.page.live_record import STALE_S, LiveRecord
 from swath_sysid.page.live_view import (
     calm_words,
     campaign_words,
@@ -128,9 +128,10 @@ class PageState:
         now, record = monotonic(), self._source.record
         with self._source.lock:
             facts = record.facts(self._axis, now)
+            age = facts.silence if STALE_S < facts.silence < float('inf') else 0.0
             charts = {
                 name: motion_changes(
-                    motion_chart(record, name, facts.motions.get(name)), 'deg' if name in AXES else 'm'
+                    motion_chart(record, name, facts.motions.get(name), age), 'deg' if name in AXES else 'm'
                 )
                 for name in dict.fromkeys((*AXES, *record.horizons))
             }
@@ -138,7 +139,8 @@ class PageState:
             guidance, verdict = self._guides[self._axis].look(facts), facts.text(IDENTIFICATION, 'last_verdict')
             is_said = bool(verdict) and of_axis(verdict, self._axis) in guidance.cure
             words = model_words(record, self._axis, None if is_said else verdict)
-            waters = calm_words(record), sea_words(record), valid_words(facts.statuses)
+            valid = '' if age else valid_words(facts.statuses)
+            waters = calm_words(record, age), sea_words(record), valid
         if self.manifest and now - self._campaign_read > SELDOM:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
         if self._recorder is not None and self._recorder.poll() is not None:

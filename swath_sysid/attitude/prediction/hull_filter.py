@@ -450,7 +450,10 @@ class HullFilter:
             is_much = abs(change) > max(MUCH[name], CONTRADICTION * now)
             if self.model is not None and (is_unlikely or is_much):
                 more, stds = 'more' if change > 0.0 else 'less', change / before
-                found.append(Advice.of('model-contradicted', more=more, quantity=name, axis=self.model.axis, stds=stds))
+                share, axis = abs(math.expm1(change)), self.model.axis
+                found.append(
+                    Advice.of('model-contradicted', change=share, more=more, quantity=name, axis=axis, stds=stds)
+                )
         return tuple(found)
 
     # -- the forecast ------------------------------------------------------------------------------------------
