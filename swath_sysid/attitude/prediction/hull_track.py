@@ -120,9 +120,9 @@ def predict(
     f = transition(blocks, step)
     n, first = mean.size, HULL_STATES
     noise, whole_output = np.zeros((n, n)), np.zeros(n)
-    own = f[first:, first:].copy()
-    noise[first:, first:] = stationary - own @ stationary @ own.T
-    noise[TRIM:first, TRIM:first], whole_output[first:] = step * drift, output
+    noise[first:, first:], whole_output[first:] = stationary, output
+    noise -= f @ noise @ f.T
+    noise[TRIM:first, TRIM:first] = step * drift
     mean_output = 0.5 * (whole_output + whole_output @ f)
     of_moment = 0.5 * (whole_output @ noise)
     moment_variance = 0.5 * (of_moment @ whole_output)
