@@ -69,7 +69,7 @@ def _guide(state: PageState) -> Update:
     with _card('Bring-up'):
         progress = ui.linear_progress(0.0, show_value=False).props('rounded')
         sentence = _text('text-subtitle1 text-weight-medium', 'sentence', 2)
-        cure = _text('text-body1', 'cure', 2)
+        cure = _text('text-body1', 'cure', 3)
         primary = ui.button().props('no-caps unelevated').style('min-height: 2.75rem').classes('w-full')
         buttons: dict[str, _Button] = {}
         for group in GROUPS:
