@@ -37,7 +37,7 @@ setup(
     package_data={
         NAME: [
             'py.typed',
-            *(f'{room}/*.yaml' for room in ('campaign', 'campaign/papers', 'cli', 'nodes/parameters')),
+            *(f'{room}/*.yaml' for room in ('campaign', 'campaign/papers', 'cli', 'common', 'nodes/parameters')),
             'formats/export/*.txt',
             'report/*.css',
         ]

@@ -15,13 +15,12 @@ from swath_sysid.common.sentences import FLAGS, SENTENCES
 
 LONGEST = 300
 PACKAGE = Path(swath_sysid.__file__).parent
-CATALOGUE = PACKAGE / 'common' / 'sentences.py'
 
 
 @pytest.fixture(scope='module')
 def nodes():
-    """Every node of the syntax trees of the package, but those of the catalogue itself."""
-    trees = [ast.parse(path.read_text(encoding='utf-8')) for path in PACKAGE.rglob('*.py') if path != CATALOGUE]
+    """Every node of the syntax trees of the package."""
+    trees = [ast.parse(path.read_text(encoding='utf-8')) for path in PACKAGE.rglob('*.py')]
     return [node for tree in trees for node in ast.walk(tree)]
 
 

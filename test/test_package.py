@@ -63,7 +63,6 @@ FLAGLESS_ROOMS = ('common', *WINGS, 'pipeline', 'formats', 'campaign')
 OF_OTHER_COMMANDS = {
     'table_files.py': 'rosbags-convert',
     'manifest.py': 'the comment above a new manifest',
-    'sentences.py': 'what the command line adds',
 }
 BASE = {'common', 'share'}
 CORE = BASE | {f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER} | {'pipeline'}
