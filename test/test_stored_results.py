@@ -127,17 +127,18 @@ def test_a_campaign_gives_the_stored_tables(stored, tmp_path):
     assert list(found) == list(stored['tables'])
     for name, rows in stored['tables'].items():
         for one, other in zip(found[name], rows, strict=True):
-            assert list(map(comparable, one)) == list(map(comparable, other)), name
+            # the scatter of repeats about their mean, in the fourth column, shows the last digits of the repeats
+            rounding = 1e-8 * abs(float(other[3])) if name.startswith('repeats') and other != rows[0] else 1e-12
+            assert [comparable(cell, rounding) for cell in one] == [comparable(cell, rounding) for cell in other], name
 
 
-def comparable(cell):
+def comparable(cell, rounding):
     """A number as equal to its like, any other cell as it is.
 
-    Kernels are compiled for the processor at hand: R2 agrees to 2e-13 between two of them, the scatter of two
-    nearly equal periods to 5e-7.
+    Kernels are compiled for the processor at hand: R2 agrees to 2e-13 between two of them, the values of fits to 4e-9.
     """
     try:
-        return pytest.approx(float(cell), rel=1e-6, abs=1e-12, nan_ok=True)
+        return pytest.approx(float(cell), rel=1e-6, abs=rounding, nan_ok=True)
     except ValueError:
         return cell
 
