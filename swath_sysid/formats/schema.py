@@ -74,7 +74,14 @@ def plain_content(text: str, source: str) -> Any:
         last = max(1, len(text.splitlines()))
         line = min(getattr(getattr(error, 'problem_mark', None), 'line', 0) + 1, last)
         what = getattr(error, 'problem', None) or 'it holds characters that no text has'
+        if 'nesting depth' in what:
+            # since PyYAML 6.0.4 the library itself refuses what is much deeper
+            raise _too_deep(source) from error
         raise InputError(f'{source}, line {line} is not YAML ({what}): check indentation, colons and quotes') from error
+
+
+def _too_deep(source: str) -> InputError:
+    return InputError(f'{source}: nested more than {DEEPEST} deep: this is not a file of this software')
 
 
 def _value(event: yaml.Event, events: Iterator[yaml.Event], path: tuple[str, ...]) -> Any:
@@ -172,7 +179,7 @@ def _checked(events: Iterable[yaml.Event], source: str) -> Iterator[yaml.Event]:
             if values > MAX_VALUES:
                 raise InputError(f'{source}: more than {MAX_VALUES} values: this is not a file of this software')
             if depth > DEEPEST:
-                raise InputError(f'{source}: nested more than {DEEPEST} deep: this is not a file of this software')
+                raise _too_deep(source)
             yield event
 
 
