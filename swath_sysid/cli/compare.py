@@ -59,18 +59,8 @@ def _print_ranking(comparison: Comparison) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    head = (
-        'equation',
-        'terms',
-        'R2',
-        'objective',
-        'criterion',
-        'held-out error',
-        'period [s]',
-        'damping ratio',
-        'verdict',
-    )
-    table = Table(*map(escape, head))
+    scores = 'R2', 'objective', 'criterion', 'held-out error'
+    table = Table(*map(escape, ('equation', 'terms', *scores, 'period [s]', 'damping ratio', 'verdict')))
     best = comparison.ranked[0].criterion
     for ranked in comparison.ranked:
         fit = ranked.identification

@@ -1,4 +1,7 @@
-"""Independent tasks in processes by futures, verbs in processes of their own, and a child that works for its parent."""
+"""Independent tasks in processes by futures, verbs in processes of their own, and a child that works for its parent.
+
+A plain child with one socket: multiprocessing's spawn would import the parent's main module, and rclpy with it.
+"""
 
 import contextlib
 import ctypes

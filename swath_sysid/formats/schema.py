@@ -1,4 +1,11 @@
-"""One schema for texts that anyone may have written: plain data of YAML, and dataclasses that say what is checked."""
+"""One schema for texts that anyone may have written: plain data of YAML, and dataclasses that say what is checked.
+
+Size, depth and number of values are limited before anything is built. Aliases, tags, directives and repeated names
+are rejected; dates stay text.
+
+A check takes a value of plain data and its place, and returns what to use or raises an `InputError`. A field annotated
+``Annotated[float, number(above=0.0)]`` has that check; plain annotations have their own.
+"""
 
 import difflib
 import math

@@ -1,4 +1,15 @@
-"""The nonlinear decay model of one axis: equation and ratios, ranges, curves over amplitude, and its published form."""
+"""The nonlinear decay model of one axis: equation and ratios, ranges, curves over amplitude, and its published form.
+
+The undamped orbit of amplitude a lies between c - a and c + a, where the potential energies are equal (with even
+restoring terms c is not the trim). By Gauss-Chebyshev quadrature over that orbit
+
+    T = 2 int dx / w(x),   b_eq = oint D(w) dx / oint w dx,   zeta_eq = b_eq / (2 w0(a)),
+
+for harmonic motion b1 + 8/(3 pi) b2 w0 a + 3/4 b3 w0^2 a^2 + 4 b0 / (pi w0 a).
+
+b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
+s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
+"""
 
 import math
 from collections.abc import Mapping

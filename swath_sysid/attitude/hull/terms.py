@@ -3,6 +3,9 @@
     dw/dt = -(b0 sign w + b1 w + b2 |w| w + b3 w^3) - (r1 x + r2 x^2 + r3 x^3 + s1 sin x + s2 sin^2 x) + d
 
 A free decay determines ratios only. Each formula takes floats or arrays: filter, search and compiled kernel share it.
+
+A ratio times the moment of its term at amplitude a and rate w0 a, over w0^2 a, is of order one for any craft.
+Search, refinement and the ranges below use these numbers.
 """
 
 from collections.abc import Sequence

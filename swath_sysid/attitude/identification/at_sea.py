@@ -1,4 +1,10 @@
-"""Natural period and equivalent linear damping from motion in waves, by Whittle's (1953) likelihood of hull and sea."""
+"""Natural period and equivalent linear damping from motion in waves, by Whittle's (1953) likelihood of hull and sea.
+
+The moment over inertia d = w' + b1 w + b2 |w| w + r1 x + r2 x^2 + r3 x^3 must have the spectrum of a sea plus a floor:
+that of the vertical acceleration times a power of frequency, or JONSWAP (Hasselmann et al. 1973) with a free tail.
+
+The result is the linear hull at amplitude sqrt(2) std: one record does not show how damping depends on amplitude.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

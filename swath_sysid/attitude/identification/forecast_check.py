@@ -1,4 +1,8 @@
-"""Errors of a model that steps (the published objective), simulates and forecasts a measured free decay."""
+"""Errors of a model that steps (the published objective), simulates and forecasts a measured free decay.
+
+f is linear in the ratios, so F^2 is a quadratic form, triangularised once; its bounded minimum is a linear problem.
+Under noise the minimum is biased, because the measured rate is on both sides: simulation is the default.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

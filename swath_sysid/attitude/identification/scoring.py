@@ -1,4 +1,15 @@
-"""The optimum of a log posterior by Fisher's scoring within bounds, and of its terms those that the motion needs."""
+"""The optimum of a log posterior by Fisher's scoring within bounds, and of its terms those that the motion needs.
+
+With a_k = d e_k / d z and b_k = d s_k / d z of innovations e_k and their variances s_k,
+
+    gradient    = sum(a_k e_k / s_k + b_k (1 - e_k^2 / s_k) / (2 s_k)),
+    information = sum(a_k a_k' / s_k + b_k b_k' / (2 s_k^2)).
+
+A nonlinear term has a Gaussian prior of the linear one at the largest amplitude: restoring against the linear
+stiffness, damping, which only takes energy, against critical damping. Dry friction has the restoring moment at the
+smallest amplitude: more would have held the craft there. A term goes where the evidence rises without it
+(MacKay 1992), by Laplace's approximation about the optimum; each hull is refitted from the optimum before.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterable, Sequence

@@ -1,4 +1,20 @@
-"""The catalogue of manoeuvring parameters, the accelerations they cause, and the prime system (SNAME 1950)."""
+"""The catalogue of manoeuvring parameters, the accelerations they cause, and the prime system (SNAME 1950).
+
+Body axes x forward, y to port, z up: surge u and sway v through the water, m/s, yaw rate r, rad/s,
+positive to port. The origin is where the hull is symmetric, the centre of gravity x_G ahead of it, and Iz is about the
+origin (Yasukawa and Yoshimura 2015). The derivatives of a laterally symmetric craft are the same numbers in axes with
+y to starboard and z down. The sensor's parameters act in `measurement`.
+
+The equations of motion are those of the MMG kind of PAPERS E, with further terms of the same make:
+
+    (m - Xu_dot) du/dt - m (v + x_G r) r                     = X(u, v, r) + X_thrust
+    (m - Yv_dot) dv/dt + (m x_G - Yr_dot) dr/dt + m u r      = Y(u, v, r)
+    (Iz - Nr_dot) dr/dt + (m x_G - Nv_dot) dv/dt + m x_G u r = N(u, v, r) + N_thrust
+    X_thrust = (1 - deduction) (1 - advance u) (T_starboard + T_port)
+    N_thrust = (1 + moment_factor) lever (1 - advance u) (T_starboard - T_port)
+
+Units: length L, speed U, mass rho L^3 / 2, thus force rho L^2 U^2 / 2 and moment rho L^3 U^2 / 2.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

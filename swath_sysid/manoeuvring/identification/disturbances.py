@@ -1,4 +1,8 @@
-"""Regressions of measured speed changes: residual accelerations of a model, how long thrust is held, first guesses."""
+"""Regressions of measured speed changes: residual accelerations of a model, how long thrust is held, first guesses.
+
+The change of each speed over the first of `LAGS` is the integral of its acceleration, which is linear in the ratios to
+inertia; bounded least squares (scipy's lsq_linear) keeps damping negative.
+"""
 
 from collections.abc import Callable, Sequence
 

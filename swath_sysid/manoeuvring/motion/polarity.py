@@ -1,4 +1,8 @@
-"""Corrections of signs, sides, frames and the compass by evidence pooled over all runs of a craft."""
+"""Corrections of signs, sides, frames and the compass by evidence pooled over all runs of a craft.
+
+A single run may mislead: a craft that spins in place moves ahead or astern whatever its thrust. So thrust is judged
+only where it drives the craft ahead or astern, and without agreement of the runs nothing is changed.
+"""
 
 import math
 from collections.abc import Callable, Sequence
