@@ -134,6 +134,15 @@ class Bench:
     def publisher(self, kind, topic, qos=SENSOR):
         return self.node.create_publisher(kind, topic, qos)
 
+    @contextmanager
+    def another_node(self):
+        """One that comes and goes; nobody spins it: what ends while it is spun can end the thread that spins."""
+        node = rclpy.create_node('another', context=self.context, namespace=self.node.get_namespace())
+        try:
+            yield node
+        finally:
+            node.destroy_node()
+
     def _on_diagnostics(self, message):
         for status in message.status:
             self.statuses[status.name] = status.level[0], status.message, {v.key: v.value for v in status.values}

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, NOT_GIVEN, UNKNOWN, reading  # noqa: E402
-from live_bench import LATCHED, Bench, running, start_together, wait_for  # noqa: E402
+from live_bench import LATCHED, SENSOR, Bench, running, start_together, wait_for  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from sensor_msgs.msg import Imu, PointCloud2  # noqa: E402
 
@@ -126,16 +126,16 @@ def test_a_sensor_that_stops_and_returns(craft):
 def test_two_publishers(craft):
     """The second lies seven seconds behind: its samples are left out, those of the first are forecast."""
     craft.good()
-    before, second = craft.counts()['imu_buffer'], craft.bench.publisher(Imu, 'imu/data')
-    wait_for(lambda: second.get_subscription_count() == 2, 'second connection')
-    several = 'several-publishers'
-    wait_for(lambda: craft.counts()['imu_buffer'][several] > before[several], 'count of several publishers')
-    for _ in range(50):
-        craft.good(1)
-        craft.send([reading(craft.stamp - 7 * SECOND, 0.3, 0.3)], second)
-    wait_for(lambda: 'more than one node publishes' in craft.bench.statuses['predictor: imu'][1], 'warning')
-    craft.bench.wait_for_forecast_after(craft.stamp)
-    craft.bench.node.destroy_publisher(second)
+    before, several = craft.counts()['imu_buffer'], 'several-publishers'
+    with craft.bench.another_node() as node:
+        second = node.create_publisher(Imu, 'imu/data', SENSOR)
+        wait_for(lambda: second.get_subscription_count() == 2, 'second connection')
+        wait_for(lambda: craft.counts()['imu_buffer'][several] > before[several], 'count of several publishers')
+        for _ in range(50):
+            craft.good(1)
+            craft.send([reading(craft.stamp - 7 * SECOND, 0.3, 0.3)], second)
+        wait_for(lambda: 'more than one node publishes' in craft.bench.statuses['predictor: imu'][1], 'warning')
+        craft.bench.wait_for_forecast_after(craft.stamp)
     craft.good()
     craft.bench.wait_for_forecast_after(craft.stamp)
     after = craft.counts()['imu_buffer']
@@ -150,18 +150,17 @@ def test_a_qos_mismatch_and_a_window_that_is_none_are_counted(craft):
         return bench.counts('identifier', 'identification')
 
     identifier = at_identifier()
-    wants_old = bench.node.create_subscription(Imu, 'forecast/next', lambda message: None, LATCHED)
     volatile = QoSProfile(depth=1, durability=DurabilityPolicy.VOLATILE)
-    keeps_none = bench.publisher(PointCloud2, 'motion/window', volatile)
-    wait_for(lambda: craft.counts()['predictor']['qos-mismatch'] > before['predictor']['qos-mismatch'], 'count')
-    wait_for(lambda: at_identifier()['qos-mismatch'] > identifier['qos-mismatch'], 'count at the identifier')
-    bench.node.destroy_subscription(wants_old)
-    bench.node.destroy_publisher(keeps_none)
+    with bench.another_node() as node:
+        node.create_subscription(Imu, 'forecast/next', lambda message: None, LATCHED)
+        node.create_publisher(PointCloud2, 'motion/window', volatile)
+        wait_for(lambda: craft.counts()['predictor']['qos-mismatch'] > before['predictor']['qos-mismatch'], 'count')
+        wait_for(lambda: at_identifier()['qos-mismatch'] > identifier['qos-mismatch'], 'count at the identifier')
     craft.good()
     bench.wait_for_forecast_after(craft.stamp)
-    publisher = bench.publisher(PointCloud2, 'motion/window', LATCHED)
-    wait_for(lambda: publisher.get_subscription_count() >= 2, 'connection')
-    publisher.publish(PointCloud2(height=1, width=3, point_step=8))
-    wait_for(lambda: at_identifier()['bad-window'] > identifier['bad-window'], 'count')
-    bench.node.destroy_publisher(publisher)
+    with bench.another_node() as node:
+        publisher = node.create_publisher(PointCloud2, 'motion/window', LATCHED)
+        wait_for(lambda: publisher.get_subscription_count() >= 2, 'connection')
+        publisher.publish(PointCloud2(height=1, width=3, point_step=8))
+        wait_for(lambda: at_identifier()['bad-window'] > identifier['bad-window'], 'count')
     assert craft.process.poll() is None
