@@ -215,6 +215,40 @@ def test_an_axis_without_angle_is_forecast_from_its_rate():
 # -- calm water
 
 
+def released(craft, pipeline, rest, count):
+    """Times, s, and true angles of a craft after a rest, s, and releases; the forecasts issued; when it fell free."""
+    rate, noise, truth, issued, free = craft.settings.rate_hz, craft.settings.noise, [], [], []
+    variances = (noise.angle**2,) * 2 + (noise.rate**2,) * 2
+    for span in (rest, *[craft.settings.lift + craft.settings.hold + 14.0] * count):
+        if truth:
+            free.append(len(truth) / rate + craft.release())
+        for _ in range(int(span * rate)):
+            now, seen = len(truth) / rate, craft.next_reading()
+            row = seen.roll, seen.pitch, seen.roll_rate, seen.pitch_rate, *seen.force
+            _, (step,) = run([CraftSample(round(now * 1e9), *row, *variances, yaw_rate=0.0)], pipeline=pipeline)
+            truth.append(craft._state[0])
+            if step.forecast is not None:
+                issued.append((now, step.forecast.axes[craft.settings.model.axis]))
+    return np.arange(len(truth)) / rate, np.array(truth), issued, free
+
+
+@pytest.mark.parametrize('name', ['swath-roll', 'swath-usv-pitch'])
+def test_the_first_release_of_an_unknown_craft_is_no_surer_than_it_is_right(name):
+    """A minute of rest, in which state spaces learn the sensor's noise, says nothing of a release."""
+    model = hull_named(name).model
+    craft = SimulatedCraft(CraftSettings(model, math.radians(6.0), rate_hz=50.0, seed=0))
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=SETTINGS))
+    time, truth, issued, (begin,) = released(craft, pipeline, rest=65.0, count=1)
+    for early, late, leads, least, most in ((0.2, 2.0, LEADS, 0.6, 10.0), (6.0, 12.0, LEADS[1:], 0.85, 2.0)):
+        counted = [(now, ahead) for now, ahead in issued if begin + early <= now < begin + late]
+        due = np.add.outer([now for now, _ in counted], leads)
+        shown = slice(len(LEADS) - len(leads), len(LEADS))
+        errors = np.array([ahead.angle[shown] for _, ahead in counted]) - np.interp(due, time, truth)
+        widths = np.array([ahead.half_width[shown, 1] for _, ahead in counted])
+        assert (np.mean(abs(errors) <= widths, axis=0) > least).all()
+        assert np.degrees(np.median(widths)) < most
+
+
 @pytest.mark.parametrize(
     ('name', 'rate_noise'), [('swath-pitch', 0.0164), pytest.param('swath-roll', 0.0050, marks=pytest.mark.slow)]
 )
@@ -222,23 +256,11 @@ def test_a_released_hull_is_forecast_one_period_ahead_at_its_first_release_too(n
     """With the noise of the rate, rad/s, that each study shows."""
     model = hull_named(name).model
     craft = SimulatedCraft(CraftSettings(model, math.radians(6.0), seed=0, noise=SensorNoise(rate=rate_noise)))
-    period, rate, noise = round(model.natural_period, 2), craft.settings.rate_hz, craft.settings.noise
+    period = round(model.natural_period, 2)
     settings = ForecasterSettings(leads=(0.5, period), horizon=max(5.0, period))
-    pipeline, truth, issued, free = ForecastPipeline(PipelineSettings(forecaster=settings)), [], [], []
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=settings))
     pipeline.set_models({model.axis: IdentifiedModel.exactly(model)})
-    fall = craft.settings.lift + craft.settings.hold + 14.0
-    for span in (1.5, fall, fall):
-        if truth:
-            free.append(len(truth) / rate + craft.release())
-        for _ in range(int(span * rate)):
-            now, seen = len(truth) / rate, craft.next_reading()
-            row = seen.roll, seen.pitch, seen.roll_rate, seen.pitch_rate, *seen.force
-            variances = (noise.angle**2,) * 2 + (noise.rate**2,) * 2
-            _, (step,) = run([CraftSample(round(now * 1e9), *row, *variances, yaw_rate=0.0)], pipeline=pipeline)
-            truth.append(craft._state[0])
-            if step.forecast is not None:
-                issued.append((now, step.forecast.axes[model.axis]))
-    time, truth = np.arange(len(truth)) / rate, np.array(truth)
+    time, truth, issued, free = released(craft, pipeline, rest=1.5, count=2)
     for begin in free:
         counted = [(now, ahead) for now, ahead in issued if begin + 0.3 <= now <= begin + 10.0 - period]
         due = np.array([now for now, _ in counted]) + period

@@ -18,7 +18,7 @@ from swath_sysid.attitude.prediction.blend import UNPROVEN, Blend
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN, USUAL_AMPLITUDE
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import NEW_WAVES, WAVES
-from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsFilter, InnovationsModel, side_by_side
+from swath_sysid.attitude.prediction.state_space import BREAK, RIDGE, InnovationsFilter, InnovationsModel, side_by_side
 from swath_sysid.attitude.prediction.upstream import (
     NEW_UPSTREAM,
     UpstreamCandidate,
@@ -197,6 +197,12 @@ class Bank:
         """See `Blend.combine`: (L, 4), (L, 4, 4) and (L, 4) at the leads, ``age`` s after the newest row."""
         at_row = age == 0.0 and self._leads_are_rows
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
+        broken = {self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > BREAK}
+        if broken:
+            # what is issued; errors that nothing foretold are not what calibration learns from
+            covariance = covariance.copy()
+            for place, strain in broken.items():
+                covariance[place] *= strain
         return self.blend.combine(mean, covariance, _AXIS_OF_TARGET, self._noise)
 
     def gain_of(self, channel: str) -> np.ndarray:

@@ -138,10 +138,13 @@ class InnovationsFilter:
         error = z[seen] - c @ self.state
         pc = self.state_covariance @ c.T
         v = c @ pc + m.s[np.ix_(seen, seen)]
-        if (error * error > BREAK * np.diag(v)).any() and self.state_covariance is not m.prior:
-            self.state, self.state_covariance = np.zeros_like(self.state), m.prior
-            self._update(z, seen)
-            return
+        unlikely = error * error / np.diag(v)
+        if (unlikely > BREAK).any():
+            self.strain += self._strain_gain * (unlikely.mean() - self.strain)
+            if self.state_covariance is not m.prior:
+                self.state, self.state_covariance = np.zeros_like(self.state), m.prior
+                self._update(z, seen)
+                return
         expected = m.c @ self.state
         self.state, covariance = m.a @ self.state, m.a @ self.state_covariance @ m.a.T + self._driven
         if seen.any():
