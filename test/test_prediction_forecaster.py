@@ -107,6 +107,16 @@ def test_jitter_of_the_stamps_costs_little(steady):
     assert (a[1:] < 1.5 * b[1:]).all()
 
 
+def test_jitter_at_a_rate_between_two_numbers_of_samples_per_row_forgets_nothing():
+    """Two samples of 25 Hz are as far from a row's time as three."""
+    time = clock(25.0, 60.0)
+    jitter = time + np.random.default_rng(2).uniform(-2e-3, 2e-3, time.size)
+    even, jittered = (run(SEA.samples(at)) for at in (time, jitter))
+    assert jittered[0].diagnostics().has_waves
+    a, b = error(jittered[1], jitter, 35.0, 60.0), error(even[1], time, 35.0, 60.0)
+    assert (a < 1.5 * b).all(), (a, b)
+
+
 @pytest.mark.parametrize('lost', [5, 20])
 def test_after_lost_samples_the_forecast_is_that_of_a_whole_record(run_on, steady, lost):
     numbers = np.arange(TIME.size)

@@ -74,12 +74,14 @@ class RowClock:
                 return None
             self.interval, self._intervals, self._irregular = elapsed, 1, 0
         samples = max(1, round(1.0 / (ROW_RATE * self.interval)))
-        deviation = abs(samples * self.interval / self.step - 1.0)
+        # at 25 Hz, jitter decides whether two or three come nearest to a row's time: as many as before do, too
+        deviation = min(abs(count * self.interval / self.step - 1.0) for count in (self.samples, samples))
         if not deviation < _NEW_STEP:
             self.samples, self.step = samples, samples * self.interval
             self.restart()
             return NEW
         if self._intervals in _SETTLING_INTERVALS and deviation > _INEXACT_STEP:
+            self.samples = round(self.step / self.interval)
             self.step = self.samples * self.interval
             return CORRECTED
         return None
