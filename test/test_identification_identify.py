@@ -47,6 +47,7 @@ from swath_sysid.attitude.identification.selection import (
     rank,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.cli.hulls import published_ratios_for
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.search import Cancelled
@@ -514,6 +515,15 @@ def test_a_hull_that_capsizes_to_one_side_is_doubtful_until_it_was_released_ther
     assert -8.2 < float(angle) < -7.5
     both = identify([large, small]).verdict
     assert both.level == ADEQUATE and re.search(r'from -5\.[5-8] to 7\.[4-7] deg', both.sentence)
+
+
+@pytest.mark.parametrize('noise', [SensorNoise(0.0, 0.0, 0.0), SensorNoise(0.0003, 0.003)])
+def test_a_precise_record_from_one_side_shows_nothing_of_where_the_craft_capsizes(noise):
+    sine = published_ratios_for(equation_named('swath-roll-3'), 'roll')
+    found = identify([decay(1, sine, 8.0, noise=noise)], settings('swath-roll-3'))
+    assert posterior_errors(found)[1] < 0.1
+    assert (found.verdict.level, found.verdict.code) == (DOUBTFUL, 'one-sided')
+    assert 'vanishes at about -7.' in found.verdict.sentence
 
 
 def test_the_restoring_moment_vanishes_to_one_side():

@@ -256,11 +256,12 @@ def _causes(
     absent, equation = found.absent_term, found.model.equation.name
     if absent is not None:
         yield DOUBTFUL, Advice.of('absent-term', equation=equation, term=absent.name, stds=absent.significance)
-    # an adequate forecast may be off by this share of its motion
-    is_lost = other_side > ADEQUATE_ERROR and angle_within_reach(found, ADEQUATE_ERROR) is not None
+    # an adequate forecast may be off by this share of its motion, and one to a side without a release is not checked
+    unseen = largest_releases(found)[1] == -start or other_side > ADEQUATE_ERROR
+    is_lost = unseen and angle_within_reach(found, ADEQUATE_ERROR) is not None
     if is_lost or not other_side <= LARGEST_UNEXPLAINED:
         size = f' by {other_side:.0%} of its motion' if other_side < 1.0 else ''
-        limit, (_, away) = angle_within_reach(found, other_side), sides(found)
+        limit, (_, away) = angle_within_reach(found, max(other_side, ADEQUATE_ERROR)), sides(found)
         yield (
             DOUBTFUL,
             Advice.of('one-sided', side=away, size=size)
