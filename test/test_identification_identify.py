@@ -526,6 +526,15 @@ def test_a_precise_record_from_one_side_shows_nothing_of_where_the_craft_capsize
     assert 'vanishes at about -7.' in found.verdict.sentence
 
 
+def test_an_angle_that_an_unknown_ratio_gives_is_not_stated():
+    hull = hull_named('hydrofoil-pitch').model
+    brief = simulated_trial(hull, np.radians(8.0), 4.0, 25.0, SensorNoise(0.004, 0.05), 2).axis('pitch')
+    found = identify([brief], settings('b1,b2,b3|r1,r2,r3'))
+    ratio, std = found.ratio('r2')
+    assert std > abs(ratio) and np.isfinite(vanishing_angle(found.model, -1.0)) and posterior_errors(found)[1] > 0.5
+    assert found.verdict.code == 'one-sided' and 'vanishes' not in found.verdict.sentence
+
+
 def test_the_restoring_moment_vanishes_to_one_side():
     softening = DecayModel.from_terms(equation_named('b1|r1,r2'), {'b1': 0.1, 'r1': 6.0, 'r2': 45.0}, trim=0.05)
     assert vanishing_angle(softening, -1.0) == pytest.approx(-6.0 / 45.0, abs=0.002)

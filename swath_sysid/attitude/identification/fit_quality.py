@@ -9,7 +9,14 @@ import numpy as np
 from swath_sysid.attitude.hull.decay_model import AmplitudeCurves, DecayModel, amplitude_curves
 from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.hull.simulation import longest_step, runge_kutta_population
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RESTORING_NAMES, TERM_NAMES, Scales, damping_moment
+from swath_sysid.attitude.hull.terms import (
+    DAMPING_NAMES,
+    RESTORING_NAMES,
+    TERM_NAMES,
+    Scales,
+    damping_moment,
+    term_moments,
+)
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
@@ -288,11 +295,17 @@ def largest_releases(found: 'Identification') -> tuple[float, float]:
 def angle_within_reach(found: 'Identification', error: float) -> float | None:
     """Angle, rad, at which the restoring moment vanishes to the other side, if a release may come there.
 
-    Its motion is forecast with an error of this share. None where it does not come that far.
+    Its motion is forecast with an error of this share. None where it does not come that far, or the record does not
+    show the moment there.
     """
     _, opposite = largest_releases(found)
     limit = vanishing_angle(found.model, opposite)
-    return found.model.trim + limit if abs(limit) <= (1.0 + error) * abs(opposite) else None
+    if not abs(limit) <= (1.0 + error) * abs(opposite):
+        return None
+    # the nonlinear terms cancel the linear moment there, which shows only if the record knows them that well
+    slopes = term_moments(limit, 0.0, found.model.friction_rate)[found.model.equation.indices]
+    known = abs(limit) * found.model.natural_frequency**2 > TWO_STD * np.sqrt(slopes @ found.covariance @ slopes)
+    return found.model.trim + limit if known else None
 
 
 def vanishing_angle(model: DecayModel, side: float) -> float:
