@@ -53,6 +53,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.search import Cancelled
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
+from swath_sysid.report.fit_summary import fit_as_data, fit_in_words
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
 
@@ -539,6 +540,18 @@ def test_the_restoring_moment_vanishes_to_one_side():
     softening = DecayModel.from_terms(equation_named('b1|r1,r2'), {'b1': 0.1, 'r1': 6.0, 'r2': 45.0}, trim=0.05)
     assert vanishing_angle(softening, -1.0) == pytest.approx(-6.0 / 45.0, abs=0.002)
     assert np.isnan(vanishing_angle(softening, 1.0))
+
+
+@pytest.mark.parametrize('equation', ['swath-pitch-2', 'swath-roll-3'])
+def test_the_period_of_small_motions_has_the_scatter_that_its_standard_deviation_states(equation):
+    hull = published_ratios_for(equation_named(equation))
+    fits = [identify([decay(seed, hull)], settings(equation)) for seed in range(1, 9)]
+    off = [(fit.model.natural_period - hull.natural_period) / fit.natural_period_std for fit in fits]
+    assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.8
+    assert f'{fits[0].model.natural_period:.4f} s +- {fits[0].natural_period_std:.2g} (' in '\n'.join(
+        fit_in_words(fits[0])
+    )
+    assert fit_as_data(fits[0])['natural_period_std_s'] == fits[0].natural_period_std
 
 
 @pytest.mark.parametrize(('r1', 'code'), [(0.0, 'no-period'), (-1.0, 'no-period'), (1e-3, 'implausible-period')])

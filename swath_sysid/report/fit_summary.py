@@ -47,6 +47,7 @@ def fit_as_data(found: Identification, wall_s: float | None = None, inertia: flo
         'known_together': [list(group) for group in _together(found)],
         'correlation': correlation(found.covariance).tolist(),
         'natural_period_s': found.model.natural_period,
+        'natural_period_std_s': found.natural_period_std,
         'reference_amplitude_rad': found.reference_amplitude,
         'valid_amplitude_rad': list(found.amplitude_range),
         **{name: getattr(found, name) for name in ('r2', 'rmse', 'rate_rmse', 'samples', 'effective_samples')},
@@ -114,7 +115,8 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
         *_joint_lines(found),
         f'  trim {math.degrees(model.trim):.4f} deg'
         + (f' +- {math.degrees(found.trim_std):.2g}' if math.isfinite(found.trim_std) else ''),
-        f'  natural period of small motions {model.natural_period:.4f} s (extrapolated below {low:.2f} deg)',
+        f'  natural period of small motions {model.natural_period:.4f} s +- {found.natural_period_std:.2g} '
+        f'(extrapolated below {low:.2f} deg)',
         f'  at {math.degrees(found.reference_amplitude):.2f} deg: natural period {period:.4f} s +- {period_std:.2g}, '
         f'equivalent damping ratio {damping:.4f} +- {damping_std:.2g}',
         f'  R2 {found.r2:.6f}, {found.objective} objective {found.objective_value:.6g}, '

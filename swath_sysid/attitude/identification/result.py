@@ -190,6 +190,13 @@ class Identification:
         return self.problem.amplitudes_seen
 
     @property
+    def natural_period_std(self) -> float:
+        """Standard deviation of the natural period of small motions, s."""
+        linear = np.array([float(name in ('r1', 's1')) for name in self.model.equation.terms])
+        share = float(np.sqrt(linear @ self.covariance @ linear)) / self.model.natural_frequency**2
+        return 0.5 * self.model.natural_period * share
+
+    @property
     def reference_amplitude(self) -> float:
         """Geometric mean of the amplitudes seen, rad."""
         return float(np.sqrt(np.prod(self.amplitude_range)))
