@@ -140,6 +140,27 @@ def test_values_without_a_run_against_fits_without_it(bound, monkeypatch):
     )
 
 
+def test_what_one_run_alone_determines_has_no_scatter_between_runs(force_runs):
+    """Only the mixed run turns: without it yaw is not known at all, which says nothing of how well the run tells it."""
+    runs = {run.source: run for run in force_runs}
+    few = [runs[name] for name in ('speed_up', 'speed_down', 'mixed')]
+    found = identify_manoeuvring(few, ManoeuvringSettings(mass=180.0, generations=0), ())
+    inside(found, OLD)
+    for name in ('Iz', 'Nr'):
+        assert found.derivatives[name].std < 0.1 * abs(found.derivatives[name].value)
+        assert 'uncertain' not in found.derivatives[name].flags
+
+
+def test_values_on_which_runs_differ_have_their_scatter(monkeypatch):
+    """Of four equally long runs the scatter is the jackknife's, whatever the noise of each is thought to be."""
+    monkeypatch.setattr(held_out, 'instability_slopes', lambda shooting, values: np.zeros((1, 1)))
+    levels, free = np.array([1.0, -1.0, 3.0, -3.0]), np.array([np.inf])
+    unknowns = SimpleNamespace(units=np.ones(1), spread=free, lower=-free, upper=free)
+    parts = [(np.full(50, -level), np.ones((50, 1))) for level in levels]
+    found = held_out.covariance_over_runs(SimpleNamespace(unknowns=unknowns), np.zeros(1), parts, np.full((1, 1), 1e-9))
+    assert found == pytest.approx(np.sum((levels / 3.0) ** 2), rel=1e-6)
+
+
 @pytest.mark.long
 def test_a_craft_that_hardly_keeps_its_course_gets_a_stable_model():
     craft = OLD.with_values(Nuv=-200.0, Nrr=-1000.0, Yv=-120.0, Yv_dot=-60.0)

@@ -23,6 +23,17 @@ def values_without_each_part(
     Regularisation, the demand of stable straight courses, and active bounds stay in force, as otherwise unstable models
     would judge a marginally course-stable hull.
     """
+    units, scaled, information = _information(shooting, values, parts)
+    found = []
+    for residual, jacobian in scaled:
+        others = information - jacobian.T @ jacobian
+        step = np.linalg.lstsq(others, jacobian.T @ residual, rcond=1e-10)[0]
+        found.append(np.clip(values + step * units, shooting.unknowns.lower, shooting.unknowns.upper))
+    return np.array(found)
+
+
+def _information(shooting: Shooting, values: np.ndarray, parts: Sequence[tuple[np.ndarray, np.ndarray]]):
+    """Units (n,), 0 at active bounds, the parts in them, and the information (n, n) of parts and regularisation."""
     units, spread = shooting.unknowns.units, shooting.unknowns.spread
     at_rest = (values - shooting.unknowns.lower < 1e-9 * units) | (shooting.unknowns.upper - values < 1e-9 * units)
     units = np.where(at_rest, 0.0, units)
@@ -33,12 +44,7 @@ def values_without_each_part(
     prior = np.where(np.isfinite(spread), (units / spread) ** 2, 0.0)
     stability = instability_slopes(shooting, values) * units
     information = sum(j.T @ j for _, j in scaled) + stability.T @ stability + np.diag(prior + 1e-9)
-    found = []
-    for residual, jacobian in scaled:
-        others = information - jacobian.T @ jacobian
-        step = np.linalg.lstsq(others, jacobian.T @ residual, rcond=1e-10)[0]
-        found.append(np.clip(values + step * units, shooting.unknowns.lower, shooting.unknowns.upper))
-    return np.array(found)
+    return units, scaled, information
 
 
 def held_out_costs(shooting: Shooting, values_without_it: np.ndarray) -> np.ndarray:
@@ -62,12 +68,25 @@ def helps(costs: np.ndarray, costs_before: np.ndarray) -> bool:
     return bool(gain.sum() > max(SCATTER * scatter, MIN_GAIN * float(weight @ costs_before)))
 
 
-def covariance_over_runs(without: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """A covariance (n, n) with variances of at least the scatter of the values without each run, (K, n). The scatter is
-    the jackknife over runs (a sandwich over clusters corrected for leverage: Bell and McCaffrey 2002, CR3).
+def covariance_over_runs(
+    shooting: Shooting, values: np.ndarray, parts: Sequence[tuple[np.ndarray, np.ndarray]], matrix: np.ndarray
+) -> np.ndarray:
+    """A covariance (n, n) with variances of at least the scatter of the runs' shares in the values. The scatter is the
+    jackknife (a sandwich over clusters corrected for leverage: Bell and McCaffrey 2002, CR3) where the other runs
+    determine a direction better than the run, else CR2 scaled to meet it: what one run alone determines has no scatter.
     """
-    count = len(without)
-    scatter = (count - 1.0) / count * np.sum((without - without.mean(axis=0)) ** 2, axis=0)
+    if len(parts) < 2:
+        return matrix
+    units, scaled, information = _information(shooting, values, parts)
+    size, axes = np.linalg.eigh(information)
+    root = axes / np.sqrt(size)
+    scatter = np.zeros(len(values))
+    for residual, jacobian in scaled:
+        share, turn = np.linalg.eigh(root.T @ jacobian.T @ jacobian @ root)
+        others = np.maximum(1.0 - share, np.finfo(float).eps)
+        pull = turn.T @ root.T @ jacobian.T @ residual
+        move = root @ turn @ (pull * np.where(others > 0.5, 1.0 / others, np.sqrt(2.0 / others)))
+        scatter += (units * move) ** 2
     return with_variances_of_at_least(matrix, scatter)
 
 
