@@ -151,6 +151,23 @@ def test_what_one_run_alone_determines_has_no_scatter_between_runs(force_runs):
         assert 'uncertain' not in found.derivatives[name].flags
 
 
+def test_a_straight_run_validates_no_turns(force_runs):
+    """Its sway and yaw are sensor noise, which no model explains and any may claim to; a model that turns is told."""
+    runs = {run.source: run for run in force_runs}
+    settings = ManoeuvringSettings(mass=180.0, terms=('Xu', 'Xuu', 'Yv', 'Nr'), generations=0)
+    found = identify_manoeuvring([runs['turns_fast'], runs['mixed']], settings, [runs['speed_up']])
+    assert found.validation.r2['surge'] > 0.9
+    assert np.isnan([found.validation.r2[name] for name in ('sway', 'yaw_rate')]).all()
+    assert any('sway and yaw rate' in advice.message for advice in found.advice if advice.code == 'not-validated')
+    turning = identify_manoeuvring([runs['turns_fast'], runs['speed_up']], settings, [runs['mixed']])
+    assert 'not-validated' not in codes(turning)
+    away = replace(settings, fixed={'N0': 40.0})
+    assert (
+        identify_manoeuvring([runs['turns_fast'], runs['mixed']], away, [runs['speed_up']]).validation.r2['yaw_rate']
+        < 0
+    )
+
+
 def test_values_on_which_runs_differ_have_their_scatter(monkeypatch):
     """Of four equally long runs the scatter is the jackknife's, whatever the noise of each is thought to be."""
     monkeypatch.setattr(held_out, 'instability_slopes', lambda shooting, values: np.zeros((1, 1)))

@@ -94,7 +94,7 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
     if len(inputs) > 1:
         raise InputError('some runs hold thrust in N and some commands: identify them separately')
     thrust_input = inputs.pop()
-    facts = _facts(runs, settings)
+    facts = facts_of(runs, settings)
     if settings.current == SHARED and 'no heading' in facts:
         raise InputError('a current can be found only where the heading is known: add heading_rad or heading_deg')
     if settings.inertia is not None and 'no lever' in facts:
@@ -150,7 +150,7 @@ def seen_region(runs: Sequence[Run]) -> Region:
     )
 
 
-def _facts(runs: Sequence[Run], settings: ManoeuvringSettings) -> frozenset[str]:
+def facts_of(runs: Sequence[Run], settings: ManoeuvringSettings) -> frozenset[str]:
     """What the rules need to know of runs and settings: each fact, or ``no`` and the fact."""
     _, sway, rate = _largest_motion(runs)
     total = np.concatenate([run.port + run.starboard for run in runs])

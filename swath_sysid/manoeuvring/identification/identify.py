@@ -20,7 +20,7 @@ from swath_sysid.manoeuvring.identification.selection import Fit
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, objective_of_population
 from swath_sysid.manoeuvring.identification.validation import Scores, score
-from swath_sysid.manoeuvring.motion.trial import Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
 STRANGE_MASS = 0.6  #: Largest added mass in surge of a small craft, as a share of its mass.
 MORE_THAN_NOISE = 2.0  #: A simulation error within so many times the sensor noise is not poor.
@@ -176,7 +176,7 @@ def _outcome(
         currents = np.tile(model.current, (len(currents), 1))
     scores = score(model, runs, settings.window, currents)
     # nothing is fitted to the runs held out, not even their current
-    validated = score(model, held_out, settings.window) if held_out else None
+    validated = _of_excited(score(model, held_out, settings.window), held_out, settings) if held_out else None
     speed = np.nanmedian(np.concatenate([np.abs(run.smooth[0]) for run in runs])) if 'Xu' in found.names else 1.0
     units = PrimeUnits(problem.length, float(max(speed, 0.05)))
     derivatives, more = _derivatives(problem, found, units)
@@ -196,6 +196,14 @@ def _outcome(
     tested = scores, validated, runs, held_out, model, stability, found.rejected, currents
     counts = found.covariance.effective_samples, found.evaluations
     return ManoeuvringIdentification(*fitted, *tested, *counts, tuple(advice))
+
+
+def _of_excited(scores: Scores, runs: Sequence[Run], settings: ManoeuvringSettings) -> Scores:
+    """The scores without the R2 of what neither runs nor model do: it would compare noise with noise."""
+    facts, noise = assembly.facts_of(runs, settings), dict(zip(CHANNELS, assembly.sensor_noise(runs), strict=True))
+    idle = [name for name, fact in (('sway', 'no Y'), ('yaw_rate', 'no N')) if fact in facts]
+    unknown = {name: float('nan') for name in idle if scores.rmse[name] <= MORE_THAN_NOISE * noise[name]}
+    return replace(scores, r2=scores.r2 | unknown)
 
 
 def split(runs: Sequence[Run], share: float = 1.0 / 3.0) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
@@ -301,6 +309,9 @@ def _simulation_advice(label: str, scores: Scores | None, noise: np.ndarray) -> 
         for (name, good), white in zip(GOOD_R2.items(), noise, strict=True)
         if scores.r2[name] < good and scores.rmse[name] > MORE_THAN_NOISE * white
     ]
+    idle = [name.replace('_', ' ') for name, r2 in scores.r2.items() if np.isnan(r2) and np.isfinite(scores.rmse[name])]
+    if idle:
+        advice.append(Advice.of('not-validated', channels=' and '.join(idle)))
     if low:
         advice.append(Advice.of('poor-simulation', label=label, channels=', '.join(low)))
     return advice

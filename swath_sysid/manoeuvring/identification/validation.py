@@ -31,7 +31,7 @@ class Simulated:
 class Scores:
     """Fit of the free simulation of runs, window by window."""
 
-    r2: dict[str, float]  #: Of surge, sway, yaw_rate over all windows together; NaN where not measured.
+    r2: dict[str, float]  #: Of surge, sway, yaw_rate over all windows together; NaN where not measured or not excited.
     rmse: dict[str, float]  #: m/s and rad/s; NaN where not measured.
     position_error: dict[float, float]  #: Root mean square by lead, m; NaN where all windows are shorter.
     heading_error: dict[float, float]  #: rad.
