@@ -13,6 +13,8 @@ from swath_sysid.pipeline.health import (
     HARMLESS,
     NOT_SAVED,
     OK,
+    PASSED_OVER,
+    SEVERAL_PREDICTORS,
     SILENT,
     WARN,
     Arrivals,
@@ -91,6 +93,28 @@ def test_new_counts_warn_once_and_harmless_ones_never():
     assert [each.level for each in told] == [WARN, OK, OK, OK]
     assert all('less certain' in each.message for each in told[:3]) and 'less certain' not in told[3].message
     assert told[1].message.startswith('receiving imu/data; no-rates: the sensor gives no rates')
+
+
+def test_a_single_stall_warns_nobody_and_lasting_load_does():
+    health = PredictorHealth('imu/data', ForecastPipeline())
+    told = []
+    for second, passed_over in enumerate([0, 23, 0, 0, 7, 9, 0]):
+        receive(health, second, second + 1.0)
+        for _ in range(passed_over):
+            health.note(PASSED_OVER)
+        told.append(report(health, second + 1.0).level)
+    assert told == [OK, OK, OK, OK, OK, WARN, OK]
+
+
+def test_a_second_predictor_is_warned_of_while_it_is_there():
+    health = PredictorHealth('imu/data', ForecastPipeline())
+    told = []
+    for second, predictors in enumerate([1, 2, 2, 1]):
+        receive(health, second, second + 1.0)
+        health.note_predictors(predictors)
+        told.append(report(health, second + 1.0))
+    assert [each.level for each in told] == [OK, WARN, WARN, OK]
+    assert 'ROS_DOMAIN_ID' in told[2].message and health.counts[SEVERAL_PREDICTORS] == 1
 
 
 def test_a_log_is_told_once_of_a_warning_that_comes_and_goes():

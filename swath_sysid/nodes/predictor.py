@@ -142,6 +142,7 @@ class Predictor(Node):
         # also while the sensor is silent
         self._use_new_models()
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
+        self.health.note_predictors(self.count_publishers(self._publisher_of[NEXT_TOPIC].topic_name))
         return [*self.health.reports(perf_counter(), self.get_clock().now().nanoseconds), *self.upstream.reports()]
 
 

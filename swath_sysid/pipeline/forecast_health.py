@@ -14,6 +14,7 @@ from swath_sysid.pipeline.health import (
     NOT_FITTED,
     OK,
     PASSED_OVER,
+    SEVERAL_PREDICTORS,
     WARN,
     WAVE_WORKER_DIED,
     Report,
@@ -29,12 +30,19 @@ class PredictorHealth(StreamHealth):
 
     def __init__(self, topic: str, pipeline: ForecastPipeline):
         reasons = BAD_MODEL, BAD_LOADING, BAD_UPSTREAM, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED
-        super().__init__(topic, (*reasons, WAVE_WORKER_DIED))
+        super().__init__(topic, (*reasons, WAVE_WORKER_DIED, SEVERAL_PREDICTORS))
         self._pipeline = pipeline
         self._model_arrival: float | None = None
         self._refusal = ''
         self.published = 0  #: Forecasts on forecast/next.
         self.uncompiled_because = ''
+
+    def note_predictors(self, count: int) -> None:
+        """Warn while several predictors publish the same forecasts."""
+        if count < 2:
+            self.settle(SEVERAL_PREDICTORS)
+        elif SEVERAL_PREDICTORS not in self.holding:
+            self.note(SEVERAL_PREDICTORS, SEVERAL_PREDICTORS)
 
     def note_model(self, now: float) -> None:
         """A model arrived, s of the clock of `note_message`."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 OK, WARN, ERROR = range(3)  #: Levels of diagnostic_msgs/DiagnosticStatus.
 
-SEVERAL_PUBLISHERS = 'several-publishers'
+SEVERAL_PUBLISHERS, SEVERAL_PREDICTORS = 'several-publishers', 'several-predictors'
 QOS_MISMATCH = 'qos-mismatch'
 SILENT = 'sensor-silent'
 BAD_MODEL = 'bad-model'
@@ -40,6 +40,8 @@ NO_MESSAGE_YET, QUEUED = 'no-message-yet', 'messages-queued'
 CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory', 'clock-stands-still'
 
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
+
+RECURRING = {PASSED_OVER}  #: Warned of from the second report in a row: a machine stalls once while programs start.
 
 LASTING = {NO_RATES}  #: Warned of when they begin; then reported while they last, without a warning.
 
@@ -100,6 +102,7 @@ class Reasons:
         self._holding: dict[str, str] = {}
         self._reported_counts = dict(self.counts)
         self._lasting: list[str] = []
+        self._grown: set[str] = set()  #: Reasons that grew before the last call of `fresh`.
 
     def note(self, reason: str, about: str | None = None, sentence: str = '') -> None:
         """Count one more of a reason; one ``about`` something holds until that is settled."""
@@ -113,12 +116,13 @@ class Reasons:
         self._holding.pop(about, None)
 
     def fresh(self, counts: Mapping[str, int]) -> dict[str, int]:
-        """How much each count has grown since the last call; harmless ones and those that have not are left out."""
+        """How much each count has grown since the last call; harmless, single and unchanged ones are left out."""
         before, self._reported_counts = self._reported_counts, dict(counts)
         grown = {reason: count - before.get(reason, 0) for reason, count in counts.items()}
         grown = {reason: growth for reason, growth in grown.items() if growth > 0}
         self._lasting = sorted(LASTING & grown.keys())
-        known = HARMLESS | {reason for reason in LASTING if before.get(reason, 0) > 0}
+        known = HARMLESS | {reason for reason in LASTING if before.get(reason, 0) > 0} | (RECURRING - self._grown)
+        self._grown = set(grown)
         return {reason: growth for reason, growth in grown.items() if reason not in known}
 
     def worst(self, fresh: Mapping[str, int]) -> str:
