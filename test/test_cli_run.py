@@ -45,6 +45,7 @@ def test_what_is_asked_for_is_handed_on_and_nothing_else(tmp_path, monkeypatch):
         ('--simulate swath-roll --sea -1', 'cannot be -1'),
         ('--simulate swath-roll --use-sim-time', 'leave out --use-sim-time'),
         ('--sea 0.3', 'add --simulate'),
+        ('--port 8090', 'add --page'),
         ('--simulate hydrofoil', "no hull 'hydrofoil': choose from swath-pitch"),
     ],
 )
@@ -64,6 +65,7 @@ def test_the_simulated_craft_and_the_page_beside_the_nodes_hear_the_same_names(m
     command = run.page_command(parsed('--page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu'))
     assert command[3:] == ['page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu']
     assert run.page_command(parsed('--page', '--simulate', 'swath-pitch'))[-2:] == ['--axis', 'pitch']
+    assert run.page_command(parsed('--page', '--port', '0'))[3:] == ['page', '--port', '0']
 
 
 def test_without_ros_or_the_extra_of_the_page_it_says_what_to_install(monkeypatch):

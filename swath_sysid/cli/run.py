@@ -65,6 +65,8 @@ def processes_beside(arguments: Namespace) -> list[list[str]]:
         raise InputError('--sea is the sea of a simulated craft: add --simulate and a hull')
     if arguments.page:
         commands.append(page_command(arguments))
+    elif arguments.port is not None:
+        raise InputError('--port is the port of the page: add --page')
     return commands
 
 
@@ -80,8 +82,9 @@ def page_command(arguments: Namespace) -> list[str]:
 
     check_installed()
     axis = PUBLISHED_HULLS[arguments.simulate].axis if arguments.simulate else None
-    named = [('--namespace', arguments.namespace), ('--imu-topic', arguments.imu_topic), ('--axis', axis)]
-    return verb_command('page', *(word for option, value in named if value for word in (option, value)))
+    named = {'namespace': arguments.namespace, 'imu-topic': arguments.imu_topic, 'port': arguments.port, 'axis': axis}
+    given = {f'--{option}': str(value) for option, value in named.items() if value is not None}
+    return verb_command('page', *(word for pair in given.items() for word in pair))
 
 
 @contextmanager
