@@ -118,7 +118,13 @@ FAULTS = {
     'silence': ({'rate': 50.0}, rest_then(lambda tank: tank.silence(4.0)), 'silence', SENSOR, 'driver and cable'),
     'slow': ({'rate': 5.0}, lambda tank: tank.send(10.0), 'low-rate', SENSOR, 'publish at 20 Hz or more'),
     'no orientation': ({}, wrongly(without_orientation), 'no-orientation', SENSOR, 'press Identify'),
-    'waves': ({}, lambda tank: tank.send(40.0, waves), 'waves', REST, '-p window_s:=600.0'),
+    'waves': (
+        {},
+        lambda tank: tank.send(40.0, waves),
+        'waves',
+        REST,
+        'usual options and --ros-args -p window_s:=600.0',
+    ),
     'waves after rest': ({}, rest_then(lambda tank: tank.send(70.0, waves)), 'waves', DECAY, 'wait for calm water'),
     'held': ({}, release(hold=30.0), 'held', PUSH, 'let go at once'),
     'lowered by hand': ({}, release(damping=0.95), 'no-decay', PUSH, 'instead of lowering it'),
@@ -185,6 +191,15 @@ def test_a_window_that_gives_no_model_is_reported_with_the_verdict(identified, k
     tank.send(1.0)
     assert cure in (tank.faults[fault][0] if fault else tank.guidances[-1]).cure
     assert tank.guidances[-1].step == JUDGE or not known
+
+
+def test_after_a_restart_at_sea_the_known_model_is_named_and_no_fault(identified):
+    tank = TankSide(auto_identify=False)
+    tank.record.set_models(identified.record.models)
+    tank.send(40.0, waves)
+    guidance = tank.guidances[-1]
+    assert guidance.step == REST and 'does not come to rest' in guidance.sentence and not tank.faults
+    assert 'known model: 2.6' in guidance.cure
 
 
 def test_a_clock_that_is_set_back_begins_anew():

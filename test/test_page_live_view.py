@@ -48,6 +48,11 @@ def test_health_names_the_silent_and_the_noise_is_that_of_the_sensor_whether_or_
     assert told['Sensor'][0] == 0 and told['Sensor'][1].endswith('Hz, receiving /imu/data')
     assert not any('; last: ' in words for _, words in told.values())
     assert view.health({}, {})[0] == ('Sensor', 1, 'no diagnostics from predictor')
+    new = TankSide(auto_identify=False)
+    new.silence(1.0)
+    levels = {name: level for name, level, _ in view.health(new.record.statuses(new.clock), {})}
+    unseen = ('Sensor', 'Frame, units, gravity', 'Motion window', 'Noise of the angles')
+    assert {levels[name] for name in unseen} == {view.UNKNOWN} and levels['Identification'] == 0
     time = np.arange(0.0, 10.0, 0.04)
     noise = np.random.default_rng(1).normal(0.0, 1e-3, time.size)
     for amplitude in (0.0, 0.05):

@@ -139,10 +139,15 @@ STATES = {
         '{step}',
         '{sentence}',
         'waves',
-        'wait for calm water or go behind shelter; or restart the nodes with swath-sysid run --ros-args -p '
-        'window_s:=600.0 and press Identify after ten minutes: motion in waves gives the period, and the damping at '
+        'wait for calm water or go behind shelter; or restart the nodes with their usual options and --ros-args -p '
+        'window_s:=600.0, and press Identify after ten minutes: motion in waves gives the period, and the damping at '
         'its amplitude',
         'identify',
+    ),
+    'at sea': Guidance(
+        REST,
+        '{sentence}',
+        cure='Forecasts use the known model: {known}. A release in still water refines it.',
     ),
     'held': Guidance(
         PUSH,
@@ -313,6 +318,9 @@ class BringUp:
             return say('unrest')
         std = np.degrees(np.std(facts.motions[self.axis].between(self._newest - PATIENCE_S, None).primary))
         sentence = f'The craft does not come to rest: {self.axis} of {std:.2g} deg (standard deviation).'
+        if facts.model is not None:
+            known = ': '.join(filter(None, (described(facts.model), *verdict_of(facts.model))))
+            return say('at sea', sentence=sentence, known=known)
         return say('waves', step=REST, sentence=sentence)
 
     def _at_rest(self, facts: Facts) -> Guidance | None:

@@ -27,32 +27,36 @@ INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NOR
 
 VALID_LEAD = 'valid_lead_'  #: How the values of a status begin that are valid leads; they end with the unit, ``_s``.
 
+UNKNOWN = -1  #: Level of a health item that nothing is known of yet.
+
+#: Name of each status, and its value that counts what it has seen; empty where it can be well before anything was.
 STATUSES = {
-    'predictor: imu': 'Sensor',
-    'predictor: installation': 'Frame, units, gravity',
-    'imu_buffer: window': 'Motion window',
-    'identifier: identification': 'Identification',
-    'predictor: forecast': 'Forecast',
+    'predictor: imu': ('Sensor', 'received'),
+    'predictor: installation': ('Frame, units, gravity', 'judgements'),
+    'imu_buffer: window': ('Motion window', 'samples'),
+    'identifier: identification': ('Identification', ''),
+    'predictor: forecast': ('Forecast', 'published'),
 }
 
 
 def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) -> list[tuple[str, int, str]]:
     """Name, level and sentence of each health item."""
     lines = []
-    for status, name in STATUSES.items():
+    for status, (name, counter) in STATUSES.items():
         report = statuses.get(status)
         if report is None:
             lines.append((name, WARN, f'no diagnostics from {status.partition(":")[0]}'))
             continue
         rate = f'{float(str(report.values["rate_hz"])):.1f} Hz, ' if 'rate_hz' in report.values else ''
         # the card of the model shows the last verdict
-        lines.append((name, report.level, rate + report.message.partition('; last: ')[0]))
+        is_known = report.level != OK or float(str(report.values.get(counter, 1))) > 0.0
+        lines.append((name, report.level if is_known else UNKNOWN, rate + report.message.partition('; last: ')[0]))
     noises = [
         f'{axis} {np.degrees(noise_level(motion.angle)):.2g} deg'
         for axis, motion in motions.items()
         if motion.angle is not None
     ]
-    lines.insert(2, ('Noise of the angles', OK, ', '.join(noises) or 'not known yet'))
+    lines.insert(2, ('Noise of the angles', OK if noises else UNKNOWN, ', '.join(noises) or 'not known yet'))
     return lines
 
 
