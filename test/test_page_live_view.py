@@ -22,7 +22,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.sea_state import sea_as_yaml, sea_from_yaml
 from swath_sysid.page import live_view as view
-from swath_sysid.page.charts import motion_changes, motion_options, motion_series
+from swath_sysid.page.charts import curve_options, motion_changes, motion_options, motion_series, release_options
 from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.page.release import Release
 from swath_sysid.page.state import PageState
@@ -209,3 +209,9 @@ def test_the_last_verdict_is_shown_once(monkeypatch, tmp_path):
     assert not any(
         'too few waves' in line for line in [*state.view.model_words, *(each[2] for each in state.view.health)]
     )
+
+
+@pytest.mark.parametrize('options', [motion_options('deg'), release_options(), curve_options('damping')])
+def test_no_legend_touches_the_name_of_its_axis_on_a_narrow_screen(options):
+    """ECharts writes in 12 px, the legend 5 px below its top and the name 15 px above the grid."""
+    assert options['legend']['top'] + 5 + 12 < options['grid']['top'] - 15 - 12

@@ -106,7 +106,7 @@ def _frame(name: str, below: str) -> dict[str, Any]:
     }
     return {
         'animation': False,
-        'grid': {'left': 48, 'right': 16, 'top': 40, 'bottom': 40},
+        'grid': {'left': 48, 'right': 16, 'top': 48, 'bottom': 40},
         'xAxis': {**shared, 'name': below, 'nameLocation': 'middle', 'nameGap': 24, 'splitLine': {'show': False}},
         'yAxis': {
             **shared,
