@@ -26,7 +26,7 @@ from swath_sysid.page.charts import curve_options, motion_changes, motion_option
 from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.page.release import Release
 from swath_sysid.page.state import PageState
-from swath_sysid.pipeline.health import Report
+from swath_sysid.pipeline.health import STALE, Report
 
 LEADS = np.arange(51) * 100_000_000
 
@@ -52,7 +52,7 @@ def test_health_names_the_silent_and_the_noise_is_that_of_the_sensor_whether_or_
     new.silence(1.0)
     levels = {name: level for name, level, _ in view.health(new.record.statuses(new.clock), {})}
     unseen = ('Sensor', 'Frame, units, gravity', 'Motion window', 'Noise of the angles')
-    assert {levels[name] for name in unseen} == {view.UNKNOWN} and levels['Identification'] == 0
+    assert {levels[name] for name in unseen} == {STALE} and levels['Identification'] == 0
     time = np.arange(0.0, 10.0, 0.04)
     noise = np.random.default_rng(1).normal(0.0, 1e-3, time.size)
     for amplitude in (0.0, 0.05):

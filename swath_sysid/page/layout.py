@@ -7,9 +7,8 @@ from typing import Any
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.page.bring_up import STEPS
 from swath_sysid.page.charts import curve_options, curve_series, motion_options, release_options
-from swath_sysid.page.live_view import UNKNOWN
 from swath_sysid.page.state import BUTTONS, GROUPS, PageState, View
-from swath_sysid.pipeline.health import OK, WARN
+from swath_sysid.pipeline.health import OK, STALE, WARN
 
 try:
     from nicegui import ui
@@ -18,7 +17,7 @@ except ImportError:  # `server` says what to install
 
 SCREEN_PERIOD = 0.4  #: s between pictures.
 
-COLOURS = {UNKNOWN: 'grey', OK: 'positive', WARN: 'warning'}
+COLOURS = {STALE: 'grey', OK: 'positive', WARN: 'warning'}
 CURVES = {'period': 'natural period [s]', 'damping': 'equivalent damping ratio [-]'}
 CARD = 'w-full min-w-0'
 #: Texts have a fixed height, so that nothing below them jumps; a press shows all of a longer one.

@@ -17,7 +17,7 @@ from swath_sysid.common.signals import noise_level
 from swath_sysid.page.live_record import SHOWN_S, LiveRecord
 from swath_sysid.page.model_words import FAINTEST, amplitudes, described, gain, history, of_axis, verdict_of
 from swath_sysid.page.release import Release
-from swath_sysid.pipeline.health import OK, WARN, Report
+from swath_sysid.pipeline.health import OK, STALE, WARN, Report
 from swath_sysid.report.sea_report import sea_in_words
 
 SHOWN_POINTS = 300  #: Of a motion: a chart has hardly more pixels, and every browser gets them twice a second.
@@ -26,8 +26,6 @@ INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NOR
 
 
 VALID_LEAD = 'valid_lead_'  #: How the values of a status begin that are valid leads; they end with the unit, ``_s``.
-
-UNKNOWN = -1  #: Level of a health item that nothing is known of yet.
 
 #: Name of each status, and its value that counts what it has seen; empty where it can be well before anything was.
 STATUSES = {
@@ -40,7 +38,7 @@ STATUSES = {
 
 
 def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) -> list[tuple[str, int, str]]:
-    """Name, level and sentence of each health item."""
+    """Name, level and sentence of each health item; stale is what nothing is known of yet."""
     lines = []
     for status, (name, counter) in STATUSES.items():
         report = statuses.get(status)
@@ -50,13 +48,13 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
         rate = f'{float(str(report.values["rate_hz"])):.1f} Hz, ' if 'rate_hz' in report.values else ''
         # the card of the model shows the last verdict
         is_known = report.level != OK or float(str(report.values.get(counter, 1))) > 0.0
-        lines.append((name, report.level if is_known else UNKNOWN, rate + report.message.partition('; last: ')[0]))
+        lines.append((name, report.level if is_known else STALE, rate + report.message.partition('; last: ')[0]))
     noises = [
         f'{axis} {np.degrees(noise_level(motion.angle)):.2g} deg'
         for axis, motion in motions.items()
         if motion.angle is not None
     ]
-    lines.insert(2, ('Noise of the angles', OK if noises else UNKNOWN, ', '.join(noises) or 'not known yet'))
+    lines.insert(2, ('Noise of the angles', OK if noises else STALE, ', '.join(noises) or 'not known yet'))
     return lines
 
 

@@ -16,7 +16,7 @@ from swath_sysid.common.sentences import CURES
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.stability_watch import StabilityWatch
 
-OK, WARN, ERROR = range(3)  #: Levels of diagnostic_msgs/DiagnosticStatus.
+OK, WARN, ERROR, STALE = range(4)  #: Levels of diagnostic_msgs/DiagnosticStatus.
 
 SEVERAL_PUBLISHERS, SEVERAL_PREDICTORS = 'several-publishers', 'several-predictors'
 QOS_MISMATCH = 'qos-mismatch'
