@@ -133,12 +133,6 @@ def _identified(plain: _Axis, axis: str, where: str) -> IdentifiedModel:
         equation, values, trim=plain.trim_rad, friction_rate=plain.friction_rate_rad_s, axis=axis
     )
     built(lambda: check_physical(model), where)
-    stiffness = -float(model.jacobian(model.trim, 0.0)[0])
-    if not stiffness > 0.0:
-        raise InputError(
-            f'{where}: the linear stiffness r1 + s1 is {stiffness:g} 1/s^2, so the craft does not oscillate about its '
-            'trim and has no natural period: identify it again, from a release in still water'
-        )
     posterior = None if plain.posterior is None else HullPosterior(*plain.posterior.known(f'{where}, posterior'))
     return IdentifiedModel(
         model, matrix, plain.trim_std_rad, (smallest, largest), plain.metrics, plain.provenance, posterior
