@@ -54,8 +54,7 @@ def run(names):
     for name in names or DECAY_STUDIES:
         (HERE / name / 'trials').mkdir(exist_ok=True)
         for command in commands(name):
-            # an earlier run may have ended half-way
-            code = 0 if Path(command[-1]).exists() else main(command)
+            code = main(command)
             if code:
                 return code
     return 0

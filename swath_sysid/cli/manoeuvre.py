@@ -252,10 +252,9 @@ def _programme(model: Any, arguments: Namespace):
     noise = SensorNoise(*arguments.noise) if arguments.noise else SensorNoise()
     folder = Path(arguments.output)
     folder.mkdir(parents=True, exist_ok=True)
-    runs = {folder / f'{name}.{arguments.format}': run for name, run in trial_programme(model).items()}
-    check_outputs(Output('--output', path, is_recording=True) for path in runs)
     written = []
-    for number, (path, manoeuvre) in enumerate(runs.items()):
+    for number, (name, manoeuvre) in enumerate(trial_programme(model).items()):
+        path = folder / f'{name}.{arguments.format}'
         _write(path, with_noise(manoeuvre, noise, 100 * arguments.seed + number), model)
         written.append({'file': str(path), 'duration_s': float(manoeuvre.time[-1])})
     lines = [f'{row["file"]}: {row["duration_s"]:.0f} s' for row in written]

@@ -79,12 +79,6 @@ def refuse_no_file(path: str | Path, option: str = '') -> str | Path:
     return path
 
 
-def refuse_existing(path: str | Path, option: str = '') -> None:
-    """Refuse a name that is taken: a recording never replaces anything."""
-    if os.path.exists(path):
-        raise InputError(f'{option} {path} exists already: choose another name, or remove it first'.strip())
-
-
 def write_text(path: str | Path, text: str) -> None:
     """Write a text file in UTF-8, whole or not at all; see `replacing`."""
     with replacing(path) as temporary:

@@ -14,7 +14,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import messages, topics
-from swath_sysid.formats.files import refuse_existing, replacing
+from swath_sysid.formats.files import replacing
 from swath_sysid.formats.forecast_output import ForecastMessages
 from swath_sysid.formats.mcap_checksums import add_checksums
 from swath_sysid.formats.messages import typestore
@@ -135,7 +135,8 @@ class Recording:
         self._folder = self.path.with_suffix('.recording')
         if not self.path.parent.is_dir():
             raise InputError(f'cannot write {path}: there is no folder {self.path.parent}; choose one that exists')
-        refuse_existing(self.path)
+        if self.path.exists():
+            raise InputError(f'{path} exists already: choose another name, or remove it first')
         if self._folder.exists():
             raise InputError(
                 f'{self._folder} holds what a recording that was killed had written, and can be read as a bag: move it '

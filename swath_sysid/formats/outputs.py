@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.files import refuse_existing, refuse_no_file
+from swath_sysid.formats.files import refuse_no_file
 from swath_sysid.formats.tables import read_head
 
 MODEL_ENDINGS = 'yaml', 'yml'  #: Of model files.
@@ -22,7 +22,7 @@ class Output:
     option: str  #: As the command line names it, for messages.
     path: Any  #: None: not asked for.
     is_folder: bool = False  #: Whether it is a folder to write into, which may exist already.
-    is_recording: bool = False  #: Whether it will hold motion, and so never replaces anything.
+    is_recording: bool = False  #: Whether it holds motion itself, and so may replace an earlier one of its kind.
     endings: tuple[str, ...] = ()  #: What the name may end in, without the dot; none: anything.
 
 
@@ -35,8 +35,6 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None]
         _check_name(output)
         if not output.is_folder:
             refuse_no_file(output.path, output.option)
-            if output.is_recording:
-                refuse_existing(output.path, output.option)
         elif os.path.exists(output.path) and (not os.path.isdir(output.path) or _is_bag(output.path)):
             raise InputError(f'{named} is not a folder, or is a rosbag2 bag: choose another name')
         for path in read:
@@ -48,7 +46,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None]
             if _are_same(output.path, other.path):
                 raise InputError(f'{output.option} and {other.option} both name {output.path}: give each its own name')
         _check_folder(output)
-        if not output.is_folder and _is_recording(output.path):
+        if not (output.is_folder or output.is_recording) and _is_recording(output.path):
             raise InputError(f'{named} is a recording, which it would replace: choose another name, or remove it first')
 
 
