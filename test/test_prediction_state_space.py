@@ -7,7 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, solve_discrete_lyapunov
 
-from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights, side_by_side
+from swath_sysid.attitude.prediction.state_space import (
+    BREAK,
+    InnovationsFilter,
+    InnovationsModel,
+    cubic_weights,
+    side_by_side,
+)
 
 STEP = 0.1
 
@@ -201,3 +207,17 @@ def test_covariances_stay_those_of_something(seed):
             covariance = ours.forecast(rng.uniform(0.1, 1.9, 3), 0.05)[1]
             assert np.allclose(covariance, covariance.transpose(0, 2, 1), rtol=1e-9, atol=1e-9)
             assert np.linalg.eigvalsh(covariance).min() > -1e-7 * covariance.max()
+
+
+@pytest.mark.parametrize('every', [1, 2])
+def test_a_break_in_the_motion_is_forgotten_though_a_channel_comes_with_every_other_row(every):
+    """Strain is what issued intervals are widened by: it must not stand still while the state is not fully known."""
+    model = _model()
+    rows = _rows(model, 400)
+    rows[100:102] += 200.0 * model.scale
+    rows[np.arange(400) % every > 0, 1] = np.nan
+    ours = _filter(model, rows[:102])
+    assert ours.strain > BREAK
+    for row in rows[102:]:
+        ours.step(row)
+    assert 0.3 < ours.strain < 3.0

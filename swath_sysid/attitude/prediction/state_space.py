@@ -71,7 +71,7 @@ class InnovationsFilter:
         self._driven = model.k @ model.s @ model.k.T
         self._floor = _KNOWN * np.diag(model.s)
         watched = [name in self.targets for name in model.channels]
-        self._watched = np.flatnonzero(watched if any(watched) else np.ones(len(watched), dtype=bool))
+        self._watched = np.array(watched) if any(watched) else np.ones(len(watched), dtype=bool)
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
         self._strain_gain = min(1.0, model.step / _STRAIN_TIME)
         self._largest = BREAK * np.diag(model.s)
@@ -114,7 +114,8 @@ class InnovationsFilter:
         if self.state_covariance is None:
             following = self._following @ self.state
             error = z - following[: z.size]
-            self._follow_strain(error[self._watched])
+            watched = error[self._watched]
+            self._follow_strain(float(watched @ self._precision @ watched) / watched.size)
             # false for NaN, too
             if (error * error < self._largest).all():
                 self.state = following[z.size :] + self.model.k @ error
@@ -123,8 +124,7 @@ class InnovationsFilter:
             self.state_covariance = np.zeros_like(self.model.a)
         self._update(z, np.isfinite(z))
 
-    def _follow_strain(self, error: np.ndarray):
-        square = float(error @ self._precision @ error) / error.size
+    def _follow_strain(self, square: float):
         if square == square:
             self.strain += self._strain_gain * (square - self.strain)
 
@@ -138,13 +138,14 @@ class InnovationsFilter:
         error = z[seen] - c @ self.state
         pc = self.state_covariance @ c.T
         v = c @ pc + m.s[np.ix_(seen, seen)]
-        unlikely = error * error / np.diag(v)
-        if (unlikely > BREAK).any():
-            self.strain += self._strain_gain * (unlikely.mean() - self.strain)
-            if self.state_covariance is not m.prior:
-                self.state, self.state_covariance = np.zeros_like(self.state), m.prior
-                self._update(z, seen)
-                return
+        squares = error * error / np.diag(v)
+        if (squares > BREAK).any() and self.state_covariance is not m.prior:
+            self.state, self.state_covariance = np.zeros_like(self.state), m.prior
+            self._update(z, seen)
+            return
+        of_watched = squares[self._watched[seen]]
+        if of_watched.size:
+            self._follow_strain(float(of_watched.mean()))
         expected = m.c @ self.state
         self.state, covariance = m.a @ self.state, m.a @ self.state_covariance @ m.a.T + self._driven
         if seen.any():
