@@ -39,10 +39,7 @@ class PredictorHealth(StreamHealth):
 
     def note_predictors(self, count: int) -> None:
         """Warn while several predictors publish the same forecasts."""
-        if count < 2:
-            self.settle(SEVERAL_PREDICTORS)
-        elif SEVERAL_PREDICTORS not in self.holding:
-            self.note(SEVERAL_PREDICTORS, SEVERAL_PREDICTORS)
+        self.note_while(count > 1, SEVERAL_PREDICTORS)
 
     def note_model(self, now: float) -> None:
         """A model arrived, s of the clock of `note_message`."""

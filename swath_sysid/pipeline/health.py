@@ -111,6 +111,13 @@ class Reasons:
             cure = self._cures[reason]
             self._holding[about] = f'{reason}: {sentence}; {cure}' if sentence else f'{reason}: {cure}'
 
+    def note_while(self, holds: bool, reason: str) -> None:
+        """Count a reason when it begins to hold; it holds until this is called without."""
+        if not holds:
+            self.settle(reason)
+        elif reason not in self._holding:
+            self.note(reason, reason)
+
     def settle(self, about: str) -> None:
         """End what was noted about something."""
         self._holding.pop(about, None)
@@ -180,7 +187,6 @@ class StreamHealth(Reasons):
         self._silence = 0.0  #: s since the last message, or the first report.
         self._spent = self._longest = 0.0
         self._since_report = 0
-        self._silent = self._several = False
         self._frame_id: str | None = None
         self._begun: float | None = None
         self._reported_at: float | None = None
@@ -204,9 +210,7 @@ class StreamHealth(Reasons):
 
     def note_publishers(self, count: int) -> None:
         """Count the appearance of a second publisher."""
-        if count > 1 and not self._several:
-            self.note(SEVERAL_PUBLISHERS)
-        self._several = count > 1
+        self.note_while(count > 1, SEVERAL_PUBLISHERS)
 
     def report(
         self, now: float, now_ns: int, core_counts: Mapping[str, int], used: int, interval: float | None = None
@@ -217,10 +221,7 @@ class StreamHealth(Reasons):
         if self._begun is None:
             self._begun, self._reported_ns = now, now_ns
         self._note_silence(now, now_ns)
-        is_silent = self.received > 0 and is_unusual(self._silence, interval or 0.0)
-        if is_silent and not self._silent:
-            self.note(SILENT)
-        self._silent = is_silent
+        self.note_while(self.received > 0 and is_unusual(self._silence, interval or 0.0), SILENT)
         age = None if self._arrival is None else self._age
         if age is not None:
             # with a simulated clock that the node has not read yet, messages arrive before their time
@@ -257,9 +258,9 @@ class StreamHealth(Reasons):
             if self._silence <= DISCOVERY:
                 return OK, f'waiting for the first message on {self.topic}'
             return ERROR, f'no message on {self.topic} yet: {CURES[NO_MESSAGE_YET]}'
-        if self._silent:
+        if SILENT in self._holding:
             return ERROR, f'no message on {self.topic} for {self._silence:.1f} s: {CURES[SILENT]}'
-        if self._several:
+        if SEVERAL_PUBLISHERS in self._holding:
             return WARN, CURES[SEVERAL_PUBLISHERS]
         if fresh:
             return WARN, self.worst(fresh)
