@@ -135,9 +135,9 @@ def test_values_without_a_run_against_fits_without_it(bound, monkeypatch):
     monkeypatch.setattr(held_out, 'instability_slopes', lambda shooting, values: demand)
     expected = [solved([j for j in range(3) if j != k]) for k in range(3)]
     parts = [(m @ best - y, m) for m, y in zip(matrices, targets, strict=True)]
-    assert np.allclose(
-        held_out.values_without_each_part(SimpleNamespace(unknowns=unknowns), best, parts), expected, rtol=1e-6
-    )
+    shooting = SimpleNamespace(unknowns=unknowns)
+    told = held_out.information_at(shooting, best, parts)
+    assert np.allclose(held_out.values_without_each_part(shooting, best, told), expected, rtol=1e-6)
 
 
 def test_what_one_run_alone_determines_has_no_scatter_between_runs(force_runs):
@@ -174,7 +174,8 @@ def test_values_on_which_runs_differ_have_their_scatter(monkeypatch):
     levels, free = np.array([1.0, -1.0, 3.0, -3.0]), np.array([np.inf])
     unknowns = SimpleNamespace(units=np.ones(1), spread=free, lower=-free, upper=free)
     parts = [(np.full(50, -level), np.ones((50, 1))) for level in levels]
-    found = held_out.covariance_over_runs(SimpleNamespace(unknowns=unknowns), np.zeros(1), parts, np.full((1, 1), 1e-9))
+    told = held_out.information_at(SimpleNamespace(unknowns=unknowns), np.zeros(1), parts)
+    found = held_out.covariance_over_runs(told, np.full((1, 1), 1e-9))
     assert found == pytest.approx(np.sum((levels / 3.0) ** 2), rel=1e-6)
 
 

@@ -5,6 +5,7 @@ measured states.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,24 +17,19 @@ SCATTER = 0.5  #: Least gain in standard errors over the runs.
 MIN_GAIN = 0.003  #: Least gain on runs held out, as a share of the misfit.
 
 
-def values_without_each_part(
+@dataclass(frozen=True)
+class Information:
+    """What K parts tell of n values, in units of the values."""
+
+    units: np.ndarray  #: (n,); 0 at active bounds.
+    parts: list[tuple[np.ndarray, np.ndarray]]  #: Residuals and Jacobians.
+    total: np.ndarray  #: (n, n); of all parts, regularisation and the demand of stable straight courses.
+
+
+def information_at(
     shooting: Shooting, values: np.ndarray, parts: Sequence[tuple[np.ndarray, np.ndarray]]
-) -> np.ndarray:
-    """Values fitted without each run, shape (K, n), from the residuals and Jacobians of `shooting.by_part`.
-    Regularisation, the demand of stable straight courses, and active bounds stay in force, as otherwise unstable models
-    would judge a marginally course-stable hull.
-    """
-    units, scaled, information = _information(shooting, values, parts)
-    found = []
-    for residual, jacobian in scaled:
-        others = information - jacobian.T @ jacobian
-        step = np.linalg.lstsq(others, jacobian.T @ residual, rcond=1e-10)[0]
-        found.append(np.clip(values + step * units, shooting.unknowns.lower, shooting.unknowns.upper))
-    return np.array(found)
-
-
-def _information(shooting: Shooting, values: np.ndarray, parts: Sequence[tuple[np.ndarray, np.ndarray]]):
-    """Units (n,), 0 at active bounds, the parts in them, and the information (n, n) of parts and regularisation."""
+) -> Information:
+    """The information of the residuals and Jacobians of `shooting.by_part`."""
     units, spread = shooting.unknowns.units, shooting.unknowns.spread
     at_rest = (values - shooting.unknowns.lower < 1e-9 * units) | (shooting.unknowns.upper - values < 1e-9 * units)
     units = np.where(at_rest, 0.0, units)
@@ -43,8 +39,22 @@ def _information(shooting: Shooting, values: np.ndarray, parts: Sequence[tuple[n
     ]
     prior = np.where(np.isfinite(spread), (units / spread) ** 2, 0.0)
     stability = instability_slopes(shooting, values) * units
-    information = sum(j.T @ j for _, j in scaled) + stability.T @ stability + np.diag(prior + 1e-9)
-    return units, scaled, information
+    total = sum(j.T @ j for _, j in scaled) + stability.T @ stability + np.diag(prior + 1e-9)
+    return Information(units, scaled, total)
+
+
+def values_without_each_part(shooting: Shooting, values: np.ndarray, told: Information) -> np.ndarray:
+    """Values fitted without each run, shape (K, n).
+
+    Regularisation, the demand of stable straight courses, and active bounds stay in force, as otherwise unstable models
+    would judge a marginally course-stable hull.
+    """
+    found = []
+    for residual, jacobian in told.parts:
+        others = told.total - jacobian.T @ jacobian
+        step = np.linalg.lstsq(others, jacobian.T @ residual, rcond=1e-10)[0]
+        found.append(np.clip(values + step * told.units, shooting.unknowns.lower, shooting.unknowns.upper))
+    return np.array(found)
 
 
 def held_out_costs(shooting: Shooting, values_without_it: np.ndarray) -> np.ndarray:
@@ -68,25 +78,25 @@ def helps(costs: np.ndarray, costs_before: np.ndarray) -> bool:
     return bool(gain.sum() > max(SCATTER * scatter, MIN_GAIN * float(weight @ costs_before)))
 
 
-def covariance_over_runs(
-    shooting: Shooting, values: np.ndarray, parts: Sequence[tuple[np.ndarray, np.ndarray]], matrix: np.ndarray
-) -> np.ndarray:
-    """A covariance (n, n) with variances of at least the scatter of the runs' shares in the values. The scatter is the
-    jackknife (a sandwich over clusters corrected for leverage: Bell and McCaffrey 2002, CR3) where the other runs
-    determine a direction better than the run, else CR2 scaled to meet it: what one run alone determines has no scatter.
+def covariance_over_runs(told: Information, matrix: np.ndarray) -> np.ndarray:
+    """A covariance (n, n) with variances of at least the scatter of the runs' shares in the values.
+
+    The scatter is the jackknife (a sandwich over clusters corrected for leverage: Bell and McCaffrey 2002, CR3) where
+    the other runs determine a direction better than the run, else CR2 scaled to meet it: what one run alone determines
+    has no scatter.
     """
-    if len(parts) < 2:
+    if len(told.parts) < 2:
         return matrix
-    units, scaled, information = _information(shooting, values, parts)
-    size, axes = np.linalg.eigh(information)
-    root = axes / np.sqrt(size)
-    scatter = np.zeros(len(values))
-    for residual, jacobian in scaled:
+    size, axes = np.linalg.eigh(told.total)
+    # by rounding, the least may come out below zero
+    root = axes / np.sqrt(np.maximum(size, np.finfo(float).eps * size[-1]))
+    scatter = np.zeros(told.units.size)
+    for residual, jacobian in told.parts:
         share, turn = np.linalg.eigh(root.T @ jacobian.T @ jacobian @ root)
         others = np.maximum(1.0 - share, np.finfo(float).eps)
         pull = turn.T @ root.T @ jacobian.T @ residual
         move = root @ turn @ (pull * np.where(others > 0.5, 1.0 / others, np.sqrt(2.0 / others)))
-        scatter += (units * move) ** 2
+        scatter += (told.units * move) ** 2
     return with_variances_of_at_least(matrix, scatter)
 
 

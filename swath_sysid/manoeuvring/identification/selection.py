@@ -151,15 +151,15 @@ def fit_at(problem: Problem, shooting: Shooting, values: np.ndarray, cost: float
     """The fit at some values, its covariance by the autocorrelation of residuals and the scatter of the runs."""
     names = shooting.unknowns.names
     linear = projected(shooting, values, shooting.hidden)[:2]
-    parts = by_part(shooting, *linear)
-    without = held_out.values_without_each_part(shooting, values, parts)
+    told = held_out.information_at(shooting, values, by_part(shooting, *linear))
+    without = held_out.values_without_each_part(shooting, values, told)
     left, jacobians = by_channel(shooting, *linear)
     covariance = sandwich_covariance(left, jacobians, MEMORY)
     check = check_stability(model_of(problem, names, values), problem.region)
     stable = check.bounded and check.largest_growth < max(problem.largest_growth, 0.0)
     every = np.clip(np.nan_to_num(np.concatenate(left), nan=1e3), -1e3, 1e3)
     inflation = max(every.size / max(covariance.effective_samples, 1.0) * float(np.mean(every**2)), 1e-9)
-    covariance = replace(covariance, matrix=held_out.covariance_over_runs(shooting, values, parts, covariance.matrix))
+    covariance = replace(covariance, matrix=held_out.covariance_over_runs(told, covariance.matrix))
     return Fit(names, values, cost, shooting, covariance, stable, without, inflation)
 
 
