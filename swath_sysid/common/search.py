@@ -1,10 +1,10 @@
 """Searches with ask and tell, which never call the objective: what they share, genetic algorithm, particle swarm.
 
-Recombination places a child on the line through its parents, up to 0.6 of their distance beyond each: the blend
-crossover of Eshelman and Schaffer, along the line so that correlated variables stay correlated. Mutation is scaled by
-the spread of the population, so that the search sharpens as it converges.
+The genetic algorithm's recombination places a child on the line through its parents, up to 0.6 of their distance
+beyond each: the blend crossover of Eshelman and Schaffer, along the line so that correlated variables stay correlated.
+Mutation is scaled by the spread of the population, so that the search sharpens as it converges.
 
-The constriction form of Clerc and Kennedy (2002), whole-swarm neighbourhood.
+The particle swarm has the constriction form of Clerc and Kennedy (2002) and the whole swarm as neighbourhood.
 """
 
 from collections.abc import Callable

@@ -250,7 +250,7 @@ def _causes(
     usable = min(r.motion.usable_share for r in found.records)
     if not usable >= LEAST_USABLE:
         yield DOUBTFUL, Advice.of('few-samples', usable=usable)
-    start, _ = largest_releases(found)
+    start, opposite = largest_releases(found)
     righting = -float(found.model.acceleration(found.model.trim + start, 0.0)) / start
     brief = any(r.segment.beginning == 'pushed' and r.segment.cycles < 1.0 for r in found.records)
     # a hull that softens accelerates little at first, too, but swings for several cycles with the period it is given
@@ -264,7 +264,7 @@ def _causes(
     if absent is not None:
         yield DOUBTFUL, Advice.of('absent-term', equation=equation, term=absent.name, stds=absent.significance)
     # an adequate forecast may be off by this share of its motion, and one to a side without a release is not checked
-    unseen = largest_releases(found)[1] == -start or other_side > ADEQUATE_ERROR
+    unseen = opposite == -start or other_side > ADEQUATE_ERROR
     is_lost = unseen and angle_within_reach(found, ADEQUATE_ERROR) is not None
     if is_lost or not other_side <= LARGEST_UNEXPLAINED:
         size = f' by {other_side:.0%} of its motion' if other_side < 1.0 else ''

@@ -107,7 +107,7 @@ def _spikes(inside: AxisMotion) -> Iterator[Advice]:
 
 
 def without_spikes(motion: AxisMotion) -> AxisMotion:
-    """The samples of a decay that are no spikes."""
+    """The samples of a decay without its spikes."""
     return motion.only(~np.any([_bending(value) for value in _measured(motion).values()], axis=0))
 
 

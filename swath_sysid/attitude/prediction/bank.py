@@ -1,8 +1,4 @@
-"""The bank of candidates: each steps through the rows, skips lost ones, and forecasts the readings to come.
-
-At short leads it carries the rate on, at long leads it returns to the mean. Its natural frequency is the ratio of the
-standard deviations of rate and angle, which gives the best linear regression whatever the spectrum.
-"""
+"""The bank of candidates: each steps through the rows, skips lost ones, and forecasts the readings to come."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -38,6 +34,9 @@ def oscillators(
     values: np.ndarray, names: Sequence[str], step: float, angles: Sequence[str]
 ) -> InnovationsModel | None:
     """A model of each angle, with its rate ``X_rate`` where measured; None while no angle has been seen.
+
+    At short leads it carries the rate on, at long leads it returns to the mean. Its natural frequency is the ratio of
+    the standard deviations of rate and angle, which gives the best linear regression whatever the spectrum.
 
     Values (N, width) are oldest first, one row per step, s, NaN where missing; ``names`` are their columns.
     """
