@@ -7,6 +7,7 @@ that swallows it. Nothing is under way by then, so the process just ends.
 import os
 import signal
 import sys
+from contextlib import suppress
 from importlib import import_module
 
 SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is the regular end of.
@@ -32,9 +33,16 @@ def command_line() -> int:
     for number in ENDING:
         signal.signal(number, signal.default_int_handler)
     try:
-        return cli.main()
+        code = cli.main()
     finally:
         _end_on_signals(interrupted)
+    if code == interrupted:
+        # raised within a lock of a library, the interrupt leaves it locked, and threads of a pool would wait for it
+        with suppress(BrokenPipeError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code)
+    return code
 
 
 def _end_on_signals(code: int):

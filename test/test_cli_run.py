@@ -136,6 +136,25 @@ finally:
     assert printed.endswith(f'{threads}\n')
 
 
+def test_an_interrupted_tool_ends_though_a_thread_waits_for_a_lock_that_nobody_holds():
+    """As that of a pool does where Ctrl-C came while a future was locked."""
+    program = """
+import sys, threading
+import swath_sysid.cli.main as cli
+from swath_sysid.start import command_line
+def interrupted():
+    threading.Thread(target=threading.Event().wait).start()
+    print('stopped', file=sys.stderr)
+    return 130
+cli.main = interrupted
+sys.exit(command_line())
+"""
+    ended = subprocess.run(
+        [sys.executable, '-c', program], env=environment(), stderr=subprocess.PIPE, text=True, timeout=90.0
+    )
+    assert (ended.returncode, ended.stderr) == (130, 'stopped\n')
+
+
 def started(*arguments):
     """As the console script, but says when it begins; SIGINT is ignored as in the background of a shell."""
     program = "from swath_sysid.start import command_line; print('begun', flush=True); raise SystemExit(command_line())"
