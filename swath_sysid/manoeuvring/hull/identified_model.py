@@ -59,7 +59,9 @@ def straight_speeds(region: Region) -> np.ndarray:
 
 
 def growth_rates(p: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-    """Largest real part, 1/s, (S, K), of eigenvalues about straight courses at speeds (S,), m/s, of craft (n, K)."""
+    """Largest real part, 1/s, (S, K), of the eigenvalues of sway and yaw about straight courses at speeds (S,), m/s, of
+    craft (n, K); surge, which has no part in them, is always damped.
+    """
     count, candidates = speeds.size, p.shape[1]
     columns = np.tile(p, count)
     u = np.repeat(speeds, candidates)
@@ -67,9 +69,9 @@ def growth_rates(p: np.ndarray, speeds: np.ndarray) -> np.ndarray:
     resistance = -accelerations(u, nothing, nothing, nothing, nothing, columns)[0]
     slip = (1.0 - columns[DEDUCTION]) * np.maximum(1.0 - columns[ADVANCE] * u, 0.1)
     thrust = 0.5 * resistance * (columns[M] - columns[XU_DOT]) / slip
-    jacobian = jacobians(columns, np.stack([u, nothing, nothing]), thrust, thrust)
+    jacobian = jacobians(columns, np.stack([u, nothing, nothing]), thrust, thrust)[:, 1:, 1:]
     usable = np.all(np.isfinite(jacobian), axis=(1, 2))
-    jacobian[~usable] = np.eye(3)
+    jacobian[~usable] = np.eye(2)
     return np.linalg.eigvals(jacobian).real.max(axis=1).reshape(count, candidates)
 
 

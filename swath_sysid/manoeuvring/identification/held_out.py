@@ -13,6 +13,7 @@ from swath_sysid.manoeuvring.identification.shooting import ROBUST_AT, Shooting,
 
 LARGEST_SHARE = 0.25  #: Largest share of one run in the misfit and in its change.
 
+HALVINGS = 4  #: Of a step to values fitted without a part, which far from linear misfits even the other parts.
 SCATTER = 0.5  #: Least gain in standard errors over the runs.
 MIN_GAIN = 0.003  #: Least gain on runs held out, as a share of the misfit.
 
@@ -44,25 +45,34 @@ def information_at(
 
 
 def values_without_each_part(shooting: Shooting, values: np.ndarray, told: Information) -> np.ndarray:
-    """Values fitted without each run, shape (K, n).
+    """Values fitted without each part, shape (K, n): the share of a Gauss-Newton step that suits the others best.
 
     Regularisation, the demand of stable straight courses, and active bounds stay in force, as otherwise unstable models
     would judge a marginally course-stable hull.
     """
-    found = []
+    steps = []
     for residual, jacobian in told.parts:
         others = told.total - jacobian.T @ jacobian
-        step = np.linalg.lstsq(others, jacobian.T @ residual, rcond=1e-10)[0]
-        found.append(np.clip(values + step * told.units, shooting.unknowns.lower, shooting.unknowns.upper))
-    return np.array(found)
+        steps.append(np.linalg.lstsq(others, jacobian.T @ residual, rcond=1e-10)[0] * told.units)
+    shares = 0.5 ** np.arange(HALVINGS + 1)
+    tried = values + shares[:, None, None] * np.array(steps)
+    tried = np.clip(tried, shooting.unknowns.lower, shooting.unknowns.upper)
+    costs = free_run_costs(shooting, tried.reshape(-1, values.size)).reshape(*tried.shape[:2], -1)
+    of_others = costs.sum(axis=2) - np.diagonal(costs, axis1=1, axis2=2)
+    return tried[np.argmin(of_others, axis=0), np.arange(len(steps))]
+
+
+def free_run_costs(shooting: Shooting, candidates: np.ndarray) -> np.ndarray:
+    """Misfit of each part in free runs with each of some candidates (C, n); shape (C, K)."""
+    residual = free_run_residuals(shooting, candidates)
+    residual = np.clip(np.nan_to_num(residual, nan=1e3), -1e3, 1e3) / ROBUST_AT
+    by_window = np.sum(np.sqrt(1.0 + residual**2) - 1.0, axis=(1, 2))
+    return by_window @ np.eye(shooting.part_of_window.max() + 1)[shooting.part_of_window]
 
 
 def held_out_costs(shooting: Shooting, values_without_it: np.ndarray) -> np.ndarray:
     """Misfit of each part in free runs with the values fitted without it, (K, n); shape (K,)."""
-    residual = free_run_residuals(shooting, values_without_it)
-    residual = np.clip(np.nan_to_num(residual, nan=1e3), -1e3, 1e3) / ROBUST_AT
-    by_window = np.sum(np.sqrt(1.0 + residual**2) - 1.0, axis=(0, 1))
-    return np.bincount(shooting.part_of_window, by_window)
+    return np.diagonal(free_run_costs(shooting, values_without_it))
 
 
 def helps(costs: np.ndarray, costs_before: np.ndarray) -> bool:

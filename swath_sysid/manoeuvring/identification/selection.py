@@ -11,7 +11,7 @@ from swath_sysid.manoeuvring.hull.identified_model import check_stability, strai
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
 from swath_sysid.manoeuvring.identification import held_out
-from swath_sysid.manoeuvring.identification.assembly import EQUAL_CURRENTS, Problem
+from swath_sysid.manoeuvring.identification.assembly import EQUAL_CURRENTS, USUAL_RESPONSE, Problem
 from swath_sysid.manoeuvring.identification.scaling import SWAY_SHARE
 from swath_sysid.manoeuvring.identification.settings import cut
 from swath_sysid.manoeuvring.identification.shooting import (
@@ -43,8 +43,10 @@ LAST = {'X0', 'N0'}  #: Tried only when nothing else helps, as they imitate many
 EXCLUSIVE = {'Nur': 'Nuur', 'Nuur': 'Nur'}  #: Terms that replace each other: after one the other is not tried.
 
 #: Why terms are rejected.
-UNSTABLE, MADE_STABLE, AT_BOUND = 'unstable', 'until the craft was stable', 'at the limit of its range'
+UNSTABLE, MADE_STABLE = 'unstable', 'until the craft was stable'
+AT_BOUND, HELD = 'at the limit of its range', 'held at the limit of its range'
 NO_GAIN, NOT_HELD_OUT = 'no gain', 'no gain on runs held out'
+NO_SLIP = 'the craft hardly slips sideways'
 
 
 @dataclass(frozen=True)
@@ -87,14 +89,13 @@ def identified(
     problem = with_drift_spread(with_noise(problem, now), now)
     now = fit(problem, renewed(problem, now), now.names, now.values)
     note(0.5)
-    found = select(problem, now, lambda count: note(min(0.9, 0.5 + 0.03 * count)))
-    problem = without(problem, [n for n in now.names if n not in found.names])
+    free = (ended,) if any_terms else ()
+    problem, now = _pruned_by(*_without_slip(*_pruned_by(problem, now, free)), (_weak,))
+    problem, found = select(problem, now, lambda count: note(min(0.9, 0.5 + 0.03 * count)))
     problem = with_drift_spread(with_noise(problem, found), found)
     last = fit(problem, renewed(problem, found, PARTS), found.names, found.values)
     evaluations = now.evaluations + found.evaluations + last.evaluations
-    found = replace(last, rejected=found.rejected)
-    for rule in (ended, destabilising) if any_terms else (destabilising,):
-        problem, found = pruned(problem, found, rule)
+    problem, found = _pruned_by(problem, replace(last, rejected=found.rejected), (*free, destabilising))
     note(0.95)
     return problem, replace(with_refused(problem, found), evaluations=evaluations)
 
@@ -165,18 +166,28 @@ def fit_at(problem: Problem, shooting: Shooting, values: np.ndarray, cost: float
 
 def first_fit(problem: Problem, shooting: Shooting, names: Sequence[str], values: np.ndarray) -> Fit:
     """The best on runs held out of several starts. Without the usual terms a marginally course-stable hull looks like
-    a much heavier one, and adding them one by one does not lead away from it.
+    a much heavier one, and adding them one by one does not lead away from it; a hull that hardly slips sideways looks
+    like a light one behind slow thrusters, unless the search starts from a sway that is damped within a second.
     """
-    found = [fit(problem, shooting, names, values)]
-    exchanged = _exchanged(found[0], values)
+    plain = fit(problem, shooting, names, values)
+    exchanged = _exchanged(plain, values)
     if exchanged is not None:
-        found = [_best([*found, fit(problem, shooting, names, exchanged)])]
-    for some in (USUAL_HULL, USUAL):
+        plain = _best([plain, fit(problem, shooting, names, exchanged)])
+    damped = _with_damped_sway(problem, names, values)
+    found = [plain]
+    for some, start in ((USUAL_HULL, plain.values), (USUAL, plain.values), (USUAL, damped)):
         usual = [n for group in problem.candidates for n in group if n in some and n not in names]
-        if usual:
-            start = np.concatenate([found[0].values, problem.start(usual)])
-            found.append(fit(problem, found[0].shooting, (*names, *usual), start))
+        if usual and start is not None:
+            found.append(fit(problem, shooting, (*names, *usual), np.concatenate([start, problem.start(usual)])))
     return _best(found)
+
+
+def _with_damped_sway(problem: Problem, names: Sequence[str], start: np.ndarray):
+    """The start with sway damped within its usual time and without added mass; None where sway is not searched."""
+    if not {'Yv', 'Yv_dot'} <= set(names):
+        return None
+    damping = -problem.scales.mass / USUAL_RESPONSE['sway']
+    return np.array([{'Yv': damping, 'Yv_dot': 0.0}.get(n, first) for n, first in zip(names, start, strict=True)])
 
 
 def _exchanged(found: Fit, start: np.ndarray):
@@ -244,11 +255,10 @@ def renewed(problem: Problem, found: Fit, parts: int = 1) -> Shooting:
     return weighed(shooting, found.values)
 
 
-def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = None) -> Fit:
+def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = None) -> tuple[Problem, Fit]:
     """Add terms one by one while they gain enough, then drop weak ones; calls ``note`` with the number of terms."""
-    now = first
-    remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
-    rejected = {}
+    now, rejected = first, dict(first.rejected)
+    remaining = [c for c in problem.candidates if not set(c) & {*now.names, *rejected}]
     while offers := [(group, gain) for group, gain, _ in _offers(problem, now, remaining) if gain > 0.0]:
         group, _ = min(offers, key=lambda offer: (offer[0][0] in LAST, -offer[1]))
         start = np.concatenate([now.values, problem.start(group)])
@@ -262,7 +272,7 @@ def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = 
         now = tried
         if note is not None:
             note(len(now.names))
-    return pruned(problem, replace(now, rejected=rejected), _weak)[1]
+    return pruned(problem, replace(now, rejected=rejected), _weak)
 
 
 def _against(names: Sequence[str], more: Fit, fewer: Fit) -> str:
@@ -279,45 +289,84 @@ def _against(names: Sequence[str], more: Fit, fewer: Fit) -> str:
 
 
 def pruned(problem: Problem, found: Fit, rule: Callable[[Problem, Fit], tuple[list[int], str]]) -> tuple[Problem, Fit]:
-    """The problem and fit without terms that a rule drops one by one: it gives the places of doubtful terms, the most
-    doubtful first, and why they go, or nothing if only those go that are not worth having.
+    """The problem and fit without terms that a rule drops one by one, the least certain first: it gives the places of
+    doubtful terms and why they go, or nothing if only those go that are not worth having.
     """
     kept: set[str] = set()
     while True:
         places, reason = rule(problem, found)
-        places = [k for k in places if found.names[k] not in kept]
+        places = [k for k in np.argsort(found.certainty, kind='stable') if k in places and found.names[k] not in kept]
         if not places:
             return problem, found
         name = found.names[places[0]]
-        others = tuple(each for each in found.names if each != name)
-        fewer = without(problem, (name,))
-        tried = fit(fewer, found.shooting, others, np.delete(found.values, places[0]), rounds=1)
-        why = reason or ('' if found.stable and not tried.stable else _against((name,), found, tried))
+        fewer, tried = _without_term(problem, found, places[0])
+        if reason == AT_BOUND:
+            held = _without_term(problem, found, places[0], found.values[places[0]])
+            if held[1].stable > tried.stable or held_out.helps(held[1].held_out, tried.held_out):
+                (fewer, tried), reason = held, HELD
+        why = '' if found.stable and not tried.stable else reason or _against((name,), found, tried)
         if why:
             problem, found = fewer, replace(tried, rejected={**found.rejected, name: why})
         else:
             kept.add(name)
 
 
+def _pruned_by(problem: Problem, found: Fit, rules: Sequence[Callable]) -> tuple[Problem, Fit]:
+    """`pruned` by one rule after the other."""
+    for rule in rules:
+        problem, found = pruned(problem, found, rule)
+    return problem, found
+
+
+def _without_slip(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
+    """The problem and fit without sway through the water, where its damping is held at the limit: its terms have
+    nothing to act on, and would imitate others.
+    """
+    if found.rejected.get('Yv') != HELD:
+        return problem, found
+
+    def of_slip(name: str) -> bool:
+        parameter = PARAMETERS[INDEX[name]]
+        return parameter.row == 'Y' or bool({'v', 'V'} & set(parameter.factors))
+
+    gone = [name for name in found.names if name in INDEX and of_slip(name)]
+    candidates = tuple(group for group in problem.candidates if group == CURRENT or not any(map(of_slip, group)))
+    problem = replace(without(problem, gone), candidates=candidates)
+    kept = [k for k, name in enumerate(found.names) if name not in gone]
+    names = tuple(found.names[k] for k in kept)
+    rejected = {**found.rejected, **dict.fromkeys(gone, NO_SLIP)}
+    return problem, replace(fit(problem, found.shooting, names, found.values[kept], rounds=1), rejected=rejected)
+
+
+def _without_term(problem: Problem, found: Fit, place: int, value: float | None = None) -> tuple[Problem, Fit]:
+    """The problem and fit without a term, which is neutral, or held at a value."""
+    fewer = without(problem, found.names[place : place + 1])
+    if value is not None:
+        fewer.base[INDEX[found.names[place]]] = value
+    names = (*found.names[:place], *found.names[place + 1 :])
+    return fewer, fit(fewer, found.shooting, names, np.delete(found.values, place), rounds=1)
+
+
 def _weak(problem: Problem, found: Fit):
-    """Added and tentative terms that are uncertain."""
+    """Rule of `pruned`: added and tentative terms that are uncertain."""
     free = {*problem.free, *CURRENT}
-    order = np.argsort(found.certainty, kind='stable')
-    return [k for k in order if found.names[k] not in free and found.certainty[k] < DOUBTED], ''
+    named = enumerate(zip(found.names, found.certainty, strict=True))
+    return [k for k, (name, certainty) in named if name not in free and certainty < DOUBTED], ''
 
 
 def ended(problem: Problem, found: Fit) -> tuple[list[int], str]:
-    """Rule of `pruned`: terms at the bounds of their ranges, which the runs do not determine."""
+    """Rule of `pruned`: terms at the bounds of their ranges, which the runs do not determine. They go, or stay at the
+    bound where the runs held out call for it: a hull that hardly slips sideways is not one without damping.
+    """
     anchors = {'m', 'Iz', 'gain', 'Xu_dot', *CURRENT}
     named = enumerate(zip(found.names, found.values, strict=True))
     return [k for k, (name, value) in named if name not in anchors and at_bound(problem, name, value)], AT_BOUND
 
 
 def destabilising(problem: Problem, found: Fit) -> tuple[list[int], str]:
-    """Rule of `pruned`: added hull terms, the least certain first, until the craft is stable."""
+    """Rule of `pruned`: added hull terms until the craft is stable."""
     added = [n not in problem.free and n in INDEX and PARAMETERS[INDEX[n]].kind != THRUST for n in found.names]
-    order = np.argsort(found.certainty, kind='stable')
-    return [k for k in order if added[k] and not found.stable], MADE_STABLE
+    return [k for k, is_added in enumerate(added) if is_added and not found.stable], MADE_STABLE
 
 
 def with_refused(problem: Problem, found: Fit) -> Fit:

@@ -349,7 +349,7 @@ def refine(shooting: Shooting, values: np.ndarray, max_evaluations: int = 20) ->
 
 def weighed(shooting: Shooting, values: np.ndarray) -> Shooting:
     """The shooting with the weights of the robust loss by the residuals at these values."""
-    residual = np.nan_to_num(_present(shooting, values), nan=1e3)
+    residual = np.clip(np.nan_to_num(_present(shooting, values), nan=1e3), -1e6, 1e6)
     # soft_l1: rho'(z) = 1 / sqrt(1 + z) at z = (residual / scale)^2
     return replace(shooting, weights=(1.0 + (residual / ROBUST_AT) ** 2) ** -0.25)
 
@@ -387,16 +387,15 @@ def by_part(shooting: Shooting, residual: np.ndarray, slopes: np.ndarray) -> lis
     return [(residual[known], slopes[:, known].T) for known in places]
 
 
-def free_run_residuals(shooting: Shooting, values_by_part: np.ndarray) -> np.ndarray:
-    """Residuals over the noise, (3, S + 1, W), of free runs without drifts, each part with its own values (K, n)."""
-    columns, currents = shooting.parameters(values_by_part)
+def free_run_residuals(shooting: Shooting, candidates: np.ndarray) -> np.ndarray:
+    """Residuals over the noise, (C, 3, S + 1, W), of free runs without drifts with each of some candidates (C, n)."""
+    columns, currents = shooting.parameters(candidates)
     windows, water = shooting.windows, currents[:, :, None]
     surge, sway, rate = windows.initial
     speeds = through_water(surge, sway, rate, windows.heading[0], water, columns[:, :, None])
-    start = np.stack([*speeds, np.repeat(rate[None], len(values_by_part), axis=0)])
+    start = np.stack([*speeds, np.repeat(rate[None], len(candidates), axis=0)])
     start = np.where(np.isfinite(start), start, shooting.hidden.states[:, None])
-    found = misses(shooting, columns, currents, start, np.zeros_like(shooting.hidden.drift))
-    return np.moveaxis(found[shooting.part_of_window, :, :, np.arange(windows.count)], 0, 2)
+    return misses(shooting, columns, currents, start, np.zeros_like(shooting.hidden.drift))
 
 
 def objective_of_population(shooting: Shooting, candidates: np.ndarray) -> np.ndarray:
