@@ -23,13 +23,13 @@ import numpy as np
 from record_forecasts import DATA, only, without_samples
 
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
-from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import decays_or_waves, prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.baselines import Record, running_regression, simple_forecasts

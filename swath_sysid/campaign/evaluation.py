@@ -13,7 +13,6 @@ import numpy as np
 from swath_sysid.attitude.hull.catalogue import composed
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import TERM_INDEX
-from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, next_step, simulation_error
 from swath_sysid.attitude.identification.identify import identify_problem, refit_from
 from swath_sysid.attitude.identification.problem import Problem, motion_fit, problem_of
@@ -28,7 +27,7 @@ from swath_sysid.attitude.identification.selection import (
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import CONFIDENCE, percent
+from swath_sysid.common.conventions import ADEQUATE, CONFIDENCE, percent
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import as_plain
 

@@ -40,7 +40,7 @@ def run(arguments: Namespace) -> int:
             progress=lambda done, name: progress(done / len(equations), name),
         )
     choice = found.choice.identification
-    written = write_fit(arguments, choice, fit_figure, identify.is_to_be_written(arguments, choice.verdict))
+    written = write_fit(arguments, choice, fit_figure, identify.is_to_be_written(arguments, choice.verdict.level))
     show_advice(choice.advice)
     if arguments.json:
         data = comparison_as_data(found, time.perf_counter() - began)
@@ -51,7 +51,7 @@ def run(arguments: Namespace) -> int:
         print(f'Choice: {found.reason}', f'The fit is {choice.verdict}', *written, sep='\n')
         if arguments.equations is None:
             print(OF_IDENTIFY)
-    return identify.exit_code_of(arguments, choice.verdict)
+    return identify.exit_code_of(arguments, choice.verdict.level)
 
 
 def _print_ranking(comparison: Comparison) -> None:

@@ -9,7 +9,6 @@ from dataclasses import fields
 from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
 from swath_sysid.attitude.identification.extinction import Particulars, TypeB
-from swath_sysid.attitude.identification.fit_quality import REJECTED, Verdict
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
@@ -19,6 +18,7 @@ from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import decays_of_other_axes, trials_of, write_fit
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError, check_choice
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.extinction_tables import tank_tables
@@ -77,7 +77,7 @@ def run(arguments: Namespace) -> int:
         found = identify_problem(problem, settings, progress=progress)
     inertia = particulars.inertia_of(found.model)
     tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
-    written = write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict))
+    written = write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict.level))
     # the lines of the result begin with the verdict
     shown = (*others, *found.advice)
     show_advice((*shown, *found.verdict.warnings) if arguments.json else shown)
@@ -86,17 +86,17 @@ def run(arguments: Namespace) -> int:
     data |= warnings_as_data((*read_advice, *shown, *found.verdict.warnings))
     lines = [*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t))), *written]
     print_result(arguments.json, data, lines)
-    return exit_code_of(arguments, found.verdict)
+    return exit_code_of(arguments, found.verdict.level)
 
 
-def is_to_be_written(arguments: Namespace, verdict: Verdict) -> bool:
-    """Whether a fit is good enough for a model file, or one was asked for nevertheless; shared with compare."""
-    return arguments.force or verdict.level != REJECTED
+def is_to_be_written(arguments: Namespace, level: str) -> bool:
+    """Whether a verdict's level allows a model file, or one was asked for nevertheless; shared with other verbs."""
+    return arguments.force or level != REJECTED
 
 
-def exit_code_of(arguments: Namespace, verdict: Verdict) -> int:
-    """The exit code, and a word where the model was not written; shared with compare."""
-    is_poor = not is_to_be_written(arguments, verdict)
+def exit_code_of(arguments: Namespace, level: str) -> int:
+    """The exit code, and a word where the model was not written; shared with other verbs."""
+    is_poor = not is_to_be_written(arguments, level)
     if is_poor and arguments.output:
         print(f'{arguments.output} was not written; --force writes it nevertheless', file=sys.stderr)
     return PARTLY_DONE if is_poor else DONE

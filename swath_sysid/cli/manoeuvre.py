@@ -11,6 +11,7 @@ import numpy as np
 
 from swath_sysid.cli import sources
 from swath_sysid.cli.flags import finite
+from swath_sysid.cli.identify import exit_code_of, is_to_be_written
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
@@ -56,9 +57,12 @@ FLAGS = ('inertia', 'thrust_per_command', 'length', 'window', 'generations', 'po
 
 def names_of_terms() -> str:
     """The end of the help of ``identify``."""
-    return '\n'.join(
-        ['names for --terms, --fix and --towards, with their units:', *manoeuvring_summary.terms_in_words()]
-    )
+    codes = [
+        'Exit code 0: done; 1: the fit was printed but rejected, so no model was written (--force',
+        'writes it); 2: the input cannot be used, and one sentence says why.',
+    ]
+    names = ['names for --terms, --fix and --towards, with their units:', *manoeuvring_summary.terms_in_words()]
+    return '\n'.join([*codes, '', *names])
 
 
 def run(arguments: Namespace) -> int:
@@ -123,7 +127,7 @@ def _identify(arguments: Namespace):
         found = identify_manoeuvring(runs, settings, validation, progress=progress)
     data = manoeuvring_summary.identification_as_data(found, time.perf_counter() - began)
     data['warnings'] = [*warnings_as_data(copies)['warnings'], *data['warnings']]
-    if arguments.output:
+    if arguments.output and is_to_be_written(arguments, found.verdict.level):
         kept = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
         provenance = {**sources.provenance_of(once), 'runs': data['runs']}
         identified = found.identified({key: data[key] for key in kept}, provenance)
@@ -133,9 +137,11 @@ def _identify(arguments: Namespace):
         folder.mkdir(parents=True, exist_ok=True)
         for name, figure in identification_figures(found, arguments.window).items():
             save_figure(figure, folder / f'{name}.png')
-    show_advice(manoeuvring_summary.condensed(found.advice))
+    # the lines of the result begin with the verdict
+    told = found.verdict.warnings if arguments.json else ()
+    show_advice(manoeuvring_summary.condensed((*found.advice, *told)))
     print_result(arguments.json, data, manoeuvring_summary.identification_in_words(found))
-    return 0
+    return exit_code_of(arguments, found.verdict.level)
 
 
 def _target(text: str):

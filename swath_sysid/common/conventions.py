@@ -1,4 +1,4 @@
-"""What is meant throughout by chance, by a confident interval, by rounding, and by a history."""
+"""What is meant throughout by chance, by a confident interval, by a verdict, by rounding, and by a history."""
 
 import math
 from collections.abc import Callable
@@ -10,6 +10,8 @@ TWO_STD = 2.0  #: Standard deviations within which chance stays in 95 % of cases
 SIGNIFICANT = 4.0  #: Standard deviations beyond which a difference is not chance.
 UNCERTAIN = 0.5  #: A standard deviation beyond this share of a value makes it uncertain.
 CONFIDENCE = 0.95  #: Of the intervals that are stated.
+
+LEVELS = REJECTED, DOUBTFUL, ADEQUATE = 'rejected', 'doubtful', 'adequate'  #: Of verdicts, the worst first.
 
 
 ROUNDING = 1e-9  #: What is smaller, in its unit, is zero but for rounding.

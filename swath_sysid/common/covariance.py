@@ -47,7 +47,9 @@ def sandwich_covariance(
     matrix[np.ix_(known, known)] = freedom * inverse @ spread @ inverse
     independent = freedom * np.diag(inverse @ white @ inverse)
     with np.errstate(divide='ignore', invalid='ignore'):
-        inflation = np.nanmedian(np.diag(matrix)[known] / independent)
+        shares = np.diag(matrix)[known] / independent
+    shares = shares[~np.isnan(shares)]
+    inflation = np.median(shares) if shares.size else 1.0
     if not np.isfinite(inflation):
         inflation = 1.0
     return ParameterCovariance(matrix, float(count / max(inflation, 1.0)))

@@ -27,7 +27,7 @@ from swath_sysid.nodes.identification import Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_settings
 from swath_sysid.nodes.qos import LATCHED, SENSOR, THRUSTERS, watched_publisher, watched_subscription
-from swath_sysid.pipeline.health import OK, Report
+from swath_sysid.pipeline.health import OK, Report, verdict_values
 
 
 class ManoeuvringIdentifier(IdentificationNode):
@@ -58,7 +58,8 @@ class ManoeuvringIdentifier(IdentificationNode):
     def _further(self) -> tuple[dict, Report]:
         size = self.window.size
         values = {'rows': size, 'model': self.refitter.described, **self.window.counts}
-        return {}, Report('manoeuvres', OK, f'{size} rows of odometry and thrust kept', values)
+        kept = Report('manoeuvres', OK, f'{size} rows of odometry and thrust kept', values)
+        return verdict_values({'manoeuvring': self.refitter.model}), kept
 
     def _request(self) -> ManoeuvreRefitRequest:
         trial = self.window.trial(self.parameters['thrust_input'], 'odometry')

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.motion.segmentation import SMALLEST_AMPLITUDE, find_decays, keeps_oscillating
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.attitude.motion.window import WindowSettings
+from swath_sysid.common.conventions import ADEQUATE
 from swath_sysid.common.signals import bin_means
 from swath_sysid.page.model_words import described, gain, of_axis, verdict_of
 from swath_sysid.page.release import Release

@@ -7,9 +7,9 @@ from math import isfinite
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.fit_quality import ADEQUATE, AmplitudeBands, amplitude_bands
+from swath_sysid.attitude.identification.fit_quality import AmplitudeBands, amplitude_bands
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.common.conventions import percent
+from swath_sysid.common.conventions import ADEQUATE, percent
 
 ASSUMED_REACH = float(np.radians(5.0))  #: Largest amplitude shown of a model that states none.
 NOT_JUDGED = 'not judged'

@@ -11,8 +11,8 @@ from time import monotonic
 from typing import Any, Protocol
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import ended, verb_command
 from swath_sysid.formats.csv_trials import write_csv

@@ -6,9 +6,8 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import isnan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.window import MotionWindow
 from swath_sysid.common.sentences import CURES
@@ -346,7 +345,19 @@ class IdentifierHealth(Reasons):
         return Report('identification', level, message, values)
 
 
-def verdict_values(models: Mapping[str, IdentifiedModel | None]) -> dict[str, object]:
+class Judged(Protocol):
+    """An identified model, of whatever kind."""
+
+    @property
+    def verdict(self) -> str:
+        """Its level; empty where it is not known."""
+
+    @property
+    def verdict_sentence(self) -> str:
+        """Cause and remedy; empty where they are not known."""
+
+
+def verdict_values(models: Mapping[str, Judged | None]) -> dict[str, object]:
     """Verdict and sentence of models by axis, for diagnostics."""
     found: dict[str, object] = {}
     for axis, identified in models.items():

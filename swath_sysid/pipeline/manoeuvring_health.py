@@ -1,7 +1,8 @@
 """Health of the forecasts of surge, sway and yaw."""
 
+from swath_sysid.common.conventions import ADEQUATE
 from swath_sysid.manoeuvring.prediction.pipeline import REASONS, ManoeuvreOutlook
-from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report
+from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report, verdict_values
 
 
 class ManoeuvringHealth(Reasons):
@@ -33,6 +34,7 @@ class ManoeuvringHealth(Reasons):
         """The report now, s, and start a new period."""
         fresh = self.fresh(self._pipeline.counts)
         level, text = OK, 'forecasting with the identified model'
+        model = self._pipeline.identified
         if self._arrival is None or now - self._arrival > self._pipeline.settings.gap_limit:
             level, text = ERROR, f'no odometry on {self._topic}: check that it is published there, or remap the topic'
         elif fresh:
@@ -42,10 +44,13 @@ class ManoeuvringHealth(Reasons):
         elif not self._pipeline.has_model:
             level = WARN
             text = 'no model yet, steady motion is assumed: give model_file, or publish one on manoeuvring/model'
+        elif model is not None and model.verdict not in ('', ADEQUATE):
+            level, text = WARN, f'the model is {model.verdict}: {model.verdict_sentence}'
         values: dict[str, object] = {
             'received': self._received,
             'bad_models': self._bad_models,
             'refused_model': self._refusal,
+            **verdict_values({'manoeuvring': model}),
             **self._pipeline.counts,
         }
         return [Report('manoeuvre', level, text, values)]

@@ -9,9 +9,9 @@ import numpy
 import scipy
 
 from swath_sysid import __version__
-from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.campaign.evaluation import noise_statement, out_of_order
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
+from swath_sysid.common.conventions import ADEQUATE
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import write_text
 from swath_sysid.formats.model_file import write_scheduled

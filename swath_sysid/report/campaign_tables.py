@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.attitude.identification.fit_quality import ADEQUATE
 from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
 from swath_sysid.campaign.evaluation import Condition, Record, beyond_noise, tied_best
 from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.campaign.trials import TrialOutcome
-from swath_sysid.common.conventions import digits, percent
+from swath_sysid.common.conventions import ADEQUATE, digits, percent
 from swath_sysid.report.tables import Column, Table
 
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}

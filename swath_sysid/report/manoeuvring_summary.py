@@ -4,9 +4,11 @@ from collections.abc import Callable, Iterable
 
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.plain import as_plain, finite_or_none
+from swath_sysid.common.sentences import with_flags
 from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
 from swath_sysid.manoeuvring.hull.terms import PARAMETERS, Parameter
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
+from swath_sysid.manoeuvring.identification.selection import HELD
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
 from swath_sysid.manoeuvring.identification.validation import Scores
 from swath_sysid.manoeuvring.prediction.skill import ForecastScores
@@ -87,6 +89,7 @@ def identification_as_data(found: ManoeuvringIdentification, wall_s: float | Non
         }
     return finite_or_none(
         {
+            'verdict': vars(found.verdict),
             'thrust_input': model.thrust_input,
             'derivatives': as_plain(found.derivatives),
             'given': found.fixed,
@@ -138,6 +141,7 @@ def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
     assumed = {a.code for a in found.advice} & {'length-assumed', 'scale-not-given'}
     lines = [
         f'manoeuvring model from {counted(len(found.identified_on), "run")}{held}; thrust as {model.thrust_input}',
+        f'  {with_flags(found.verdict.code, str(found.verdict))}',
         f'  {"":<{width}}{"value":>12}    {"std":<10}{"" if assumed else "prime":>11}  unit',
     ]
     for name, d in found.derivatives.items():
@@ -146,15 +150,18 @@ def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
         lines.append(f'  {name:<{width}}{d.value:>12.5g} +- {d.std:<10.3g}{prime:>11}  {d.unit}{flags}')
     if found.fixed:
         lines.append('  given or assumed: ' + ', '.join(f'{n} {v:.5g}' for n, v in found.fixed.items()))
+    at_limit = [f'{name} {model[name]:.5g}' for name, reason in found.rejected.items() if reason == HELD]
+    if at_limit:
+        lines.append(f'  held at the limit of its range: {", ".join(at_limit)}')
     if CURRENT[0] in found.names:
         several = ' (mean; each run has its own)' if found.has_currents_by_run else ''
         lines.append(f'  current {model.current[0]:+.3f} m/s east, {model.current[1]:+.3f} m/s north{several}')
     lines += _scores_in_words('identification', found.identification)
     lines += [] if found.validation is None else _scores_in_words('validation', found.validation)
-    verdict = 'stable' if found.stability.stable else 'NOT stable'
+    stable = 'stable' if found.stability.stable else 'NOT stable'
     return [
         *lines,
-        f'  {verdict} at the speeds and inputs seen (slowest decay {-found.stability.largest_growth:.3g} 1/s)',
+        f'  {stable} at the speeds and inputs seen (slowest decay {-found.stability.largest_growth:.3g} 1/s)',
         '  R2 compares with the mean of each channel: 1 is perfect, 0 is as good as that mean. If a craft',
         '  hardly sways, an R2 of sway of -0.1 means only that the error is as large as the sensor noise.',
     ]

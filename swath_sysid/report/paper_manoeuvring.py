@@ -51,6 +51,7 @@ def _in_short(study: ManoeuvringStudy, wall_s: float):
     free = [d for d in study.derivatives if np.isfinite(d.std)]
     near = [d for d in study.derivatives if abs(d.printed - d.mariner) < 0.1 * abs(d.mariner)]
     return [
+        f'Our model is {study.ours.verdict}.',
         f'The turn at {study.content["runs"]["identification"][1]:g} N is fitted by its own method to {here:.2g} m '
         f'(root mean square of the track), and the turn at {study.content["runs"]["validation"][1]:g} N is predicted '
         f'to {other:.2g} m; by ours to {ours_here:.2g} and {ours_other:.2g} m, with fewer terms and no ranges about '

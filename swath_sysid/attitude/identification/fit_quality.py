@@ -23,7 +23,7 @@ from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.stamps import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import TWO_STD
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, LEVELS, REJECTED, TWO_STD
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.signals import white_noise
 
@@ -153,8 +153,6 @@ def _drawn(posterior: HullPosterior, active: Sequence[bool], friction_rate: floa
     taken = damping_moment(rates, hulls[:, None, :], active, friction_rate)
     return hulls[:, (taken >= 0.0).all(axis=0)][:, :DRAWS], rng.normal(size=DRAWS)
 
-
-LEVELS = REJECTED, DOUBTFUL, ADEQUATE = 'rejected', 'doubtful', 'adequate'  #: The worst first.
 
 ADEQUATE_ERROR = 0.1  #: Relative error of the next release up to which a model is adequate.
 LARGEST_UNEXPLAINED = 0.5  #: Largest share of the motion that a fit may leave, or leave open to the other side.

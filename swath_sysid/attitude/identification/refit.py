@@ -17,7 +17,6 @@ from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, amplitud
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import LOWER, TERM_NAMES, UPPER
 from swath_sysid.attitude.identification.at_sea import PERIOD_USABLE, identify_at_sea, is_at_sea
-from swath_sysid.attitude.identification.fit_quality import ADEQUATE, LEVELS, REJECTED
 from swath_sysid.attitude.identification.hull_terms import CHANCE
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.live_decays import (
@@ -38,7 +37,7 @@ from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, 
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, explain_absence
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.window import MotionTable
-from swath_sysid.common.conventions import LONGEST
+from swath_sysid.common.conventions import ADEQUATE, LEVELS, LONGEST, REJECTED
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.search import Progress, ShouldCancel
 

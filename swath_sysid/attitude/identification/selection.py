@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.identification.fit_quality import LEVELS
 from swath_sysid.attitude.identification.identify import identify_problem, refit_from
 from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
+from swath_sysid.common.conventions import LEVELS
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import results_in_order
 

@@ -129,3 +129,13 @@ class IdentifiedManoeuvringModel:
     metrics: dict = field(default_factory=dict)
     provenance: dict = field(default_factory=dict)
     forecast: ForecastNoise | None = None  #: None: not measured; forecasts use `noise`.
+
+    @property
+    def verdict(self) -> str:
+        """Of the fit: ``adequate``, ``doubtful`` or ``rejected``; empty where it is not known."""
+        return str(self.metrics.get('verdict', ''))
+
+    @property
+    def verdict_sentence(self) -> str:
+        """Cause and remedy; empty where they are not known."""
+        return str(self.metrics.get('verdict_sentence', ''))

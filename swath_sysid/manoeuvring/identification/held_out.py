@@ -9,7 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.manoeuvring.identification.shooting import ROBUST_AT, Shooting, free_run_residuals, instability_slopes
+from swath_sysid.manoeuvring.identification.shooting import (
+    ROBUST_AT,
+    Shooting,
+    bounded_slopes,
+    free_run_residuals,
+    instability_slopes,
+)
 
 LARGEST_SHARE = 0.25  #: Largest share of one run in the misfit and in its change.
 
@@ -34,12 +40,9 @@ def information_at(
     units, spread = shooting.unknowns.units, shooting.unknowns.spread
     at_rest = (values - shooting.unknowns.lower < 1e-9 * units) | (shooting.unknowns.upper - values < 1e-9 * units)
     units = np.where(at_rest, 0.0, units)
-    scaled = [
-        (np.clip(np.nan_to_num(r, nan=1e6), -1e6, 1e6), np.nan_to_num(j, posinf=0.0, neginf=0.0) * units)
-        for r, j in parts
-    ]
+    scaled = [(np.clip(np.nan_to_num(r, nan=1e6), -1e6, 1e6), bounded_slopes(j * units)) for r, j in parts]
     prior = np.where(np.isfinite(spread), (units / spread) ** 2, 0.0)
-    stability = instability_slopes(shooting, values) * units
+    stability = bounded_slopes(instability_slopes(shooting, values) * units)
     total = sum(j.T @ j for _, j in scaled) + stability.T @ stability + np.diag(prior + 1e-9)
     return Information(units, scaled, total)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -20,12 +21,11 @@ from swath_sysid.manoeuvring.identification.selection import Fit
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, objective_of_population
 from swath_sysid.manoeuvring.identification.validation import Scores, score
+from swath_sysid.manoeuvring.identification.verdict import MORE_THAN_NOISE, ManoeuvringVerdict, judge, poor_channels
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
+COURSE_UNSTABLE = 'course-unstable'  #: Of a craft whose runs show that it does not keep a straight course.
 STRANGE_MASS = 0.6  #: Largest added mass in surge of a small craft, as a share of its mass.
-MORE_THAN_NOISE = 2.0  #: A simulation error within so many times the sensor noise is not poor.
-
-GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
 
 
 @dataclass(frozen=True)
@@ -70,11 +70,18 @@ class ManoeuvringIdentification:
         """Whether each run has a current of its own."""
         return bool(np.any(self.currents != self.model.current))
 
+    @cached_property
+    def verdict(self) -> ManoeuvringVerdict:
+        """Whether the model can be used, by the runs that were not fitted."""
+        runs_away = not self.stability.stable and all(advice.code != COURSE_UNSTABLE for advice in self.advice)
+        noise = assembly.sensor_noise(self.identified_on)
+        return judge(self.identification, self.validation, noise, self.stability if runs_away else None)
+
     def identified(self, metrics: dict | None = None, provenance: dict | None = None) -> IdentifiedManoeuvringModel:
-        """The model with its uncertainty and the noise of its forecasts, intervals not yet calibrated."""
+        """The model with its uncertainty, verdict and the noise of its forecasts, intervals not yet calibrated."""
         measured = self.model, self.names, self.covariance, self.noise, assembly.seen_region(self.identified_on)
         forecast = forecast_noise(self.model, self.identified_on)
-        return IdentifiedManoeuvringModel(*measured, metrics or {}, provenance or {}, forecast)
+        return IdentifiedManoeuvringModel(*measured, self.verdict.metrics | (metrics or {}), provenance or {}, forecast)
 
 
 def identify_manoeuvring(
@@ -142,13 +149,11 @@ def _tested_on_a_third(
         return _fitted(runs, (), settings, note)
     tested = _fitted(kept, held_out, settings, lambda share: note(0.5 * share))
     whole = _fitted(runs, (), settings, lambda share: note(0.5 + 0.5 * share))
-    more = _simulation_advice('validation', tested.validation, assembly.sensor_noise(kept))
     return replace(
         whole,
         validation=tested.validation,
         validated_on=tested.validated_on,
         validated_model=tested.model,
-        advice=(*whole.advice, *more),
     )
 
 
@@ -187,10 +192,12 @@ def _outcome(
     if np.any(currents != model.current):
         strengths = np.hypot(*currents.T)
         advice.append(Advice.of('current-by-run', least=strengths.min(), most=strengths.max()))
-    advice += _stability_advice(stability, problem.largest_growth < 0.0)
-    for label, of_runs in (('identification', scores), ('validation', validated)):
-        advice += _simulation_advice(label, of_runs, assembly.sensor_noise(runs))
-    assumed = (*(n for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names), *problem.assumed, *settings.fixed)
+    if not stability.stable and stability.bounded and problem.largest_growth >= 0.0:
+        growth = stability.largest_growth
+        advice.append(Advice.of(COURSE_UNSTABLE, speed=stability.unstable_speed, growth=growth, time=3.0 / growth))
+    advice += _simulation_advice(scores, assembly.sensor_noise(runs))
+    known = [n for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names]
+    assumed = (*known, *problem.assumed, *settings.fixed)
     fixed = {name: model[name] for name in assumed}
     fitted = model, found.names, found.values, found.covariance.matrix, derivatives, fixed, units, problem.noise
     tested = scores, validated, runs, held_out, model, stability, found.rejected, currents
@@ -287,31 +294,12 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
     return derivatives, advice
 
 
-def _stability_advice(stability: StabilityCheck, keeps_course: bool) -> list[Advice]:
-    if not (keeps_course or stability.stable) and stability.bounded:
-        growth = stability.largest_growth
-        return [Advice.of('course-unstable', speed=stability.unstable_speed, growth=growth, time=3.0 / growth)]
-    if not stability.stable:
-        where = '' if np.isnan(stability.unstable_speed) else f' (at {stability.unstable_speed:.2f} m/s)'
-        return [Advice.of('unstable', where=where)]
-    return []
-
-
-def _simulation_advice(label: str, scores: Scores | None, noise: np.ndarray) -> list[Advice]:
-    """Advice on how well the free simulation follows the runs, whose sensor noise is (3,)."""
-    if scores is None:
-        return []
+def _simulation_advice(scores: Scores, noise: np.ndarray) -> list[Advice]:
+    """Advice on how well the free simulation follows the runs of the identification, whose sensor noise is (3,)."""
     advice = []
     if scores.diverged:
-        advice.append(Advice.of('diverged', diverged=scores.diverged, windows=scores.windows, label=label))
-    low = [
-        f'{name} {scores.r2[name]:.2f}'
-        for (name, good), white in zip(GOOD_R2.items(), noise, strict=True)
-        if scores.r2[name] < good and scores.rmse[name] > MORE_THAN_NOISE * white
-    ]
-    idle = [name.replace('_', ' ') for name, r2 in scores.r2.items() if np.isnan(r2) and np.isfinite(scores.rmse[name])]
-    if idle:
-        advice.append(Advice.of('not-validated', channels=' and '.join(idle)))
-    if low:
-        advice.append(Advice.of('poor-simulation', label=label, channels=', '.join(low)))
+        advice.append(Advice.of('diverged', diverged=scores.diverged, windows=scores.windows, label='identification'))
+    poor = poor_channels(scores, noise)
+    if poor:
+        advice.append(Advice.of('poor-simulation', channels=poor))
     return advice

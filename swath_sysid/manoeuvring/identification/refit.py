@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.common.conventions import LONGEST
+from swath_sysid.common.conventions import LONGEST, REJECTED
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import preset
@@ -58,8 +58,8 @@ def refit_manoeuvring(
     r2 = {name: scores.r2[name] for name in CHANNELS if np.isfinite(scores.r2[name])}
     summary = f'{len(found.names)} numbers from {sum(run.duration for run in found.identified_on):.0f} s, r2 '
     summary += ', '.join(f'{name.replace("_", " ")} {value:.3f}' for name, value in r2.items())
-    if not found.stability.stable or scores.diverged:
-        return ManoeuvreRefitOutcome(None, f'not published, the model is not stable at the speeds seen ({summary})')
+    if found.verdict.level == REJECTED:
+        return ManoeuvreRefitOutcome(None, f'not published, {found.verdict} ({summary})')
     held = request.current
     misfit = _misfit(scores, found.noise)
     current_misfit = float('nan')
@@ -77,7 +77,7 @@ def refit_manoeuvring(
             return ManoeuvreRefitOutcome(None, message, misfit, current_misfit)
     better = '' if held is None else f', misfit {misfit:.4g} instead of {current_misfit:.4g}'
     model = found.identified({'r2': r2, 'held_out': bool(found.validated_on)}, request.provenance)
-    return ManoeuvreRefitOutcome(model, f'{summary}{better}', misfit, current_misfit)
+    return ManoeuvreRefitOutcome(model, f'{summary}{better}; {found.verdict}', misfit, current_misfit)
 
 
 def pieces(run: Run) -> list[Run]:
@@ -149,4 +149,7 @@ class ManoeuvreRefitter:
     @property
     def described(self) -> str:
         """The current model in words."""
-        return 'no model' if self.model is None else ', '.join(self.model.names) or 'a model'
+        if self.model is None:
+            return 'no model'
+        known = f' ({self.model.verdict})' if self.model.verdict else ''
+        return f'{", ".join(self.model.names) or "a model"}{known}'

@@ -19,6 +19,7 @@ from swath_sysid.manoeuvring.identification.shooting import (
     MIN_DECAY,
     Hidden,
     Shooting,
+    bounded_slopes,
     by_channel,
     by_part,
     channel_residuals,
@@ -151,7 +152,8 @@ def fit(problem: Problem, shooting: Shooting, names: Sequence[str], values: np.n
 def fit_at(problem: Problem, shooting: Shooting, values: np.ndarray, cost: float) -> Fit:
     """The fit at some values, its covariance by the autocorrelation of residuals and the scatter of the runs."""
     names = shooting.unknowns.names
-    linear = projected(shooting, values, shooting.hidden)[:2]
+    residual, slopes, _ = projected(shooting, values, shooting.hidden)
+    linear = residual, bounded_slopes(slopes)
     told = held_out.information_at(shooting, values, by_part(shooting, *linear))
     without = held_out.values_without_each_part(shooting, values, told)
     left, jacobians = by_channel(shooting, *linear)

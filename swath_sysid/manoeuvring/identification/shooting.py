@@ -320,6 +320,11 @@ def instability_slopes(shooting: Shooting, values: np.ndarray) -> np.ndarray:
     return (found[:, 1:] - found[:, :1]) / steps
 
 
+def bounded_slopes(slopes: np.ndarray) -> np.ndarray:
+    """Derivatives of residuals, those of diverged windows bounded, so that their squares can be summed."""
+    return np.clip(np.nan_to_num(slopes, posinf=0.0, neginf=0.0), -1e9, 1e9)
+
+
 @dataclass(frozen=True)
 class ShootingFit:
     """Outcome of `refine`."""
@@ -339,8 +344,7 @@ def refine(shooting: Shooting, values: np.ndarray, max_evaluations: int = 20) ->
         return np.clip(np.nan_to_num(found, nan=1e6), -1e6, 1e6), hidden
 
     def scaled_jacobian(x: np.ndarray, hidden: Hidden) -> np.ndarray:
-        found = jacobian(shooting, x * units, hidden) * units
-        return np.clip(np.nan_to_num(found, posinf=0.0, neginf=0.0), -1e9, 1e9)
+        return bounded_slopes(jacobian(shooting, x * units, hidden) * units)
 
     bounds = lower / units, upper / units
     found = minimise(scaled_residuals, scaled_jacobian, values / units, *bounds, shooting.hidden, max_evaluations)

@@ -1,0 +1,88 @@
+"""Whether a manoeuvring model can be used, by free simulation of runs that were not fitted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, LEVELS, REJECTED
+from swath_sysid.manoeuvring.hull.identified_model import StabilityCheck
+from swath_sysid.manoeuvring.identification.validation import Scores
+
+MORE_THAN_NOISE = 2.0  #: A simulation error within so many times the sensor noise is not poor.
+
+GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
+
+
+@dataclass(frozen=True)
+class ManoeuvringVerdict:
+    """A judgement of a manoeuvring model, as `ManoeuvringIdentification.verdict` gives it."""
+
+    level: str  #: ``adequate``, ``doubtful`` or ``rejected``.
+    code: str  #: The cause, kebab-case.
+    sentence: str  #: Cause and remedy.
+    channels: dict[str, str]  #: Level of surge, sway and yaw_rate, as far as the runs held out test them.
+
+    def __str__(self):
+        return f'{self.level}: {self.sentence}'
+
+    @property
+    def warnings(self) -> tuple[Advice, ...]:
+        """The verdict as a warning; empty where the model is adequate."""
+        return () if self.level == ADEQUATE else (Advice(self.code, str(self)),)
+
+    @property
+    def metrics(self) -> dict[str, str | dict[str, str]]:
+        """As model files hold it."""
+        words = {'verdict': self.level, 'verdict_code': self.code, 'verdict_sentence': self.sentence}
+        return {**words, 'verdict_channels': self.channels}
+
+
+def judge(
+    identification: Scores, validation: Scores | None, noise: np.ndarray, instability: StabilityCheck | None
+) -> ManoeuvringVerdict:
+    """Judge a model by its gravest cause: its scores on the runs that it was fitted to, those of runs held out (None:
+    there were none), the sensor noise (3,), and the check of a model that runs away at the speeds of its runs.
+    """
+    if instability is not None:
+        speed = instability.unstable_speed
+        unstable = Advice.of('unstable', where='' if np.isnan(speed) else f' (at {speed:.2f} m/s)')
+        return ManoeuvringVerdict(REJECTED, unstable.code, unstable.message, {})
+    if validation is None:
+        untested = Advice.of('no-runs-held-out')
+        return ManoeuvringVerdict(DOUBTFUL, untested.code, untested.message, {})
+    levels = {name: level_of(name, validation, size) for name, size in zip(GOOD_R2, noise, strict=True)}
+    channels = {name: level for name, level in levels.items() if np.isfinite(validation.r2[name])}
+    shares = ', '.join(f'{max(validation.r2[name], 0.0):.0%} of the {_words(name)}' for name in channels)
+    good = f'in free simulation of runs that were not fitted the model explains {shares}'
+    causes = [(ADEQUATE, Advice(ADEQUATE, good))]
+    idle = [name for name, r2 in validation.r2.items() if np.isnan(r2) and identification.r2[name] > 0.0]
+    if idle:
+        named = ' and '.join(_words(name) for name in idle)
+        causes.append((DOUBTFUL, Advice.of('not-validated', channels=named)))
+    if poor := poor_channels(validation, noise):
+        worst = min(channels.values(), key=LEVELS.index)
+        causes.append((worst, Advice.of('poor-validation', channels=poor)))
+    if validation.diverged:
+        found = {'diverged': validation.diverged, 'windows': validation.windows, 'label': 'validation'}
+        causes.append((REJECTED, Advice.of('diverged', **found)))
+    level, cause = min(causes, key=lambda each: LEVELS.index(each[0]))
+    return ManoeuvringVerdict(level, cause.code, cause.message, channels)
+
+
+def level_of(name: str, scores: Scores, noise: float) -> str:
+    """The level of a channel; an error of the size of the sensor noise leaves nothing to explain."""
+    r2 = scores.r2[name]
+    if not r2 < GOOD_R2[name] or scores.rmse[name] <= MORE_THAN_NOISE * noise:
+        return ADEQUATE
+    return DOUBTFUL if r2 >= 0.0 else REJECTED
+
+
+def poor_channels(scores: Scores, noise: np.ndarray) -> str:
+    """R2 of the channels that are not adequate, in words; empty where there are none."""
+    poor = [name for name, size in zip(GOOD_R2, noise, strict=True) if level_of(name, scores, size) != ADEQUATE]
+    return ', '.join(f'{_words(name)} {scores.r2[name]:.2f}' for name in poor)
+
+
+def _words(name: str) -> str:
+    return name.replace('_', ' ')
