@@ -339,26 +339,24 @@ class HullFilter:
         """Predict over the elapsed s and update with angle, rad, and rate, rad/s; NaN: not measured."""
         self._recent.append((elapsed, angle, rate, angle_variance, rate_variance))
         values, variances, driven, free = (angle, rate), (angle_variance, rate_variance), self.driven, self.free
-        driven.advance(elapsed)
-        found = of_driven = driven.innovation(elapsed, values, variances, MARKOV_STD)
-        if self.model is not None:
-            free.advance(elapsed)
-            of_free = free.innovation(elapsed, values, variances, MARKOV_STD)
-            found = of_free if self.is_free else of_driven
-        measured, _, _, gate_nis = found
-        if measured == 0:
+        tracks = [driven] if self.model is None else [driven, free]
+        for track in tracks:
+            track.advance(elapsed)
+        if angle != angle and rate != rate:
             return Observed()
-        if gate_nis > self._gates[measured]:
+        for track in tracks:
+            track.update(values, variances, self.learns_hull and track is self.active)
+        if self.active.is_outlier(self._gates, elapsed, MARKOV_STD):
+            for track in tracks:
+                track.undo_update()
             return self._refuse(angle, rate, angle_variance, rate_variance)
         self.rejections = 0
         surprised = driven.strain > HEALTHY_STRAIN
         if surprised:
-            self._something_new(angle, rate, elapsed)
-        learns = self.learns_hull
-        driven.update(values, variances, learns and not self.is_free)
+            self._something_new(rate == rate, elapsed)
         if self.model is not None:
-            free.update(values, variances, learns and self.is_free)
-            surprised = self._weigh(of_free[2] - of_driven[2]) or (surprised and not self.is_free)
+            for_free = free.log_likelihood - driven.log_likelihood
+            surprised = self._weigh(for_free) or (surprised and not self.is_free)
         is_quiet = self.is_free or self.levels[0] < self._insignificant
         self._quiet = self._quiet + elapsed if is_quiet else 0.0
         self._since_level += elapsed
@@ -407,11 +405,13 @@ class HullFilter:
             self._raise_level(float(self.model.acceleration(at, float(self.x[RATE]))) ** 2)
         return Observed(restarted=True)
 
-    def _something_new(self, angle: float, rate: float, elapsed: float):
-        """Innovations are too large: another moment acts, of the size that they show."""
-        self.driven.strain = 1.0
-        e0, e1 = angle - float(self.driven.x[ANGLE]), rate - float(self.driven.x[RATE])
-        size = e1 / elapsed if e1 == e1 else 2.0 * e0 / (elapsed * elapsed)
+    def _something_new(self, has_rate: bool, elapsed: float):
+        """Innovations are too large: another moment acts, of the size that they show.
+
+        No row of the update's H sees the moment, so that its variance may grow after the update as well as before it.
+        """
+        self.driven.strain, innovation = 1.0, float(self.driven.y[-1])
+        size = innovation / elapsed if has_rate else 2.0 * innovation / (elapsed * elapsed)
         self._raise_level(size**2)
 
     def _raise_level(self, variance: float):
