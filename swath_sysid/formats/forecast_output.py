@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import multiply, quaternion
-from swath_sysid.attitude.prediction.hull_track import LARGEST_RATE_VARIANCE
+from swath_sysid.attitude.prediction.hull_state import LARGEST_RATE_VARIANCE
 from swath_sysid.formats import messages, topics
 from swath_sysid.formats.messages import SECOND_NS, header, make, serialised
 from swath_sysid.formats.sea_state import sea_as_yaml

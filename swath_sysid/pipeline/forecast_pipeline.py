@@ -30,7 +30,7 @@ from swath_sysid.attitude.prediction.forecaster import (
     ForecasterDiagnostics,
     ForecasterSettings,
 )
-from swath_sysid.attitude.prediction.hull_track import LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE
+from swath_sysid.attitude.prediction.hull_state import LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE
 from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 

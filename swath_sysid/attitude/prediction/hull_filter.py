@@ -15,7 +15,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from scipy.special import chdtri
@@ -24,7 +24,7 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.simulation import term_moments
 from swath_sysid.attitude.hull.terms import B0, B3, R1, S2, TERM_NAMES
-from swath_sysid.attitude.prediction.hull_track import (
+from swath_sysid.attitude.prediction.hull_state import (
     ANGLE,
     HULL_STATES,
     LARGEST_JUMP,
@@ -32,11 +32,13 @@ from swath_sysid.attitude.prediction.hull_track import (
     OF_HULL,
     RATE,
     TRIM,
-    HullTrack,
 )
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, markov_moment, sum_of_moments
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+
+if TYPE_CHECKING:
+    from swath_sysid.attitude.prediction.hull_track import HullTrack
 
 FACTORS = {'stiffness': slice(R1, S2 + 1), 'damping': slice(B0, B3 + 1)}  #: Places of their ratios.
 
@@ -187,6 +189,8 @@ class HullFilter:
     """
 
     def __init__(self, settings: HullFilterSettings | None = None) -> None:
+        from swath_sysid.attitude.prediction.hull_track import HullTrack  # filterpy, which only forecasts need
+
         self.settings = s = settings or HullFilterSettings()
         self.free, self.driven = HullTrack(), HullTrack()
         self.is_started = self.is_free = False
@@ -222,7 +226,7 @@ class HullFilter:
     # -- hull and moment ---------------------------------------------------------------------------------------
 
     @property
-    def active(self) -> HullTrack:
+    def active(self) -> 'HullTrack':
         """The track in use."""
         return self.free if self.is_free else self.driven
 

@@ -20,20 +20,25 @@ from swath_sysid.attitude.hull.simulation import (
     restoring_slope,
     term_moments,
 )
-from swath_sysid.attitude.hull.terms import B1, B2, B3, TERM_NAMES
+from swath_sysid.attitude.hull.terms import B1, B2, B3
+from swath_sysid.attitude.prediction.hull_state import (
+    ANGLE,
+    HULL_STATES,
+    LARGEST_ANGLE_VARIANCE,
+    LARGEST_JUMP,
+    LARGEST_RATE_VARIANCE,
+    LONGEST_STEP,
+    OF_HULL,
+    RATE,
+    RATIOS,
+    TRIM,
+)
 from swath_sysid.common.accelerator import accelerated
 
-ANGLE, RATE, TRIM, RATIOS = range(4)  #: Places in the state; the last of the first ratio.
-HULL_STATES = RATIOS + len(TERM_NAMES)  #: Place of the moment's first state.
-OF_HULL = slice(TRIM, HULL_STATES)  #: Trim and ratios.
-LARGEST_JUMP = 10.0  #: rad/s^2; largest moment, and change of it between two samples.
-
-LARGEST_ANGLE_VARIANCE = math.pi**2
-LARGEST_RATE_VARIANCE = 100.0  #: Bounds the variance where the angle is not observed.
+#: Of a sensor; beside the largest variance, S with less is singular to rounding.
+LEAST_NOISE_VARIANCE = 1e-14 * LARGEST_RATE_VARIANCE
 
 NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
-LONGEST_STEP = 0.05  #: s.
-
 STRAIN_GAIN = 0.2  #: Of the running mean of a filter's innovations squared over their expectation.
 
 Pair = tuple[float, float]  #: Of the angle and of the rate.
@@ -279,7 +284,7 @@ class HullTrack(ExtendedKalmanFilter):
         angle, rate = values
         measured = slice(int(angle != angle), 1 + int(rate == rate))
         self.H, self.x_prior, self.P_prior = self._rows[measured], self.x, self.P
-        self.R[0, 0], self.R[1, 1] = variances
+        self.R[0, 0], self.R[1, 1] = (max(variance, LEAST_NOISE_VARIANCE) for variance in variances)
         super().update(np.array(values[measured]), lambda _: self.H, self.H.dot, self.R[measured, measured])
         if not learns:
             self.x[OF_HULL], self.P[OF_HULL, OF_HULL] = self.x_prior[OF_HULL], self.P_prior[OF_HULL, OF_HULL]
@@ -287,7 +292,7 @@ class HullTrack(ExtendedKalmanFilter):
 
     @property
     def log_likelihood(self) -> float:
-        """Of the last update; filterpy's takes 50 us, and a nearly certain angle beside a free rate for a singular S."""
+        """Of the last update; filterpy's takes 50 us, and drops a nearly certain angle beside a free rate as singular."""
         return -0.5 * (self.mahalanobis**2 + math.log(np.linalg.det(2.0 * math.pi * self.S)))
 
     def is_outlier(self, gates: Sequence[float], elapsed: float, min_jump: float) -> bool:

@@ -14,8 +14,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, Region
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
-from swath_sysid.manoeuvring.prediction import predictor
-from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter, ManoeuvreFilterSettings
+from swath_sysid.manoeuvring.prediction.filter_settings import MEASURABLE, ManoeuvreFilterSettings
 
 LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
 NOT_FINITE, OUTLIER, FOLLOWED, NO_THRUST = 'not-finite', 'outlier', 'sensor-followed', 'no-thrust'
@@ -113,7 +112,7 @@ class ManoeuvreOutlook:
         self._forecast_at = -math.inf
         self._supplied: tuple[tuple[float, float, float], ...] = ()
         self._silent = False
-        self._filter = ManoeuvreFilter(steady_motion(), settings.filter)
+        self._filter = self._filter_of(steady_motion())
         if identified is not None:
             self.set_model(identified)
 
@@ -125,12 +124,13 @@ class ManoeuvreOutlook:
     def set_model(self, identified: IdentifiedManoeuvringModel) -> None:
         """Swap the model; the motion of the craft continues."""
         before, self.identified = self._filter, identified
-        self._filter = ManoeuvreFilter(identified, self.settings.filter)
-        if before.is_started:
-            self._filter.x, self._filter.P, self._filter.stamp = before.x.copy(), before.P.copy(), before.stamp
-            self._filter.x[predictor.DISTURBANCES] = 0.0
-        if before.thrust.last[0] > -math.inf:
-            self._filter.thrust.command(*before.thrust.last)
+        self._filter = self._filter_of(identified)
+        self._filter.resume(before)
+
+    def _filter_of(self, identified: IdentifiedManoeuvringModel):
+        from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter  # filterpy, which only forecasts need
+
+        return ManoeuvreFilter(identified, self.settings.filter)
 
     def add_thrust(self, stamp: float, side: str, value: float) -> None:
         """Add the input of one thruster, ``port`` or ``starboard``, N or command as the model expects."""
@@ -165,7 +165,7 @@ class ManoeuvreOutlook:
 
     def add_odometry(self, reading: OdometryReading) -> OutlookStep:
         """Add an odometry message, in the order of arrival."""
-        values = {name: getattr(reading, name) for name in predictor.MEASURABLE}
+        values = {name: getattr(reading, name) for name in MEASURABLE}
         if not all(map(math.isfinite, (reading.stamp, *values.values()))):
             self.counts[NOT_FINITE] += 1
             return OutlookStep()

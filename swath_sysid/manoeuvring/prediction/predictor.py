@@ -18,12 +18,13 @@ import math
 from collections.abc import Sequence
 from copy import copy, deepcopy
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
 from scipy.special import chdtri
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull import measurement
 from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise, IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import DIFFERENCE
@@ -31,42 +32,12 @@ from swath_sysid.manoeuvring.hull.simulation import moved, runge_kutta_columns, 
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 from swath_sysid.manoeuvring.identification.disturbances import LAGS
 from swath_sysid.manoeuvring.motion.trial import STEP
+from swath_sysid.manoeuvring.prediction.filter_settings import MEASURABLE, ManoeuvreFilterSettings
 
 HEADING, X, Y, EAST, NORTH = range(3, 8)
 DISTURBANCES, THRUST_TO_COME = slice(8, 11), slice(11, 13)
 STATES = THRUST_TO_COME.stop
-MEASURABLE = ('surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
 MOVES = np.concatenate([np.zeros((STATES, 1)), DIFFERENCE * np.eye(STATES)], axis=1)
-
-
-@dataclass(frozen=True)
-class ManoeuvreFilterSettings:
-    """Sensor noise and outlier gate of the filter; standard deviations hold where messages give none."""
-
-    speed_noise: float = 0.05  #: m/s.
-    yaw_rate_noise: float = 0.01  #: rad/s.
-    heading_noise: float = 0.01  #: rad.
-    position_noise: float = 0.5  #: m.
-    gate_probability: float = 1e-9  #: Probability that a good measurement is rejected as an outlier.
-    gate_patience: int = 10  #: So many rejections of a channel in a row, and the filter follows the sensor.
-
-    def __post_init__(self):
-        for name, value in vars(self).items():
-            if not value > 0:
-                raise InputError(f'the filter setting {name} must be positive, not {value}: give a positive number')
-
-    @classmethod
-    def of(cls, identified: IdentifiedManoeuvringModel) -> 'ManoeuvreFilterSettings':
-        """With the sensor noise on the runs of a model's identification."""
-        if identified.forecast is None:
-            return cls()
-        speed, yaw_rate, heading, position = identified.forecast.sensors.tolist()
-        return cls(speed, yaw_rate, heading, position)
-
-    def noise(self, name: str) -> float:
-        """Standard deviation of a measurable channel."""
-        shared = {'surge': 'speed', 'sway': 'speed', 'x': 'position', 'y': 'position'}
-        return float(getattr(self, f'{shared.get(name, name)}_noise'))
 
 
 @dataclass(frozen=True)
@@ -80,14 +51,15 @@ class ManoeuvreForecast:
     recorded_covariances: np.ndarray  #: (L, 6, 6); Calibrated; without sensor noise.
 
 
-class ManoeuvreFilter:
-    """Extended Kalman filter without a clock: state ``x`` (13,), covariance ``P``, stamp (NaN before the start)."""
+class ManoeuvreFilter(ExtendedKalmanFilter):
+    """filterpy's filter without a clock: state ``x`` (13,), covariance ``P``, stamp (NaN before the start)."""
 
     def __init__(self, identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilterSettings | None = None):
+        super().__init__(dim_x=STATES, dim_z=1)
         self.model = identified.model
         self.settings = settings or ManoeuvreFilterSettings.of(identified)
         self.thrust = ThrustMemory(self.model.values)
-        self.x, self.P = np.zeros(STATES), np.eye(STATES)
+        self.x = np.zeros(STATES)
         self.stamp = math.nan
         self._noise = identified.forecast or _usual_noise(identified, self.settings)
         self._walk = _process_intensity(identified, self._noise)
@@ -118,6 +90,14 @@ class ManoeuvreFilter:
         self.stamp = stamp
         self._rejections = dict.fromkeys(MEASURABLE, 0)
 
+    def resume(self, before: Self) -> None:
+        """Go on with the motion and the thrust of a filter of another model."""
+        if before.is_started:
+            self.x, self.P, self.stamp = before.x.copy(), before.P.copy(), before.stamp
+            self.x[DISTURBANCES] = 0.0
+        if before.thrust.last[0] > -math.inf:
+            self.thrust.command(*before.thrust.last)
+
     def advance(self, stamp: float) -> None:
         """Predict up to a stamp; earlier stamps do nothing."""
         self._advance(stamp, self._walk)
@@ -128,10 +108,11 @@ class ManoeuvreFilter:
             return
         count = max(1, math.ceil(total / STEP - 1e-9))
         for _ in range(count):
-            self._step(total / count, walk)
+            self.predict(total / count, walk)
         self.stamp = stamp
 
-    def _step(self, step: float, walk: np.ndarray):
+    def predict(self, step: float, walk: np.ndarray) -> None:
+        """Predict over a step, s, of `STEP` at most, driven by white noise of intensity ``walk``."""
         thrust = self.thrust.advance(self.stamp, step)
         after = self._propagated(self.x[:, None] + MOVES, thrust, step)
         transition = (after[:, 1:] - after[:, :1]) / DIFFERENCE
@@ -156,28 +137,29 @@ class ManoeuvreFilter:
         """Update with a channel of ``MEASURABLE`` (not with NaN); advice on what the gate rejected or gave in to."""
         if not math.isfinite(value):
             return ()
-        place = MEASURABLE.index(name)
-        recorded = self._recorded(self.x[:, None] + MOVES)[place]
-        row, expected = (recorded[1:] - recorded[0]) / DIFFERENCE, float(recorded[0])
-        innovation = value - expected
-        if name == 'heading':
-            innovation = math.remainder(innovation, 2.0 * math.pi)
         variance = (std or self.settings.noise(name)) ** 2
-        seen = self.P @ row
-        spread = float(row @ seen) + variance
         advice: tuple[Advice, ...] = ()
-        if innovation**2 > self._gate * spread:
+        expected = self._update(name, value, variance)
+        innovation = float(self.y[0])
+        if innovation**2 > self._gate * float(self.S[0, 0]):
+            self.x, self.P = self.x_prior, self.P_prior
             self._rejections[name] += 1
             if self._rejections[name] <= self.settings.gate_patience:
                 return (Advice.of('outlier', name=name, value=value, expected=expected),)
-            self.P = self.P + np.outer(row, row) * innovation**2
-            seen = self.P @ row
-            spread = float(row @ seen) + variance
+            self.P = self.P + self.H.T @ self.H * innovation**2
+            self._update(name, value, variance)
             advice = (Advice.of('sensor-followed', name=name),)
         self._rejections[name] = 0
-        self.x = self.x + seen * (innovation / spread)
-        self.P = self.P - np.outer(seen, seen) / spread
         return advice
+
+    def _update(self, name: str, value: float, variance: float):
+        """filterpy's update with a channel; what it was expected to be."""
+        recorded = self._recorded(self.x[:, None] + MOVES)[MEASURABLE.index(name)]
+        expected, self.H = recorded[:1], (recorded[None, 1:] - recorded[0]) / DIFFERENCE
+        self.x_prior, self.P_prior = self.x, self.P
+        residual = _turned if name == 'heading' else np.subtract
+        self.update(value, lambda _: self.H, lambda _: expected, variance, residual=residual)
+        return float(expected[0])
 
     def _recorded(self, states: np.ndarray):
         """Sensor readings (6, C) of states (13, C)."""
@@ -214,6 +196,11 @@ class ManoeuvreFilter:
         noise = self._noise
         away = self.thrust.held - noise.thrust_mean
         return (noise.thrust_covariance + np.outer(away, away)) / noise.thrust_time
+
+
+def _turned(heading: np.ndarray, expected: np.ndarray):
+    """The turn between two headings, rad, the shorter way round."""
+    return np.remainder(heading - expected + math.pi, 2.0 * math.pi) - math.pi
 
 
 def _usual_noise(identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilterSettings):

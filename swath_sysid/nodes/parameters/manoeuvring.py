@@ -1,8 +1,8 @@
 """From the parameters of the manoeuvring nodes to the settings of the core."""
 
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
+from swath_sysid.manoeuvring.prediction.filter_settings import ManoeuvreFilterSettings
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
-from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilterSettings
 from swath_sysid.nodes.parameters.table import Values, check
 
 
