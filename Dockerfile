@@ -1,7 +1,7 @@
 # The demonstration in a container: docker build -t swath_sysid . && docker run --rm -v "$PWD/out:/out" swath_sysid
 FROM python:3.12-slim-bookworm
 
-ENV MPLBACKEND=Agg OMP_NUM_THREADS=1 PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+ENV OMP_NUM_THREADS=1 PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 COPY . /src
 RUN pip install '/src[ros,fast]' && rm -r /src && useradd --create-home sailor && install -d -o sailor /out
 USER sailor

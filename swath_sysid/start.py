@@ -20,6 +20,8 @@ def command_line() -> int:
     """``swath-sysid``; returns the exit code."""
     # before numpy is loaded: matrices are small here, and threads would only wait for each other
     os.environ.setdefault('OMP_NUM_THREADS', '1')
+    # figures are files; a backend that is named but not installed, such as Jupyter's, stops the import of matplotlib
+    os.environ['MPLBACKEND'] = 'Agg'
     verb = next((word for word in sys.argv[1:] if not word.startswith('-')), None)
     serving = verb in SERVING_VERBS
     interrupted = 128 + signal.SIGINT  # as shells have it
@@ -29,16 +31,18 @@ def command_line() -> int:
         cli.module_of(verb)
     if serving:
         return cli.main()
-    # from here on there may be something to clean up
-    for number in ENDING:
-        signal.signal(number, signal.default_int_handler)
     try:
+        # from here on there may be something to clean up
+        for number in ENDING:
+            signal.signal(number, signal.default_int_handler)
         code = cli.main()
+    except KeyboardInterrupt:
+        code = interrupted
     finally:
         _end_on_signals(interrupted)
     if code == interrupted:
         # raised within a lock of a library, the interrupt leaves it locked, and threads of a pool would wait for it
-        with suppress(BrokenPipeError):
+        with suppress(OSError):
             sys.stdout.flush()
             sys.stderr.flush()
         os._exit(code)

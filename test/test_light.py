@@ -60,11 +60,11 @@ import json, sys
 import swath_sysid.attitude.identification.refit
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.simulation import simulate
-from swath_sysid.common.accelerator import has_numba, why_uncompiled
+from swath_sysid.common.accelerator import has_numba, why_slower
 import numpy as np
 early = 'numba' in sys.modules
 angle, _ = simulate(hull_named('swath-pitch').model, 0.1, 0.0, np.linspace(0.0, 5.0, 50))
-why = why_uncompiled()
+why = why_slower()
 print(json.dumps([early, has_numba(), why and [why.code, why.message], angle[-1]]))
 """
 

@@ -4,20 +4,24 @@ A verb's module has ``run(arguments) -> int``, and is imported only when it is a
 """
 
 import importlib
+import os
 import re
 import shutil
 import signal
 import sys
 import textwrap
 from argparse import Action, ArgumentParser, HelpFormatter, RawDescriptionHelpFormatter
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from types import ModuleType
 from typing import Any, NoReturn
 
 from swath_sysid import __version__
 from swath_sysid.cli.completion import actions_of, completion_script
 from swath_sysid.cli.flags import SHARED, add_arguments, examples_of, table_of_verbs
+from swath_sysid.common.accelerator import why_uncached
 from swath_sysid.common.advice import did_you_mean
-from swath_sysid.common.errors import DONE, NOTHING_DONE, InputError
+from swath_sysid.common.errors import DONE, NOTHING_DONE, PARTLY_DONE, InputError
 from swath_sysid.common.sentences import with_flags
 
 VERBS = {verb: entry['summary'] for verb, entry in table_of_verbs().items() if verb != SHARED}
@@ -85,9 +89,55 @@ def module_of(verb: str) -> ModuleType:
     return importlib.import_module(f'swath_sysid.cli.{verb.replace("-", "_")}')
 
 
+class _LostError(Exception):
+    """A standard stream cannot be written."""
+
+
+class _Checked:
+    """A standard stream whose failures are told from those of files."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        return self._done(self._stream.write, text)
+
+    def flush(self) -> None:
+        self._done(self._stream.flush)
+
+    def _done(self, function: Callable, *arguments: str) -> Any:
+        try:
+            return function(*arguments)
+        except OSError as error:
+            # what it still holds goes nowhere, or the end of the process would fail too
+            with open(os.devnull, 'w') as nowhere:
+                os.dup2(nowhere.fileno(), self._stream.fileno())
+            raise _LostError(error.strerror) from error
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    argv = sys.argv[1:] if argv is None else argv
+    output, errors = (stream and _Checked(stream) for stream in (sys.stdout, sys.stderr))
+    try:
+        with redirect_stdout(output), redirect_stderr(errors):
+            try:
+                return _carried_out(sys.argv[1:] if argv is None else argv)
+            finally:
+                # most of what was printed is written only now
+                if output:
+                    output.flush()
+    except _LostError as error:
+        with suppress(_LostError):
+            print(f'swath-sysid: standard output cannot be written ({error}): redirect it elsewhere', file=errors)
+        return PARTLY_DONE
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+
+
+def _carried_out(argv: list[str]) -> int:
     verb = next((word for word in argv if not word.startswith('-')), None)
     try:
         if argv == ['--completion']:
@@ -102,11 +152,11 @@ def main(argv: list[str] | None = None) -> int:
         program = f'swath-sysid {verb}' if verb in VERBS else 'swath-sysid'
         print(f'{program}: {with_flags(error.code, str(error))}', file=sys.stderr)
         return NOTHING_DONE
-    except KeyboardInterrupt:
-        return 128 + signal.SIGINT
-    except BrokenPipeError:
-        sys.stderr.close()
-        return DONE
+    finally:
+        if uncached := why_uncached():
+            from swath_sysid.cli.progress import show_advice
+
+            show_advice([uncached])
 
 
 if __name__ == '__main__':

@@ -24,12 +24,19 @@ def has_numba() -> bool:
     return compiler() is not None
 
 
-def why_uncompiled() -> Advice | None:
-    """Why fits take longer than they could with numba, which is loaded; None also where it is not installed."""
+def why_slower() -> Advice | None:
+    """Why fits take longer than they could with numba, which is loaded, or why the start did, if kernels have run; None
+    also where numba is not installed.
+    """
     if _IS_INSTALLED and not _IS_WANTED:
         return Advice.of('numba-disabled')
     error = _loaded()[1]
-    return None if error is None else Advice.of('numba-fails', error=error)
+    return why_uncached() if error is None else Advice.of('numba-fails', error=error)
+
+
+def why_uncached() -> Advice | None:
+    """Why kernels that have run had to be compiled although a cache is kept, if so; loads nothing."""
+    return Advice.of('kernels-uncached', error=_cache_failures[0]) if _cache_failures else None
 
 
 @cache
@@ -45,6 +52,21 @@ def _loaded() -> tuple[Any, str | None]:
     return numba, None
 
 
+_cache_failures: list[str] = []
+
+
+def _cached(dispatcher: Any) -> Any:
+    """A dispatcher of numba that keeps what it compiles, where it can."""
+    try:
+        from swath_sysid.common.kernel_cache import KernelCache
+
+        dispatcher._cache = KernelCache(dispatcher.py_func, _cache_failures.append)
+    except (ImportError, AttributeError, RuntimeError, OSError) as error:
+        # a numba whose cache is another, or no home folder
+        _cache_failures.append(str(error))
+    return dispatcher
+
+
 class _Compiled:
     """A function that numba compiles at its first call: loading numba alone takes as long as loading numpy."""
 
@@ -55,7 +77,7 @@ class _Compiled:
     @cached_property
     def _dispatcher(self) -> Any:
         numba = compiler()
-        return self._otherwise if numba is None else numba.njit(cache=True, error_model='numpy')(self._function)
+        return self._otherwise if numba is None else _cached(numba.njit(error_model='numpy')(self._function))
 
     @property
     def _numba_type_(self) -> Any:

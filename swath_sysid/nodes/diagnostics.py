@@ -50,10 +50,10 @@ class DiagnosticsPublisher:
             logger.error(f'{report.name}: {report.message}')
 
 
-def report_uncompiled(node: Node, health: Any, why: Advice | None) -> None:
+def report_slower(node: Node, health: Any, why: Advice | None) -> None:
     """Log why fits take longer than they could, if so, and have a node's `health` report it."""
     if why is not None:
-        health.uncompiled_because = why.message
+        health.slower_because = why.message
         if why.code == 'numba-disabled':
             node.get_logger().info(why.message)
         else:

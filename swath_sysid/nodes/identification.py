@@ -9,10 +9,10 @@ from rclpy.task import Future
 from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
-from swath_sysid.common.accelerator import why_uncompiled
+from swath_sysid.common.accelerator import why_slower
 from swath_sysid.common.advice import counted
 from swath_sysid.common.search import Cancelled
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompiled
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_slower
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.table import Values
@@ -65,7 +65,7 @@ class IdentificationNode(Node):
         idle_s = self.parameters['worker_idle_s']
         self.worker = Worker(warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), idle_s)
         if not idle_s:
-            self._check_compilation()
+            self._check_speed()
 
     def _reports(self) -> list[Report]:
         (values, report), busy = self._status(), self._ended is not None
@@ -98,7 +98,7 @@ class IdentificationNode(Node):
 
     async def refit(self, function: Callable, request: Any) -> Answer:
         """Have the worker refit, and publish and save a better model."""
-        self._check_compilation()
+        self._check_speed()
         self.health.begin()
         outcome, error = await outcome_of(self.worker, self.executor, function, request, self._on_progress)
         if isinstance(error, WorkerError):
@@ -109,11 +109,11 @@ class IdentificationNode(Node):
             return False, outcome.message
         return True, f'{outcome.message}{self.file.keep(self._publish())}'
 
-    def _check_compilation(self) -> None:
+    def _check_speed(self) -> None:
         """Have the worker report, once, why its work takes longer than it could: numba is loaded there, not here."""
         if not self._has_checked:
             self._has_checked = True
-            self.worker.submit(why_uncompiled, (), lambda why, error: report_uncompiled(self, self.health, why))
+            self.worker.submit(why_slower, (), lambda why, error: report_slower(self, self.health, why))
 
     def _on_progress(self, share: float) -> None:
         self.health.progress = share

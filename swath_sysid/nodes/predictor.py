@@ -8,12 +8,12 @@ from std_msgs.msg import Float64, String
 
 from swath_sysid.attitude.hull.identified_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
-from swath_sysid.common.accelerator import why_uncompiled
+from swath_sysid.common.accelerator import why_slower
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC, NEXT_TOPIC
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_uncompiled
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_slower
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.forecast_publishers import forecast_publishers
 from swath_sysid.nodes.model_intake import ModelIntake
@@ -38,14 +38,13 @@ class Predictor(Node):
     def __init__(self) -> None:
         super().__init__('predictor')
         self.get_logger().info('loading the filters, which takes seconds, or up to a minute after an installation')
-        uncompiled = why_uncompiled()  # which loads numba now, not amid the first samples
-        warm_up()
+        warm_up()  # which loads numba now, not amid the first samples
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         self._depth, self._is_in_step = self.parameters['queue_depth'], self.parameters['in_step']
         self.upstream = Upstream(self, self.parameters['upstream'], self._depth)
         self.pipeline = ForecastPipeline(self.upstream.settings(self.parameters.settings))
         self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
-        report_uncompiled(self, self.health, uncompiled)
+        report_slower(self, self.health, why_slower())
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self._is_in_step)
         self._messages, self._publisher_of = forecast_publishers(self, self.parameters, self.health)
         self._described: tuple[dict, dict] = {}, {}

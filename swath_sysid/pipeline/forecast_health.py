@@ -35,7 +35,7 @@ class PredictorHealth(StreamHealth):
         self._model_arrival: float | None = None
         self._refusal = ''
         self.published = 0  #: Forecasts on forecast/next.
-        self.uncompiled_because = ''
+        self.slower_because = ''
 
     def note_predictors(self, count: int) -> None:
         """Warn while several predictors publish the same forecasts."""
@@ -67,7 +67,7 @@ class PredictorHealth(StreamHealth):
             'has_waves': state.has_waves,
             'published': self.published,
             **{f'valid_lead_{name}_s': lead for name, lead in state.valid_leads.items()},
-            'uncompiled_because': self.uncompiled_because,
+            'slower_because': self.slower_because,
             **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
         }
         names = state.candidates

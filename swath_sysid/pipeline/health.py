@@ -309,7 +309,7 @@ class IdentifierHealth(Reasons):
         self.progress = 0.0
         self.refits = self.published = 0
         self.last = 'none yet'
-        self.uncompiled_because = ''  #: Why fits take longer than they could.
+        self.slower_because = ''  #: Why fits take longer than they could.
 
     def begin(self) -> None:
         """A refit starts."""
@@ -339,7 +339,7 @@ class IdentifierHealth(Reasons):
             'refits': self.refits,
             'published': self.published,
             'last_verdict': self.last,
-            'uncompiled_because': self.uncompiled_because,
+            'slower_because': self.slower_because,
             **self.counts,
         }
         return Report('identification', level, message, values)

@@ -1,0 +1,121 @@
+"""numba's cache of compiled kernels, kept in the user's cache folder; a kernel that it cannot give is compiled again.
+
+Imported only where numba is loaded.
+"""
+
+import hashlib
+import os
+import pickle
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property
+from pathlib import Path
+from types import CodeType, FunctionType
+from typing import Any
+
+from numba.core import caching, config
+from numba.core.serialize import dumps
+
+from swath_sysid import __version__
+
+
+def cache_folder() -> Path:
+    """``NUMBA_CACHE_DIR`` where it is set, else a folder of this version in the user's cache."""
+    if given := getattr(config, 'CACHE_DIR', ''):
+        return Path(given)
+    chosen = os.environ.get('XDG_CACHE_HOME', '')
+    root = Path(chosen) if os.path.isabs(chosen) else Path.home() / '.cache'
+    return root / 'swath_sysid' / __version__
+
+
+def content_of(code: CodeType, values: dict[str, Any]) -> tuple:
+    """What the machine code depends on: bytecode, constants, and the globals it uses, kernels by their own content."""
+    constants = (content_of(c, values) if isinstance(c, CodeType) else repr(c) for c in code.co_consts)
+    used = (values[name] for name in code.co_names if name in values)
+    kernels = ((value, getattr(value, '__wrapped__', None)) for value in used)
+    return (
+        code.co_code,
+        *constants,
+        *(
+            content_of(f.__code__, f.__globals__) if isinstance(f, FunctionType) else repr(value)
+            for value, f in kernels
+        ),
+    )
+
+
+class _Place(caching._CacheLocator):
+    """The folder of a kernel, which need not be writable, and what its machine code was made from."""
+
+    def __init__(self, function: FunctionType, file: str) -> None:
+        self._function = function
+        self._folder = cache_folder() / self.get_suitable_cache_subpath(file)
+
+    @classmethod
+    def from_function(cls, py_func: FunctionType, py_file: str) -> '_Place':
+        return cls(py_func, py_file)
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    @cached_property
+    def _content(self) -> str:
+        content = content_of(self._function.__code__, self._function.__globals__)
+        return hashlib.sha256(repr(content).encode()).hexdigest()
+
+    def get_source_stamp(self) -> str:
+        # numba's own is of one file: a kernel would keep the former code of those that it calls from others
+        return self._content
+
+    def get_disambiguator(self) -> str:
+        return 'kernel'
+
+
+class _Sealed(caching.CompileResultCacheImpl):
+    """Compiled code with a checksum: what a power cut has left of it may crash the process."""
+
+    _locator_classes = [_Place]
+
+    def _seal(self, payload: bytes) -> bytes:
+        return hashlib.sha256(self.locator.get_source_stamp().encode() + payload).digest()
+
+    def reduce(self, data: Any) -> tuple[bytes, bytes]:
+        payload = dumps(super().reduce(data))
+        return self._seal(payload), payload
+
+    def rebuild(self, target_context: Any, reduced_data: tuple[bytes, bytes]) -> Any:
+        seal, payload = reduced_data
+        if seal != self._seal(payload):
+            raise ValueError('its checksum is wrong')
+        return super().rebuild(target_context, pickle.loads(payload))
+
+
+class KernelCache(caching.FunctionCache):
+    """The cache of one kernel, which never raises: ``report`` gets the reason why it was of no use."""
+
+    _impl_class = _Sealed
+
+    def __init__(self, function: Callable, report: Callable[[str], None]) -> None:
+        super().__init__(function)
+        self._report = report
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled code, or None."""
+        try:
+            found = super().load_overload(sig, target_context)
+            if found is not None and found.signature.args != tuple(sig):
+                raise ValueError('its code is for other types')  # as when two processes stored at once
+            return found
+        except OSError as error:
+            self._report(f'{cache_folder()}: {error.strerror}')
+        except Exception as error:  # noqa: BLE001 - damaged bytes raise anything; what was raised is reported
+            self._report(f'{cache_folder()}: a file is damaged, {error or type(error).__name__}')
+        with suppress(OSError):  # then the next save fails as well
+            self.flush()
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Store the compiled code."""
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            self._report(f'{cache_folder()}: {error.strerror}')
