@@ -44,7 +44,11 @@ async def look(address, stalls, on_shown):
     """One browser: opens the page, says who it is, and reads for ever."""
     import websockets
 
-    page = await asyncio.to_thread(lambda: urllib.request.urlopen(address, timeout=PATIENCE).read().decode())
+    def text_at(path):
+        return urllib.request.urlopen(address + path, timeout=PATIENCE).read().decode()
+
+    entrance = await asyncio.to_thread(text_at, '')
+    page = await asyncio.to_thread(text_at, re.search(r'url=/([^"]+)', entrance).group(1))
     client = re.search(r'client_id\W+([\w-]{36})', page).group(1)
     words = (
         f'EIO=4&transport=websocket&client_id={client}&implicit_handshake=true&tab_id={client}'

@@ -1,5 +1,7 @@
 """The page in headless Chromium: every step of the bring-up, faults with their cures, the buttons, narrow and wide."""
 
+import asyncio
+import re
 import shutil
 import socket
 import threading
@@ -9,7 +11,7 @@ from unittest.mock import patch
 
 import pytest
 
-pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
+nicegui = pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
 webdriver = pytest.importorskip('selenium.webdriver', reason='driving a browser needs selenium: pip install selenium')
 
 from package_process import wait_for  # noqa: E402
@@ -19,7 +21,7 @@ from test_page_bring_up import REST_S  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml  # noqa: E402
 from swath_sysid.page.live_record import horizon_of  # noqa: E402
-from swath_sysid.page.server import is_allowed, served  # noqa: E402
+from swath_sysid.page.server import FEW, Guard, is_allowed, served  # noqa: E402
 from swath_sysid.page.state import PageState  # noqa: E402
 
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
@@ -199,6 +201,89 @@ def test_without_the_token_nothing_is_shown(address):
             urllib.request.urlopen(wrong, timeout=60.0)
     with urllib.request.urlopen(url, timeout=60.0) as answer:
         assert answer.status == 200 and TOKEN in answer.headers['set-cookie']
+
+
+def status_and_headers(address):
+    try:
+        with urllib.request.urlopen(address, timeout=60.0) as answer:
+            return answer.status, answer.headers
+    except urllib.error.HTTPError as refused:
+        return refused.code, refused.headers
+
+
+def test_no_answer_can_be_framed_and_only_pages_on_their_way_to_a_browser_are_kept(address):
+    url, _ = address
+    root, _, token = url.partition('?')
+    paths = ('', 'page', 'elsewhere', '_nicegui/elsewhere', '_nicegui_ws/socket.io/', 'favicon.ico')
+    # once with the token, once without
+    answers = [status_and_headers(f'{root}{path}?{query}') for query in (token, '') for path in paths]
+    assert [status for status, _ in answers] == [200, 200, 404, 404, 404, 200] + [403] * 6
+    for _, headers in answers:
+        assert headers.get_all('content-security-policy') == ["frame-ancestors 'none'"]
+        assert headers.get_all('x-frame-options') == ['DENY']
+    before = set(nicegui.Client.instances)
+    for _ in range(2 * FEW):
+        status_and_headers(url)
+    assert set(nicegui.Client.instances) <= before
+    waiting = [status_and_headers(f'{root}page?{token}')[0] for _ in range(2 * FEW)]
+    assert sorted(set(waiting)) == [200, 503] and waiting.count(200) <= FEW
+
+
+def answer_of(guard, *headers, path='/', query='', kind='http'):
+    """Status and text of what ASGI answers, None for what it passes on."""
+    sent, scope = [], {'type': kind, 'path': path, 'query_string': query.encode(), 'headers': [*headers]}
+
+    async def send(message):
+        sent.append(message)
+
+    asyncio.run(guard(scope, None, send))
+    start, body = sent if len(sent) == 2 else (*sent, {'body': b''}) if sent else ({}, {'body': b''})
+    return start.get('status', start.get('code')), body['body'].decode()
+
+
+def guard_of(token, passed):
+    async def application(scope, receive, send):
+        passed.append(scope['path'])
+
+    return Guard(application, token)
+
+
+def test_without_a_token_only_who_reads_the_entrance_reaches_the_page():
+    passed = []
+    guard, local = guard_of('', passed), (b'host', b'localhost:8484')
+    status, entrance = answer_of(guard, local)
+    assert status == 200 and answer_of(guard, local, path='/page', query='token=stale') == (200, entrance)
+    # an image on another site
+    assert answer_of(guard, local, (b'sec-fetch-site', b'cross-site'), path='/page') == (200, entrance)
+    assert answer_of(guard, local, (b'origin', b'http://elsewhere.example'))[0] == 403
+    assert passed == []
+    path, _, query = re.search(r'url=([^"]+)', entrance).group(1).partition('?')
+    answer_of(guard, local, path=path, query=query)
+    assert passed == ['/page']
+    # the key is no token: it opens nothing under another name
+    assert answer_of(guard, (b'host', b'elsewhere.example'), path=path, query=query)[0] == 403
+    assert guard_of('', [])._key != guard._key
+
+
+@pytest.mark.parametrize('token', ['', 't'])
+@pytest.mark.parametrize(
+    'headers',
+    [
+        [(b'host', b'[::1')],
+        [(b'host', b'localhost'), (b'origin', b'http://[::1')],
+        [(b'host', b'localhost'), (b'cookie', b'a/b=c')],
+    ],
+)
+def test_headers_that_cannot_be_parsed_are_refused_in_one_sentence(headers, token):
+    passed = []
+    guard = guard_of(token, passed)
+    if headers[-1][0] == b'cookie' and not token:
+        # it is not needed there, and other servers on this machine may have set it
+        assert answer_of(guard, *headers)[0] == 200
+        return
+    status, text = answer_of(guard, *headers, query='token=t')
+    assert status == 400 and text.count('.') == 1 and 'open the printed address' in text
+    assert answer_of(guard, *headers, query='token=t', kind='websocket') == (1008, '') and passed == []
 
 
 @pytest.mark.parametrize(
