@@ -1,5 +1,6 @@
 """The messages of named points and of windows of calm, against rotations of scipy."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -91,15 +92,78 @@ def test_points_are_parameters(tmp_path):
     settings = pipeline_settings(values_from_file(path, 'predictor')).forecaster
     assert [(point.name, point.place) for point in settings.points] == [('bow', (2.5, 0.0, 0.5))]
     assert settings.quiescence.points[0].vertical_velocity == 0.5
-    for text in (
-        'points: [bow, bow]',
-        'points: [bow], points.bow: [1.0]',
-        'points: [bow], points.stern: [1.0, 0.0, 0.0]',
-        'frames_at_s: [0.7]',
-    ):
+    # a section for all nodes may say where a point is, and that of the predictor that it is wanted
+    path.write_text(
+        '/**: {ros__parameters: {points.bow: [2.5, 0.0, 0.5]}}\npredictor: {ros__parameters: {points: [bow]}}'
+    )
+    assert values_from_file(path, 'predictor')['points.bow'] == [2.5, 0.0, 0.5]
+    assert 'points.bow' not in values_from_file(path, 'imu_buffer')
+    for text in ('points: [bow, bow]', 'frames_at_s: [0.7]'):
         path.write_text(f'predictor: {{ros__parameters: {{{text}}}}}')
         with pytest.raises(InputError, match=text.partition(':')[0]):
             pipeline_settings(values_from_file(path, 'predictor'))
+
+
+BOW = 'points.bow: [1.0, 0.0, 0.0]'
+NO_PLACE = 'the point {} has no position: '
+ADD = 'add the parameter points.{} (m forward, to port and up from the sensor), as in [2.5, 0.0, 0.0]'
+POINTS_AND_POSITIONS = [
+    ('points: [bow]', NO_PLACE.format('bow') + ADD.format('bow')),
+    (
+        'points: [bow], points.bwo: [1.0, 0.0, 0.0]',
+        NO_PLACE.format('bow') + 'points.bwo is given; did you mean points.bow?',
+    ),
+    (
+        'points: [bow], points.BOW: [1.0, 0.0, 0.0]',
+        NO_PLACE.format('bow') + 'points.BOW is given; did you mean points.bow?',
+    ),
+    (f'points: [bow, stern], {BOW}', NO_PLACE.format('stern') + ADD.format('stern')),
+    (f'points: [mast], {BOW}', NO_PLACE.format('mast') + ADD.format('mast')),
+    (f'points: [sow, bow], points.sow: [0.0, 0.0, 0.0], {BOW}', ''),
+    (BOW, 'points.bow is the position of no point: add bow to points, or remove it'),
+    (
+        f'points: [bow], {BOW}, points.bow2: [1.0, 0.0, 0.0]',
+        'points.bow2 is the position of no point (did you mean bow?): add bow2 to points, or remove it',
+    ),
+    ('points: [bow], points.bow: [1.0, 2.0]', 'the parameter points.bow has 2 numbers: give three (m forward'),
+]
+
+
+@pytest.mark.parametrize('section', ['/**', 'predictor'])
+@pytest.mark.parametrize(('text', 'sentence'), POINTS_AND_POSITIONS)
+def test_a_point_without_position_and_a_position_without_point_are_named(tmp_path, section, text, sentence):
+    path = tmp_path / 'p.yaml'
+    path.write_text(f'{section}: {{ros__parameters: {{{text}}}}}')
+    if not sentence:
+        assert len(pipeline_settings(values_from_file(path, 'predictor')).forecaster.points) == 2
+        return
+    with pytest.raises(InputError, match=re.escape(sentence)):
+        pipeline_settings(values_from_file(path, 'predictor'))
+    # other nodes have no points
+    if section == '/**':
+        values_from_file(path, 'imu_buffer')
+
+
+@pytest.mark.dds
+@pytest.mark.parametrize(('text', 'sentence'), POINTS_AND_POSITIONS)
+def test_a_node_says_the_same_of_what_the_command_line_gives_it(text, sentence):
+    rclpy = pytest.importorskip('rclpy')
+    from rclpy.node import Node
+
+    from swath_sysid.nodes.parameters.declared import NodeParameters
+
+    given = re.findall(r'([\w.]+): (\[.*?\])', text)
+    rclpy.init(args=['--ros-args', *(word for name, value in given for word in ('-p', f'{name}:={value}'))])
+    node = Node('predictor')
+    try:
+        if sentence:
+            with pytest.raises(InputError, match=re.escape(sentence)):
+                NodeParameters(node, 'predictor', pipeline_settings)
+        else:
+            assert NodeParameters(node, 'predictor', pipeline_settings)['points'] == ['sow', 'bow']
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 def test_predicted_frames_have_names_of_their_own(messages):

@@ -157,8 +157,10 @@ def test_sections_of_a_parameter_file_apply_in_order(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'sentence'),
     [
-        ('predictor: {ros__parameters: {leads: [1.0]}}', 'has no parameter leads'),
-        ('predictor: {ros__parameters: {points.bow: [1.0, 0.0, 0.0]}}', 'has no parameter points.bow'),
+        (
+            'predictor: {ros__parameters: {leads: [1.0]}}',
+            r'has no parameter leads \(did you mean leads_s\?\); it has frame',
+        ),
         ('predictor: {ros__parameters: {points: [Bow]}}', "cannot hold 'Bow'"),
         ('predictor: {ros__parameters: {horizon_s: 5}}', '1.0 instead of 1'),
         ('predictor: {ros__parameters: {leads_s: 1.0}}', 'must be of the type of'),

@@ -9,7 +9,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.parameters.table import NODES, NodeParameter, Values, parameters_of, table_of
+from swath_sysid.nodes.parameters.table import (
+    NODES,
+    POSITION,
+    NodeParameter,
+    Values,
+    check_points,
+    parameters_of,
+    table_of,
+)
 
 
 class NodeParameters:
@@ -35,6 +43,7 @@ class NodeParameters:
             }
         self._names = set(self.values)
         _warn_of_unknown(node, self._names)
+        check_points(self.values, node._parameter_overrides)
         self.settings = settings_of(self.values)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
@@ -66,7 +75,7 @@ def _warn_of_unknown(node: Node, names: set[str]) -> None:
     """Of what was given at the start and is a parameter of none of the nodes: one file often serves them all."""
     known = names.union(*({p.name for p in table_of(each)} for each in NODES))
     for name in node._parameter_overrides:
-        if name in known or node.has_parameter(name) or name.startswith(('points.', 'qos_overrides.')):
+        if name in known or node.has_parameter(name) or name.startswith((POSITION, 'qos_overrides.')):
             continue
         meant = get_close_matches(name, sorted(known), 1)
         hint = f'did you mean {meant[0]}?' if meant else 'see `ros2 param list`'

@@ -5,25 +5,32 @@ from typing import Any
 
 import yaml
 
+from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.schema import plain_content, text_of
-from swath_sysid.nodes.parameters.table import NODES, Values, defaults, parameters_of
+from swath_sysid.nodes.parameters.table import NODES, POSITION, Values, check_points, defaults, parameters_of
 
 
 def values_from_file(path: str | Path | None, node_name: str) -> Values:
     """A node's parameters as a ROS parameter file sets them (``/**``, ``NAME``, ``/NAME``, ``/**/NAME``)."""
     values = defaults(node_name)
+    given: dict[str, tuple[str, Any]] = {}  # with the section that sets it
     for section, content in _sections(path).items() if path is not None else ():
-        if section not in ('/**', node_name, f'/{node_name}', f'/**/{node_name}'):
-            continue
-        # the parameters of points exist only once `points` names them
-        for name, value in sorted(content.items(), key=lambda item: item[0] not in values):
-            if name in values:
-                values[name] = _of_type(values[name], value, name, path)
-                values = {**defaults(node_name, values), **values}
-            elif section != '/**' and name != 'use_sim_time':
-                raise InputError(f'{path}: {node_name} has no parameter {shown(name)}; it has {", ".join(values)}')
+        if section in ('/**', node_name, f'/{node_name}', f'/**/{node_name}'):
+            given |= {name: (section, value) for name, value in content.items()}
+    # the parameters of points exist only once `points` names them
+    for name, (section, value) in sorted(given.items(), key=lambda item: item[0] not in values):
+        if name in values:
+            values[name] = _of_type(values[name], value, name, path)
+            values = {**defaults(node_name, values), **values}
+        elif section != '/**' and name != 'use_sim_time' and not ('points' in values and name.startswith(POSITION)):
+            meant = did_you_mean(name, values)
+            raise InputError(f'{path}: {node_name} has no parameter {shown(name)}{meant}; it has {", ".join(values)}')
+    try:
+        check_points(values, given)
+    except InputError as error:
+        raise InputError(f'{path}: {error}') from error
     return values
 
 

@@ -8,9 +8,10 @@ from swath_sysid.attitude.prediction.hull_filter import HullFilterSettings
 from swath_sysid.attitude.prediction.outlook import ErrorLimit
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
+from swath_sysid.common.advice import counted
 from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.parameters.sensor import installation, stamp_settings
-from swath_sysid.nodes.parameters.table import Values, check
+from swath_sysid.nodes.parameters.table import EXAMPLE, Values, check
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 
 
@@ -26,8 +27,9 @@ def pipeline_settings(values: Values) -> PipelineSettings:
         if lead not in values['leads_s']:
             raise InputError(f'the parameter frames_at_s cannot hold {lead:g}: add it to leads_s, or name one of those')
     points = {name: tuple(values[f'points.{name}']) for name in values['points'] if name}
-    if any(len(position) != 3 for position in points.values()):
-        raise InputError('the parameters points.NAME take three lengths (forward, port, up), as in [2.5, 0.0, 0.0]')
+    for name, position in points.items():
+        if len(position) != 3:
+            raise InputError(f'the parameter points.{name} has {counted(len(position), "number")}: give three{EXAMPLE}')
     return PipelineSettings(
         installation=installation(values),
         stamps=stamp_settings(values),

@@ -1,17 +1,22 @@
 """The table of parameters (parameters.yaml), which declares, checks and documents them and writes config/."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import InputError
 
 Values = dict[str, Any]
+
+POSITION = 'points.'  #: Begins the name of the parameter that holds the position of a point.
+EXAMPLE = ' (m forward, to port and up from the sensor), as in [2.5, 0.0, 0.0]'
 
 ATTITUDE_NODES = ('imu_buffer', 'identifier', 'predictor')
 NODES = (*ATTITUDE_NODES, 'manoeuvring_identifier', 'manoeuvring_predictor', 'simulated_craft')
@@ -86,6 +91,25 @@ def _names(group: str, values: Values) -> list[str]:
                 'digits and underscores'
             )
     return names
+
+
+def check_points(values: Values, given: Iterable[str]) -> None:
+    """Raise `InputError` unless each named point has its position among the parameters of the names ``given``, and each
+    position its point: a point without one would be at the sensor, unnoticed.
+    """
+    if 'points' not in values:
+        return
+    named = _names('points', values)
+    placed = [name.removeprefix(POSITION) for name in given if name.startswith(POSITION)]
+    strays = {name.lower(): name for name in placed if name not in named}
+    for name in named:
+        if name not in placed:
+            near = get_close_matches(name, strays, 1)
+            cure = f'points.{strays[near[0]]} is given; did you mean' if near else 'add the parameter'
+            raise InputError(f'the point {name} has no position: {cure} points.{name}' + ('?' if near else EXAMPLE))
+    for stray in strays.values():
+        meant = did_you_mean(stray, named)
+        raise InputError(f'points.{stray} is the position of no point{meant}: add {stray} to points, or remove it')
 
 
 def defaults(node_name: str, values: Values | None = None) -> Values:
