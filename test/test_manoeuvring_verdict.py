@@ -87,7 +87,7 @@ def test_a_rejected_model_is_written_only_by_force(tmp_path, capsys, monkeypatch
     command = ['manoeuvre', 'identify', *map(str, paths), '--output', str(model)]
     assert main(command) == 1
     printed = capsys.readouterr()
-    assert 'rejected: free simulation explains too little' in printed.out
+    assert 'rejected: the model explains too little' in printed.out
     assert '--force' in printed.err
     assert not model.exists()
     assert main([*command, '--force', '--json']) == 0

@@ -64,8 +64,8 @@ def judge(
         worst = min(channels.values(), key=LEVELS.index)
         causes.append((worst, Advice.of('poor-validation', channels=poor)))
     if validation.diverged:
-        found = {'diverged': validation.diverged, 'windows': validation.windows, 'label': 'validation'}
-        causes.append((REJECTED, Advice.of('diverged', **found)))
+        diverged, windows = validation.diverged, validation.windows
+        causes.append((REJECTED, Advice.of('diverged', diverged=diverged, windows=windows, label='validation')))
     level, cause = min(causes, key=lambda each: LEVELS.index(each[0]))
     return ManoeuvringVerdict(level, cause.code, cause.message, channels)
 
@@ -81,7 +81,7 @@ def level_of(name: str, scores: Scores, noise: float) -> str:
 def poor_channels(scores: Scores, noise: np.ndarray) -> str:
     """R2 of the channels that are not adequate, in words; empty where there are none."""
     poor = [name for name, size in zip(GOOD_R2, noise, strict=True) if level_of(name, scores, size) != ADEQUATE]
-    return ', '.join(f'{_words(name)} {scores.r2[name]:.2f}' for name in poor)
+    return ', '.join(f'{_words(name)} {scores.r2[name]:.3g}' for name in poor)
 
 
 def _words(name: str) -> str:
