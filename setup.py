@@ -33,6 +33,9 @@ setup(
     license=MANIFEST.findtext('license'),
     project_urls={url.get('type'): url.text for url in MANIFEST.findall('url')},
     python_requires='>=3.11',
+    # named, so that `pip install -e` puts the checkout on the path: setuptools' import hook, its other way, comes after
+    # what an earlier version may have left of the package's folder in site-packages
+    package_dir={'': '.'},
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
         NAME: [
@@ -73,7 +76,16 @@ setup(
         'page': ['nicegui>=3.0,<4'],
         # each reads one format of data acquisition: .mat of version 7.3 and .h5, .tdms, .xlsx, .parquet
         'tank': TANK,
-        'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.8', 'ruff>=0.17,<0.18', *TANK],
+        'test': [
+            'hypothesis',
+            'mypy',
+            'pytest>=7.4',
+            'pytest-timeout',
+            'pytest-xdist>=3.8',
+            'ruff>=0.17,<0.18',
+            'setuptools>=70.1',  # builds wheels by itself
+            *TANK,
+        ],
     },
     entry_points={
         'console_scripts': ['swath-sysid = swath_sysid.start:command_line'],

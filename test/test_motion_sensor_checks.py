@@ -179,6 +179,14 @@ def test_rates_are_held_against_measured_decays(data_folder, name, reversed_, co
     assert (found.code, found.axis) == (code, 'roll')
 
 
+@pytest.mark.parametrize('step', [1e9, 1e12])
+def test_absurd_stamps_size_no_array(step):
+    time = 0.02 * np.arange(3000)
+    time[1500:] += step
+    channels = {'roll': np.sin(time), 'roll_rate': np.cos(time)}
+    assert sensor_checks.contradictions_in(time, channels, STRAIGHT) == ()
+
+
 @pytest.mark.parametrize('turn', TURNS)
 def test_a_turn_is_the_mounting_that_undoes_it(turn):
     assert Rotation.from_euler('ZYX', angles_of(turn)[::-1]).as_matrix() == pytest.approx(turn, abs=1e-9)

@@ -5,16 +5,18 @@ import sys
 import numpy as np
 import pytest
 
-pytest.importorskip('rclpy')
+rclpy = pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import imu_message  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
+from rclpy.task import Future  # noqa: E402
 from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
 
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.messages import (  # noqa: E402
+    LONGEST_WINDOW,
     WINDOW_COLUMNS,
     imu_reading,
     stamp_ns,
@@ -22,6 +24,9 @@ from swath_sysid.formats.messages import (  # noqa: E402
     window_table,
 )
 from swath_sysid.nodes.message_types import time_message  # noqa: E402
+from swath_sysid.nodes.parameters.table import table_of  # noqa: E402
+from swath_sysid.nodes.window_client import WindowClient  # noqa: E402
+from swath_sysid.pipeline.health import IdentifierHealth  # noqa: E402
 
 
 def a_table(rows=20):
@@ -80,3 +85,63 @@ def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):
     spoil(message)
     with pytest.raises(InputError, match=sentence):
         window_table(message)
+
+
+def with_stamps(change):
+    table = a_table()
+    table.rows[:, 0] = change(table.rows[:, 0])
+    return deserialize_message(window_message(table, ''), PointCloud2)
+
+
+@pytest.mark.parametrize(
+    ('change', 'sentence'),
+    [
+        (lambda t: 0.0 * t, '19 of 20 rows of the window are not later than the previous row: fill its column t'),
+        (lambda t: np.nan * t, '20 of 20 rows of the window have no stamp'),
+        (lambda t: np.where(t == t[7], np.nan, t), '1 of 20 rows of the window have no stamp'),
+        (lambda t: np.where(t == t[-1], np.inf, t), '1 of 20 rows'),
+        (lambda t: t[::-1], '19 of 20 rows of the window are not later'),
+        (lambda t: np.where(t == t[7], t[6], t), '1 of 20 rows of the window are not later'),
+        (lambda t: np.where(t > t[7], t + 1e9, t), r'jump by 1e\+09 s'),
+        (lambda t: np.where(t == t[0], -1.7e9, t), r'jump by 1.7e\+09 s'),
+        (lambda t: t - t[0] + 1e300 * np.arange(t.size), r'jump by 1e\+300 s'),
+    ],
+)
+def test_stamps_that_are_none_are_refused_before_anything_is_sized_by_them(change, sentence):
+    with pytest.raises(InputError, match=sentence) as refused:
+        window_table(with_stamps(change))
+    assert str(refused.value).endswith('increasing times in s, as imu_buffer does')
+
+
+def test_a_pause_that_fits_into_a_window_is_none_of_the_stamps_faults():
+    (longest,) = (max(p.range) for p in table_of('imu_buffer') if p.name == 'window_s')
+    assert longest == LONGEST_WINDOW
+    assert window_table(with_stamps(lambda t: np.where(t > t[7], t + 0.9 * longest, t))).rows.shape == (
+        20,
+        len(COLUMNS),
+    )
+
+
+@pytest.mark.dds
+def test_whoever_asks_for_a_fit_is_told_why_the_window_was_refused():
+    rclpy.init()
+    node = rclpy.create_node('identifier')
+    try:
+        windows = WindowClient(node, 'nobody/publish_window', IdentifierHealth(), lambda table: None)
+
+        def problem():
+            with pytest.raises(StopIteration) as ended:
+                windows.fetch(60.0).send(None)  # it has nothing to wait for
+            return ended.value.value
+
+        assert problem().startswith('there is no window: start imu_buffer')
+        windows._receive(with_stamps(lambda t: t))
+        assert problem() == ''
+        windows._awaited = Future()
+        windows._receive(with_stamps(lambda t: 0.0 * t))
+        assert windows._awaited.result() == problem() and problem().startswith('19 of 20 rows of the window')
+        windows._receive(with_stamps(lambda t: t))
+        assert problem() == ''
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, running_regression
 
 LEADS = np.array([0.1, 0.5, 1.0])
@@ -42,6 +43,12 @@ def test_what_is_issued_in_a_gap_and_for_some_time_after_it_is_known_by_the_chan
     record = Record.of(Trial(time, roll=time, pitch=np.where((time == 0.0) | (time == 7.0), np.nan, time)))
     assert record.after_gap('roll', np.array([*time, 2.5]), 2.0).tolist() == [0, 0, 0, 1, 1, 1, 0, 0, 1]
     assert record.after_gap('pitch', time, 0.5).tolist() == [0, 0, 0, 1, 0, 1, 1, 0]
+
+
+def test_stamps_that_jump_by_years_are_refused_before_a_grid_is_made_of_them():
+    time = np.arange(40.0) + np.where(np.arange(40) > 20, 1e9, 0.0)
+    with pytest.raises(InputError, match=r'jump by 1e\+09 s after t = 20 s.*cut the record there'):
+        baseline_forecasts(Record.of(Trial(time, roll=np.sin(time))), ['roll'], time, LEADS, 60.0)
 
 
 def test_simple_forecasts_are_what_their_names_say():

@@ -11,6 +11,7 @@ from struct import Struct
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import constants
 
 from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.motion.intake import NANOSECOND, NOT_MEASURED, ImuReading
@@ -220,6 +221,10 @@ def window_message(table: MotionTable, frame_id: str) -> bytes:
     )
 
 
+#: s; a longer step within a window is no pause: imu_buffer holds at most as much (its parameter window_s).
+LONGEST_WINDOW = constants.hour
+
+
 def _marks(table: MotionTable) -> np.ndarray:
     """The values of the column that marks a decay."""
     marks, noticed = np.zeros(len(table.rows)), table.noticed
@@ -261,6 +266,7 @@ def window_table(message: Any) -> MotionTable:
     )
     table = np.frombuffer(memoryview(message.data), dtype=layout, count=count)
     *columns, marks = (table[name].astype(float) for name in WINDOW_COLUMNS)
+    _check_stamps(columns[0])
     return MotionTable(np.stack(columns, axis=1), stamp_ns(message.header.stamp), _noticed(columns[0], marks))
 
 
@@ -301,3 +307,18 @@ def diagnostics_message(
     """A diagnostic_msgs/DiagnosticArray of level, name, message and values of each status, all of one hardware id."""
     plain = [(level, name, said, hardware_id, list(values.items())) for level, name, said, values in statuses]
     return serialised(make('diagnostic_msgs/msg/DiagnosticArray', header(stamp_ns, ''), plain))
+
+
+def _check_stamps(stamps: np.ndarray) -> None:
+    """Raise `InputError` unless the stamps of a window, s, are those of motion; the check sizes no array by them."""
+    steps = np.diff(stamps)
+    missing, late = np.count_nonzero(~np.isfinite(stamps)), np.count_nonzero(steps <= 0.0)
+    if missing:
+        found = f'{missing} of {stamps.size} rows of the window have no stamp'
+    elif late:
+        found = f'{late} of {stamps.size} rows of the window are not later than the previous row'
+    elif steps.size and steps.max() > LONGEST_WINDOW:
+        found = f'the stamps of the window jump by {steps.max():.3g} s'
+    else:
+        return
+    raise InputError(f'{found}: fill its column t with increasing times in s, as imu_buffer does')

@@ -23,6 +23,7 @@ class WindowClient:
 
     def __init__(self, node: Node, service: str, health: IdentifierHealth, on_window: Callable[[MotionTable], None]):
         self.newest: MotionTable | None = None
+        self._refused = ''  # why the last window was, if it was
         self._node = node
         self._health = health
         self._on_window = on_window
@@ -33,8 +34,8 @@ class WindowClient:
     async def fetch(self, timeout: float) -> str:
         """Have the buffer publish its window and wait for it, s; the problem, if `newest` is not the best there is."""
         if not self._client.service_is_ready():
-            if self.newest is not None:
-                return ''
+            if self._refused or self.newest is not None:
+                return self._refused
             return f'there is no window: start imu_buffer (its service is {self._client.service_name})'
         self._awaited = Future()
         timer = self._node.create_timer(timeout, self._give_up, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -53,10 +54,12 @@ class WindowClient:
 
     def _receive(self, message: Any) -> None:
         try:
-            self.newest = window_table(message)
+            self.newest, self._refused = window_table(message), ''
         except InputError as error:
             self._health.note(BAD_WINDOW)
-            self._node.get_logger().error(str(error))
+            self._refused = str(error)
+            self._node.get_logger().error(self._refused)
+            self.stop_waiting(self._refused)
             return
         if not self.stop_waiting(''):
             self._on_window(self.newest)

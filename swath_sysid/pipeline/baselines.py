@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from scipy.constants import day
 
 from swath_sysid.attitude.motion.trial import CHANNELS, Trial
 from swath_sysid.attitude.motion.vertical import (
@@ -32,6 +33,7 @@ BASELINES = (*SIMPLE, *REGRESSIONS)
 ORDERS = (60, 40, 20, 10, 5, 2, 1)
 REFIT_INTERVAL = 10.0  #: s.
 EVEN = 1.5  #: Usual intervals between two samples from which one was lost.
+LONGEST_PAUSE = day  #: s; a longer one within a record is an error of its stamps.
 ON_A_SAMPLE = 0.02  #: Usual intervals from a sample within which a time is the sample's.
 
 
@@ -89,6 +91,13 @@ def baseline_forecasts(
     """Forecasts (N, L) of `BASELINES` by axis, issued at stamps (N,), s, from the last ``window`` s, for leads (L,),
     s. The vector regressions read all channels of the record; NaN where there is no forecast.
     """
+    pauses = np.diff(record.time)
+    if pauses.size and pauses.max() > LONGEST_PAUSE:
+        # the regressions read an even grid over the whole record
+        raise InputError(
+            f'the stamps jump by {pauses.max():.3g} s after t = {record.time[np.argmax(pauses)]:.6g} s, too far to be '
+            'scored across: cut the record there'
+        )
     every = [k for k, name in enumerate(record.names)]
     result = {axis: simple_forecasts(record, axis, stamps, leads, window) for axis in axes}
     targets = [record.names.index(axis) for axis in axes]

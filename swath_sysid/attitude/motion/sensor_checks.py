@@ -401,10 +401,10 @@ def _evened(time: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> tuple[fl
     if not measured[:2].any() or not measured[2:].any():
         return None
     whole = np.isfinite(values[:, measured]).all(axis=1)
-    # what is left out is bridged, unless it is much
-    if np.count_nonzero(whole) < max(MIN_BINS, 0.5 * time.size):
-        return None
     step, kept = float(np.median(np.diff(time))), time[whole]
+    # what is left out is bridged, unless it is much; before an array is sized by stamps, which may be absurd
+    if kept.size < max(MIN_BINS, 0.5 * time.size, 0.5 * (time[-1] - time[0]) / step):
+        return None
     even = np.arange(kept[0], kept[-1], step)
     if np.max(np.diff(kept)) > max(1.0, 4.0 * step) or even.size < MIN_BINS:
         return None
