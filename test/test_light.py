@@ -44,9 +44,20 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
     loaded = loaded_by(f'swath_sysid.nodes.{node}')
     strange = {name for name in loaded for room in foreign if f'{name}.'.startswith(f'swath_sysid.{room}.')}
     assert strange == set()
-    # scipy.stats, which filterpy imports, takes 30 MB in every process
-    if node in ('all_in_one', 'imu_buffer'):
+    if node.startswith('manoeuvring'):
+        assert loaded & HEAVY == set()
+    else:
         assert loaded & (HEAVY | {'scipy.optimize'}) == set()
+
+
+def test_filterpy_is_loaded_by_what_forecasts_and_by_nothing_else():
+    """With scipy.stats, which it imports, it takes 30 MB in every process."""
+    modules = 'attitude.prediction.sea_fit', 'attitude.identification.refit', 'manoeuvring.identification.refit'
+    for module in modules:
+        assert 'filterpy' not in loaded_by(f'swath_sysid.{module} as work; work.warm_up()')
+    assert 'filterpy' not in loaded_by('swath_sysid.cli.page, swath_sysid.page.live_view')
+    assert 'filterpy' in loaded_by('swath_sysid.pipeline.forecast_pipeline as work; work.warm_up()')
+    assert 'filterpy' in loaded_by('swath_sysid.manoeuvring.prediction.predictor')
 
 
 @pytest.mark.parametrize('module', ['attitude.prediction.sea_fit', 'attitude.identification.refit'])

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from filterpy.kalman import ExtendedKalmanFilter
 from manoeuvring_runs import MODEL, OLD, identified, runs_of
 
 from swath_sysid.common.errors import InputError
@@ -18,7 +19,12 @@ from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, acting_thrust
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlook, ManoeuvreOutlookSettings, OdometryReading
-from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter, ManoeuvreFilterSettings
+from swath_sysid.manoeuvring.prediction.predictor import (
+    MEASURABLE,
+    STATES,
+    ManoeuvreFilter,
+    ManoeuvreFilterSettings,
+)
 from swath_sysid.manoeuvring.prediction.skill import filtered, score_forecasts
 
 
@@ -75,6 +81,25 @@ def test_filter_is_consistent():
     model = replace(OLD, current=(0.2, 0.1))
     *_, (_, filter_) = filtered(identified(), runs_of(model, 1, ['zigzag_20'])[0])
     assert np.allclose(filter_.x[6:8], model.current, atol=0.1)
+
+
+@pytest.mark.parametrize('name', MEASURABLE)
+def test_a_correction_is_one_update_of_filterpys_and_the_conditioned_gaussian(name, monkeypatch):
+    calls, update = [], ExtendedKalmanFilter.update
+    monkeypatch.setattr(ExtendedKalmanFilter, 'update', lambda *a, **k: (calls.append(1), update(*a, **k)))
+    filter_ = ManoeuvreFilter(identified(), ManoeuvreFilterSettings())
+    filter_.start(0.0, surge=0.5, sway=0.1, yaw_rate=0.05, heading=math.pi - 0.01, x=3.0, y=-2.0)
+    filter_.advance(2.0)
+    before, p, place = filter_.x, filter_.P, MEASURABLE.index(name)
+    around = before[:, None] + 1e-4 * np.hstack([np.zeros((STATES, 1)), np.eye(STATES), -np.eye(STATES)])
+    recorded = filter_._recorded(around)[place]
+    row, noise = (recorded[1 : STATES + 1] - recorded[STATES + 1 :]) / 2e-4, filter_.settings.noise(name)
+    innovation = 0.5 * math.sqrt(row @ p @ row + noise**2)
+    value = recorded[0] + innovation
+    assert filter_.correct(name, value - 2.0 * math.pi if name == 'heading' else value) == ()
+    gain = p @ row / (row @ p @ row + noise**2)
+    assert filter_.x == pytest.approx(before + gain * innovation, abs=1e-6)
+    assert filter_.P == pytest.approx(p - np.outer(gain, row @ p), abs=1e-6) and len(calls) == 1
 
 
 def test_outliers_are_refused_until_they_stay():

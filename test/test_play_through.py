@@ -1,12 +1,14 @@
 """Play-through: deterministic, equal to the cores by themselves, and readable by anyone."""
 
 import json
+from collections import Counter
 from math import radians
 
 import numpy as np
 import pytest
 import yaml
 from bag_messages import STORE, decoded, messages_of, stamp_of
+from filterpy.kalman import ExtendedKalmanFilter
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -99,6 +101,26 @@ def test_forecasts_are_those_of_the_predictor_core(bag, played):
         if time < model_time
     }
     assert len(expected) > 300 and found == expected
+
+
+@pytest.mark.parametrize('hulls', [(), ('roll',), ('roll', 'pitch')])
+def test_each_filter_uses_a_sample_by_one_update_of_filterpys(hulls, tmp_path, monkeypatch):
+    """A filter without a hull, and with one a second on which no moment acts; the first sample starts them."""
+    updated, update = Counter(), ExtendedKalmanFilter.update
+
+    def counted(self, *arguments, **options):
+        updated[id(self)] += 1
+        return update(self, *arguments, **options)
+
+    trial = simulated_trial(HULL.model, radians(5.0), 5.0, 50.0, SensorNoise(0.0005, 0.003), seed=3, hold=1.0)
+    write_imu_bag(tmp_path / 'short.mcap', trial)
+    options = []
+    if hulls:
+        write_model(tmp_path / 'hull.yaml', dict.fromkeys(hulls, HULL))
+        options = ['--model', str(tmp_path / 'hull.yaml')]
+    monkeypatch.setattr(ExtendedKalmanFilter, 'update', counted)
+    play(tmp_path / 'short.mcap', tmp_path, *options)
+    assert list(updated.values()) == [trial.time.size - 1] * (2 + len(hulls))
 
 
 def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):

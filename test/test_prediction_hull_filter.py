@@ -1,11 +1,11 @@
-"""The filter on the hull against independent oracles: matrix exponentials, filterpy, simulated releases."""
+"""The filter on the hull against independent oracles: matrix exponentials, closed forms, simulated releases."""
 
 import copy
 import math
+import warnings
 
 import numpy as np
 import pytest
-from filterpy.kalman import ExtendedKalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -20,7 +20,15 @@ from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.prediction import hull_filter
 from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, HullFilter, HullFilterSettings, HullPrior
-from swath_sysid.attitude.prediction.hull_track import HULL_STATES, RATIOS, HullTrack, hull_step, predict, predict_to
+from swath_sysid.attitude.prediction.hull_track import (
+    HULL_STATES,
+    RATIOS,
+    STRAIN_GAIN,
+    HullTrack,
+    hull_step,
+    predict,
+    predict_to,
+)
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, sum_of_moments
 from swath_sysid.common.errors import InputError
 
@@ -173,7 +181,7 @@ def test_what_is_considered_stays_and_goes_on_to_count():
 
 
 def _dense_oracle(moment, step):
-    """F and Q over a step of filterpy's filter for a linear hull, from one matrix exponential (Van Loan 1978)."""
+    """F and Q over a step for a linear hull, from one matrix exponential (Van Loan 1978)."""
     n = moment.size
     generator = np.zeros((4 + n, 4 + n))
     generator[0, 1] = 1.0
@@ -188,7 +196,7 @@ def _dense_oracle(moment, step):
     return f, f @ whole[:size, size:]
 
 
-def test_on_a_linear_hull_it_is_filterpys_kalman_filter(monkeypatch):
+def test_on_a_linear_hull_it_is_the_kalman_filter_of_matrix_exponentials(monkeypatch):
     """Whether or not it is asked for forecasts in between."""
     for name, value in {
         **dict.fromkeys(('HEALTHY_STRAIN', 'CONVINCING'), math.inf),
@@ -199,26 +207,87 @@ def test_on_a_linear_hull_it_is_filterpys_kalman_filter(monkeypatch):
         monkeypatch.setattr(hull_filter, name, value)
     attitude = filter_of(known_to(LINEAR, 0.01, 1e-12, 1e-12), 0.03, gate_probability=1e-300)
     moment = attitude.moments[0]
-    oracle = ExtendedKalmanFilter(dim_x=4 + moment.size, dim_z=2)
-    oracle.x = np.array([0.03, 0.0, 0.01, 0.0, 0.0, 0.0])
-    oracle.P = np.diag([*VARIANCES, 1e-4, 0.0, 0.0, 0.0])
-    oracle.P[4:, 4:] = moment.stationary
-    oracle.R = np.diag(VARIANCES)
-    rng, rows = np.random.default_rng(1), np.eye(2, 4 + moment.size)
+    mean, covariance = np.array([0.03, 0.0, 0.01, 0.0, 0.0, 0.0]), np.diag([*VARIANCES, 1e-4, 0.0, 0.0, 0.0])
+    covariance[4:, 4:] = moment.stationary
+    rng = np.random.default_rng(1)
     steps = rng.choice([0.01, 0.013, 0.03], 300)
     motion = np.array(simulate(LINEAR, 0.03, 0.0, np.concatenate([[0.0], np.cumsum(steps)]))).T[1:]
     for step, true in zip(steps, motion, strict=True):
-        oracle.F, oracle.Q = _dense_oracle(moment, step)
-        oracle.predict()
+        f, q = _dense_oracle(moment, step)
+        mean, covariance = f @ mean, f @ covariance @ f.T + q
         seen = true + rng.normal(size=2) * (ANGLE_NOISE, RATE_NOISE)
-        oracle.update(seen, lambda x: rows, lambda x: rows @ x)
+        gain = np.linalg.solve(covariance[:2, :2] + np.diag(VARIANCES), covariance[:2]).T
+        mean, covariance = mean + gain @ (seen - mean[:2]), covariance - gain @ covariance[:2]
         attitude.observe(step, *seen, *VARIANCES)
         before = attitude.x.copy(), attitude.P.copy()
         attitude.ahead(0.02)
         attitude.forecast(np.array([0.1, 1.0]))
         assert np.array_equal(attitude.x, before[0]) and np.array_equal(attitude.P, before[1])
-        assert attitude.x[:3] == pytest.approx(oracle.x[:3], abs=1e-4)
-    assert attitude.P[:2, :2] == pytest.approx(oracle.P[:2, :2], rel=0.03)
+        assert attitude.x[:3] == pytest.approx(mean[:3], abs=1e-4)
+    assert attitude.P[:2, :2] == pytest.approx(covariance[:2, :2], rel=0.03)
+
+
+@pytest.mark.parametrize('measured', [(0.1, -0.2), (0.1, NAN), (NAN, -0.2)])
+def test_an_update_is_the_gaussian_conditioned_on_what_was_measured(measured):
+    """By Schur's complement of the precision matrix of state and readings."""
+    rng, track, n = np.random.default_rng(7), HullTrack(), HULL_STATES + 4
+    root, before = rng.normal(size=(n, n)), rng.normal(size=n)
+    seen = np.flatnonzero(np.isfinite(measured))
+    h, r, values = np.eye(2, n)[seen], np.diag(np.array(VARIANCES)[seen]), np.array(measured)[seen]
+    p = root @ root.T
+    precision = np.linalg.inv(p) + h.T @ np.linalg.inv(r) @ h
+    track.set_state(before, p)
+    track.update(measured, VARIANCES, learns=True)
+    assert track.x == pytest.approx(before + np.linalg.solve(precision, h.T @ np.linalg.solve(r, values - h @ before)))
+    assert track.P == pytest.approx(np.linalg.inv(precision), abs=1e-9)
+    expected = multivariate_normal(h @ before, h @ p @ h.T + r).logpdf(values)
+    assert track.log_likelihood == pytest.approx(expected) and track.likelihood == pytest.approx(math.exp(expected))
+    nis = (values - h @ before) @ np.linalg.solve(h @ p @ h.T + r, values - h @ before)
+    assert track.strain == pytest.approx(1.0 + STRAIN_GAIN * (nis / seen.size - 1.0))
+
+
+@pytest.mark.parametrize('channels', [slice(0, 2), slice(0, 1), slice(1, 2)])
+def test_a_sample_that_a_jump_of_the_moment_explains_is_no_outlier(channels):
+    track, elapsed, gates = HullTrack(), 0.02, (math.inf, 30.0, 40.0)
+    track.set_hull(ROLL, np.zeros((10, 10)))
+    mean, covariance = np.r_[0.08, 0.02, ROLL.trim, ROLL.ratios], np.eye(HULL_STATES) * 1e-9
+    track.set_state(mean, covariance)
+    jump = 2.0 * (0.3 + 0.02 + abs(ROLL.acceleration(0.08, 0.02)))
+    by_jump = np.array([0.5 * elapsed**2, elapsed]) * jump
+    spread = (covariance[:2, :2] + np.diag(VARIANCES) + np.outer(by_jump, by_jump))[channels, channels]
+    away = by_jump[channels] / math.sqrt(by_jump[channels] @ np.linalg.solve(spread, by_jump[channels]))
+    for size, wanted in ((0.98, False), (1.02, True)):
+        values = np.full(2, NAN)
+        values[channels] = mean[:2][channels] + size * math.sqrt(gates[away.size]) * away
+        track.update(tuple(values.tolist()), VARIANCES, learns=False)
+        assert track.mahalanobis**2 > gates[away.size]
+        assert track.is_outlier(gates, elapsed, 0.3) is wanted
+        track.undo_update()
+        assert np.array_equal(track.x, mean) and np.array_equal(track.P, covariance)
+
+
+def test_a_rejected_sample_is_no_sample():
+    spiked, without = _at_rest(), _at_rest()
+    assert spiked.observe(0.01, 0.5, 0.0, *VARIANCES).rejected
+    without.observe(0.01, NAN, NAN, *VARIANCES)
+    for one, other in ((spiked.free, without.free), (spiked.driven, without.driven)):
+        assert np.array_equal(one.x, other.x) and np.array_equal(one.P, other.P)
+
+
+@pytest.mark.parametrize('variances', [(5e-324, 5e-324), (1e-18, 100.0), (100.0, 1e-30)])
+@pytest.mark.parametrize('hull', [EXACT_ROLL, None])
+def test_a_sensor_that_reports_no_noise_to_speak_of_is_followed(hull, variances):
+    attitude, times = HullFilter(), np.r_[np.arange(0.0, 3.0, 0.01), np.arange(12.0, 14.0, 0.01)]
+    attitude.set_hull(hull)
+    attitude.start(0.1, 0.0, *variances)
+    motion = np.array(simulate(ROLL, 0.1, 0.0, times)).T
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        for elapsed, (angle, rate) in zip(np.diff(times), motion[1:].tolist(), strict=True):
+            attitude.observe(elapsed, angle, rate, *variances)
+            assert np.isfinite(attitude.x).all() and np.linalg.eigvalsh(attitude.P).min() > -1e-9
+    measured = int(np.argmin(variances))
+    assert attitude.x[measured] == pytest.approx(motion[-1][measured], abs=1e-4)
 
 
 MEASURED = st.tuples(st.floats(0.001, 3.0), st.floats(-6.0, 6.0) | st.just(NAN), st.floats(-30.0, 30.0) | st.just(NAN))

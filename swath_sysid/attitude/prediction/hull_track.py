@@ -292,7 +292,7 @@ class HullTrack(ExtendedKalmanFilter):
 
     @property
     def log_likelihood(self) -> float:
-        """Of the last update; filterpy's takes 50 us, and drops a nearly certain angle beside a free rate."""
+        """Of the last update, in closed form: filterpy's takes 50 us, and drops a known angle beside a free rate."""
         return -0.5 * (self.mahalanobis**2 + math.log(np.linalg.det(2.0 * math.pi * self.S)))
 
     def is_outlier(self, gates: Sequence[float], elapsed: float, min_jump: float) -> bool:
