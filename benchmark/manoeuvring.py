@@ -4,6 +4,8 @@
     python benchmark/manoeuvring.py --seeds 2    fewer
     python benchmark/manoeuvring.py --vices catamaran --seeds 3      craft with the vices of real ones: catamaran,
                                                                      otter-force, otter-command, unstable
+    python benchmark/manoeuvring.py --measured FOLDER                a measured craft: even runs identify (all, and
+                                                                     without two neighbours), 01 03 05 07 validate
 
 The WAM-V is VRX's old one, driven through a programme of 15 min at 10 Hz; speeds are noisy by 0.05 m/s, yaw rates by
 0.005 rad/s; its mass is known. Cases: thrust as force; commands with a dead band and a lag of 0.3 s; a current of
@@ -14,10 +16,12 @@ import argparse
 import math
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import simulated_craft
 
+from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv
 from swath_sysid.manoeuvring.hull.model import preset
 from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, run_test, trial_programme, with_noise
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
@@ -188,6 +192,22 @@ def print_forecasts(found, runs, truth):
             print(f'    90 % interval of {quantity} holds {np.round(shares, 3)}', flush=True)
 
 
+def measured(folder, lever=0.285):
+    """Print what is identified from the even runs of a measured craft, and from them without two neighbours."""
+
+    def runs_of_files(numbers):
+        return prepare_runs([read_manoeuvring_csv(folder / f'run_{k:02}.csv') for k in numbers])
+
+    even, odd = [k for k in range(0, 16, 2) if (folder / f'run_{k:02}.csv').is_file()], runs_of_files((1, 3, 5, 7))
+    pairs = zip(even, [*even[1:], even[0]], strict=True)
+    for left_out in ((), *pairs):
+        kept = runs_of_files([k for k in even if k not in left_out])
+        found = identify_manoeuvring(kept, ManoeuvringSettings(lever=lever), odd)
+        r2 = ' '.join(f'{value:6.3f}' for value in found.validation.r2.values())
+        stable = 'stable' if found.stability.stable else 'UNSTABLE'
+        print(f'without {left_out}: validation R2 of surge, sway, yaw rate {r2}; {stable}; {found.verdict}', flush=True)
+
+
 def main():
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
@@ -195,7 +215,11 @@ def main():
     parser.add_argument('--first-seed', type=int, default=1)
     parser.add_argument('--forecasts', action='store_true', help='of craft with vices: score forecasts, too')
     parser.add_argument('--vices', choices=('catamaran', 'otter-force', 'otter-command', 'otter-munk', 'unstable'))
+    parser.add_argument('--measured', type=Path, metavar='FOLDER', help='runs of a measured craft')
     arguments = parser.parse_args()
+    if arguments.measured:
+        measured(arguments.measured)
+        return
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
     if arguments.vices:
         table = np.array([vicious(arguments.vices, seed, arguments.forecasts) for seed in seeds])
