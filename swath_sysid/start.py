@@ -15,6 +15,8 @@ SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is t
 #: Also where a shell without job control has started the process with SIGINT ignored.
 ENDING = (signal.SIGINT, signal.SIGTERM)
 
+NOTHING_BEGUN = 'stopped before anything was done: give the same command again\n'
+
 
 def command_line() -> int:
     """``swath-sysid``; returns the exit code."""
@@ -25,17 +27,14 @@ def command_line() -> int:
     verb = next((word for word in sys.argv[1:] if not word.startswith('-')), None)
     serving = verb in SERVING_VERBS
     interrupted = 128 + signal.SIGINT  # as shells have it
-    _end_on_signals(0 if serving else interrupted)
+    _end_on_signals(0 if serving else interrupted, '' if serving else NOTHING_BEGUN)
     cli = import_module('swath_sysid.cli.main')
     if verb in cli.VERBS:
         cli.module_of(verb)
     if serving:
         return cli.main()
     try:
-        # from here on there may be something to clean up
-        for number in ENDING:
-            signal.signal(number, signal.default_int_handler)
-        code = cli.main()
+        code = cli.main(begin=_raise_on_signals)
     except KeyboardInterrupt:
         code = interrupted
     finally:
@@ -49,8 +48,16 @@ def command_line() -> int:
     return code
 
 
-def _end_on_signals(code: int):
+def _raise_on_signals():
+    # there may be something to clean up
+    for number in ENDING:
+        signal.signal(number, signal.default_int_handler)
+
+
+def _end_on_signals(code: int, sentence: str = ''):
     def end(*_) -> None:
+        with suppress(OSError):
+            os.write(2, sentence.encode())
         os._exit(code)
 
     for number in ENDING:

@@ -2,6 +2,7 @@
 
 import argparse
 import functools
+import os
 import signal
 import subprocess
 import sys
@@ -13,8 +14,9 @@ from package_process import environment
 
 from swath_sysid.cli import page, run
 from swath_sysid.cli.flags import add_arguments
-from swath_sysid.cli.main import main
+from swath_sysid.cli.main import VERBS, main
 from swath_sysid.common.errors import InputError
+from swath_sysid.share import share_folder
 
 
 def parsed(*words):
@@ -142,7 +144,7 @@ def test_an_interrupted_tool_ends_though_a_thread_waits_for_a_lock_that_nobody_h
 import sys, threading
 import swath_sysid.cli.main as cli
 from swath_sysid.start import command_line
-def interrupted():
+def interrupted(**_):
     threading.Thread(target=threading.Event().wait).start()
     print('stopped', file=sys.stderr)
     return 130
@@ -194,6 +196,7 @@ def test_a_tool_interrupted_at_its_start_ends_with_130_and_nodes_with_0(words, n
     # a tool may have come to its own end before, and said so; the interpreter's very last moments know no handlers
     ended = process.returncode in (2, -number) and 'cannot read the manifest' in told
     assert process.returncode == (0 if words.startswith('run') else 130) or ended, told
+    assert process.returncode != 130 or told.startswith('stopped before anything was done: '), told
 
 
 @pytest.mark.skipif(sys.platform != 'linux', reason='other systems do not tell a process of the death of its parent')
@@ -212,3 +215,47 @@ with process_beside([sys.executable, '-c', {beside!r}]) as process:
     while Path(f'/proc/{pid}').exists() and Path(f'/proc/{pid}/stat').read_text().split()[2] != 'Z':
         assert time.monotonic() < deadline
         time.sleep(0.05)
+
+
+def unwritable(kind):
+    """A stream that takes nothing: a full disk, or a pipe whose reader has gone."""
+    if kind == 'full':
+        return open('/dev/full', 'w')
+    reader, writer = os.pipe()
+    os.close(reader)
+    return os.fdopen(writer, 'w')
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='/dev/full is of Linux')
+@pytest.mark.parametrize(('kind', 'why'), [('full', 'No space left on device'), ('pipe', 'Broken pipe')])
+def test_output_that_cannot_be_written_is_one_sentence_whatever_the_verb(kind, why, monkeypatch, capsys, tmp_path):
+    helps = [[verb, '--help'] for verb in VERBS]
+    record = str(share_folder() / 'records' / 'kvlcc2_roll_decay.csv')
+    for words in (['--help'], ['--completion'], *helps, ['inspect', record], ['inspect', record, '--json']):
+        with unwritable(kind) as stream, monkeypatch.context() as patched:
+            patched.setattr('sys.stdout', stream)
+            try:
+                code = main(words)
+            except SystemExit as error:
+                code = error.code
+        assert code == 1, words
+        told = capsys.readouterr().err
+        assert told == f'swath-sysid: standard output cannot be written ({why}): redirect it elsewhere\n'
+    with unwritable(kind) as stream, monkeypatch.context() as patched:
+        stream.reconfigure(line_buffering=True)  # as standard error is
+        patched.setattr('sys.stderr', stream)
+        assert main(['inspect', str(tmp_path / 'none.csv')]) == 1
+
+
+def test_figures_are_drawn_whatever_backend_the_environment_names(tmp_path):
+    (tmp_path / 'matplotlibrc').write_text('backend: none_such\n')
+    record = share_folder() / 'records' / 'kvlcc2_roll_decay.csv'
+    done = subprocess.run(
+        [sys.executable, '-m', 'swath_sysid.start', 'inspect', record, '--plot', 'decay.png'],
+        env=environment() | {'MPLBACKEND': 'none_such'},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0 and 'Traceback' not in done.stderr, done.stderr
+    assert (tmp_path / 'decay.png').stat().st_size > 10_000

@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import hashlib
 import json
+import queue
 import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.processes import processes
+from swath_sysid.common.processes import interrupts_held, processes
 from swath_sysid.formats.files import write_text
 
 try:
@@ -160,6 +161,7 @@ class Work:
         """Key to plain result of every task that succeeded."""
         tasks = list({task.key: task for task in tasks}.values())
         found, pending = {}, {}
+        done: queue.SimpleQueue[concurrent.futures.Future] = queue.SimpleQueue()
         for task in tasks:
             kept = self._store.get(task.key)
             if kept is not None:
@@ -174,11 +176,13 @@ class Work:
                         self._finish(future, task, found)
                     else:
                         pending[future] = task
+                        with interrupts_held():
+                            future.add_done_callback(done.put)
                     self._say(pending)
             while pending:
-                finished, _ = concurrent.futures.wait(pending, return_when=concurrent.futures.FIRST_COMPLETED)
-                for future in finished:
-                    self._finish(future, pending.pop(future), found)
+                # not by concurrent.futures.wait, whose locks an interrupt may leave locked
+                future = done.get()
+                self._finish(future, pending.pop(future), found)
                 self._say(pending)
         except connection_losses() as error:
             raise InputError(
@@ -193,6 +197,7 @@ class Work:
             ) from error
         return found
 
+    @interrupts_held()
     def _finish(self, future: concurrent.futures.Future, task: Task, found: dict[str, Any]) -> None:
         fatal: tuple[type[BaseException], ...] = (BrokenProcessPool, *connection_losses())
         try:
@@ -219,5 +224,6 @@ class Work:
         self.cpu_s += cpu_s
 
     def _say(self, pending: dict[concurrent.futures.Future, Task]) -> None:
-        running = tuple(task.label for future, task in pending.items() if future.running())
+        with interrupts_held():
+            running = tuple(task.label for future, task in pending.items() if future.running())
         self._on_progress(Progress(self._done, max(self.total, self._done), running))

@@ -30,6 +30,14 @@ def run(arguments: Namespace) -> int:
         return DONE
     if arguments.output is None:
         raise InputError('give --output with the folder of the report')
+    try:
+        return _work_off(arguments)
+    except KeyboardInterrupt:
+        print('stopped: the same command continues from the finished fits', file=sys.stderr)
+        raise
+
+
+def _work_off(arguments: Namespace) -> int:
     began = time.perf_counter()
     check_outputs([Output('--output', arguments.output, is_folder=True)], [arguments.manifest])
     manifest = read_manifest(arguments.manifest)
@@ -41,18 +49,14 @@ def run(arguments: Namespace) -> int:
     # the loss of a scheduler is reported in one sentence, not by the tracebacks of its client
     logging.getLogger('distributed').setLevel(logging.CRITICAL)
     store = ResultStore(folder / RESULTS)
-    try:
-        with (
-            store.locked(),
-            executor_of(arguments.jobs, arguments.scheduler) as executor,
-            progress_of('campaign') as progress,
-        ):
-            outcome = run_campaign(
-                manifest, store, executor, lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2]))
-            )
-    except KeyboardInterrupt:
-        print('stopped: the same command continues from the finished fits', file=sys.stderr)
-        raise
+    with (
+        store.locked(),
+        executor_of(arguments.jobs, arguments.scheduler) as executor,
+        progress_of('campaign') as progress,
+    ):
+        outcome = run_campaign(
+            manifest, store, executor, lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2]))
+        )
     report = write_report(outcome, arguments.output, time.perf_counter() - began)
     _print_outcome(outcome, report, time.perf_counter() - began, arguments.json)
     is_whole = all(t.record is not None for t in outcome.trials) and not (manifest.faults or outcome.failures)

@@ -118,13 +118,13 @@ class _Checked:
             raise _LostError(error.strerror) from error
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; returns the exit code."""
+def main(argv: list[str] | None = None, begin: Callable[[], None] = lambda: None) -> int:
+    """Run the command line; returns the exit code. ``begin`` is called before anything is done."""
     output, errors = (stream and _Checked(stream) for stream in (sys.stdout, sys.stderr))
     try:
         with redirect_stdout(output), redirect_stderr(errors):
             try:
-                return _carried_out(sys.argv[1:] if argv is None else argv)
+                return _carried_out(sys.argv[1:] if argv is None else argv, begin)
             finally:
                 # most of what was printed is written only now
                 if output:
@@ -137,7 +137,7 @@ def main(argv: list[str] | None = None) -> int:
         return 128 + signal.SIGINT
 
 
-def _carried_out(argv: list[str]) -> int:
+def _carried_out(argv: list[str], begin: Callable[[], None]) -> int:
     verb = next((word for word in argv if not word.startswith('-')), None)
     try:
         if argv == ['--completion']:
@@ -147,7 +147,9 @@ def _carried_out(argv: list[str]) -> int:
             print(completion_script(verbs))
             return DONE
         arguments = build_parser(verb).parse_args(argv or ['--help'])
-        return module_of(arguments.verb).run(arguments)
+        run = module_of(arguments.verb).run
+        begin()
+        return run(arguments)
     except InputError as error:
         program = f'swath-sysid {verb}' if verb in VERBS else 'swath-sysid'
         print(f'{program}: {with_flags(error.code, str(error))}', file=sys.stderr)

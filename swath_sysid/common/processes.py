@@ -105,10 +105,27 @@ def processes(count: int) -> Iterator[Executor]:
 
 
 @contextlib.contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Have an interrupt of this thread come after the block: raised within a lock of a library, it leaves it locked."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Pool(ProcessPoolExecutor):
+    def submit(self, function: Callable[..., Result], /, *args: Any, **kwargs: Any) -> Future[Result]:
+        # the processes and threads that this starts leave interrupts to this thread, from their start on
+        with interrupts_held():
+            return super().submit(function, *args, **kwargs)
+
+
+@contextlib.contextmanager
 def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     # read when a worker imports numpy: more threads than cores would only get in each other's way
     os.environ.setdefault('OMP_NUM_THREADS', '1')
-    executor = ProcessPoolExecutor(count, multiprocessing.get_context('spawn'), initializer=_begin_worker)
+    executor = _Pool(count, multiprocessing.get_context('spawn'), initializer=_begin_worker)
     try:
         yield executor
     except BaseException:
@@ -117,12 +134,15 @@ def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
             worker.terminate()
         raise
     finally:
-        executor.shutdown(wait=False, cancel_futures=True)
+        # until its semaphores are released, but not for ever: see `interrupts_held`
+        end = threading.Thread(target=executor.shutdown, kwargs={'cancel_futures': True}, daemon=True)
+        end.start()
+        end.join(END_S)
 
 
 def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent, and end when the parent does, however it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """End when asked to, and when the parent does, however it ends; Ctrl-C stays left to the parent."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGTERM])
     threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
 
 
