@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import UNCERTAIN
+from swath_sysid.common.conventions import TWO_STD, UNCERTAIN
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.search import Cancelled, GeneticSearch, GeneticSettings
@@ -21,7 +21,7 @@ from swath_sysid.manoeuvring.identification.selection import Fit
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, objective_of_population
 from swath_sysid.manoeuvring.identification.validation import Scores, score
-from swath_sysid.manoeuvring.identification.verdict import MORE_THAN_NOISE, ManoeuvringVerdict, judge, poor_channels
+from swath_sysid.manoeuvring.identification.verdict import ManoeuvringVerdict, judge, poor_channels
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
 COURSE_UNSTABLE = 'course-unstable'  #: Of a craft whose runs show that it does not keep a straight course.
@@ -209,7 +209,7 @@ def _of_excited(scores: Scores, runs: Sequence[Run], settings: ManoeuvringSettin
     """The scores without the R2 of what neither runs nor model do: it would compare noise with noise."""
     facts, noise = assembly.facts_of(runs, settings), dict(zip(CHANNELS, assembly.sensor_noise(runs), strict=True))
     idle = [name for name, fact in (('sway', 'no Y'), ('yaw_rate', 'no N')) if fact in facts]
-    unknown = {name: float('nan') for name in idle if scores.rmse[name] <= MORE_THAN_NOISE * noise[name]}
+    unknown = {name: float('nan') for name in idle if scores.rmse[name] <= TWO_STD * noise[name]}
     return replace(scores, r2=scores.r2 | unknown)
 
 

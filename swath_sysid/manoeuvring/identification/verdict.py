@@ -5,13 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, LEVELS, REJECTED
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, LEVELS, REJECTED, TWO_STD
 from swath_sysid.manoeuvring.hull.identified_model import StabilityCheck
 from swath_sysid.manoeuvring.identification.validation import Scores
 
-MORE_THAN_NOISE = 2.0  #: A simulation error within so many times the sensor noise is not poor.
-
-GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
+GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}  #: Of an adequate model.
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,7 @@ def judge(
 def level_of(name: str, scores: Scores, noise: float) -> str:
     """The level of a channel; an error of the size of the sensor noise leaves nothing to explain."""
     r2 = scores.r2[name]
-    if not r2 < GOOD_R2[name] or scores.rmse[name] <= MORE_THAN_NOISE * noise:
+    if not r2 < GOOD_R2[name] or scores.rmse[name] <= TWO_STD * noise:
         return ADEQUATE
     return DOUBTFUL if r2 >= 0.0 else REJECTED
 
