@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtri
@@ -10,7 +11,10 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.identification.settings import SETTLING
 from swath_sysid.manoeuvring.motion.trial import Run
-from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilter, ManoeuvreFilterSettings
+from swath_sysid.manoeuvring.prediction.filter_settings import MEASURABLE, ManoeuvreFilterSettings
+
+if TYPE_CHECKING:
+    from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter
 
 LEADS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 EVERY = 1.0  #: s between forecasts.
@@ -127,8 +131,10 @@ def recorded(run: Run) -> np.ndarray:
 
 def filtered(
     identified: IdentifiedManoeuvringModel, run: Run, settings: ManoeuvreFilterSettings | None = None
-) -> Iterator[tuple[int, ManoeuvreFilter]]:
+) -> Iterator[tuple[int, 'ManoeuvreFilter']]:
     """Index and filter at every sample of a run, from its first; the filter is one object: copy it to keep it."""
+    from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter  # filterpy, which only forecasts need
+
     filter_, channels = ManoeuvreFilter(identified, settings), recorded(run)
     for k, stamp in enumerate(run.time):
         now = {name: value for name, value in zip(MEASURABLE, channels[:, k].tolist(), strict=True) if value == value}
@@ -144,7 +150,7 @@ def filtered(
 
 def due(
     identified: IdentifiedManoeuvringModel, run: Run, every: float, leads: Sequence[float], held: bool = False
-) -> Iterator[tuple[int, ManoeuvreFilter, list[int]]]:
+) -> Iterator[tuple[int, 'ManoeuvreFilter', list[int]]]:
     """`filtered` every so many seconds, with the places of the leads over which thrust is known, or ``held``."""
     inputs = np.stack([run.port, run.starboard])
     places = [round(lead / run.step) for lead in leads]
@@ -159,7 +165,7 @@ def due(
 
 
 def _expected(
-    filter_: ManoeuvreFilter, run: Run, k: int, steps: np.ndarray, supplied: bool, arx: Arx | None
+    filter_: 'ManoeuvreFilter', run: Run, k: int, steps: np.ndarray, supplied: bool, arx: Arx | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Forecasts of every method, (methods, L, 6), NaN where there is none; reach of the model's intervals, (L, 4)."""
     leads, longest = steps * run.step, int(steps[-1])
