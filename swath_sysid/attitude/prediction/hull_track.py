@@ -36,7 +36,7 @@ from swath_sysid.attitude.prediction.hull_state import (
 from swath_sysid.common.accelerator import accelerated
 
 #: Of a sensor; beside the largest variance, S with less is singular to rounding.
-LEAST_NOISE_VARIANCE = 1e-14 * LARGEST_RATE_VARIANCE
+LEAST_NOISE_VARIANCE = LARGEST_RATE_VARIANCE * float(np.finfo(float).resolution)
 
 NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
 STRAIN_GAIN = 0.2  #: Of the running mean of a filter's innovations squared over their expectation.
