@@ -207,7 +207,7 @@ def test_a_straight_thrust_curve_is_not_bent_for_what_else_is_missing(otter):
     problem = assemble(runs, settings)
     names = (*problem.free, 'exponent')
     bent = fit(problem, shooting_of(problem, settings.window), names, problem.start(names))
-    found = select(problem, bent)
+    _, found = select(problem, bent)
     assert abs(bent.values[-1] - 1.0) > 0.003
     assert 'exponent' not in found.names
 
