@@ -39,9 +39,7 @@ lint: $(TESTS_READY)
 
 # Once, beside mypy: otherwise each of the processes that test would compile them for itself.
 kernels: $(READY)
-	@$(BIN)/python -c 'from swath_sysid.attitude.identification import refit; from swath_sysid.pipeline import \
-	  forecast_pipeline; from swath_sysid.manoeuvring.identification import refit as manoeuvring; \
-	  refit.warm_up(); forecast_pipeline.warm_up(); manoeuvring.warm_up()'
+	@$(BIN)/python .ci/compile_kernels.py
 
 bench: $(READY)
 	@for script in $(sort $(wildcard benchmark/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done

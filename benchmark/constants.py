@@ -107,8 +107,6 @@ def main():
                 total += 1
                 for factor in FACTORS:
                     (folder / module).write_text(scaled(source, value, factor))
-                    if 'accelerated' in source:  # what numba has stored holds the former numbers
-                        shutil.rmtree(folder / '.numba', ignore_errors=True)
                     passes, after = outcome(command, folder, given.score)
                     if not passes or any(b > WORSE * a for a, b in zip(before, after, strict=False)):
                         break

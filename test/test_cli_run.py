@@ -102,6 +102,13 @@ def test_wrong_arguments_are_one_sentence_and_exit_code_2(capfd):
         assert sentence in told and 'swath_sysid: ' in told and 'Traceback' not in told
 
 
+def test_without_a_folder_for_the_log_of_ros_it_says_which_variable_names_one(monkeypatch, capfd):
+    pytest.importorskip('rclpy')
+    monkeypatch.setenv('ROS_LOG_DIR', '/dev/null/log')
+    assert main(['run', '--only', 'imu_buffer']) == 2
+    assert capfd.readouterr().err.rstrip().endswith('set ROS_LOG_DIR to a writable folder')
+
+
 @pytest.mark.parametrize('node', [(), ('--only', 'manoeuvring_predictor')])
 def test_files_that_are_none_are_refused_before_anything_starts(node, tmp_path):
     (tmp_path / 'none.yaml').write_text('imu_buffer: [oops')

@@ -81,7 +81,11 @@ def run(tmp_path, monkeypatch):
         reports = []
         dispatcher = numba.njit(doubled)
         dispatcher._cache = KernelCache(doubled, reports.append)
-        return dispatcher(2), dispatcher(0.25), [report.removeprefix(f'{tmp_path}: ') for report in reports]
+        return (
+            dispatcher(2),
+            dispatcher(0.25),
+            [report.removeprefix(f'{tmp_path}/swath_sysid/{__version__}: ') for report in reports],
+        )
 
     return results
 

@@ -155,7 +155,8 @@ def _carried_out(argv: list[str], begin: Callable[[], None]) -> int:
         print(f'{program}: {with_flags(error.code, str(error))}', file=sys.stderr)
         return NOTHING_DONE
     finally:
-        if uncached := why_uncached():
+        # nodes, which rclpy is loaded for, log it
+        if 'rclpy' not in sys.modules and (uncached := why_uncached()):
             from swath_sysid.cli.progress import show_advice
 
             show_advice([uncached])

@@ -8,7 +8,6 @@ import os
 import pickle
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
@@ -20,11 +19,9 @@ from swath_sysid import __version__
 
 
 def cache_folder() -> Path:
-    """``NUMBA_CACHE_DIR`` where it is set, else a folder of this version in the user's cache."""
-    if given := getattr(config, 'CACHE_DIR', ''):
-        return Path(given)
-    chosen = os.environ.get('XDG_CACHE_HOME', '')
-    root = Path(chosen) if os.path.isabs(chosen) else Path.home() / '.cache'
+    """That of this version, in ``NUMBA_CACHE_DIR`` where it is set, else in the user's cache."""
+    given, of_user = getattr(config, 'CACHE_DIR', ''), os.environ.get('XDG_CACHE_HOME', '')
+    root = Path(given) if given else Path(of_user) if os.path.isabs(of_user) else Path.home() / '.cache'
     return root / 'swath_sysid' / __version__
 
 
@@ -44,36 +41,33 @@ def content_of(code: CodeType, values: dict[str, Any]) -> tuple:
 
 
 class _Place(caching._CacheLocator):
-    """The folder of a kernel, which need not be writable, and what its machine code was made from."""
+    """Where a kernel is kept: in a folder that need not be writable, by what its machine code is made from. numba's own
+    stamp is of one file: a kernel would keep the former code of those that it calls from others.
+    """
 
-    def __init__(self, function: FunctionType, file: str) -> None:
-        self._function = function
-        self._folder = cache_folder() / self.get_suitable_cache_subpath(file)
+    def __init__(self, function: FunctionType) -> None:
+        content = content_of(function.__code__, function.__globals__)
+        self._stamp = hashlib.sha256(repr(content).encode()).hexdigest()
 
     @classmethod
     def from_function(cls, py_func: FunctionType, py_file: str) -> '_Place':
-        return cls(py_func, py_file)
+        return cls(py_func)
 
     def get_cache_path(self) -> str:
-        return str(self._folder)
-
-    @cached_property
-    def _content(self) -> str:
-        content = content_of(self._function.__code__, self._function.__globals__)
-        return hashlib.sha256(repr(content).encode()).hexdigest()
+        return str(cache_folder())
 
     def get_source_stamp(self) -> str:
-        # numba's own is of one file: a kernel would keep the former code of those that it calls from others
-        return self._content
+        return self._stamp
 
     def get_disambiguator(self) -> str:
-        return 'kernel'
+        # so that copies of the package share it, and others of the same version have their own
+        return self._stamp[:16]
 
 
 class _Sealed(caching.CompileResultCacheImpl):
     """Compiled code with a checksum: what a power cut has left of it may crash the process."""
 
-    _locator_classes = [_Place]
+    _locator_classes: list[Any] = [_Place]
 
     def _seal(self, payload: bytes) -> bytes:
         return hashlib.sha256(self.locator.get_source_stamp().encode() + payload).digest()

@@ -113,6 +113,8 @@ def _initialise(args: list[str] | None) -> None:
     except RuntimeError as error:
         # the C library's message ends with places in its source
         reason = re.sub(r'\s*, at \S+:\d+', '', str(error)).removeprefix('failed to initialize rcl: ')
+        if 'initialize logging' in reason:
+            raise InputError(f'ROS cannot be started ({reason}): set ROS_LOG_DIR to a writable folder') from error
         raise InputError(f'ROS cannot be started with these arguments: {reason}') from error
 
 
