@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import find_peaks
 from scipy.stats import qmc
 
 from swath_sysid.common.conventions import digits, percent
 from swath_sysid.common.row_buffer import RowBuffer
 from swath_sysid.common.search import latin_hypercube
-from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, white_noise
+from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, running_integral, white_noise
 
 
 def test_white_noise_and_resolution_are_found():
@@ -137,3 +138,9 @@ def test_the_oldest_rows_can_be_dropped_by_their_first_column(before, limit, aft
     kept = [n for n in range(before + after) if n >= min(limit, before)][-CAPACITY:]
     assert buffer.last()[:, 0].tolist() == [n for n in kept if n >= before - CAPACITY]
     assert len(buffer) == len(buffer.last()) and buffer.newest == before + after - 1
+
+
+def test_a_running_integral_is_that_of_scipy_to_the_last_bit():
+    time, values = np.cumsum(np.random.default_rng(0).uniform(0.01, 0.03, (2, 500)), axis=1)
+    assert running_integral(values, time).tolist() == cumulative_trapezoid(values, time, initial=0.0).tolist()
+    assert running_integral(values[:1], time[:1]).tolist() == [0.0]

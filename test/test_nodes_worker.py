@@ -3,6 +3,7 @@
 import contextlib
 import operator
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -40,6 +41,19 @@ def refusing(sentence):
     raise InputError(sentence)
 
 
+KEPT = []
+
+
+def much_memory(blocks):
+    """Blocks of the C library, with one kept behind them, without which it would give all of them back by itself."""
+    held = [bytearray(2000) for _ in range(blocks)]
+    KEPT.append(held.pop())
+
+
+def own_memory():
+    return int(Path('/proc/self/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE')
+
+
 @pytest.fixture(scope='module')
 def python_path():
     """The worker imports this module too."""
@@ -75,6 +89,16 @@ def submit(worker, function, *arguments, reports=False):
     ending = Ending()
     worker.submit(function, arguments, ending.on_end, ending.shares.append if reports else None)
     return ending
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != 'glibc', reason='other C libraries keep less')
+def test_what_a_work_needed_is_given_back(worker):
+    def measured():
+        return submit(worker, own_memory).wait().result
+
+    before = measured()
+    assert submit(worker, much_memory, 50_000).wait().error is None
+    assert measured() < before + 20e6
 
 
 def test_functions_run_one_after_the_other_in_one_other_process(worker):

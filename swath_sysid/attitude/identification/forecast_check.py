@@ -17,6 +17,7 @@ from swath_sysid.attitude.identification.problem import FIRST_LOOK_PERIODS
 from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.signals import running_integral
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,7 @@ def with_angle_and_rate(motion: AxisMotion) -> tuple[np.ndarray, np.ndarray]:
     if motion.rate is None:
         return motion.primary, np.gradient(motion.primary, motion.time)
     if motion.angle is None:
-        from scipy.integrate import cumulative_trapezoid
-
-        angle = cumulative_trapezoid(motion.primary, motion.time, initial=0.0)
+        angle = running_integral(motion.primary, motion.time)
         return angle - angle[angle.size // 2 :].mean(), motion.primary
     return motion.angle, motion.rate
 

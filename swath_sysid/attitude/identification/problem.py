@@ -16,7 +16,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.covariance import ParameterCovariance, sandwich_covariance
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.signals import bin_means, weighting_noise
+from swath_sysid.common.signals import bin_means, running_integral, weighting_noise
 
 #: Dry friction is smoothed over this share of the greatest rate, wide enough for the usual integration step.
 FRICTION_RATE_SHARE = 0.02
@@ -235,8 +235,6 @@ def _frequency(motion: AxisMotion, segment: DecaySegment):
     The return obeys the integrated linear equation, rate = -b1 angle - r1 (integral of the angle) + a + b t, which is
     free of gyro bias and trim; later oscillations of a strongly damped craft are mostly the basin's.
     """
-    from scipy.integrate import cumulative_trapezoid
-
     frequency = 2.0 * np.pi / segment.period
     if segment.cycles >= FEW_CYCLES or motion.angle is None or motion.rate is None:
         return frequency
@@ -245,7 +243,7 @@ def _frequency(motion: AxisMotion, segment: DecaySegment):
     elapsed = motion.time - motion.time[0]
     first = elapsed <= max(2.0 * returned, 8.0 * motion.sample_interval)
     elapsed, angle = elapsed[first], motion.angle[first]
-    integral = cumulative_trapezoid(angle, elapsed, initial=0.0)
+    integral = running_integral(angle, elapsed)
     rows = np.column_stack([-integral, -angle, np.ones(angle.size), elapsed])
     stiffness = np.linalg.lstsq(rows, motion.rate[first], rcond=None)[0][0]
     found = float(np.sqrt(max(stiffness, 0.0)))
@@ -254,9 +252,8 @@ def _frequency(motion: AxisMotion, segment: DecaySegment):
 
 def _angle_from_rate(motion: AxisMotion, segment: DecaySegment):
     """Initial angle from trim: the integral of the rate has come to rest in the last whole periods."""
-    from scipy.integrate import cumulative_trapezoid
-
-    angle = cumulative_trapezoid(motion.rate, motion.time, initial=0.0)
+    assert motion.rate is not None, 'without an angle there is a rate'
+    angle = running_integral(motion.rate, motion.time)
     whole = max(1, int(motion.duration / segment.period) // 2)
     last = motion.time >= motion.time[-1] - whole * segment.period
     return -float(angle[last].mean())
