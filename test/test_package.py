@@ -198,7 +198,6 @@ def test_all_but_the_nodes_import_without_ros_and_numba():
     paths = [path for path in without_ros() if not any(name.startswith('numba.') for name in imports_of(path))]
     parts = [path.relative_to(ROOT).with_suffix('').parts for path in paths]
     names = ['.'.join(each).removesuffix('.__init__') for each in parts]
-    names.remove('swath_sysid.common.kernel_cache')  # what extends numba; the accelerator loads it after numba
     code = f"""
 import importlib, sys
 sys.modules.update(dict.fromkeys({sorted(ROS_PACKAGES | set(OPTIONAL))}))
