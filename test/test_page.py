@@ -248,7 +248,8 @@ def guard_of(token, passed):
     return Guard(application, token)
 
 
-def test_without_a_token_only_who_reads_the_entrance_reaches_the_page():
+def test_without_a_token_only_who_reads_the_entrance_reaches_the_page(monkeypatch):
+    monkeypatch.setattr(nicegui.Client, 'instances', {})
     passed = []
     guard, local = guard_of('', passed), (b'host', b'localhost:8484')
     status, entrance = answer_of(guard, local)
