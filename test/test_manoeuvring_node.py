@@ -168,7 +168,10 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         found = manoeuvring_from_yaml(models[-1].data, 'manoeuvring/model')
         assert found.model['Nr'] == pytest.approx(OLD['Nr'], rel=0.15)
         assert read_manoeuvring_model(path).model['Nr'] == found.model['Nr']
-        in_use = 'forecasting with the identified model'
+        # of two minutes nothing is held out, so the model is used and told to be doubtful
+        assert found.verdict == 'doubtful' and 'three minutes' in found.verdict_sentence
+        assert f'doubtful: {found.verdict_sentence}' in response.message
+        in_use = f'the model is doubtful: {found.verdict_sentence}'
         wait_for(lambda: any(words == in_use for _, words, _ in bench.statuses.values()), 'the model in use')
         before = len(forecasts)
         craft.drive(120.0, 195.0)
