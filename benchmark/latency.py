@@ -73,7 +73,7 @@ def all_in_one():
 
 
 def node(name):
-    return ['-m', f'swath_sysid.nodes.{name}']
+    return ['-m', 'swath_sysid.nodes', name]
 
 
 def processor_seconds(pid):
@@ -112,7 +112,7 @@ def serve_source(rate, seconds, subscribers, output):
     signal.signal(signal.SIGTERM, lambda *_: ended.append(True))
     node = rclpy.create_node('source')
     publisher = node.create_publisher(Imu, 'imu/data', qos_profile_sensor_data)
-    while publisher.get_subscription_count() < subscribers:
+    while publisher.get_subscription_count() < subscribers and not ended:
         time.sleep(0.05)
     time.sleep(1.5)  # the nodes' own connections
     count, period = int(rate * seconds), round(1e9 / rate)
