@@ -1,11 +1,21 @@
-"""Rows: the motion at even steps, of samples of any rate."""
+"""Rows: the motion at even steps, of samples of any rate, where their stamps say.
+
+A sensor's clock is better than its stamps: `SampleClock` takes the jitter of stamps for noise of time, and what is
+missing between two samples for lost. `RowClock` fills what was lost linearly, for less than a motion needs to turn,
+and makes every so many samples a row.
+"""
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from operator import itemgetter
+from typing import NamedTuple
+
+import numpy as np
 
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.attitude.prediction.state_space import cubic_weights
 
 #: Channels that may show the waves; a record without some is forecast from the others.
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
@@ -16,110 +26,220 @@ OF_CHANNELS = slice(len(CHANNELS))
 OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
 OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
-ROW_RATE = 10.0  #: Hz; small craft move below 1.5 Hz. A slower sensor gives one row per sample.
+USUAL_PERIOD = 3.2  #: s; of a small craft, before its motion is known.
+ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
+LONGEST_FILLED = 0.2  #: Periods; what is lost for longer is not known.
 
 #: Samples per row from which the rows hold filtered values: fewer cannot be smoothed without delay.
 SMOOTHED_FROM = 5
 
-NEW, CORRECTED = 'new', 'corrected'  #: What became of the step between rows.
-
 _REGULAR = 0.5  #: Relative difference of an interval from the usual one that is still jitter.
 _IRREGULAR_SAMPLES = 10  #: In a row: then the sensor has another rate.
+_PHASE_GAIN = 0.1  #: Share of a stamp's deviation that is the clock's.
+_JITTER_GAIN = 0.02  #: Of the running mean of the deviations' size.
+_CLEAN = 0.1  #: Intervals; with more jitter, a stamp is as late by chance as after a loss.
+_INTERVALS = 51  #: Of which the first guess of the interval is the median.
+_OTHER_RATE = 0.3  #: Relative difference of an interval from the rows' from which samples are read between.
 _NEW_STEP, _INEXACT_STEP = 0.15, 2e-3  #: Relative differences of a step that begin rows anew, and correct it.
-_SETTLING_INTERVALS = (5, 20, 60, 200)  #: Intervals after which the step is corrected.
+_SETTLING_SAMPLES = (5, 20, 60, 200)  #: After which the step is corrected.
+_UNKNOWN = (math.nan, math.nan)
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
 
 
-class RowClock:
-    """Finds the interval of a sensor and makes every so many of its samples a row."""
+class Sampled(NamedTuple):
+    """When a sample was measured."""
+
+    elapsed: float  #: s since the sample before, without the jitter of the stamps.
+    intervals: int  #: Usual intervals since then: more than one where samples were lost.
+
+
+class SampleClock:
+    """Finds the interval of a sensor and the times of its samples by a phase-locked loop on their stamps."""
 
     def __init__(self) -> None:
-        self.interval = self.step = math.nan  #: s between samples and between rows; NaN while unknown.
+        self.interval = math.nan  #: s; NaN while unknown.
+        self.count = 0  #: Samples that it is known from.
+        self._newest: deque[float] = deque(maxlen=_INTERVALS)
+        self._behind = self._jitter = 0.0
+        self._irregular = 0
+
+    def restart(self) -> None:
+        """Forget the time of the newest sample."""
+        self._behind = 0.0
+
+    def follow(self, elapsed: float) -> Sampled:
+        """Take the time, s, between the stamps of a sample and of the one before."""
+        self._newest.append(elapsed)
+        self.count = min(self.count + 1, 1000)
+        if self.count <= _INTERVALS:
+            # while the loop settles; most samples arrive, so that lost ones do not move the median
+            self.interval = float(np.median(self._newest))
+        since = self._behind + elapsed
+        relative = since / self.interval
+        intervals = max(1, round(relative - (2.0 * self._jitter if self._jitter > _CLEAN else 0.0)))
+        deviation = relative - intervals
+        if abs(elapsed / self.interval - intervals) < _REGULAR * intervals:
+            self._irregular = 0
+        else:
+            self._irregular += 1
+            if self._irregular >= _IRREGULAR_SAMPLES:
+                self._begin_again()
+                return Sampled(elapsed, 1)
+        self._jitter += _JITTER_GAIN * (min(abs(deviation), 0.5) - self._jitter)
+        self.interval *= 1.0 + 0.25 * _PHASE_GAIN**2 * deviation / intervals
+        self._behind = (1.0 - _PHASE_GAIN) * deviation * self.interval
+        return Sampled(since - self._behind, intervals)
+
+    def _begin_again(self):
+        """The sensor has another rate."""
+        newest = list(self._newest)[-_IRREGULAR_SAMPLES:]
+        self.__init__()
+        self._newest.extend(newest)
+        self.interval, self.count = float(np.median(newest)), len(newest)
+
+
+class RowClock:
+    """Makes every so many samples of a sensor a row; samples that were lost are filled in linearly, and so are those of
+    a sensor whose rate has changed since the rows were laid out.
+    """
+
+    def __init__(self) -> None:
+        self.sensor = SampleClock()
+        self.step = math.nan  #: s between rows; NaN while unknown.
         self.samples = 1  #: Per row.
-        self.since_row = 0.0  #: s since the newest row.
-        self._intervals = self._irregular = 0
+        self.period = USUAL_PERIOD  #: s; of the motion that the rows are laid out for.
+        self._tick = math.nan  #: s between the samples that rows are made of.
+        self._corrections = 0
         self.restart()
 
     def restart(self) -> None:
         """Forget the samples since the newest row: the next sample is a row."""
-        self.since_row = self.step
-        self._values = [math.nan] * len(CHANNELS)
+        self._ticks, self._lag = self.samples - 1, 0.0
+        self._newest = self._values = [math.nan] * len(CHANNELS)
+        self._filtered: list[float] = []
         self._clear_block()
 
     def _clear_block(self):
         self._sums, self._counts = [0.0] * len(ATTITUDE), [0] * len(ATTITUDE)
 
     @property
+    def interval(self) -> float:
+        """Usual time between samples, s; NaN while unknown."""
+        return self.sensor.interval
+
+    @property
+    def since_row(self) -> float:
+        """s since the newest row."""
+        return self._ticks * self._tick + self._lag
+
+    @property
     def is_smoothed(self) -> bool:
         """Whether rows hold filtered values."""
         return self.samples >= SMOOTHED_FROM
 
-    def is_even(self, elapsed: float) -> bool:
-        """Whether an interval, s, is the usual one."""
-        return abs(elapsed - self.interval) < _REGULAR * self.interval
+    def lay_out(self, period: float) -> bool:
+        """Lay out rows for a motion of this period, s; whether that gives another step."""
+        self.period = period
+        samples = max(1, round(period / ROWS_A_PERIOD / self.interval))
+        if abs(samples * self.interval / self.step - 1.0) < _NEW_STEP:
+            return False
+        self.samples, self._tick = samples, self.interval
+        self.step, self._corrections = samples * self.interval, self.sensor.count
+        self.restart()
+        return True
 
-    def follow(self, elapsed: float) -> str | None:
-        """Follow the interval by one more, s, as the mean of similar ones; `NEW` or `CORRECTED` where the step changed.
+    def corrected(self) -> bool:
+        """Follow the interval while it settles; whether that has changed the step."""
+        settled = next((count for count in _SETTLING_SAMPLES if self._corrections < count <= self.sensor.count), None)
+        if settled is None:
+            return False
+        self._corrections = settled
+        step = self.samples * self.interval
+        if not _INEXACT_STEP < abs(step / self.step - 1.0) < _NEW_STEP:
+            return False
+        self.step, self._tick = step, self.interval
+        return True
 
-        A new rate shows by the lack of similar intervals.
+    def take(
+        self, sample: CraftSample, sampled: Sampled, filtered: Sequence[tuple[float, float] | None]
+    ) -> list[tuple[float, list[float] | None]]:
+        """Take a sample: the rows that it completes, each with its age, s, and None where nothing is known of one.
+
+        Filtered angle and rate by axis, where known, take the part of smoothed ones.
         """
-        if self.is_even(elapsed):
-            self._intervals = min(self._intervals + 1, 1000)
-            self.interval += (elapsed - self.interval) / self._intervals
-            self._irregular = 0
+        elapsed = sampled.intervals * self.interval
+        before, self._newest = self._newest, list(_channels_of(sample))
+        filtered_before, self._filtered = self._filtered, [v for motion in filtered for v in motion or _UNKNOWN]
+        if abs(self.interval / self._tick - 1.0) < _OTHER_RATE:
+            shares = [(place + 1) / sampled.intervals for place in range(sampled.intervals)]
+            elapsed = sampled.intervals * self._tick
         else:
-            self._irregular += 1
-            if self.interval == self.interval and self._irregular < _IRREGULAR_SAMPLES:
-                return None
-            self.interval, self._intervals, self._irregular = elapsed, 1, 0
-        samples = max(1, round(1.0 / (ROW_RATE * self.interval)))
-        # at 25 Hz, jitter decides whether two or three come nearest to a row's time: as many as before do, too
-        deviation = min(abs(count * self.interval / self.step - 1.0) for count in (self.samples, samples))
-        if not deviation < _NEW_STEP:
-            self.samples, self.step = samples, samples * self.interval
+            first = self._tick - self._lag
+            ticks = math.floor((elapsed - first) / self._tick + 1.0 + 1e-6)
+            self._lag = self._lag + elapsed - ticks * self._tick
+            shares = [min((first + place * self._tick) / elapsed, 1.0) for place in range(ticks)]
+        if elapsed > max(LONGEST_FILLED * self.period, 1.5 * self.interval):
+            missing = max(round((self._ticks * self._tick + elapsed) / self.step), 1) - 1
             self.restart()
-            return NEW
-        if self._intervals in _SETTLING_INTERVALS and deviation > _INEXACT_STEP:
-            self.samples = round(self.step / self.interval)
-            self.step = self.samples * self.interval
-            return CORRECTED
-        return None
+            self._newest, shares = list(_channels_of(sample)), [1.0]
+            rows: list[tuple[float, list[float] | None]] = [
+                ((missing - place) * self.step, None) for place in range(missing)
+            ]
+        else:
+            rows = []
+        for share in shares:
+            if share < 1.0:
+                values = _between(before, self._newest, share)
+                motion = _between(filtered_before or self._filtered, self._filtered, share)
+            else:
+                values, motion = self._newest, self._filtered
+            if self._is_row(values):
+                rows.append(((1.0 - share) * elapsed, self._row(values, motion)))
+        return rows
 
-    def take(self, sample: CraftSample, elapsed: float) -> int:
-        """Take a sample, ``elapsed`` s after the one before: steps from the newest row to the one it is; 0 if none."""
-        self.since_row += elapsed
-        measured = _channels_of(sample)
+    def _is_row(self, values: Sequence[float]) -> bool:
+        """Take the values one tick later; whether they are a row."""
         for place in range(len(ATTITUDE)):
-            value = measured[place]
+            value = values[place]
             if value == value:
                 self._sums[place] += value
                 self._counts[place] += 1
         if self.is_smoothed:
-            gain, values = 2.0 / self.samples, self._values
-            for place, value in enumerate(measured):
+            gain, smoothed = 2.0 / self.samples, self._values
+            for place, value in enumerate(values):
                 if value == value:
-                    before = values[place]
-                    values[place] = before + gain * (value - before) if before == before else value
+                    then = smoothed[place]
+                    smoothed[place] = then + gain * (value - then) if then == then else value
         else:
-            self._values = list(measured)
-        steps = round(self.since_row / self.step)
-        if steps < 1 or self.since_row < self.step - 0.5 * self.interval:
-            return 0
-        # a row is a sample's, whatever the clocks of sensor and rows make of their steps
-        self.since_row = 0.0
-        self._measured = measured[: len(ATTITUDE)]
-        return steps
+            self._values = list(values)
+        self._ticks += 1
+        if self._ticks < self.samples:
+            return False
+        self._ticks = 0
+        return True
 
-    def row(self, filtered: Sequence[tuple[float, float] | None]) -> list[float]:
-        """The row of the newest sample, NaN where not measured.
-
-        Filtered angle and rate by axis, where known, take the part of smoothed ones.
-        """
-        channels = list(self._values)
-        for place, motion in enumerate(filtered if self.is_smoothed else ()):
-            if motion is not None:
-                channels[place], channels[place + len(filtered)] = motion
+    def _row(self, values: Sequence[float], filtered: Sequence[float]) -> list[float]:
+        channels, axes = list(self._values), len(ATTITUDE) // 2
+        if self.is_smoothed:
+            for place, value in enumerate(filtered):
+                if value == value:
+                    channels[place // 2 + axes * (place % 2)] = value
         means = [total / count if count else math.nan for total, count in zip(self._sums, self._counts, strict=True)]
         self._clear_block()
-        return [*channels, *self._measured, *means]
+        return [*channels, *values[: len(ATTITUDE)], *means]
+
+
+def _between(before: Sequence[float], after: Sequence[float], share: float) -> list[float]:
+    return [a + share * (b - a) for a, b in zip(before, after, strict=True)]
+
+
+def resampled(rows: np.ndarray, ratio: float) -> np.ndarray:
+    """Rows (N, C) at steps this many times as long, the newest the same, by cubics; NaN where one of four is missing."""
+    count = int((len(rows) - 1) / ratio) if len(rows) else 0
+    place = len(rows) - 1 - ratio * np.arange(count, -1, -1)
+    whole = np.clip(np.floor(place).astype(int), 1, max(len(rows) - 3, 1))
+    if len(rows) < 4:
+        return rows[np.clip(np.round(place).astype(int), 0, len(rows) - 1)] if len(rows) else rows
+    weights = cubic_weights(place - whole)
+    return np.einsum('nw,nwc->nc', weights, rows[whole[:, None] + np.arange(-1, 3)])

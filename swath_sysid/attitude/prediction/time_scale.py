@@ -1,0 +1,61 @@
+"""The time scale of a motion, by which everything that belongs to it is laid out."""
+
+import math
+
+import numpy as np
+
+from swath_sysid.attitude.prediction.rows import USUAL_PERIOD
+
+_FIRST_LOOK, _LAST_LOOK = 0.25, 4.0  #: Periods of motion, doubled from look to look; after that as often as the last.
+_PAST = 30.0  #: Periods that are looked at.
+#: Relative differences from which another period is taken: at the first looks, at the last of them, and for another sea.
+_EARLY, _SETTLED, _OTHER = 0.15, 0.05, 0.4
+
+
+def period_of(
+    angles: np.ndarray, rates: np.ndarray, step: float, angle_noise: np.ndarray, rate_noise: np.ndarray
+) -> float:
+    """Period, s, of motion about all axes: that of a sine with its standard deviations of rate and angle.
+
+    Angles and rates (N, A), rad and rad/s, NaN where not measured, ``step`` s apart, with the variances of their noise
+    (A,). Where rates are not measured, from differences. NaN where the motion is no more than the noise.
+    """
+    of_angle = of_rate = 0.0
+    for angle, rate, *noise in zip(angles.T, rates.T, angle_noise, rate_noise, strict=True):
+        seen = np.isfinite(angle)
+        if seen.sum() < 3:
+            continue
+        if np.isfinite(rate).sum() < 3:
+            rate, noise[1] = np.diff(angle) / step, 2.0 * noise[0] / step**2
+        square, rate_square = np.var(angle[seen]) - noise[0], np.nanvar(rate) - noise[1]
+        if square > noise[0] and rate_square > 0.0:
+            of_angle, of_rate = of_angle + square, of_rate + rate_square
+    return 2.0 * math.pi * math.sqrt(of_angle / of_rate) if of_rate else math.nan
+
+
+class TimeScale:
+    """The period that a motion's rows and memories are laid out by, and when to look at it again."""
+
+    def __init__(self) -> None:
+        self.period = USUAL_PERIOD  #: s.
+        self._next, self._due = _FIRST_LOOK, math.nan
+
+    def is_due(self, age: float) -> bool:
+        """Whether to look again after so many s of motion."""
+        if self._due != self._due:
+            self._due = self._next * self.period
+        return age >= self._due
+
+    def past(self, age: float) -> float:
+        """s of the past to look at."""
+        return min(age, _PAST * self.period)
+
+    def follow(self, found: float, age: float) -> bool:
+        """Take the period, s, of the past after so many s of motion; whether another one is used from now on."""
+        tolerance = _EARLY if self._next < _LAST_LOOK else _SETTLED if age < 2.0 * _LAST_LOOK * self.period else _OTHER
+        is_other = found == found and not 1.0 / (1.0 + tolerance) < found / self.period < 1.0 + tolerance
+        if is_other:
+            self.period = found
+        self._next = min(2.0 * self._next, _LAST_LOOK)
+        self._due = max(2.0 * age, self._next * self.period) if self._next < _LAST_LOOK else age + _LAST_LOOK * self.period
+        return is_other
