@@ -19,7 +19,6 @@ from swath_sysid.attitude.motion.vertical import (
 )
 from swath_sysid.attitude.prediction.point import Point, point_motion
 from swath_sysid.attitude.prediction.quiescence import quantity_at
-from swath_sysid.attitude.prediction.rows import ROW_RATE
 from swath_sysid.attitude.prediction.state_space import RIDGE
 from swath_sysid.attitude.prediction.variate_analysis import ROWS_A_COEFFICIENT, useful_channels
 from swath_sysid.common.errors import InputError
@@ -32,6 +31,7 @@ BASELINES = (*SIMPLE, *REGRESSIONS)
 
 ORDERS = (60, 40, 20, 10, 5, 2, 1)
 REFIT_INTERVAL = 10.0  #: s.
+ROW_RATE = 10.0  #: Hz.
 EVEN = 1.5  #: Usual intervals between two samples from which one was lost.
 LONGEST_PAUSE = day  #: s; a longer one within a record is an error of its stamps.
 ON_A_SAMPLE = 0.02  #: Usual intervals from a sample within which a time is the sample's.

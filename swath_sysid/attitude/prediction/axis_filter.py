@@ -19,9 +19,9 @@ _ACTIVITY_TIME = 5.0  #: s; most of a period of a craft.
 _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over which the variance is averaged.
 
 _THIRD_DIFFERENCE_GAIN = comb(6, 3)  # 1 + 9 + 9 + 1: variance of the third difference of white noise
-#: s; time constant with which sizes are forgotten, of errors as of the motion: a shorter one follows wave groups, in
+#: Periods; time constant with which sizes are forgotten, of errors as of the motion: a shorter one follows wave groups, in
 #: which errors grow less than the motion.
-MEMORY_OF_SIZE = 60.0
+MEMORY_OF_SIZE = 19.0
 
 #: A squared error over its expected value counts as this much at the most: what nobody could foresee, such as a glitch
 #: or a hand on the craft, says little of the errors to come.

@@ -15,7 +15,14 @@ from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN, USUAL_AMPLITUDE
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import NEW_WAVES, WAVES
-from swath_sysid.attitude.prediction.state_space import BREAK, RIDGE, InnovationsFilter, InnovationsModel, side_by_side
+from swath_sysid.attitude.prediction.state_space import (
+    BREAK,
+    RIDGE,
+    STRAIN_TIME,
+    InnovationsFilter,
+    InnovationsModel,
+    side_by_side,
+)
 from swath_sysid.attitude.prediction.upstream import (
     NEW_UPSTREAM,
     UpstreamCandidate,
@@ -27,12 +34,12 @@ from swath_sysid.attitude.prediction.upstream import (
 from swath_sysid.common.advice import Advice
 
 _DAMPING = 0.4
-# rad/s; expected of a small craft's motion, and counts for a quarter of its period
-_EXPECTED_FREQUENCY = 1.1
+# of the frequency of a sine with the motion's period; expected, and counts for a quarter of its period
+_EXPECTED_SHARE = 0.56
 
 
 def oscillators(
-    values: np.ndarray, names: Sequence[str], step: float, angles: Sequence[str]
+    values: np.ndarray, names: Sequence[str], step: float, period: float, angles: Sequence[str]
 ) -> InnovationsModel | None:
     """A model of each angle, with its rate ``X_rate`` where measured; None while no angle has been seen.
 
@@ -44,17 +51,19 @@ def oscillators(
     names = list(names)
     seen = [name for name, column in zip(names, values.T, strict=True) if np.isfinite(column).any()]
     parts = [
-        _oscillator(values, names, step, [names.index(name) for name in (angle, f'{angle}_rate') if name in seen])
+        _oscillator(
+            values, names, step, period, [names.index(name) for name in (angle, f'{angle}_rate') if name in seen]
+        )
         for angle in angles
         if angle in seen
     ]
     return side_by_side(parts) if parts else None
 
 
-def _oscillator(values: np.ndarray, names: Sequence[str], step: float, places: Sequence[int]):
+def _oscillator(values: np.ndarray, names: Sequence[str], step: float, period: float, places: Sequence[int]):
     """Of an angle and, where measured, its rate."""
     count, columns = len(places), [values[:, place] for place in places]
-    mean, deviation, frequency = angle_statistics(columns[0], columns[1] if count > 1 else None, step)
+    mean, deviation, frequency = angle_statistics(columns[0], columns[1] if count > 1 else None, step, period)
     # in units of the standard deviations of angle and rate, whose covariance is then one
     drift = frequency * np.array([[0.0, 1.0], [-1.0, -2.0 * _DAMPING]])
     a, c = expm(drift * step), np.eye(count, 2)
@@ -70,18 +79,20 @@ def _oscillator(values: np.ndarray, names: Sequence[str], step: float, places: S
     return InnovationsModel(channels, tuple(places), step, centre[:count], scale[:count], a, k, c, s, prior)
 
 
-def angle_statistics(angle: np.ndarray, rate: np.ndarray | None, step: float) -> tuple[float, float, float]:
+def angle_statistics(
+    angle: np.ndarray, rate: np.ndarray | None, step: float, period: float
+) -> tuple[float, float, float]:
     """Mean, rad, standard deviation, rad, and natural frequency, rad/s, drawn to expected values with few data.
 
     Angle (N,), rad, and rate (N,), rad/s, NaN where missing; without a rate the angle's differences.
     """
-    duration = step * np.isfinite(angle).sum()
+    duration, expected_frequency = step * np.isfinite(angle).sum(), _EXPECTED_SHARE * 2.0 * np.pi / period
     rates = np.diff(angle) / step if rate is None else rate
     rates = rates[np.isfinite(rates)]
-    rate_square = np.mean(rates**2) if rates.size else (USUAL_AMPLITUDE * _EXPECTED_FREQUENCY) ** 2
+    rate_square = np.mean(rates**2) if rates.size else (USUAL_AMPLITUDE * expected_frequency) ** 2
     # less than a period says little of the mean
-    mean = duration / (duration + 2.0 * np.pi / _EXPECTED_FREQUENCY) * np.nanmean(angle)
-    expected, known_for = rate_square / _EXPECTED_FREQUENCY**2, 0.5 * np.pi / _EXPECTED_FREQUENCY
+    mean = duration / (duration + 2.0 * np.pi / expected_frequency) * np.nanmean(angle)
+    expected, known_for = rate_square / expected_frequency**2, 0.5 * np.pi / expected_frequency
     square = (duration * np.nanmean((angle - mean) ** 2) + known_for * expected) / (duration + known_for)
     deviation = max(np.sqrt(square), RIDGE)
     return mean, deviation, np.sqrt(max(rate_square, 1e-12)) / deviation
@@ -97,13 +108,15 @@ _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 class Bank:
     """Candidates and their average at increasing leads (L,), s, on rows ``step`` s apart."""
 
-    def __init__(self, axes: Sequence[AxisFilter], leads: np.ndarray, step: float, upstream: UpstreamRows) -> None:
+    def __init__(
+        self, axes: Sequence[AxisFilter], leads: np.ndarray, step: float, period: float, upstream: UpstreamRows
+    ) -> None:
         self.channels = upstream.names  #: Upstream.
         #: Of the candidates; the upstream channels' are the last.
         self.names = (*CANDIDATES, *candidates_of(self.channels))
         self._place = {name: place for place, name in enumerate(self.names)}
         priors = [CANDIDATES.get(name, 1.0) for name in self.names]
-        self.blend = Blend(leads, step, len(axes), priors)
+        self.blend = Blend(leads, step, period, len(axes), priors)
         self.spaces: dict[str, InnovationsFilter] = {}  #: Those on rows.
         self._upstream: dict[str, UpstreamCandidate] = {}
         self._upstream_rows = upstream
@@ -111,6 +124,7 @@ class Bank:
         self._helped, self._helped_at, self._is_contradicted = -math.inf, 0, False
         self._at_row = np.full((len(self.names), 1, len(ATTITUDE)), math.nan), np.empty(0)
         self._axes, self._leads, self._steps, self._step = axes, leads, self.blend.steps, step
+        self._period = period
         self._horizon = leads[-1] + 2.0 * step
         whole = leads / step
         are_rows = np.abs(whole - np.round(whole)) < 0.02
@@ -131,7 +145,9 @@ class Bank:
 
     def use(self, name: str, model: InnovationsModel, past: np.ndarray) -> None:
         """Put a new model to use, after the newest rows (N, width)."""
-        self.spaces[name] = space = InnovationsFilter(model, ATTITUDE, self._horizon, self._steps)
+        self.spaces[name] = space = InnovationsFilter(
+            model, ATTITUDE, self._horizon, self._steps, STRAIN_TIME * self._period
+        )
         space.seed(past)
 
     def use_upstream(self, fits: Mapping[str, UpstreamFit], past: np.ndarray, time: float, memory: float) -> None:
@@ -195,7 +211,7 @@ class Bank:
 
     def forecast(self, stamp_ns: int, age: float) -> Forecast:
         """The average of the candidates at the leads, ``age`` s after the newest row."""
-        at_row = age == 0.0 and self._leads_are_rows
+        at_row = age == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
         broken = {self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > BREAK}
         if broken:

@@ -8,15 +8,15 @@ from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES, Forecast
 
 # s, and as many leads; errors are forgotten with this time constant: those at short leads are many
-_MEMORY, _MEMORY_LEADS = 15.0, 10.0
+_MEMORY, _MEMORY_LEADS = 4.7, 10.0
 # weights go with the mean square error to this power: 5 % less error is twice the weight
 _POWER = 8.0
 # s of errors that the candidates' common level, and their own variances, count for: luck in the first decides nothing
-_TRUST = 5.0
+_TRUST = 1.6
 #: A candidate without a forecast is taken to err as much more (mean square) than the blend: it must prove itself.
 UNPROVEN = 1.25
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
-_TAIL_GAIN = 0.1
+_TAIL_GAIN = 0.32
 # the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
 # sensor's noise; and that of the candidates' own is at least this share of what they claim
 _MIN_SHARE = 1e-3
@@ -38,15 +38,15 @@ class Blend:
     ``blended_square`` and 90 % ``coverage`` (S, A) are running averages.
     """
 
-    def __init__(self, leads: np.ndarray, step: float, axes: int, prior: Sequence[float]) -> None:
-        self._leads, self._step = np.asarray(leads), step
+    def __init__(self, leads: np.ndarray, step: float, period: float, axes: int, prior: Sequence[float]) -> None:
+        self._leads, self._step = np.asarray(leads), step / period
         whole = np.maximum(np.round(self._leads / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
         candidates, steps = self._prior.shape[0], self.steps.size
         self._places, self._axes = np.arange(steps), np.arange(axes)
-        memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, MEMORY_OF_SIZE)
-        self._keep = (1.0 - step / memory)[:, None]
+        memory = np.minimum(_MEMORY + _MEMORY_LEADS * self._step * self.steps, MEMORY_OF_SIZE)
+        self._keep = (1.0 - self._step / memory)[:, None]
         self._row = 0
         # of each row, by step: the blend, its variance, half its interval squared, and what each candidate forecast
         rows = int(self.steps[-1]) + 1
@@ -101,6 +101,15 @@ class Blend:
         half = _QUANTILE**2 * (self.scale * true + noise_variance)
         self._issued[now] = [_weighted(weights, mean), variance, half, *mean]
         self._row += 1
+
+    def carry_over(self, other: 'Blend') -> None:
+        """Begin with what another one, of the same leads on other rows, has learnt of the errors."""
+        same = other.place_of_lead[np.unique(self.place_of_lead, return_index=True)[1]]
+        self.mean_square, self.weights = other.mean_square[:, same].copy(), other.weights[:, same]
+        self._spread = other._spread[:, :, same].copy()
+        for name in ('_time', '_excused', 'blended_square', 'coverage'):
+            setattr(self, name, getattr(other, name)[same].copy())
+        self.scale = self._spread[3, 0]
 
     def renew(self, candidate: int, axis: int | slice = slice(None), among: int | None = None) -> None:
         """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one.

@@ -21,9 +21,20 @@ from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullF
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
-from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, OF_CHANNELS, OF_MEANS, OF_SAMPLE, ROW_RATE, RowClock
+from swath_sysid.attitude.prediction.rows import (
+    CHANNELS,
+    OF_CHANNELS,
+    OF_MEANS,
+    OF_SAMPLE,
+    ROWS_A_PERIOD,
+    USUAL_PERIOD,
+    RowClock,
+    Sampled,
+    resampled,
+)
 from swath_sysid.attitude.prediction.sea_fit import SHORT, WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
+from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
 from swath_sysid.attitude.prediction.upstream import UpstreamRows
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.errors import InputError
@@ -39,11 +50,14 @@ _OF_AXIS = {
     for axis in AXES
 }
 
-#: s; after a longer silence the motion is forgotten, hull and sea are not. The sea state is reported as often.
-LONGEST_BRIDGE = 60.0
+SEA_STATE_INTERVAL = 60.0  #: s.
 
-#: Of a past, after which what is learnt of it is learnt anew; s at most and, for the first forecasts, at least.
-_REFIT_SHARE, _LONGEST_REFIT_INTERVAL, _FIRST_INTERVAL = 0.2, 20.0, 1.0
+LONGEST_BRIDGE = 19.0  #: Periods; after a longer silence the motion is forgotten, hull and sea are not.
+
+MOST_AHEAD = 2000  #: Rows that the longest lead may be.
+
+#: Of a past, after which what is learnt of it is learnt anew; periods at most and, for the first forecasts, at least.
+_REFIT_SHARE, _LONGEST_REFIT_INTERVAL, _FIRST_INTERVAL = 0.2, 6.2, 0.31
 
 
 @dataclass(frozen=True)
@@ -64,9 +78,9 @@ class ForecasterSettings:
     horizon: float = 5.0  #: s.
     horizon_step: float = 0.1  #: s.
     forecast_rate: float = 10.0  #: Forecasts per second (never more often than samples come).
-    window: float = 1200.0  #: s; the past that the sea is learnt from.
-    first_refit: float = 8.0  #: s; when the sea is first learnt.
-    refit_interval: float = 5.0  #: s; the least time between fits.
+    window: float = 375.0  #: Periods of the motion; the past that the sea is learnt from.
+    first_refit: float = 2.5  #: Periods; when the sea is first learnt.
+    refit_interval: float = 1.6  #: Periods; the least time between fits.
     refit_delay: float = 0.5  #: s from a request's stamp to its fit's use: the time that the background has for it.
     hull: HullFilterSettings = HullFilterSettings()
     quiescence: QuiescenceLimits | None = None  #: Limits whose probability of being kept is forecast; None: it is not.
@@ -118,20 +132,22 @@ class Forecaster:
 
     def __init__(self, settings: ForecasterSettings | None = None) -> None:
         self.settings = s = settings or ForecasterSettings()
-        self._axes = {axis: AxisFilter(s.hull, s.window) for axis in AXES}
+        self._axes = {axis: AxisFilter(s.hull, s.window * USUAL_PERIOD) for axis in AXES}
         leads = np.array(s.leads)
         horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
         self._leads = np.unique(np.round(np.concatenate([leads, horizon]), 9))
         self._asked, self._over_horizon = (_places_of(wanted, self._leads) for wanted in (leads, horizon))
         self._clock = RowClock()
+        self._scale = TimeScale()
+        self._sampled = Sampled(0.0, 1)
         # the oldest forecast that is scored lies one longest lead behind the window
-        capacity = math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1
+        capacity = math.ceil(s.window * ROWS_A_PERIOD * 1.25) + MOST_AHEAD
         self._rows = RowBuffer(capacity, OF_MEANS.stop)
         self._upstream = UpstreamRows(s.upstream, capacity)
         axes = tuple(self._axes.values())
-        self._points = PointForecaster(s.points, axes, 2 * round(s.horizon * ROW_RATE) + 1)
+        self._points = PointForecaster(s.points, axes, 2 * MOST_AHEAD)
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
-        self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
+        self._valid_leads = ValidLeads(s.valid_error, axes, s.window * USUAL_PERIOD)
         self._time = self._rows_begun = self._stamp = self._elapsed = 0.0
         self._heading = 0.0, 0.0
         self._due = self._oscillator_due = self._refit_due = self._sea_state_due = -math.inf
@@ -181,16 +197,15 @@ class Forecaster:
         the forecast one sample ahead; `issue` must complete it before the next sample.
         """
         since = elapsed if self._is_linked and elapsed is not None else math.inf
-        linked = since <= LONGEST_BRIDGE
-        self._stamp, self._elapsed = stamp, since if linked else 0.0
+        linked = since <= LONGEST_BRIDGE * self._scale.period
+        self._stamp, self._sampled = stamp, Sampled(0.0, 1)
         if linked:
-            self._time += self._elapsed
-            change = self._clock.follow(self._elapsed)
-            if change is not None:
-                self._begin_rows(change == NEW)
+            self._sampled = self._clock.sensor.follow(since)
+            self._time += self._sampled.elapsed
+            self._lay_out()
         else:
             self._break_off()
-        reasons = self._follow_axes(sample, self._elapsed, linked)
+        reasons = self._follow_axes(sample, self._sampled, linked)
         # the heading is not forecast: the last one measured is held
         yaw, yaw_rate = self._heading
         self._heading = (
@@ -205,11 +220,16 @@ class Forecaster:
         if sample is None or bank is None:
             return step
         step = step._replace(sea=self._take_over(bank))
-        rows = self._clock.take(sample, self._elapsed)
-        if rows:
-            self._take_row(bank, rows, self._stamp)
+        filtered = [axis.motion if axis.hull.is_started else None for axis in self._axes.values()]
+        steps = 0
+        for age, row in self._clock.take(sample, self._sampled, filtered):
+            steps += 1
+            if row is not None:
+                self._take_row(bank, steps, self._stamp - age, row)
+                steps = 0
         if self._time < self._due:
             return step
+        bank = self._look_at_period(bank)
         self._schedule()
         forecast, horizon, outlook = self._issue(bank, sample.stamp_ns)
         return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=self._sea_request())
@@ -224,11 +244,12 @@ class Forecaster:
             self._upstream.skip(2 * MAX_LAGS)
         self._skip_rows(2 * MAX_LAGS)
         self._clock.restart()
+        self._clock.sensor.restart()
         if self._calm is not None:
             self._calm.quiescence.clear()
 
-    def _follow_axes(self, sample: CraftSample, elapsed: float, linked: bool):
-        even = self._clock.is_even(elapsed)
+    def _follow_axes(self, sample: CraftSample, sampled: Sampled, linked: bool):
+        elapsed, even = sampled.elapsed, sampled.intervals == 1
         reasons: tuple[str, ...] = ()
         for name, axis in self._axes.items():
             angle, rate, *reported = _OF_AXIS[name](sample)
@@ -243,23 +264,51 @@ class Forecaster:
 
     # -- rows
 
-    def _begin_rows(self, is_new: bool):
-        """Begin with another step, which makes all that was learnt in rows invalid; the rows too if it ``is_new``."""
-        if is_new:
+    def _lay_out(self):
+        """Follow the sensor's interval and the motion's period with the step between rows."""
+        before = self._clock.step
+        if self._clock.is_laid_out_for(self._scale.period):
+            if self._clock.corrected():
+                self._begin_rows()
+        elif self._clock.lay_out(self._scale.period):
+            past = self._rows.last().copy()
+            ratio = self._clock.step / before
             self._rows.clear()
-            self._rows_begun, self._sea_state_due = self._time, self._time + LONGEST_BRIDGE
-        step = self._clock.step
-        self._upstream.begin(step, is_new)
-        self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._upstream)
+            for row in resampled(past, ratio) if len(past) else ():
+                self._rows.append(row)
+            if before != before:
+                self._rows_begun, self._sea_state_due = self._time, self._time + SEA_STATE_INTERVAL
+            self._upstream.lay_out(self._clock.step, ratio)
+            self._begin_rows()
+
+    def _look_at_period(self, bank: Bank) -> Bank:
+        """Find the period of the motion when it is time to; the bank that is used from now on."""
+        age = self._time - self._rows_begun
+        if self._scale.is_due(age):
+            rows = self._rows.last(int(self._scale.past(age) / self._clock.step) + 1)[:, OF_SAMPLE]
+            count = len(AXES)
+            noise = np.array([axis.noise for axis in self._axes.values()])
+            found = period_of(rows[:, :count], rows[:, count:], self._clock.step, noise[:, 0], noise[:, 1])
+            if self._scale.follow(found, age):
+                self._lay_out()
+        return self._bank or bank
+
+    def _begin_rows(self):
+        """Begin with another step, which makes all that was learnt in rows invalid."""
+        step, before = self._clock.step, self._bank
+        self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._clock.period, self._upstream)
+        if before is not None:
+            self._bank.blend.carry_over(before.blend)
         self._points.begin(step, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting = False, None
         self._oscillator_due = self._refit_due = -math.inf
+        if len(self._rows):
+            self._follow_oscillator(self._bank)
 
-    def _take_row(self, bank: Bank, steps: int, stamp: float):
-        """Take the newest sample as a row, the given number of steps after the one before."""
+    def _take_row(self, bank: Bank, steps: int, stamp: float, row: list[float]):
+        """Take the next row, the given number of steps after the one before."""
         self._upstream.append(stamp, steps)
         self._skip_rows(steps - 1)
-        row = self._clock.row([axis.motion if axis.hull.is_started else None for axis in self._axes.values()])
         self._rows.append(row)
         channels = np.array(row[OF_CHANNELS])
         bank.step(channels)
@@ -271,7 +320,7 @@ class Forecaster:
         """Fit it in the foreground, because it costs so little."""
         if self._time >= self._oscillator_due:
             self._oscillator_due = self._time + self._interval_of_refits(_FIRST_INTERVAL)
-            model = oscillators(self._past(self.settings.window), CHANNELS, self._clock.step, AXES)
+            model = oscillators(self._past(), CHANNELS, self._clock.step, self._clock.period, AXES)
             if model is not None:
                 bank.use(OSCILLATOR, model, self._newest(2 * MAX_LAGS))
 
@@ -281,9 +330,13 @@ class Forecaster:
             self._bank.skip(count)
             self._points.skip(count, self._bank.spaces.get(WAVES))
 
-    def _past(self, duration: float):
-        """The channels' rows of the last seconds, as many as given."""
-        return self._newest(int(duration / self._clock.step) + 1)
+    @property
+    def _window(self):
+        """Rows of the past that is learnt from."""
+        return int(self.settings.window * self._clock.period / self._clock.step) + 1
+
+    def _past(self):
+        return self._newest(self._window)
 
     def _newest(self, count: int | None = None):
         return self._rows.last(count)[:, OF_CHANNELS]
@@ -292,33 +345,37 @@ class Forecaster:
 
     def _interval_of_refits(self, least: float):
         """s: the information in a young fit grows quickly; one of a long past costs more and changes less."""
-        return max(least, min(_REFIT_SHARE * (self._time - self._rows_begun), _LONGEST_REFIT_INTERVAL))
+        share = _REFIT_SHARE * (self._time - self._rows_begun)
+        return max(least * self._clock.period, min(share, _LONGEST_REFIT_INTERVAL * self._clock.period))
 
     def _sea_request(self):
         """The past to learn from, when a fit is due; else None."""
         s = self.settings
-        if self._time < self._refit_due or self._time - self._rows_begun < s.first_refit:
+        if self._time < self._refit_due or self._time - self._rows_begun < s.first_refit * self._clock.period:
             return None
         self._refit_due = self._time + self._interval_of_refits(s.refit_interval)
-        past = self._past(s.window).copy()
+        past = self._past().copy()
         return SeaRequest(
             self._time,
             self._clock.step,
+            self._clock.period,
             CHANNELS,
             past,
             dict(self._excitation_requests()),
             self._points.request(self._clock, self._rows.newest),
             self._time >= self._sea_state_due,
-            self._upstream.request(len(past), int(SHORT / self._clock.step), self._leads[-1] + self._clock.step),
+            self._upstream.request(
+                len(past), int(SHORT * self._clock.period / self._clock.step), self._leads[-1] + self._clock.step
+            ),
         )
 
     def _excitation_requests(self):
         step, samples = self._clock.step, self._clock.samples
-        rows = self._rows.last(int(self.settings.window / step) + 1)[:, OF_MEANS]
+        rows = self._rows.last(self._window)[:, OF_MEANS]
         for place, (name, axis) in enumerate(self._axes.items()):
             known = axis.hull.learnt_hull()
             if known is not None and axis.hull.is_started:
-                angle, rate = newest_stretch(rows[:, place :: len(AXES)].T, step)
+                angle, rate = newest_stretch(rows[:, place :: len(AXES)].T, step, self._clock.period)
                 of_angle, of_rate = (variance / samples for variance in axis.noise_to_hull)
                 yield name, ExcitationRequest(*known, step, angle, rate, of_angle, of_rate, samples)
 
@@ -333,14 +390,14 @@ class Forecaster:
             bank.renew(name)
             self._has_waves = True
         if fit.upstream:
-            bank.use_upstream(fit.upstream, self._newest(), self._time, 0.5 * self.settings.window)
+            bank.use_upstream(fit.upstream, self._newest(), self._time, 0.5 * self.settings.window * self._clock.period)
         if WAVES in fit.waves:
             self._points.install(fit.vertical, self._rows.newest, bank.spaces[WAVES])
         for name, excitation in fit.excitations.items():
             if self._axes[name].identified is not None:
                 self._axes[name].hull.set_excitation(excitation, self._time - fit.time)
         if fit.sea is not None:
-            self._sea_state_due += LONGEST_BRIDGE
+            self._sea_state_due += SEA_STATE_INTERVAL
         return fit.sea
 
     # -- forecasts

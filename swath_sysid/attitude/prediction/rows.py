@@ -94,9 +94,11 @@ class SampleClock:
     def _begin_again(self):
         """The sensor has another rate."""
         newest = list(self._newest)[-_IRREGULAR_SAMPLES:]
-        self.__init__()
+        self._newest.clear()
         self._newest.extend(newest)
         self.interval, self.count = float(np.median(newest)), len(newest)
+        self._behind = self._jitter = 0.0
+        self._irregular = 0
 
 
 class RowClock:
@@ -110,6 +112,7 @@ class RowClock:
         self.samples = 1  #: Per row.
         self.period = USUAL_PERIOD  #: s; of the motion that the rows are laid out for.
         self._tick = math.nan  #: s between the samples that rows are made of.
+        self._laid_for = math.nan  #: s; the sensor's interval then.
         self._corrections = 0
         self.restart()
 
@@ -140,7 +143,7 @@ class RowClock:
 
     def lay_out(self, period: float) -> bool:
         """Lay out rows for a motion of this period, s; whether that gives another step."""
-        self.period = period
+        self.period, self._laid_for = period, self.interval
         samples = max(1, round(period / ROWS_A_PERIOD / self.interval))
         if abs(samples * self.interval / self.step - 1.0) < _NEW_STEP:
             return False
@@ -148,6 +151,10 @@ class RowClock:
         self.step, self._corrections = samples * self.interval, self.sensor.count
         self.restart()
         return True
+
+    def is_laid_out_for(self, period: float) -> bool:
+        """Whether the rows are those for a motion of this period, s, and for the sensor's present rate."""
+        return period == self.period and abs(self.interval / self._laid_for - 1.0) < _OTHER_RATE
 
     def corrected(self) -> bool:
         """Follow the interval while it settles; whether that has changed the step."""

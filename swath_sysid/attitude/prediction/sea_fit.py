@@ -18,9 +18,9 @@ from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, Vertica
 
 WAVES, NEW_WAVES = 'waves', 'waves-new'  #: State spaces of the whole past, and of a sea that has just begun.
 
-SHORT = 60.0  #: s of the past that show a new sea.
+SHORT = 19.0  #: Periods of the past that show a new sea.
 
-LONGEST_FILLED = 2.0  #: s; the phase is lost in a longer gap.
+LONGEST_FILLED = 0.6  #: Periods; the phase is lost in a longer gap.
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,7 @@ class SeaRequest:
 
     time: float  #: When it was asked for, s of the forecaster's own time.
     step: float  #: Between rows, s.
+    period: float  #: Of the motion, s.
     names: tuple[str, ...]  #: Of the channels.
     values: np.ndarray  #: (N, C); Oldest first; NaN where a sample or a channel is missing.
     excitations: dict[str, ExcitationRequest] = field(default_factory=dict)  #: By axis with an identified hull.
@@ -71,13 +72,13 @@ def fit_sea(request: SeaRequest) -> SeaFit:
         >>> fits > 0
         True
     """
-    past, names, step = request.values, request.names, request.step
-    newest = past[-round(SHORT / step) :]
-    new = identify(newest, names, step) if len(newest) < len(past) else None
+    past, names, step, period = request.values, request.names, request.step, request.period
+    newest = past[-round(SHORT * period / step) :]
+    new = identify(newest, names, step, period) if len(newest) < len(past) else None
     waves = {
-        WAVES: identify(past, names, step),
+        WAVES: identify(past, names, step, period),
         # fewer coefficients where all channels are too many for so few rows
-        NEW_WAVES: identify_alone(past, names, step, AXES) if new is None else new,
+        NEW_WAVES: identify_alone(past, names, step, period, AXES) if new is None else new,
     }
     excitations = {axis: fit_excitation(asked) for axis, asked in request.excitations.items()}
     vertical, model = None, waves[WAVES]
@@ -89,7 +90,7 @@ def fit_sea(request: SeaRequest) -> SeaFit:
         {axis: fit for axis, fit in excitations.items() if fit is not None},
         vertical,
         sea_of(request) if request.wants_sea_state else None,
-        {} if request.upstream is None else fit_upstream(past[:, : len(ATTITUDE)], step, request.upstream),
+        {} if request.upstream is None else fit_upstream(past[:, : len(ATTITUDE)], step, period, request.upstream),
     )
 
 
@@ -99,7 +100,7 @@ def sea_of(request: SeaRequest) -> SeaReport:
     needed = request.values[:, [place[name] for name in (*AXES, *FORCE)]].T
     if not np.isfinite(needed).any(axis=1).all():
         return SeaReport(None, 'the sea shows in attitude and accelerations together, and the sensor lacks one of them')
-    roll, pitch, *force = newest_stretch(needed, request.step)
+    roll, pitch, *force = newest_stretch(needed, request.step, request.period)
     return sea_report(vertical_acceleration(roll, pitch, np.stack(force, axis=1)), roll, pitch, request.step)
 
 
@@ -108,7 +109,7 @@ def _fit_vertical(request: SeaRequest, wanted: VerticalRequest, model: Innovatio
     needed = sorted({*model.places, *(request.names.index(name) for name in (*ATTITUDE, *FORCE))})
     rows = np.full_like(request.values, math.nan)
     rows[:, needed] = request.values[:, needed]
-    numbered = newest_stretch(np.vstack([rows[:, needed].T, np.arange(float(len(rows)))]), request.step)
+    numbered = newest_stretch(np.vstack([rows[:, needed].T, np.arange(float(len(rows)))]), request.step, request.period)
     if not numbered.size:
         return None
     stretch = np.full((numbered.shape[1], rows.shape[1]), math.nan)
@@ -117,7 +118,7 @@ def _fit_vertical(request: SeaRequest, wanted: VerticalRequest, model: Innovatio
     return fit_vertical(stretch, request.names, request.step, model, wanted, age)
 
 
-def newest_stretch(channels: np.ndarray, step: float) -> np.ndarray:
+def newest_stretch(channels: np.ndarray, step: float, period: float) -> np.ndarray:
     """The newest stretch of channels (C, N), oldest first, NaN where missing, without a long gap.
 
     Short gaps are interpolated linearly; a channel that is not measured stays NaN; empty where nothing is measured.
@@ -126,7 +127,7 @@ def newest_stretch(channels: np.ndarray, step: float) -> np.ndarray:
     seen = np.flatnonzero(np.isfinite(channels[measured]).all(axis=0) & measured.any())
     if not seen.size:
         return channels[:, :0]
-    breaks = np.flatnonzero(np.diff(seen) * step > LONGEST_FILLED)
+    breaks = np.flatnonzero(np.diff(seen) * step > LONGEST_FILLED * period)
     seen = seen[breaks[-1] + 1 :] if breaks.size else seen
     even = np.arange(seen[0], seen[-1] + 1)
     return np.array(
@@ -141,4 +142,4 @@ def warm_up() -> None:
     """A small fit of simulated waves, so that the next one finds everything loaded."""
     time = np.arange(0.0, 30.0, 0.1)
     values = np.stack([np.sin((1.0 + 0.3 * c) * time + np.sin((2.0 + c) * time)) for c in range(7)], axis=1)
-    fit_sea(SeaRequest(float(time[-1]), 0.1, tuple('abcdefg'), values))
+    fit_sea(SeaRequest(float(time[-1]), 0.1, 3.0, tuple('abcdefg'), values))

@@ -21,8 +21,7 @@ _DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 RIDGE = 1e-8
 # a state whose errors are this much less than the innovations (in variance) is known
 _KNOWN = 1e-4
-# s over which the innovations of the targets are averaged
-_STRAIN_TIME = 1.0
+STRAIN_TIME = 0.31  #: Periods over which the innovations of the targets are averaged.
 #: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.
 BREAK = 400.0
 
@@ -60,7 +59,12 @@ class InnovationsFilter:
     """
 
     def __init__(
-        self, model: InnovationsModel, targets: Sequence[str], horizon: float, steps: Sequence[int] | np.ndarray = ()
+        self,
+        model: InnovationsModel,
+        targets: Sequence[str],
+        horizon: float,
+        steps: Sequence[int] | np.ndarray = (),
+        strain_time: float = 1.0,
     ) -> None:
         self.model = model
         self.targets = tuple(targets)
@@ -73,7 +77,7 @@ class InnovationsFilter:
         watched = [name in self.targets for name in model.channels]
         self._watched = np.array(watched) if any(watched) else np.ones(len(watched), dtype=bool)
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
-        self._strain_gain = min(1.0, model.step / _STRAIN_TIME)
+        self._strain_gain = min(1.0, model.step / strain_time)
         self._largest = BREAK * np.diag(model.s)
         self._at: Any = np.array(steps, dtype=int)
         if self._at.size and self._at[-1] - self._at[0] == self._at.size - 1:

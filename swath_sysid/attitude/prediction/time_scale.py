@@ -57,5 +57,7 @@ class TimeScale:
         if is_other:
             self.period = found
         self._next = min(2.0 * self._next, _LAST_LOOK)
-        self._due = max(2.0 * age, self._next * self.period) if self._next < _LAST_LOOK else age + _LAST_LOOK * self.period
+        self._due = (
+            max(2.0 * age, self._next * self.period) if self._next < _LAST_LOOK else age + _LAST_LOOK * self.period
+        )
         return is_other

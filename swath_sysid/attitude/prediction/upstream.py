@@ -14,6 +14,7 @@ from scipy.linalg import cholesky, solve_triangular
 from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.attitude.prediction.rows import resampled
 from swath_sysid.attitude.prediction.state_space import BREAK, RIDGE, InnovationsFilter
 from swath_sysid.attitude.prediction.variate_analysis import ROWS_A_COEFFICIENT, identify, lag_gram, useful_channels
 from swath_sysid.common.errors import InputError
@@ -21,7 +22,8 @@ from swath_sysid.common.row_buffer import RowBuffer
 
 UPSTREAM, NEW_UPSTREAM = 'upstream', 'upstream-new'  #: State spaces of the whole past, and of its end.
 
-LONGEST_PAST = 30.0  #: s; waves of 10 s take as long over two wavelengths.
+LONGEST_PAST = 9.4  #: Periods; waves take as long over some wavelengths.
+MOST_POINTS = 300  #: Of a series that wait for their row.
 _MOST_LAGGED = 300  #: Lags times channels: the time of a fit goes with its cube.
 _STATES = 60  #: Of one model: waves on their way take more than a craft's motion does.
 _LONGEST_HELD = 2.0  #: s; a series that repeats one value for longer is stuck.
@@ -42,7 +44,7 @@ class _Series:
     """The samples of one series, no more than one for each row: a quicker sensor's are averaged."""
 
     def __init__(self) -> None:
-        self.points: deque[tuple[float, float]] = deque(maxlen=round(10 * LONGEST_PAST))  #: Stamp, s, and value.
+        self.points: deque[tuple[float, float]] = deque(maxlen=MOST_POINTS)  #: Stamp, s, and value.
         self.interval = math.nan  #: s between points.
         self.next = 0  #: Number of the first row without its value.
         self._last = self._changed = -math.inf
@@ -106,12 +108,18 @@ class UpstreamRows:
         """Number of the newest row."""
         return self._rows.newest
 
-    def begin(self, step: float, is_new: bool) -> None:
-        """Start with rows of another step, s; without the old ones if it ``is_new``."""
-        self._step = step
-        if is_new:
+    def lay_out(self, step: float, ratio: float) -> None:
+        """Go on with rows of another step, s, so many times that of before."""
+        self._step, past = step, self._rows.last().copy()
+        if len(past):
+            newest, count = self.newest, len(self.names)
+            rows = resampled(past, ratio)
+            rows[:, 1 + count :] /= ratio
             self._rows.clear()
-            self._series = {name: _Series() for name in self.names}
+            for row in rows:
+                self._rows.append(row)
+            for series in self._series.values():
+                series.next = self.newest + 1 - round((newest + 1 - series.next) / ratio)
 
     def take(self, name: str, stamp: float, value: float) -> None:
         """Take a sample of a series, stamped in s on the clock of the rows."""
@@ -188,7 +196,7 @@ class UpstreamFit:
     newest: int  #: Number of the row up to which it has stepped.
 
 
-def fit_upstream(own: np.ndarray, step: float, asked: UpstreamRequest) -> dict[str, UpstreamFit]:
+def fit_upstream(own: np.ndarray, step: float, period: float, asked: UpstreamRequest) -> dict[str, UpstreamFit]:
     """State spaces of the whole past and of its end, from rows of `ATTITUDE` (N, 4), ``step`` s apart.
 
     None where the upstream channels are missing for the most part, or the past is too short.
@@ -199,7 +207,8 @@ def fit_upstream(own: np.ndarray, step: float, asked: UpstreamRequest) -> dict[s
     rows = rows[seen[0] :] if seen.size else rows[:0]
     width = len(useful_channels(rows))
     # the state holds all that is on its way, so the past reaches back to where the longest lead's wave comes from
-    past = min(needed_past(rows, step, 0.5 * asked.horizon) + 0.5 * asked.horizon, LONGEST_PAST)
+    longest = LONGEST_PAST * period
+    past = min(needed_past(rows, step, 0.5 * asked.horizon, longest) + 0.5 * asked.horizon, longest)
     every = _rows_between_lags(past, width, step)
     lags, newest = round(past / (every * step)), asked.newest % every
     coarse = rows[::-1][newest::every][::-1]
@@ -208,7 +217,7 @@ def fit_upstream(own: np.ndarray, step: float, asked: UpstreamRequest) -> dict[s
     for name in candidates_of(asked.names):
         part = coarse[-shortest:].copy() if name == NEW_UPSTREAM else coarse.copy()
         part[:, [without(each) == name for each in names]] = math.nan
-        model = identify(part, names, every * step, lags, _STATES) if lags else None
+        model = identify(part, names, every * step, period, lags, _STATES) if lags else None
         if model is not None and set(model.channels) & set(asked.names):
             space = InnovationsFilter(model, ATTITUDE, asked.horizon + every * step)
             space.seed(coarse[-2 * lags :])
@@ -225,7 +234,7 @@ def _delayed(values: np.ndarray, rows: int) -> np.ndarray:
     return np.concatenate([np.full(rows, math.nan), values])[: values.size]
 
 
-def needed_past(rows: np.ndarray, step: float, lead: float) -> float:
+def needed_past(rows: np.ndarray, step: float, lead: float, longest: float) -> float:
     """The past, s, from which the first two channels of rows (N, C) are best forecast so many s ahead.
 
     By nested regressions, all of which one Cholesky factor of the lags' Gram matrix holds; each lag must lower the
@@ -233,11 +242,11 @@ def needed_past(rows: np.ndarray, step: float, lead: float) -> float:
     where the rows do not suffice.
     """
     places = useful_channels(rows)
-    every = _rows_between_lags(LONGEST_PAST, len(places), step)
+    every = _rows_between_lags(longest, len(places), step)
     ahead = max(1, round(lead / (every * step)))
     coarse = rows[::every, places]
     coarse = (coarse - np.nanmean(coarse, axis=0)) / np.nanstd(coarse, axis=0) if places else coarse
-    width, lags = max(len(places), 1), round(LONGEST_PAST / (every * step))
+    width, lags = max(len(places), 1), round(longest / (every * step))
     lags = min(lags, len(coarse) // (3 * width) - ahead)
     targets = [k for k, place in enumerate(places) if place < len(AXES)]
     if lags < 1 or not targets:

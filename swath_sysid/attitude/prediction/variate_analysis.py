@@ -13,8 +13,8 @@ from scipy.linalg import cholesky, eigh, solve_triangular
 
 from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsModel, side_by_side, whole_lags
 
-# lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
-MAX_LAGS, _LONGEST_REACH, _MIN_LAGS = 40, 20.0, 2
+# lags on either side, and the periods that they reach back at the most
+MAX_LAGS, _LONGEST_REACH, _MIN_LAGS = 40, 2.0, 2
 _STATES_A_CHANNEL = 7
 ROWS_A_COEFFICIENT = 8.0
 _LAGS_A_STATE = 2.0
@@ -29,7 +29,12 @@ _MAX_GROWTH = 1.01
 
 
 def identify(
-    values: np.ndarray, names: Sequence[str], step: float, lags: int | None = None, states: int | None = None
+    values: np.ndarray,
+    names: Sequence[str],
+    step: float,
+    period: float,
+    lags: int | None = None,
+    states: int | None = None,
 ) -> InnovationsModel | None:
     """The innovations model of a window (N, width), oldest first, one row per step, s, NaN where missing.
 
@@ -42,7 +47,7 @@ def identify(
     rows = values[:, places]
     mean, scale = np.nanmean(rows, axis=0), np.nanstd(rows, axis=0)
     rows = without_breaks((rows - mean) / scale)
-    most = max_lags(step) if lags is None else lags
+    most = max_lags(step, period) if lags is None else lags
     if broken(rows, most):
         rows = fill_short_gaps(rows)
     half = lags_for(rows, most)
@@ -61,7 +66,7 @@ def identify(
 
 
 def identify_alone(
-    values: np.ndarray, names: Sequence[str], step: float, angles: Sequence[str]
+    values: np.ndarray, names: Sequence[str], step: float, period: float, angles: Sequence[str]
 ) -> InnovationsModel | None:
     """As `identify`, each of the ``angles`` from itself and its rate ``X_rate``: fewer coefficients, for little data.
 
@@ -70,7 +75,7 @@ def identify_alone(
     models = []
     for angle in angles:
         columns = [place for place, name in enumerate(names) if name in (angle, f'{angle}_rate')]
-        model = identify(values[:, columns], [names[c] for c in columns], step)
+        model = identify(values[:, columns], [names[c] for c in columns], step, period)
         if model is not None:
             models.append(replace(model, places=tuple([columns[p] for p in model.places])))
     return side_by_side(models) if models else None
@@ -107,9 +112,9 @@ def lags_for(rows: np.ndarray, most: int) -> int | None:
     return None
 
 
-def max_lags(step: float) -> int:
+def max_lags(step: float, period: float) -> int:
     """Lags on either side, however much data there is."""
-    return min(MAX_LAGS, round(_LONGEST_REACH / step))
+    return min(MAX_LAGS, round(_LONGEST_REACH * period / step))
 
 
 def broken(rows: np.ndarray, lags: int) -> bool:
