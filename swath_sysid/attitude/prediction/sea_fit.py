@@ -18,7 +18,7 @@ from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, Vertica
 
 WAVES, NEW_WAVES = 'waves', 'waves-new'  #: State spaces of the whole past, and of a sea that has just begun.
 
-SHORT = 19.0  #: Periods of the past that show a new sea.
+SHORT = 7.0  #: Periods of the past that show a new sea.
 
 LONGEST_FILLED = 0.6  #: Periods; the phase is lost in a longer gap.
 
