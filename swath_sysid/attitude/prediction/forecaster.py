@@ -27,7 +27,6 @@ from swath_sysid.attitude.prediction.rows import (
     OF_MEANS,
     OF_SAMPLE,
     ROWS_A_PERIOD,
-    USUAL_PERIOD,
     RowClock,
     Sampled,
     resampled,
@@ -132,7 +131,7 @@ class Forecaster:
 
     def __init__(self, settings: ForecasterSettings | None = None) -> None:
         self.settings = s = settings or ForecasterSettings()
-        self._axes = {axis: AxisFilter(s.hull, s.window * USUAL_PERIOD) for axis in AXES}
+        self._axes = {axis: AxisFilter(s.hull, s.window) for axis in AXES}
         leads = np.array(s.leads)
         horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
         self._leads = np.unique(np.round(np.concatenate([leads, horizon]), 9))
@@ -147,7 +146,7 @@ class Forecaster:
         axes = tuple(self._axes.values())
         self._points = PointForecaster(s.points, axes, 2 * MOST_AHEAD)
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
-        self._valid_leads = ValidLeads(s.valid_error, axes, s.window * USUAL_PERIOD)
+        self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
         self._time = self._rows_begun = self._stamp = self._elapsed = 0.0
         self._heading = 0.0, 0.0
         self._due = self._oscillator_due = self._refit_due = self._sea_state_due = -math.inf
@@ -296,10 +295,12 @@ class Forecaster:
     def _begin_rows(self):
         """Begin with another step, which makes all that was learnt in rows invalid."""
         step, before = self._clock.step, self._bank
+        for axis in self._axes.values():
+            axis.set_period(self._clock.period)
         self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._clock.period, self._upstream)
         if before is not None:
             self._bank.blend.carry_over(before.blend)
-        self._points.begin(step, math.ceil(self._leads[-1] / step) + 2)
+        self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting = False, None
         self._oscillator_due = self._refit_due = -math.inf
         if len(self._rows):
@@ -377,7 +378,7 @@ class Forecaster:
             if known is not None and axis.hull.is_started:
                 angle, rate = newest_stretch(rows[:, place :: len(AXES)].T, step, self._clock.period)
                 of_angle, of_rate = (variance / samples for variance in axis.noise_to_hull)
-                yield name, ExcitationRequest(*known, step, angle, rate, of_angle, of_rate, samples)
+                yield name, ExcitationRequest(*known, step, self._clock.period, angle, rate, of_angle, of_rate, samples)
 
     def _take_over(self, bank: Bank) -> SeaReport | None:
         """Use a fit whose time has come; its report of the sea state."""

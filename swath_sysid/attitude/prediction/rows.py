@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.state_space import cubic_weights
 
@@ -26,7 +27,6 @@ OF_CHANNELS = slice(len(CHANNELS))
 OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
 OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
-USUAL_PERIOD = 3.2  #: s; of a small craft, before its motion is known.
 ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
 LONGEST_FILLED = 0.2  #: Periods; what is lost for longer is not known.
 
