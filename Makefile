@@ -30,7 +30,7 @@ test: $(TESTS_READY)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m 'not long'
 
 test-long: $(TESTS_READY)
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m long $$(grep -l mark.long test/test_*.py)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m long $$(grep -rl --include='test_*.py' mark.long test)
 
 lint: $(TESTS_READY)
 	$(BIN)/ruff format --check

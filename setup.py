@@ -40,8 +40,12 @@ setup(
     package_data={
         NAME: [
             'py.typed',
-            *(f'{room}/*.yaml' for room in ('campaign', 'campaign/papers', 'cli', 'common', 'nodes/parameters')),
-            'formats/export/*.txt',
+            *(f'{room}/*.yaml' for room in ('cli', 'common', 'nodes/parameters')),
+            *(
+                f'{room}/*.yaml'
+                for room in ('tank', 'tank/campaign', 'tank/papers', 'manoeuvring', 'manoeuvring/paper')
+            ),
+            'manoeuvring/formats/export/*.txt',
             'report/*.css',
         ]
     },

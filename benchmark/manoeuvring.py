@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import simulated_craft
 
-from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv
+from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv
 from swath_sysid.manoeuvring.hull.model import preset
 from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, run_test, trial_programme, with_noise
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring

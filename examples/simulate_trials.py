@@ -10,9 +10,9 @@ import itertools
 import sys
 from pathlib import Path
 
-from swath_sysid.campaign.papers.decay_study import hull_at
-from swath_sysid.campaign.papers.publication import DECAY_STUDIES, decay_publication
 from swath_sysid.cli.main import main
+from swath_sysid.tank.papers.decay_study import hull_at
+from swath_sysid.tank.papers.publication import DECAY_STUDIES, decay_publication
 
 HERE = Path(__file__).resolve().parent
 

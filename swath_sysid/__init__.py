@@ -1,6 +1,7 @@
 """Online motion prediction of small craft: record, identify, forecast."""
 
 from importlib import import_module
+from os.path import isdir
 
 __version__ = '1.0.0'
 
@@ -20,16 +21,16 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.sea_fit import fit_sea as fit_sea
     from swath_sysid.common.advice import Advice as Advice
     from swath_sysid.common.errors import InputError as InputError
-    from swath_sysid.formats.export.fossen import fossen as fossen
-    from swath_sysid.formats.export.gazebo import gazebo as gazebo
-    from swath_sysid.formats.export.nav2 import nav2 as nav2
-    from swath_sysid.formats.export.vrx import vrx as vrx
-    from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv as read_manoeuvring_csv
-    from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model as read_manoeuvring_model
     from swath_sysid.formats.model_file import read_model as read_model
     from swath_sysid.formats.model_file import write_model as write_model
     from swath_sysid.formats.reading import read_trial as read_trial
     from swath_sysid.formats.upstream import read_upstream as read_upstream
+    from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv as read_manoeuvring_csv
+    from swath_sysid.manoeuvring.formats.export.fossen import fossen as fossen
+    from swath_sysid.manoeuvring.formats.export.gazebo import gazebo as gazebo
+    from swath_sysid.manoeuvring.formats.export.nav2 import nav2 as nav2
+    from swath_sysid.manoeuvring.formats.export.vrx import vrx as vrx
+    from swath_sysid.manoeuvring.formats.model_file import read_manoeuvring_model as read_manoeuvring_model
     from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring as identify_manoeuvring
     from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings as ManoeuvringSettings
     from swath_sysid.manoeuvring.motion.intake import prepare_runs as prepare_runs
@@ -58,19 +59,22 @@ _HOMES = {
     'attitude.prediction.forecaster': ('ForecasterSettings',),
     'attitude.prediction.sea_fit': ('fit_sea',),
     'attitude.motion.intake': ('ImuReading',),
-    'formats.manoeuvring_csv': ('read_manoeuvring_csv',),
+    'manoeuvring.formats.csv': ('read_manoeuvring_csv',),
     'manoeuvring.motion.intake': ('prepare_runs',),
     'manoeuvring.identification.identify': ('identify_manoeuvring',),
     'manoeuvring.identification.settings': ('ManoeuvringSettings',),
-    'formats.manoeuvring_model_file': ('read_manoeuvring_model',),
-    'formats.export.gazebo': ('gazebo',),
-    'formats.export.vrx': ('vrx',),
-    'formats.export.nav2': ('nav2',),
-    'formats.export.fossen': ('fossen',),
+    'manoeuvring.formats.model_file': ('read_manoeuvring_model',),
+    'manoeuvring.formats.export.gazebo': ('gazebo',),
+    'manoeuvring.formats.export.vrx': ('vrx',),
+    'manoeuvring.formats.export.nav2': ('nav2',),
+    'manoeuvring.formats.export.fossen': ('fossen',),
     'common.errors': ('InputError',),
     'common.advice': ('Advice',),
 }
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+#: Of the rooms that are here: a wing may be absent, and its names with it.
+_HOME_OF = {
+    name: home for home, names in _HOMES.items() for name in names if isdir(f'{__path__[0]}/{home.partition(".")[0]}')
+}
 
 __all__ = list(_HOME_OF)
 

@@ -18,8 +18,8 @@ import yaml
 from package_process import wait_for
 from site_pages import PAGES, ROOT, blocks_of
 
-from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.cli.main import main
+from swath_sysid.tank.campaign.manifest import read_manifest
 
 #: s; only a failure waits for it
 PATIENCE = 600.0

@@ -14,8 +14,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats import bags
 from swath_sysid.formats import messages as layout
 from swath_sysid.formats.bags import is_bag, read_bag, read_imu, write_imu_bag
-from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.formats.topics import IMU
+from swath_sysid.manoeuvring.formats.bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.manoeuvring.hull.model import preset
 from swath_sysid.manoeuvring.hull.simulation import simulate
 

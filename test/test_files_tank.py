@@ -9,12 +9,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import tables as named_columns
-from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv
 from swath_sysid.formats.reading import read_trial
+from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv
+from swath_sysid.tank.campaign.manifest import read_manifest
 
 STEP = 0.05
 TIME = STEP * np.arange(400)

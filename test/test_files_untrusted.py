@@ -5,23 +5,24 @@ import re
 
 import pytest
 import yaml
-from hostile_models import attitude_text, attitude_texts, manoeuvring_text, manoeuvring_texts
+from hostile_manoeuvring_models import manoeuvring_text, manoeuvring_texts
+from hostile_models import attitude_text, attitude_texts
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import schema
 from swath_sysid.formats import schema as untrusted_yaml
 from swath_sysid.formats.files import shown
-from swath_sysid.formats.manoeuvring_model_file import (
+from swath_sysid.formats.model_file import description_from_yaml, model_to_yaml, read_model
+from swath_sysid.formats.schema import LARGEST_TEXT, dumped, plain_content, text_of
+from swath_sysid.manoeuvring.formats.model_file import (
     manoeuvring_from_yaml,
     manoeuvring_to_yaml,
     read_manoeuvring_model,
 )
-from swath_sysid.formats.model_file import description_from_yaml, model_to_yaml, read_model
-from swath_sysid.formats.schema import LARGEST_TEXT, dumped, plain_content, text_of
+from swath_sysid.tank.campaign.manifest import read_manifest
 
 READERS = {'attitude': description_from_yaml, 'manoeuvring': manoeuvring_from_yaml}
 VALID = {'attitude': attitude_text(), 'manoeuvring': manoeuvring_text()}

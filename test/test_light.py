@@ -55,7 +55,9 @@ def test_filterpy_is_loaded_by_what_forecasts_and_by_nothing_else():
     modules = 'attitude.prediction.sea_fit', 'attitude.identification.refit', 'manoeuvring.identification.refit'
     for module in modules:
         assert 'filterpy' not in loaded_by(f'swath_sysid.{module} as work; work.warm_up()')
-    assert 'filterpy' not in loaded_by('swath_sysid.cli.page, swath_sysid.page.live_view, swath_sysid.cli.manoeuvre')
+    assert 'filterpy' not in loaded_by(
+        'swath_sysid.cli.page, swath_sysid.page.live_view, swath_sysid.manoeuvring.cli.manoeuvre'
+    )
     assert 'filterpy' in loaded_by('swath_sysid.pipeline.forecast_pipeline as work; work.warm_up()')
     assert 'filterpy' in loaded_by('swath_sysid.manoeuvring.prediction.predictor')
 

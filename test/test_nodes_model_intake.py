@@ -7,7 +7,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from hostile_models import attitude_text, attitude_texts, manoeuvring_text, manoeuvring_texts, of_any_kind  # noqa: E402
+from hostile_manoeuvring_models import manoeuvring_text, manoeuvring_texts  # noqa: E402
+from hostile_models import attitude_text, attitude_texts, of_any_kind  # noqa: E402
 from live_bench import LATCHED, Bench, stamp_ns, start, start_node, start_together, stop, wait_for  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 

@@ -17,10 +17,10 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.window import THRUST_INPUTS
+from swath_sysid.manoeuvring.nodes.settings import manoeuvring_pipeline_settings, manoeuvring_settings
 from swath_sysid.nodes.parameters.files import configuration_file, values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_pipeline_settings, manoeuvring_settings
 from swath_sysid.nodes.parameters.predictor import pipeline_settings
 from swath_sysid.nodes.parameters.simulated_craft import craft_settings
 from swath_sysid.nodes.parameters.table import NODES, defaults, parameters_of, table_of

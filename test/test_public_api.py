@@ -9,11 +9,11 @@ from pathlib import Path
 
 import matplotlib.pyplot
 import pytest
-from hostile_models import manoeuvring_text
+from hostile_manoeuvring_models import manoeuvring_text
 from test_light import loaded_by
 
 import swath_sysid
-from swath_sysid.formats.manoeuvring_csv import write_manoeuvring_csv
+from swath_sysid.manoeuvring.formats.csv import write_manoeuvring_csv
 from swath_sysid.manoeuvring.hull.model import preset
 from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
 

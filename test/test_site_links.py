@@ -14,7 +14,8 @@ from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.cli.main import VERBS, build_parser
 from swath_sysid.common.sentences import REASONS, SENTENCES
-from swath_sysid.formats.topics import LEADS, MANOEUVRING_LEADS, TYPES
+from swath_sysid.common.wings import handed_in
+from swath_sysid.formats.topics import LEADS, TYPES
 from swath_sysid.nodes.parameters.table import NODES, table_of
 
 OTHERS = ('CONTRIBUTING.md', 'QUALITY_DECLARATION.md', 'SECURITY.md')
@@ -86,7 +87,7 @@ def test_every_command_line_is_one(line):
 
 
 def test_every_verb_hull_preset_and_topic_is_explained():
-    names = (*VERBS, *PUBLISHED_HULLS, *PRESETS, *TYPES, LEADS, MANOEUVRING_LEADS)
+    names = (*VERBS, *PUBLISHED_HULLS, *PRESETS, *TYPES, LEADS, *handed_in('topics'))
     assert [name for name in names if name not in SITE] == []
     assert set(re.findall(r'`swath-sysid ([a-z-]+)', SITE)) <= set(VERBS)
     assert set(VERBS) - {line.split()[1] for line in command_lines()} <= {'compare', 'scale', 'demo'}

@@ -13,15 +13,15 @@ from rosbags.typesys import Stores, get_typestore
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.campaign.manifest import read_manifest
-from swath_sysid.campaign.run import run_campaign
-from swath_sysid.campaign.work import ResultStore
 from swath_sysid.cli.main import main
 from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.formats.csv_trials import write_csv
-from swath_sysid.report.campaign_report import campaign_tables
 from swath_sysid.report.tables import table_as_csv
+from swath_sysid.tank.campaign.manifest import read_manifest
+from swath_sysid.tank.campaign.run import run_campaign
+from swath_sysid.tank.campaign.work import ResultStore
+from swath_sysid.tank.report.campaign_report import campaign_tables
 
 STORED = Path(__file__).parent / 'data' / 'stored_results.json'
 EVERY = 150

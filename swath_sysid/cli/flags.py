@@ -6,23 +6,32 @@ from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormat
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from swath_sysid.common.wings import named, tables_of_wings, yaml_table
 from swath_sysid.nodes.parameters.table import NodeParameter, table_of
 
 SHARED = 'shared'
+WINGS = 'wings'  #: Where verbs, or flags of a verb, of wings have their place.
 CORES = os.cpu_count()  #: A default in the table.
 
 
 @cache
 def table_of_verbs() -> dict[str, dict[str, Any]]:
-    """What the table says, by verb; what verbs share is under ``shared``."""
-    text = Path(__file__).with_suffix('.yaml').read_text(encoding='utf-8')
-    return yaml.load(text, getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+    """What the tables say, by verb, of the core and of the wings; what verbs share is under ``shared``."""
+    core = yaml_table(Path(__file__).with_suffix('.yaml'))
+    of_wings: dict[str, dict[str, Any]] = {}
+    for wing, table in tables_of_wings('flags.yaml'):
+        core[SHARED] |= table.pop(SHARED, {})
+        for verb, entry in table.items():
+            if verb in core:
+                core[verb]['flags'] |= entry['flags']
+            else:
+                of_wings[verb] = {**entry, 'room': f'{wing.name}.cli'}
+    place = list(core).index(WINGS)
+    core.pop(WINGS)
+    return dict([*list(core.items())[:place], *of_wings.items(), *list(core.items())[place:]])
 
 
 def examples_of(verb: str) -> str:
@@ -42,7 +51,7 @@ def add_arguments(parser: ArgumentParser, verb: str) -> None:
 
 
 def _fill(parser: ArgumentParser, entry: Mapping[str, Any]) -> None:
-    parser.epilog = _named(entry['epilog_from'])() if 'epilog_from' in entry else entry.get('epilog', '')
+    parser.epilog = named(entry['epilog_from'])() if 'epilog_from' in entry else entry.get('epilog', '')
     if parser.epilog and '\n' in parser.epilog:
         parser.formatter_class = RawDescriptionHelpFormatter
     _add_flags(parser, entry['flags'])
@@ -53,6 +62,8 @@ def _add_flags(parser: Any, flags: Mapping[str, Any]) -> None:
     for words, given in flags.items():
         if words in table_of_verbs()[SHARED]:
             _add_flags(parser, table_of_verbs()[SHARED][words])
+        elif words == WINGS:
+            _add_flags(parser, given or {})
         elif words in ('either', 'one of'):
             _add_flags(parser.add_mutually_exclusive_group(required=words == 'one of'), given)
         elif words.startswith('group '):
@@ -62,17 +73,8 @@ def _add_flags(parser: Any, flags: Mapping[str, Any]) -> None:
             flag, *units = words.split()
             for name in ('default', 'choices'):
                 if ' ' in str(entry.get(name, '')) and isinstance(entry[name], str):
-                    entry[name] = tuple(_named(entry[name])) if name == 'choices' else _named(entry[name])
+                    entry[name] = tuple(named(entry[name])) if name == 'choices' else named(entry[name])
             (_add_setting if 'setting' in entry else _add_flag)(parser, flag, units, **entry)
-
-
-def _named(reference: str) -> Any:
-    """What ``MODULE NAME NAME`` stands for, in the module of this package."""
-    module, *names = reference.split()
-    found = import_module(f'swath_sysid.{module}')
-    for name in names:
-        found = getattr(found, name)
-    return found
 
 
 def _add_flag(
@@ -80,7 +82,7 @@ def _add_flag(
 ) -> None:
     """A flag, or an argument by its place; the units stand for its values in the help."""
     if names := entry.pop('names', None):
-        found = _named(names)
+        found = named(names)
         found = [each.name for each in fields(found)] if is_dataclass(found) else found
         is_list = isinstance(found, Iterable) and not isinstance(found, str)
         help = str(help).format(names=', '.join(found) if is_list else found)

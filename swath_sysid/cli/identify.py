@@ -4,11 +4,10 @@ import sys
 import time
 from argparse import Namespace
 from collections.abc import Sequence
-from dataclasses import fields
 
 from swath_sysid.attitude.hull.catalogue import AUTO
+from swath_sysid.attitude.hull.decay_model import DecayModel, inertia_from_metacentric_height
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
-from swath_sysid.attitude.identification.extinction import Particulars, TypeB
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
@@ -19,9 +18,9 @@ from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import decays_of_other_axes, trials_of, write_fit
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import REJECTED
-from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError, check_choice
+from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
+from swath_sysid.common.wings import offered
 from swath_sysid.report.at_sea_figure import at_sea_figure
-from swath_sysid.report.extinction_tables import tank_tables
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import at_sea_as_data, at_sea_in_words, fit_as_data, fit_in_words, warnings_as_data
 from swath_sysid.report.tables import table_as_data, table_in_words
@@ -35,38 +34,36 @@ def settings_of(arguments: Namespace, equation: str = AUTO) -> IdentificationSet
     return IdentificationSettings(equation, arguments.objective, search, arguments.start, arguments.end)
 
 
-def particulars_of(arguments: Namespace) -> Particulars:
-    """The known particulars of the craft."""
-    given = {f.name: getattr(arguments, f.name) for f in fields(Particulars)}
-    for name, value in given.items():
-        if value is not None and not value > 0.0:
-            raise InputError(f'--{name.replace("_", "-")} must be greater than zero, not {value:g}')
+def check_inertia(arguments: Namespace) -> None:
+    """Raise `InputError` unless the inertia is given once, or not at all."""
+    check_positive(arguments, ('mass', 'metacentric_height', 'inertia'))
     mass, height = arguments.mass is not None, arguments.metacentric_height is not None
     if arguments.inertia is not None and height:
         raise InputError('give --inertia, or --mass with --metacentric-height, not both: each sets the inertia')
     if height and not mass or mass and not height and arguments.inertia is None:
         raise InputError('give both --mass and --metacentric-height, or neither')
-    return Particulars(**given)
 
 
-def type_b_of(arguments: Namespace) -> TypeB:
-    """Uncertainties of the command line."""
-    given: dict[str, float] = {}
-    sources = [f.name for f in fields(TypeB)]
-    for text in arguments.uncertainty:
-        name, _, share = text.partition('=')
-        check_choice(name, sources, 'source of uncertainty')
-        try:
-            given[name] = float(share)
-        except ValueError:
-            raise InputError(f"--uncertainty {name} needs a share such as {name}=0.01, not '{share}'") from None
-    return TypeB(**given)
+def check_positive(arguments: Namespace, names: Sequence[str]) -> None:
+    """Raise `InputError` where one of the flags of these names is given and not greater than zero."""
+    for name in names:
+        value = getattr(arguments, name)
+        if value is not None and not value > 0.0:
+            raise InputError(f'--{name.replace("_", "-")} must be greater than zero, not {value:g}')
+
+
+def inertia_of(arguments: Namespace, model: DecayModel) -> float | None:
+    """I' as given, or from hydrostatics and the model's stiffness; None where neither is known, kg m^2."""
+    if arguments.inertia is not None or arguments.mass is None:
+        return arguments.inertia
+    return inertia_from_metacentric_height(model, arguments.mass, arguments.metacentric_height)
 
 
 def run(arguments: Namespace) -> int:
     """Identify, print, and write what was asked for."""
     began = time.perf_counter()
-    particulars, type_b = particulars_of(arguments), type_b_of(arguments)
+    check_inertia(arguments)
+    tables_of = [offer(arguments) for offer in offered('tables_of_fit')]
     settings = settings_of(arguments, AUTO if arguments.equation is None else arguments.equation)
     trials, read_advice, axis = trials_of(arguments)
     problem = _problem_of(arguments, [trial.axis(axis) for trial in trials])
@@ -75,8 +72,8 @@ def run(arguments: Namespace) -> int:
     others = () if arguments.axis else decays_of_other_axes(trials, problem)
     with progress_of('identify') as progress:
         found = identify_problem(problem, settings, progress=progress)
-    inertia = particulars.inertia_of(found.model)
-    tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
+    inertia = inertia_of(arguments, found.model)
+    tables = [table for of in tables_of for table in of(found)]
     written = write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict.level))
     # the lines of the result begin with the verdict
     shown = (*others, *found.advice)
@@ -117,7 +114,7 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
     """Identify from motion in waves, print, and write what was asked for."""
     if len(trials) > 1:
         raise InputError('motion in waves is identified from one record at a time: give one, the longest')
-    refused = [name for name in ('equation', 'inertia', 'mass', 'extinction') if getattr(arguments, name)]
+    refused = [name for name in ('equation', 'inertia', 'mass', 'extinction') if getattr(arguments, name, None)]
     if refused:
         raise InputError(
             f'--{refused[0]} cannot be used with motion in waves, which gives only an equivalent linear hull: leave it '

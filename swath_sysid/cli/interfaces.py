@@ -3,22 +3,19 @@
 from collections.abc import Iterator
 from xml.etree import ElementTree
 
-from swath_sysid.formats.topics import LEADS, MANOEUVRING_LEADS, ODOMETRY, STRING, TYPES, type_of
+from swath_sysid.common.wings import handed_in
+from swath_sysid.formats.topics import LEADS, TYPES, type_of
+from swath_sysid.nodes.parameters.table import NODES
 from swath_sysid.share import share_folder
 
-FLOAT = 'std_msgs/msg/Float64'
 OWN_TRIGGERS = 'clear publish_window identify cancel rollback undo_rollback release'.split()
 #: Types of what the nodes do not publish themselves, and of services.
 OTHER_TYPES = {
-    'odometry': ODOMETRY,
-    'manoeuvring/model': STRING,
-    'craft/loading': FLOAT,
-    'thrusters/left/thrust': FLOAT,
-    'thrusters/right/thrust': FLOAT,
-    'manoeuvring/future_thrust': 'std_msgs/msg/Float64MultiArray',
+    'craft/loading': 'std_msgs/msg/Float64',
     '~/progress': 'std_msgs/msg/Float32',
     '~/record': 'std_srvs/srv/SetBool',
     **dict.fromkeys((*(f'~/{name}' for name in OWN_TRIGGERS), 'imu_buffer/publish_window'), 'std_srvs/srv/Trigger'),
+    **handed_in('other_types'),
 }
 DIRECTIONS = {'publish': 'publishes', 'subscribe': 'subscribes to', 'reply': 'serves', 'request': 'calls'}
 
@@ -31,6 +28,12 @@ def interface_lines() -> Iterator[str]:
         for group in (*profile.iter('topics'), *profile.iter('services')):
             (does,) = (words for key, words in DIRECTIONS.items() if group.get(key))
             for name in (str(item.text) for item in group):
-                ours = name in TYPES or name.startswith((LEADS, MANOEUVRING_LEADS))
-                if kind := type_of(name) if ours else OTHER_TYPES.get(name, ''):
+                if (kind := _type_of(name)) and node in (*NODES, 'page'):
                     yield f'{node:<22} {does:<14} {name.replace("~", node):<36} {kind}'
+
+
+def _type_of(name: str) -> str:
+    if name in TYPES or name.startswith(LEADS):
+        return type_of(name)
+    published = next((kind for beginning, kind in handed_in('topics').items() if name.startswith(beginning)), '')
+    return published or OTHER_TYPES.get(name, '')

@@ -86,7 +86,8 @@ def build_parser(verb: str | None) -> ArgumentParser:
 
 def module_of(verb: str) -> ModuleType:
     """Module of a verb."""
-    return importlib.import_module(f'swath_sysid.cli.{verb.replace("-", "_")}')
+    room = table_of_verbs()[verb].get('room', 'cli')
+    return importlib.import_module(f'swath_sysid.{room}.{verb.replace("-", "_")}')
 
 
 class _LostError(Exception):

@@ -34,7 +34,7 @@ def run(arguments: Namespace) -> int:
 
         def make_node() -> PageNode:
             node = PageNode(lambda line: state.answer(line))
-            state = PageState(node, folder, arguments.axis, arguments.manifest)
+            state = PageState(node, folder, arguments.axis, getattr(arguments, 'manifest', None))
             url = serving.enter_context(served(state, address, arguments.port, token))
             print(f'the page is at {url}', file=sys.stderr, flush=True)
             return node

@@ -12,14 +12,8 @@ from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import columns_of
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.sentences import REASONS
+from swath_sysid.common.wings import offered
 from swath_sysid.formats.bags import is_bag
-from swath_sysid.formats.manoeuvring_bags import (
-    holds_manoeuvres,
-    play_manoeuvres,
-    read_manoeuvring_bag,
-    write_forecasts,
-)
-from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs
@@ -42,9 +36,12 @@ def run(arguments: Namespace) -> int:
         [Output('--output', arguments.output, is_recording=True, endings=('mcap',))],
         [arguments.record, arguments.params, arguments.model],
     )
-    manoeuvres, imu = holds_manoeuvres(arguments.record) if is_bag(arguments.record) else (False, True)
-    if manoeuvres and not imu:
-        return _play_manoeuvres(arguments)
+    beside: list[Advice] = []
+    for play in offered('plays_bag') if is_bag(arguments.record) else ():
+        code, advice = play(arguments)
+        if code is not None:
+            return code
+        beside += advice
     nodes = {name: values_from_file(arguments.params, name) for name in ATTITUDE_NODES}
     predictor = nodes['predictor']
     mount = installation(predictor)
@@ -74,8 +71,7 @@ def run(arguments: Namespace) -> int:
             if played.verdict is not None:
                 verdicts.append((reading.stamp_ns, played.verdict))
             progress((index + 1) / len(readings))
-    beside = Advice.of('manoeuvres-beside', record=arguments.record)
-    show_advice((*readings.advice, *([beside] if manoeuvres else ())))
+    show_advice((*readings.advice, *beside))
     stability = pipeline.refitter.stability.newest
     show_advice(() if stability is None else stability.advice)
     counted_reasons = _report_counts(pipeline, len(readings))
@@ -115,22 +111,6 @@ def _pipeline_of(
     pipeline = PlayThrough(settings, read_model(known) if known else None)
     pipeline.window.record(buffer['record_at_start'])
     return pipeline
-
-
-def _play_manoeuvres(arguments: Namespace):
-    """What manoeuvring_predictor would have published: the bag holds odometry and thrust, and no IMU."""
-    from swath_sysid.nodes.parameters.manoeuvring import manoeuvring_pipeline_settings
-
-    values = values_from_file(arguments.params, 'manoeuvring_predictor')
-    trial = read_manoeuvring_bag(arguments.record)
-    model = arguments.model or values['model_file']
-    settings = manoeuvring_pipeline_settings(values)
-    identified = read_manoeuvring_model(model) if model else None
-    count = write_forecasts(arguments.output, play_manoeuvres(trial, settings, identified), settings.leads)
-    show_advice(trial.advice)
-    told = f'{arguments.output}: {count} forecasts of surge, sway and yaw (there is no IMU to forecast attitude from)'
-    print_result(arguments.json, {'file': arguments.output, 'forecasts': count}, [told])
-    return 0
 
 
 def _report_counts(pipeline: Any, messages: int) -> dict[str, int]:

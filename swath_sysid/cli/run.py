@@ -15,17 +15,14 @@ from swath_sysid.cli.interfaces import interface_lines
 from swath_sysid.cli.ros import ros_needed
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import end_with_parent, ended, verb_command
+from swath_sysid.common.wings import handed_in, named, wings
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.schema import plain_content, text_of
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.parameters.simulated_craft import craft_settings
-from swath_sysid.nodes.parameters.table import defaults
+from swath_sysid.nodes.parameters.table import defaults, node_module
 
-MODEL_PARAMETERS = {
-    'identifier': 'model_path',
-    'manoeuvring_identifier': 'model_path',
-    'manoeuvring_predictor': 'model_file',
-}
+MODEL_PARAMETERS = {'identifier': 'model_path', **handed_in('model_parameters')}
 
 OPEN_TO_THE_SUBNET = (
     'note: other machines of this subnet can use these nodes; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them here'
@@ -42,7 +39,7 @@ def run(arguments: Namespace) -> int:
     given = ros_arguments(arguments)
     from swath_sysid.nodes.executor_loop import run as run_nodes
 
-    program = import_module(f'swath_sysid.nodes.{arguments.only or "all_in_one"}')
+    program = import_module(node_module(arguments.only or 'all_in_one'))
     if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
         print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
     with ExitStack() as beside:
@@ -135,14 +132,8 @@ def remappings(arguments: Namespace) -> list[str]:
 
 
 def _read_model(node: str, path: Path) -> None:
-    if node == 'identifier':
-        from swath_sysid.formats.model_file import read_model
-
-        read_model(path)
-    else:
-        from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
-
-        read_manoeuvring_model(path)
+    owner = next((wing.read_model for wing in wings() if node in wing.nodes), 'formats.model_file read_model')
+    named(owner)(path)
 
 
 def _quoted(text: str):

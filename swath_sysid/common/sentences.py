@@ -1,11 +1,16 @@
-"""The catalogue of sentences (sentences.yaml): every warning by its code, and what flags and diagnostics add to it."""
+"""The catalogue of sentences: every warning by its code, and what flags and diagnostics add to it.
+
+Those of the core are in sentences.yaml beside this module, those of a wing in its own.
+"""
 
 from pathlib import Path
 
-import yaml
+from swath_sysid.common.wings import tables_of_wings, yaml_table
 
-_TEXT = Path(__file__).with_suffix('.yaml').read_text(encoding='utf-8')
-_TABLES: dict[str, dict[str, str]] = yaml.load(_TEXT, getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+_TABLES: dict[str, dict[str, str]] = yaml_table(Path(__file__).with_suffix('.yaml'))
+for _, _wing in tables_of_wings('sentences.yaml'):
+    for _name, _sentences in _wing.items():
+        _TABLES[_name] |= _sentences
 
 SENTENCES = _TABLES['sentences']
 FLAGS = _TABLES['flags']

@@ -19,7 +19,7 @@ from swath_sysid.formats.forecast_output import ForecastMessages
 from swath_sysid.formats.mcap_checksums import add_checksums
 from swath_sysid.formats.messages import typestore
 from swath_sysid.formats.model_file import model_to_yaml
-from swath_sysid.formats.topics import PATH_TOPIC, QUIESCENCE_TOPIC, TYPES, type_of
+from swath_sysid.formats.topics import QUIESCENCE_TOPIC, TYPES, type_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -77,11 +77,11 @@ class OutputBag:
         self._described: dict[str, tuple[str, str, list[Qos]]] = {}
         self.counts: dict[str, int] = {}
 
-    def add(self, topic: str, time_ns: int, raw: bytes) -> None:
-        """A serialised message on a topic of the nodes."""
+    def add(self, topic: str, time_ns: int, raw: bytes, kind: str = '') -> None:
+        """A serialised message on a topic of the nodes, or on another of a given type."""
         if topic not in self.counts:
             qos = [offered_qos(topic in topics.LATCHED_TOPICS, topic != topics.IMU_TOPIC)]
-            self._described[topic] = f'/{topic.lstrip("/")}', topics.type_of(topic), qos
+            self._described[topic] = f'/{topic.lstrip("/")}', kind or topics.type_of(topic), qos
             self.counts[topic] = 0
         name, msgtype, qos = self._described[topic]
         self._add(name, msgtype, time_ns, raw, qos)
@@ -118,9 +118,7 @@ def offered_qos(latched: bool, reliable: bool) -> Qos:
 
 
 #: Topic, under whatever namespace, to type.
-OURS = {topic.lstrip('/'): kind for topic, kind in TYPES.items() if topic != PATH_TOPIC} | {
-    'identifier/progress': TYPES[QUIESCENCE_TOPIC]
-}
+OURS = {topic.lstrip('/'): kind for topic, kind in TYPES.items()} | {'identifier/progress': TYPES[QUIESCENCE_TOPIC]}
 
 
 class Recording:

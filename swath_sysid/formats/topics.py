@@ -2,7 +2,7 @@
 
 from functools import cache
 
-IMU, ODOMETRY, PATH = 'sensor_msgs/msg/Imu', 'nav_msgs/msg/Odometry', 'nav_msgs/msg/Path'
+IMU, ODOMETRY = 'sensor_msgs/msg/Imu', 'nav_msgs/msg/Odometry'
 STRING = 'std_msgs/msg/String'
 TRAJECTORY = 'trajectory_msgs/msg/JointTrajectory'
 ACCELERATION = 'geometry_msgs/msg/AccelWithCovarianceStamped'
@@ -18,10 +18,9 @@ CALM_TOPIC = 'forecast/calm'
 VALID_LEAD_TOPIC = 'forecast/valid_lead'
 SEA_TOPIC = 'sea/state'
 DIAGNOSTICS_TOPIC = '/diagnostics'
-PATH_TOPIC = 'manoeuvring/forecast'
 FRAMES_TOPIC = '/tf'
 
-LEADS, MANOEUVRING_LEADS = 'forecast/lead_', 'manoeuvring/lead_'  #: How the topics of forecasts at one lead begin.
+LEADS = 'forecast/lead_'  #: How the topics of forecasts at one lead begin.
 
 TYPES = {
     IMU_TOPIC: IMU,
@@ -35,7 +34,6 @@ TYPES = {
     VALID_LEAD_TOPIC: 'std_msgs/msg/Float32MultiArray',
     SEA_TOPIC: STRING,
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
-    PATH_TOPIC: PATH,
     FRAMES_TOPIC: 'tf2_msgs/msg/TFMessage',
 }
 
@@ -43,9 +41,9 @@ TYPES = {
 LATCHED_TOPICS = (WINDOW_TOPIC, DESCRIPTION_TOPIC, COEFFICIENTS_TOPIC, CALM_TOPIC, SEA_TOPIC)
 
 
-def lead_topic(lead: float) -> str:
-    """Topic of the attitude forecasts at one lead, s: 0.5 s is on ``forecast/lead_0_5s``."""
-    return _at(LEADS, lead)
+def lead_topic(lead: float, beginning: str = LEADS) -> str:
+    """Topic of the forecasts at one lead, s: that of the attitude 0.5 s ahead is ``forecast/lead_0_5s``."""
+    return _at(beginning, lead)
 
 
 def point_lead_topic(point: str, lead: float) -> str:
@@ -66,11 +64,6 @@ def point_horizon_topic(point: str) -> str:
 def frame_at(frame_id: str, lead: float) -> str:
     """Name of the craft's predicted frame at a lead, s: ``base_link_in_1_0s``."""
     return _at(f'{frame_id}_in_', lead)
-
-
-def manoeuvring_lead_topic(lead: float) -> str:
-    """Topic of the forecasts of surge, sway and yaw at one lead, s: 0.5 s is on ``manoeuvring/lead_0_5s``."""
-    return _at(MANOEUVRING_LEADS, lead)
 
 
 @cache

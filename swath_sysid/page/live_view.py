@@ -1,8 +1,6 @@
 """The state of running nodes as plain data: health in words, charts, the model, calm windows, a campaign's trials."""
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -11,8 +9,6 @@ from swath_sysid.attitude.identification.fit_quality import amplitude_bands
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.prediction.blend import LEVELS, NORMAL_QUANTILES
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
-from swath_sysid.campaign.manifest import read_manifest
-from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import noise_level
 from swath_sysid.page.live_record import SHOWN_S, LiveRecord
 from swath_sysid.page.model_words import FAINTEST, amplitudes, described, gain, history, of_axis, verdict_of
@@ -201,33 +197,6 @@ def sea_words(record: LiveRecord) -> str:
     if record.sea.state is None:
         return f'No sea state: {record.sea.reason}.'
     return '\n'.join(sea_in_words(record.sea.state, 'Sea'))
-
-
-def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
-    """The present trials of a campaign, as rows, and the missing ones, as sentences."""
-    try:
-        manifest = read_manifest(path)
-    except InputError as error:
-        return [], [str(error)]
-    # a trial that is listed twice is no repeat
-    entries = {(entry.path.resolve(), entry.axis, entry.start, entry.end): entry for entry in manifest.trials}
-    rows = [
-        {
-            'file': entry.path.name,
-            'axis': entry.axis,
-            'loading': '' if entry.loading is None else f'{entry.loading[0]} {entry.loading[1]:g}',
-            'angle': '' if entry.initial_angle_deg is None else f'{entry.initial_angle_deg:g} deg',
-        }
-        for entry in entries.values()
-    ]
-    repeats = Counter((row['axis'], row['loading'], row['angle']) for row in rows)
-    most = max(repeats.values())
-    missing = [
-        f'{" ".join(filter(None, condition))}: {count} of {most} repeats'
-        for condition, count in repeats.items()
-        if count < most
-    ]
-    return rows, [*manifest.faults, *missing]
 
 
 def _points(*columns: np.ndarray, decimals: int = 4) -> list[list[float]]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulation import simulate
-from swath_sysid.attitude.identification.extinction import Peaks, measured_peaks
+from swath_sysid.attitude.identification.peaks import Peaks, measured_peaks
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.window import FinishedDecay
 from swath_sysid.common.errors import InputError

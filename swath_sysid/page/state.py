@@ -15,6 +15,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import ended, verb_command
+from swath_sysid.common.wings import offered
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.files import write_text
 from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Facts, Guidance
@@ -22,7 +23,6 @@ from swath_sysid.page.charts import motion_changes
 from swath_sysid.page.live_record import STALE_S, LiveRecord
 from swath_sysid.page.live_view import (
     calm_words,
-    campaign_words,
     health,
     model_chart,
     model_words,
@@ -142,7 +142,8 @@ class PageState:
             valid = '' if age else valid_words(facts.statuses)
             waters = calm_words(record, age), sea_words(record), valid
         if self.manifest and now - self._campaign_read > SELDOM:
-            self._campaign, self._campaign_read = campaign_words(self.manifest), now
+            (trials_of,) = offered('trials_shown')
+            self._campaign, self._campaign_read = trials_of(self.manifest), now
         if self._recorder is not None and self._recorder.poll() is not None:
             assert self._recorder.stdout is not None, 'it is piped'
             last = self._recorder.stdout.read().strip() or f'the recording failed in {self._folder}: is it writable?'

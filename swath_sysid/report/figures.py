@@ -20,6 +20,7 @@ else:
 
 MEASURED, MODEL, RESIDUAL, BAND = '#1f2933', '#d1495b', '#2e86ab', '#9ecae1'
 SERIES = ('#2e86ab', '#d1495b', '#edae49', '#3b8b5a', '#7b4fa3', '#8c6d46')
+LINE_STYLES = ('-', '--', ':', '-.')
 FORMATS = ('png', 'svg', 'pdf')
 
 
@@ -105,3 +106,9 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         raise InputError(f"a picture cannot be written as '{path}': end the name in .{', .'.join(FORMATS)}")
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=130, format=ending)
+
+
+def legend_below(axes: Axes, columns: int = 2) -> None:
+    """Below the axes, where no curve can run through it; nothing where no curve has a name."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.25), ncols=columns, frameon=False)

@@ -8,10 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.wings import handed_in, tables_of_wings, yaml_table
 
 Values = dict[str, Any]
 
@@ -19,7 +18,9 @@ POSITION = 'points.'  #: Begins the name of the parameter that holds the positio
 EXAMPLE = ' (m forward, to port and up from the sensor), as in [2.5, 0.0, 0.0]'
 
 ATTITUDE_NODES = ('imu_buffer', 'identifier', 'predictor')
-NODES = (*ATTITUDE_NODES, 'manoeuvring_identifier', 'manoeuvring_predictor', 'simulated_craft')
+NODES = (*ATTITUDE_NODES, *handed_in('nodes'), 'simulated_craft')
+
+AS = 'as '  #: Begins, in place of a parameter's fields, the node that has the same parameter.
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,11 @@ class NodeParameter:
         return ''
 
 
+def node_module(node_name: str) -> str:
+    """The module of a node, or of any other of the room ``nodes``, by its name."""
+    return f'swath_sysid.{handed_in("nodes").get(node_name, f"nodes.{node_name}")}'
+
+
 Table = tuple[NodeParameter, ...]
 
 
@@ -59,7 +65,7 @@ def table_of(node_name: str) -> Table:
     """The parameters of a node, one of `NODES`; those of named points as ``points.NAME``."""
     sections = _sections()
     return tuple(
-        NodeParameter(name, **fields)
+        _parameter(name, fields)
         for nodes, parameters in sections.items()
         if node_name in nodes.split(', ')
         for name, fields in parameters.items()
@@ -67,9 +73,15 @@ def table_of(node_name: str) -> Table:
 
 
 @cache
-def _sections() -> dict[str, dict[str, dict]]:
-    text = Path(__file__).with_name('parameters.yaml').read_text(encoding='utf-8')
-    return yaml.load(text, getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+def _sections() -> dict[str, dict[str, Any]]:
+    core = yaml_table(Path(__file__).with_name('parameters.yaml'))
+    return core | {nodes: table for _, wing in tables_of_wings('parameters.yaml') for nodes, table in wing.items()}
+
+
+def _parameter(name: str, fields: dict | str) -> NodeParameter:
+    if isinstance(fields, str):
+        return next(p for p in table_of(fields.removeprefix(AS)) if p.name == name)
+    return NodeParameter(name, **fields)
 
 
 def parameters_of(node_name: str, values: Values | None = None) -> Table:

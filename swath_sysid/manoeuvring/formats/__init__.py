@@ -1,0 +1,1 @@
+"""Runs in tables and bags, messages, model files."""

@@ -1,0 +1,420 @@
+"""The manifest of a campaign, YAML: which trials, under which conditions, and what to fit.
+
+A fault in one trial leaves that trial out; a fault that concerns all of them is an error.
+"""
+
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+
+from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.hull.identified_model import QUANTITIES
+from swath_sysid.attitude.identification.result import OBJECTIVES
+from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.common.advice import counted
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.files import existing, shown, write_text
+from swath_sysid.formats.registry import ENDINGS
+from swath_sysid.formats.schema import (
+    anything,
+    built,
+    mapping,
+    named,
+    number,
+    one_of,
+    one_or_more,
+    plain_content,
+    record,
+    text,
+    text_of,
+    whole,
+)
+from swath_sysid.formats.tables import listed_names
+from swath_sysid.tank.extinction import TypeB
+
+NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
+#: Placeholder of a pattern to the field it fills and what it matches.
+PLACEHOLDERS = {
+    'angle': ('initial_angle_deg', NUMBER),
+    'repeat': ('repeat', r'\d+'),
+    'draft_factor': ('draft_factor', NUMBER),
+    'draft': ('draft_m', NUMBER),
+    'displacement': ('displacement_kg', NUMBER),
+    'speed': ('speed_m_s', NUMBER),
+    'axis': ('axis', '|'.join(AXES)),
+}
+
+LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
+
+#: Given beside a trial; the craft's own values hold at the design draft alone.
+OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
+
+_NAME = text(1000)
+_NUMBER = number(-LARGEST, LARGEST)
+_POSITIVE = number(above=0.0, highest=LARGEST)
+Name = Annotated[str, _NAME]
+Positive = Annotated[float, _POSITIVE]
+
+
+def _columns(value: Any, where: str) -> tuple[tuple[str, str], ...]:
+    """Columns by the quantity that they hold, as pairs, which can be compared."""
+    return tuple(
+        (quantity, _NAME(column, f'{where}, {quantity}')) for quantity, column in mapping(value, where).items()
+    )
+
+
+#: What an entry may say.
+_TRIAL = named(
+    {
+        'file': _NAME,
+        'pattern': _NAME,
+        'axis': one_of(AXES, 'axis'),
+        **dict.fromkeys(QUANTITIES, _POSITIVE),
+        **dict.fromkeys(OF_CONDITION, _POSITIVE),
+        'speed_m_s': number(0.0, LARGEST),
+        'initial_angle_deg': _NUMBER,
+        'repeat': whole(1),
+        'start_s': _NUMBER,
+        'end_s': _NUMBER,
+        'frame': one_of(('flu', 'frd'), 'frame'),
+        'topic': _NAME,
+        'columns': _columns,
+    }
+)
+
+
+@dataclass(frozen=True)
+class Craft:
+    """Particulars of the craft; what is not known is None. Mass and heights are those at the design draft."""
+
+    name: Name = 'the craft'
+    length_m: Positive | None = None
+    beam_m: Positive | None = None
+    depth_m: Positive | None = None
+    draft_m: Positive | None = None  #: Design draft, to which draft factors refer.
+    displacement_kg: Positive | None = None
+    kg_m: Positive | None = None  #: Height of the centre of gravity above the keel.
+    gm_transverse_m: Positive | None = None
+    gm_longitudinal_m: Positive | None = None
+    gyradius_m: Positive | None = None
+    inertia_kg_m2: Positive | None = None  #: About the axis of the trials, with added inertia.
+    water_density_kg_m3: Positive | None = None
+    water_temperature_c: Annotated[float, _NUMBER] | None = None
+    appendages: Name | None = None
+    basin: Name | None = None
+
+    def design_loading(self, quantity: str) -> float | None:
+        """The loading at the design draft, in one of ``QUANTITIES``."""
+        return {'draft_factor': 1.0, 'draft_m': self.draft_m, 'displacement_kg': self.displacement_kg}[quantity]
+
+
+@dataclass(frozen=True)
+class PredictedDamping:
+    """Equivalent damping predicted by other means, as N m s or as a ratio; loading or axis None: for any."""
+
+    method: Name
+    amplitude_deg: Positive
+    damping_n_m_s: Positive | None = None
+    damping_ratio: Positive | None = None
+    loading: Positive | None = None
+    axis: Annotated[str, one_of(AXES, 'axis')] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.damping_n_m_s is None) == (self.damping_ratio is None):
+            raise InputError('it needs damping_n_m_s or damping_ratio, and only one of them')
+
+
+@dataclass(frozen=True)
+class TrialEntry:
+    """One trial of the manifest; what it does not say is None."""
+
+    path: Path
+    where: str  #: Its entry: ``trials, 3`` for the third.
+    axis: str
+    loading: tuple[str, float] | None = None  #: Quantity, one of ``QUANTITIES``, and value.
+    initial_angle_deg: float | None = None
+    repeat: int | None = None
+    start: float | None = None  #: Of the decay, s.
+    end: float | None = None
+    frame: str | None = None
+    topic: str | None = None
+    columns: tuple[tuple[str, str], ...] = ()  #: Quantities with the columns that hold them.
+    speed_m_s: float | None = None
+    mass_kg: float | None = None
+    gm_m: float | None = None
+    inertia_kg_m2: float | None = None
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """A campaign as it was asked for."""
+
+    title: str
+    craft: Craft
+    trials: tuple[TrialEntry, ...]
+    equations: tuple[str, ...] = ()  #: Names; empty: what the records show of the general hull.
+    objectives: tuple[str, ...] = (OBJECTIVES[0],)
+    search: SearchSettings = field(default_factory=SearchSettings)
+    uncertainty: TypeB = field(default_factory=TypeB)
+    predictions: tuple[PredictedDamping, ...] = ()
+    faults: tuple[str, ...] = ()  #: What was left out, and why.
+
+
+def _single(value: Any, where: str) -> Any:
+    if isinstance(value, dict | list):
+        raise InputError(f'{where}: one value is expected here, not a list or a mapping')
+    return shown(value) if isinstance(value, str) else value
+
+
+def _equation(value: Any, where: str) -> str:
+    built(lambda: equation_named(shown(value)), where)
+    return str(value)
+
+
+#: What a manifest may say beside its trials.
+_CAMPAIGN = named(
+    {
+        'title': _NAME,
+        'craft': record(Craft),
+        'axis': one_of(AXES, 'axis'),
+        'columns': _columns,
+        'equations': one_or_more(_equation),
+        'objectives': one_or_more(one_of(OBJECTIVES, 'objective')),
+        'search': record(SearchSettings, **{each.name: _single for each in fields(SearchSettings)}),
+        'trials': anything,
+        'uncertainty': record(TypeB, **{each.name: number(0.0, 1.0) for each in fields(TypeB)}),
+        'predictions': one_or_more(record(PredictedDamping)),
+    }
+)
+
+
+def read_manifest(path: str | Path) -> Manifest:
+    """Read a manifest, with the faults of what was left out; paths are relative to its folder."""
+    path = Path(path)
+    content = plain_content(text_of(path, 'manifest'), str(path))
+    if not isinstance(content, dict):
+        raise InputError(
+            f"{path} is not a manifest: it must hold 'trials:'; begin with one that is made for a folder of trials",
+            'not-a-manifest',
+        )
+    entries = content.pop('trials', None)
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"{path}: 'trials:' must list at least one entry with 'file:' or 'pattern:'")
+    plain = _CAMPAIGN(content, str(path))
+    faults: list[str] = []
+    trials: list[TrialEntry] = []
+    usual = {key: plain[key] for key in ('axis', 'columns') if key in plain}
+    for place, entry in enumerate(entries, 1):
+        try:
+            trials += _trials_of(entry, f'trials, {place}', path.parent, usual, faults)
+        except InputError as error:
+            faults.append(str(error))
+    if not trials:
+        raise InputError(f'{path}: no trial is left to use: {first_of(faults)}')
+    craft = plain.get('craft', Craft())
+    # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
+    objectives = {OBJECTIVES[0], *plain.get('objectives', ())}
+    return Manifest(
+        title=plain.get('title', craft.name),
+        craft=craft,
+        trials=tuple(trials),
+        equations=tuple(dict.fromkeys(plain.get('equations', ()))),
+        objectives=tuple(o for o in OBJECTIVES if o in objectives),
+        search=plain.get('search', SearchSettings()),
+        uncertainty=plain.get('uncertainty', TypeB()),
+        predictions=tuple(plain.get('predictions', ())),
+        faults=tuple(faults),
+    )
+
+
+def first_of(reasons: Sequence[str]) -> str:
+    """The first of several reasons, and how many more there are."""
+    return reasons[0] + (f' (and {len(reasons) - 1} more)' if len(reasons) > 1 else '')
+
+
+def _trials_of(entry: Any, where: str, folder: Path, usual: dict, faults: list[str]) -> list[TrialEntry]:
+    """The trials of one entry: one file, or all files of a pattern but those that become faults."""
+    given = _TRIAL(entry, where)
+    if ('file' in given) == ('pattern' in given):
+        raise InputError(f"{where}: a trial is given by either 'file:' or 'pattern:'")
+    if 'start_s' in given and 'end_s' in given and not given['start_s'] < given['end_s']:
+        raise InputError(f'{where}: start_s must lie before end_s')
+    if 'file' in given:
+        name = given.pop('file')
+        path = built(lambda: existing(folder / name, f'{shown(name)}, relative to the manifest'), where)
+        return [_trial(path, usual | given, {}, where)]
+    pattern, trials = given.pop('pattern'), []
+    for path, matched in built(lambda: _matches(pattern, folder), where):
+        try:
+            trials.append(_trial(path, usual | given, matched, where))
+        except InputError as error:
+            faults.append(str(error))
+    return trials
+
+
+def _trial(path: Path, given: dict, matched: dict, where: str) -> TrialEntry:
+    twice = sorted(set(given) & set(matched) - {'axis'})
+    if twice:
+        raise InputError(f"{where}: '{twice[0]}' is given both by the pattern and beside it: leave one out")
+    columns = given.pop('columns', ())
+    values = _TRIAL(given | matched, f'{where}, {path.name}')
+    loadings = [(quantity, values.pop(quantity)) for quantity in QUANTITIES if quantity in values]
+    if len(loadings) > 1:
+        raise InputError(f'{where}: give one of {", ".join(QUANTITIES)} for {path.name}, not {len(loadings)}')
+    if 'axis' not in values:
+        raise InputError(
+            f"{where}: no axis is given for {path.name}: write 'axis: pitch' or 'axis: roll' here or for all"
+        )
+    names = {'start_s': 'start', 'end_s': 'end'}
+    return TrialEntry(
+        path,
+        where,
+        loading=loadings[0] if loadings else None,
+        columns=columns,
+        **{names.get(key, key): value for key, value in values.items()},
+    )
+
+
+def pattern_expression(pattern: str) -> re.Pattern:
+    """Regular expression of a pattern with placeholders and the wildcards ``*`` and ``?``."""
+    parts, used = [], set()
+    for piece in re.split(r'(\{[^{}]*\}|\*|\?)', pattern):
+        if piece == '*':
+            parts.append('[^/]*')
+        elif piece == '?':
+            parts.append('[^/]')
+        elif piece.startswith('{') and piece.endswith('}'):
+            name = piece[1:-1]
+            if name not in PLACEHOLDERS:
+                known = ', '.join(f'{{{n}}}' for n in PLACEHOLDERS)
+                raise InputError(f"the pattern has an unknown placeholder '{piece}': use {known}, or * for anything")
+            if name in used:
+                raise InputError(f"the pattern uses '{piece}' twice: write * for one of them")
+            used.add(name)
+            parts.append(f'(?P<{name}>{PLACEHOLDERS[name][1]})')
+        else:
+            parts.append(re.escape(piece))
+    return re.compile(''.join(parts))
+
+
+def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
+    """Files that a pattern matches, with what their names say."""
+    if '**' in pattern:
+        raise InputError(f"the pattern '{shown(pattern)}' holds **: write * for each folder")
+    base = Path(pattern).anchor
+    root = Path(base) if base else folder
+    relative = pattern[len(base) :]
+    expression = pattern_expression(os.path.normpath(relative))
+    glob = re.sub(r'\{[^{}]*\}', '*', relative)
+    try:
+        candidates = sorted(root.glob(glob))
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise InputError(f"'{shown(pattern)}' is not a pattern: {shown(error)}") from error
+    found = []
+    for path in candidates:
+        if match := expression.fullmatch(Path(os.path.relpath(path, root)).as_posix()):
+            said = match.groupdict().items()
+            values = {PLACEHOLDERS[name][0]: plain_content(text.replace(',', '.'), path.name) for name, text in said}
+            found.append((path, values))
+    if not found:
+        parent = root / Path(glob).parent
+        names = sorted(p.name for p in parent.iterdir() if not p.name.startswith('.')) if parent.is_dir() else []
+        there = f'there are {listed_names(names)}' if names else f'the folder {parent} is empty or does not exist'
+        raise InputError(f"no file matches '{shown(pattern)}' ({there}): check the folder and the placeholders")
+    return found
+
+
+def new_manifest(folder: str | Path, name: str = 'campaign.yaml', at: str | Path | None = None) -> str:
+    """Text of a commented manifest for the trials in a folder."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f'{folder} is not a folder: give the folder of the trials')
+    files = [p for p in sorted(folder.iterdir()) if _may_be_trial(p)]
+    if not files:
+        raise InputError(f'{folder} holds no trial: {", ".join(ENDINGS)} and bag folders were looked for')
+    by_pattern: dict[str, list[str]] = {}
+    for file in files:
+        by_pattern.setdefault(pattern_of_name(file.name), []).append(file.name)
+    way = '' if at is None else Path(os.path.relpath(os.path.realpath(folder), os.path.realpath(at))).as_posix() + '/'
+    way = '' if way == './' else way
+    lines = []
+    for pattern, names in by_pattern.items():
+        if '{' in pattern:
+            lines.append(f'  - pattern: {_quoted(way + pattern)}   # {counted(len(names), "file")}')
+        else:
+            hints = '    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
+            lines += [f'  - file: {_quoted(way + name)}\n{hints}' for name in names]
+    found_axis = next((a for a in AXES if any(a in file.name.lower() for file in files)), 'pitch')
+    head = resources.files(__package__).joinpath('new_manifest.yaml').read_text(encoding='utf-8')
+    title = _quoted(folder.resolve().name or 'campaign')
+    return head.format(name=name, title=title, axis=found_axis) + '\n'.join(lines) + '\n'
+
+
+def write_new_manifest(folder: str | Path, path: str | Path) -> None:
+    """Write `new_manifest` to a file that does not exist yet."""
+    path = Path(path)
+    if path.exists():
+        raise InputError(f'{path} exists already: remove it first, or name another file', 'manifest-exists')
+    write_text(path, new_manifest(folder, path.name, path.parent))
+
+
+def pattern_of_name(name: str) -> str:
+    """The pattern that a file's name suggests: numbers beside the words for angle, repeat and draft."""
+    stem, dot, ending = name.rpartition('.')
+    if not dot:
+        stem, ending = name, ''
+    number = r'\d+(?:[.,]\d+)?'
+    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?(?:deg|°))', '{angle}', stem, count=1)
+    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?T(?![a-z]))', '{draft_factor}', stem, count=1)
+    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?m(?![a-z0-9/]|[_-]s))', '{draft}', stem, count=1)
+    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?kg)', '{displacement}', stem, count=1)
+    stem = re.sub(r'((?:repeat|rep|run|trial)[ _-]?)\d+', r'\1{repeat}', stem, count=1, flags=re.IGNORECASE)
+    stem = re.sub(r'(?<![a-z])(roll|pitch)(?![a-z])', '{axis}', stem, count=1)
+    return f'{stem}{dot}{ending}'
+
+
+def _quoted(text: str) -> str:
+    return yaml.safe_dump(text, default_style="'", width=1000).strip()
+
+
+def _may_be_trial(path: Path) -> bool:
+    if path.name.startswith('.'):
+        return False
+    if path.is_dir():
+        return (path / 'metadata.yaml').is_file()
+    return path.suffix.lower() in ENDINGS
+
+
+def trials_in_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
+    """The present trials of a campaign, as rows, and the missing ones, as sentences."""
+    try:
+        manifest = read_manifest(path)
+    except InputError as error:
+        return [], [str(error)]
+    # a trial that is listed twice is no repeat
+    entries = {(entry.path.resolve(), entry.axis, entry.start, entry.end): entry for entry in manifest.trials}
+    rows = [
+        {
+            'file': entry.path.name,
+            'axis': entry.axis,
+            'loading': '' if entry.loading is None else f'{entry.loading[0]} {entry.loading[1]:g}',
+            'angle': '' if entry.initial_angle_deg is None else f'{entry.initial_angle_deg:g} deg',
+        }
+        for entry in entries.values()
+    ]
+    repeats = Counter((row['axis'], row['loading'], row['angle']) for row in rows)
+    most = max(repeats.values())
+    missing = [
+        f'{" ".join(filter(None, condition))}: {count} of {most} repeats'
+        for condition, count in repeats.items()
+        if count < most
+    ]
+    return rows, [*manifest.faults, *missing]

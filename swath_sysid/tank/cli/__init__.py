@@ -1,0 +1,1 @@
+"""Verbs of the tank wing, and what it adds to those of the core."""

@@ -1,0 +1,95 @@
+"""``swath-sysid campaign``: a whole trial matrix to tables, figures and a model that depends on the draft."""
+
+import logging
+import sys
+import time
+from argparse import Namespace
+from pathlib import Path
+
+from swath_sysid.cli.progress import print_result, progress_of
+from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
+from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
+from swath_sysid.tank.campaign.manifest import read_manifest, write_new_manifest
+from swath_sysid.tank.campaign.run import CampaignOutcome, run_campaign
+from swath_sysid.tank.campaign.work import ResultStore, executor_of
+from swath_sysid.tank.report.campaign_report import REPORTED, write_report
+
+MANIFEST = 'campaign.yaml'
+RESULTS = 'results'
+
+
+def run(arguments: Namespace) -> int:
+    """Write a manifest, or work one off."""
+    if (arguments.new is None) == (arguments.manifest is None):
+        raise InputError('give either a manifest, or --new with the folder of the trials')
+    if arguments.new is not None:
+        path = Path(Path(arguments.new) / MANIFEST if arguments.output is None else arguments.output)
+        check_outputs([Output('--output', path)])
+        write_new_manifest(arguments.new, path)
+        print(f'{path}: check it, then run: swath-sysid campaign {path} --output FOLDER')
+        return DONE
+    if arguments.output is None:
+        raise InputError('give --output with the folder of the report')
+    try:
+        return _work_off(arguments)
+    except KeyboardInterrupt:
+        print('stopped: the same command continues from the finished fits', file=sys.stderr)
+        raise
+
+
+def _work_off(arguments: Namespace) -> int:
+    began = time.perf_counter()
+    check_outputs([Output('--output', arguments.output, is_folder=True)], [arguments.manifest])
+    manifest = read_manifest(arguments.manifest)
+    folder = Path(arguments.output)
+    read = [arguments.manifest, *(trial.path for trial in manifest.trials)]
+    refuse_inputs_among([folder / name for name in (*REPORTED, RESULTS)], read)
+    for fault in manifest.faults:
+        print(f'warning: {arguments.manifest}, {fault}', file=sys.stderr)
+    # the loss of a scheduler is reported in one sentence, not by the tracebacks of its client
+    logging.getLogger('distributed').setLevel(logging.CRITICAL)
+    store = ResultStore(folder / RESULTS)
+    with (
+        store.locked(),
+        executor_of(arguments.jobs, arguments.scheduler) as executor,
+        progress_of('campaign') as progress,
+    ):
+        outcome = run_campaign(
+            manifest, store, executor, lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2]))
+        )
+    report = write_report(outcome, arguments.output, time.perf_counter() - began)
+    _print_outcome(outcome, report, time.perf_counter() - began, arguments.json)
+    is_whole = all(t.record is not None for t in outcome.trials) and not (manifest.faults or outcome.failures)
+    return DONE if is_whole else PARTLY_DONE
+
+
+def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_json: bool):
+    left_out = [f'{t.name}, {t.reason}' for t in outcome.trials if t.record is None]
+    for line in (*left_out, *outcome.failures):
+        print(f'left out: {line}', file=sys.stderr)
+    used = len(outcome.trials) - len(left_out)
+    data = {
+        'report': str(report),
+        'trials': len(outcome.trials),
+        'left_out': [*outcome.manifest.faults, *left_out, *outcome.failures],
+        'axes': {
+            axis.axis: {
+                'choice': axis.ranking.choice.name,
+                'reason': axis.ranking.reason,
+                'findings': [finding.message for finding in axis.ranking.findings],
+            }
+            for axis in outcome.axes
+        },
+        'computed': outcome.computed,
+        'kept': outcome.kept,
+        'wall_s': wall_s,
+    }
+    lines = []
+    for axis in outcome.axes:
+        lines += [f'{axis.axis}: {axis.ranking.reason}', *(f'  {a.message}' for a in axis.ranking.findings)]
+    lines += [
+        f'{used} of {len(outcome.trials)} trials, {outcome.computed} tasks computed, {outcome.kept} reused, '
+        f'{wall_s:.1f} s',
+        str(report),
+    ]
+    print_result(as_json, data, lines)

@@ -1,0 +1,209 @@
+"""Manifests: a few lines for a folder, and every fault named with its entry; the store of results."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swath_sysid.cli.main import main
+from swath_sysid.common.errors import InputError
+from swath_sysid.tank.campaign.manifest import (
+    new_manifest,
+    pattern_expression,
+    pattern_of_name,
+    read_manifest,
+    write_new_manifest,
+)
+from swath_sysid.tank.campaign.work import ResultStore, key_of
+
+NAMES = [f'pitch_{angle}deg_repeat{repeat}.csv' for angle in ('3', '8.4') for repeat in (1, 2)]
+ONE = 'trials: [{file: pitch_3deg_repeat1.csv}]\n'
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in NAMES:
+        (tmp_path / name).write_text('time_s,pitch_deg\n')
+    return tmp_path
+
+
+def read(folder, text):
+    path = folder / 'campaign.yaml'
+    path.write_text(text)
+    return read_manifest(path)
+
+
+def test_six_lines_for_a_folder(folder):
+    entry = "trials: [{pattern: 'pitch_{angle}deg_repeat{repeat}.csv', draft_factor: 0.9}]\n"
+    found = read(folder, 'craft: {name: model, draft_m: 0.15}\naxis: pitch\nobjectives: [one-step]\n' + entry)
+    assert found.faults == () and found.title == 'model' and found.craft.draft_m == 0.15
+    assert found.objectives == ('simulation', 'one-step')
+    told = sorted((t.path.name, t.axis, t.loading, t.initial_angle_deg, t.repeat) for t in found.trials)
+    assert told == [
+        (name, 'pitch', ('draft_factor', 0.9), angle, repeat)
+        for name, angle, repeat in zip(NAMES, (3.0, 3.0, 8.4, 8.4), (1, 2, 1, 2), strict=True)
+    ]
+
+
+def test_patterns_tell_folder_axis_and_draft(tmp_path):
+    for place, name in (('a/x', 'roll_0,9T_5deg_r1.csv'), ('b/y', 'pitch_1.1T_-3deg_r2.csv')):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / name).write_text('')
+    (tmp_path / 'sub').mkdir()
+    found = read(tmp_path / 'sub', "trials: [{pattern: '../*/?/{axis}_{draft_factor}T_{angle}deg_r{repeat}.csv'}]")
+    told = {(t.axis, t.loading[1], t.initial_angle_deg, t.repeat) for t in found.trials}
+    assert told == {('roll', 0.9, 5.0, 1), ('pitch', 1.1, -3.0, 2)}
+    absolute = read(tmp_path / 'sub', f"axis: roll\ntrials: [{{pattern: '{tmp_path}/a/x/*.csv', repeat: 1}}]")
+    assert [t.path.name for t in absolute.trials] == ['roll_0,9T_5deg_r1.csv']
+
+
+FAULTS = [
+    ('  - file: absent.csv\n', 'file not found'),
+    ('  - file: pitch_3deg_repeat2.csv\n    angel_deg: 3\n', "unknown field 'angel_deg'"),
+    ('  - {file: pitch_3deg_repeat2.csv, axis: yaw}\n', "no axis 'yaw'"),
+    ('  - {file: pitch_3deg_repeat2.csv, frame: ned}\n', "no frame 'ned'"),
+    ('  - {file: pitch_3deg_repeat2.csv, draft_factor: large}\n', 'is not a number'),
+    ('  - {file: pitch_3deg_repeat2.csv, draft_factor: 1, draft_m: 0.1}\n', 'give one of'),
+    ('  - {file: pitch_3deg_repeat2.csv, repeat: 1.5}\n', 'whole number'),
+    ('  - {file: pitch_3deg_repeat2.csv, start_s: 5, end_s: 2}\n', 'start_s must lie before'),
+    ("  - {pattern: 'roll_{angle}.csv'}\n", 'no file matches'),
+    ("  - {pattern: 'pitch_{wind}.csv'}\n", "unknown placeholder '{wind}'"),
+    ("  - {pattern: 'pitch_{angle}deg_repeat2.csv', initial_angle_deg: 3}\n", 'both by the pattern and beside'),
+    ('  - {axis: pitch}\n', "'file:' or 'pattern:'"),
+    ('  - just words\n', 'names and values'),
+]
+
+
+@pytest.mark.parametrize('entry, words', FAULTS)
+def test_a_bad_entry_is_named_and_the_rest_is_kept(folder, entry, words):
+    good = '  - {file: pitch_3deg_repeat1.csv, initial_angle_deg: 3, repeat: 1}\n'
+    found = read(folder, f'axis: pitch\ntrials:\n{good}{entry}')
+    assert words in found.faults[0] and found.faults[0].startswith('trials, 2')
+    assert found.trials[0].path.name == 'pitch_3deg_repeat1.csv'
+    assert len(found.trials) == 1
+
+
+@pytest.mark.parametrize(
+    'text, words',
+    [
+        ('axis: [pitch', 'line 1 is not YAML'),
+        ('- a\n- b\n', "must hold 'trials:'"),
+        ('', "must hold 'trials:'"),
+        ('axis: pitch\n', "'trials:' must list"),
+        (f'axis: heave\n{ONE}', "axis: there is no axis 'heave'"),
+        (f'axis: pitch\nsearch: {{preset: unheard}}\n{ONE}', 'search: there is no preset'),
+        (f'axis: pitch\nobjectives: [luck]\n{ONE}', "objectives, 1: there is no objective 'luck'"),
+        (f'axis: pitch\nequations: [luck]\n{ONE}', "equations, 1: there is no equation 'luck'"),
+        ('trials: [{file: absent.csv}]\n', 'no trial is left to use: trials, 1: file not found'),
+        (ONE, 'no axis is given'),
+        (f'axis: pitch\nequatoins: [linear]\n{ONE}', "'equations' is meant?"),
+        (f'craft: {{lenght_m: 1.2}}\n{ONE}', "craft: unknown field 'lenght_m'"),
+        (f'axis: roll\nuncertainty: {{mass: 2}}\n{ONE}', 'within 0 and 1'),
+        (f'axis: roll\npredictions: [{{method: CFD, amplitude_deg: 5}}]\n{ONE}', 'damping_n_m_s or damping_ratio'),
+        (f'axis: roll\npredictions: [{{amplitude_deg: 5}}]\n{ONE}', "'method' is missing"),
+        (f'craft: {{name: 007}}\n{ONE}', 'craft, name: '),
+        ('trials: [{file: pitch_3deg_repeat1.csv, repeat: 1, repeat: 2}]\n', "trials, 1: 'repeat' is given twice"),
+        (f'axis: roll\nsearch: {{generations: abc}}\n{ONE}', 'generations must be a whole number from 1 to 100000'),
+        ('trials: [{file: pitch_3deg_repeat1.csv, start_s: .inf}]\n', 'start_s: .inf is not a finite number'),
+        (f'axis: roll\nsearch: {{seed: {{}}}}\n{ONE}', 'one value is expected'),
+        (f'axis: roll\nsearch: {{seed: !!python/name:os.system x}}\n{ONE}', 'tag'),
+        (f'axis: roll\ncraft: {{draft_m: 1.0e+300}}\n{ONE}', 'draft_m must be at most 1e+09'),
+        (f'axis: roll\ntitle: {"x" * 5000}\n{ONE}', 'is not a name'),
+        (f'axis: roll\ntitle: {"[" * 5000}\n{ONE}', 'deep'),
+    ],
+)
+def test_what_concerns_all_trials_stops_at_once_with_its_keys(folder, text, words):
+    with pytest.raises(InputError, match='campaign.yaml') as caught:
+        read(folder, text)
+    assert words in str(caught.value) and len(str(caught.value)) < 600 and '\n' not in str(caught.value)
+
+
+def test_a_new_manifest_reads_back(folder):
+    for name in ('odd one.csv', 'single 8deg 0.25m.csv'):
+        (folder / name).write_text('')
+    (folder / 'elsewhere').mkdir()
+    assert main(['campaign', '--new', str(folder), '--output', str(folder / 'elsewhere' / 'new.yaml')]) == 0
+    found = read_manifest(folder / 'elsewhere' / 'new.yaml')
+    assert found.faults == ()
+    assert {t.path.name for t in found.trials} == {*NAMES, 'odd one.csv', 'single 8deg 0.25m.csv'}
+    assert {(t.initial_angle_deg, t.repeat) for t in found.trials} >= {(3.0, 1), (8.4, 2), (8.0, None)}
+    assert ('draft_m', 0.25) in {t.loading for t in found.trials}
+    with pytest.raises(InputError, match='exists already'):
+        write_new_manifest(folder, folder / 'elsewhere' / 'new.yaml')
+    (folder / 'empty').mkdir()
+    for name, words in (('empty', 'holds no trial'), ('absent', 'is not a folder')):
+        with pytest.raises(InputError, match=words):
+            new_manifest(folder / name)
+
+
+@pytest.mark.parametrize(
+    'name, pattern',
+    [
+        ('pitch_8.4deg_repeat1.csv', '{axis}_{angle}deg_repeat{repeat}.csv'),
+        ('roll_5deg_0.9T_run12.mcap', '{axis}_{angle}deg_{draft_factor}T_run{repeat}.mcap'),
+        ('decay_8deg_0.25m.csv', 'decay_{angle}deg_{draft}m.csv'),
+        ('1.5m_s_5deg_300mm.csv', '1.5m_s_{angle}deg_300mm.csv'),
+        ('30kg-trial3.csv', '{displacement}kg-trial{repeat}.csv'),
+        ('notes.csv', 'notes.csv'),
+    ],
+)
+def test_patterns_are_told_from_names(name, pattern):
+    assert pattern_of_name(name) == pattern
+    assert pattern_expression(pattern).fullmatch(name)
+
+
+@pytest.fixture
+def store(tmp_path):
+    return ResultStore(tmp_path / 'results')
+
+
+def test_results_come_back_bit_by_bit(store):
+    values = np.random.default_rng(1).normal(size=100) * 10.0 ** np.arange(-50, 50)
+    result = {'values': values.tolist(), 'none': None, 'words': 'ψ', 'inf': math.inf}
+    store.put('ab' * 32, result)
+    assert store.get('ab' * 32) == result
+    store.put('cd' * 32, [math.nan])
+    assert math.isnan(store.get('cd' * 32)[0])
+
+
+def test_what_is_not_there_or_torn_is_none_and_leftovers_of_a_killed_process_are_cleared(store, tmp_path):
+    assert store.get('00' * 32) is None
+    store.put('00' * 32, [1, 2, 3])
+    (file,) = (tmp_path / 'results').rglob('*.json')
+    file.write_text('[1, 2')
+    assert store.get('00' * 32) is None
+    store.put('ab' * 32, [1])
+    leftover = tmp_path / 'results' / 'ab' / '.writing-xyz'
+    leftover.mkdir()
+    (leftover / 'half.json').write_text('[1')
+    with store.locked():
+        assert not leftover.exists()
+    assert store.get('ab' * 32) == [1]
+
+
+def test_one_process_at_a_time_in_a_folder_that_can_be_made(store, tmp_path):
+    code = (
+        'import sys\nfrom swath_sysid.tank.campaign.work import ResultStore\n'
+        'with ResultStore(sys.argv[1]).locked(): print("alone")\n'
+    )
+    command = [sys.executable, '-c', code, str(tmp_path / 'results')]
+    with store.locked():
+        assert 'another campaign is writing' in subprocess.run(command, capture_output=True, text=True).stderr
+    assert subprocess.run(command, capture_output=True, text=True).stdout == 'alone\n'
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(InputError, match='cannot make the folder'):
+        ResultStore(tmp_path / 'file' / 'results')
+
+
+@given(st.lists(st.one_of(st.text(), st.floats(allow_nan=False), st.integers(), st.none()), min_size=1), st.data())
+def test_a_key_tells_whatever_differs(parts, data):
+    other = list(parts)
+    index = data.draw(st.integers(0, len(parts) - 1))
+    other[index] = (parts[index], 'more')
+    assert key_of(*parts) == key_of(*parts)
+    assert key_of(*parts) != key_of(*other)
+    assert key_of({'b': 1, 'a': parts}) == key_of({'a': parts, 'b': 1})
