@@ -48,8 +48,8 @@ from swath_sysid.attitude.identification.selection import (
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.cli.hulls import published_ratios_for
 from swath_sysid.cli.main import main
+from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.report.fit_summary import fit_as_data, fit_in_words
