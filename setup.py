@@ -61,6 +61,7 @@ setup(
         *installed('scripts', Path('lib', NAME)),
     ],
     install_requires=[
+        'argcomplete>=3.1',
         'filterpy>=1.4.5',
         'matplotlib>=3.6',
         'numpy>=1.26',

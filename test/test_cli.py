@@ -1,9 +1,12 @@
 """The command line: what it prints, what it writes, its help, and how it answers bad input."""
 
 import json
+import os
 import re
 import shlex
+import shutil
 import subprocess
+import sys
 from xml.etree import ElementTree
 
 import numpy as np
@@ -282,21 +285,41 @@ def test_a_slip_is_one_sentence_that_says_what_is_meant(words, said, capsys):
     assert said in told and told.count('\n') == 1
 
 
-def test_bash_completes_verbs_flags_choices_and_leaves_files_to_the_shell(tmp_path, capsys):
-    assert main(['--completion']) == 0
-    (tmp_path / 'script').write_text(capsys.readouterr().out)
+@pytest.mark.parametrize('shell', ['bash', 'zsh'])
+def test_a_shell_completes_verbs_flags_choices_and_files(shell, tmp_path):
+    if not shutil.which(shell):
+        pytest.skip(f'there is no {shell}')
+    (tmp_path / 'record.csv').touch()
+    command = tmp_path / 'swath-sysid'
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m swath_sysid.start "$@"\n')
+    command.chmod(0o755)
+    path = os.pathsep.join([str(tmp_path), os.environ['PATH']])
+    places = os.pathsep.join([str(share_folder()), os.environ.get('PYTHONPATH', '')])
+    ask = {
+        'bash': 'COMP_LINE=$1 COMP_POINT=${#1}; _python_argcomplete swath-sysid; printf "%s\\n" "${COMPREPLY[@]}"',
+        'zsh': '_describe() { print -l -- ${(P)2} }; BUFFER=$1 CURSOR=${#1} words=(swath-sysid); _python_argcomplete',
+    }
     for line, completed in (
-        ('swath-sysid ide', ['identify']),
-        ('swath-sysid identify --ob', ['--objective']),
-        ('swath-sysid identify --objective one', ['one-step']),
-        ('swath-sysid manoeuvre sim', ['simulate']),
-        ('swath-sysid identify record', []),
+        ('swath-sysid ide', 'identify'),
+        ('swath-sysid identify --ob', '--objective'),
+        ('swath-sysid identify --objective one', 'one-step'),
+        ('swath-sysid manoeuvre sim', 'simulate'),
+        ('swath-sysid inspect rec', 'record.csv'),
     ):
-        words = line.split()
-        set_up = f'. ./script; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _swath_sysid; '
-        ask = set_up + 'printf "%s\\n" "${COMPREPLY[@]}"'
-        done = subprocess.run(['bash', '-c', ask], cwd=tmp_path, capture_output=True, text=True, check=True)
-        assert done.stdout.split() == completed and not done.stderr
+        done = subprocess.run(
+            [shell, '-c', f'eval "$(swath-sysid --completion)"; {ask[shell]}', shell, line],
+            env={**os.environ, 'PATH': path, 'PYTHONPATH': places},
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+        )
+        assert [word.partition(':')[0].strip() for word in done.stdout.split('\n')[:-1]] == [completed], done.stderr
+
+
+def test_completion_without_its_library_is_one_sentence(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'argcomplete', None)
+    assert main(['--completion']) == 2
+    assert 'which is not installed: pip install argcomplete' in capsys.readouterr().err
 
 
 def test_run_lists_every_topic_and_service_of_the_policy_with_its_type(capsys):

@@ -34,7 +34,7 @@ PACKAGE = ROOT / 'swath_sysid'
 MODULES = sorted(PACKAGE.rglob('*.py'))
 
 #: of what is imported; every one exists on Ubuntu 24.04, where python3-rich brings markdown_it
-ROSDEP_KEYS = {name: f'python3-{name}' for name in ('matplotlib', 'numpy', 'rich', 'scipy', 'yaml')} | {
+ROSDEP_KEYS = {name: f'python3-{name}' for name in ('argcomplete', 'matplotlib', 'numpy', 'rich', 'scipy', 'yaml')} | {
     'filterpy': 'python3-filterpy-pip',
     'markdown_it': 'python3-rich',
     'rosbags': 'python3-rosbags-pip',
