@@ -78,7 +78,7 @@ setup(
         'cluster': ['distributed'],
         'benchmark': ['scikit-learn'],
         'docs': ['furo>=2024.1', 'latex2mathml>=3.77', 'myst-parser>=2.0', 'sphinx>=7.0', 'sphinx-copybutton>=0.5'],
-        'page': ['nicegui>=3.0,<4'],
+        'page': ['fastapi>=0.109.1', 'nicegui>=3.0,<4', 'uvicorn>=0.22'],
         # each reads one format of data acquisition: .mat of version 7.3 and .h5, .tdms, .xlsx, .parquet
         'tank': TANK,
         'test': [

@@ -40,11 +40,10 @@ ROSDEP_KEYS = {name: f'python3-{name}' for name in ('argcomplete', 'matplotlib',
     'rosbags': 'python3-rosbags-pip',
 }
 
-DISTRIBUTIONS = {'yaml': 'PyYAML'}
+DISTRIBUTIONS = {'nptdms': 'npTDMS', 'yaml': 'PyYAML'}
 #: imports that may fail, and the extra that installs them
 OPTIONAL = {
     'numba': 'fast',
-    'dask': 'cluster',
     'distributed': 'cluster',
     **dict.fromkeys(('h5py', 'nptdms', 'openpyxl', 'pyarrow'), 'tank'),
     **dict.fromkeys(('fastapi', 'nicegui', 'uvicorn'), 'page'),
@@ -170,7 +169,8 @@ def test_test_dependencies_are_declared(manifest, setup_arguments):
     extra = imported - set(ROSDEP_KEYS) - ROS_PACKAGES - set(OPTIONAL) - ours
     assert {f'python3-{name}' for name in extra} <= {element.text for element in manifest.findall('test_depend')}
     assert extra <= requirement_names(setup_arguments['extras_require']['test'])
-    assert set(OPTIONAL.values()) <= {extra for extra, needs in setup_arguments['extras_require'].items() if needs}
+    extras = {extra: requirement_names(needs) for extra, needs in setup_arguments['extras_require'].items()}
+    assert [name for name, extra in OPTIONAL.items() if DISTRIBUTIONS.get(name, name) not in extras[extra]] == []
 
 
 def without_ros():
