@@ -15,13 +15,12 @@ from swath_sysid.attitude.hull.catalogue import (
     EQUATIONS,
     GENERAL_HULL,
     PUBLISHED_HULLS,
-    composed,
     equation_named,
     equations_of_axis,
     hull_named,
     published_alike,
 )
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, composed
 from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification import fit_quality

@@ -11,9 +11,10 @@ import numpy as np
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.decay_model import amplitude_curves
 from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.hull.terms import TERM_NAMES, TERMS
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.evaluation import TIE
-from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DecayStudy
+from swath_sysid.campaign.papers.decay_study import DecayStudy
 from swath_sysid.campaign.papers.publication import citation
 from swath_sysid.common.conventions import ROUNDING, TWO_STD, digits, percent
 from swath_sysid.report.campaign_extinction import PARTICULARS
@@ -116,7 +117,7 @@ def coefficients(study: DecayStudy) -> Table:
     chosen, form = study.chosen(record), printed.published_form
     rows: list[tuple] = [("I'", form.get("I'"), None, chosen.genetic.inertia, chosen.swarm.inertia, *[None] * 4)]
     for term in equation_named(study.publication.chosen).terms:
-        name, factor = COEFFICIENTS[term]
+        name, factor = TERMS[term].symbol, TERMS[term].factor
         value, std = record.ours.ratio(term)
         searched = [found.ratios[term] for found in (chosen.genetic, chosen.swarm, chosen.exact)]
         ratio = form[name] / inertia / factor if form else printed.ratios[term]
@@ -383,7 +384,7 @@ def _limits(study: DecayStudy):
     weak = {t for r in study.records for t in r.ours.model.terms if r.ours.std[t] > 0.5 * abs(r.hull.terms[t])}
     if weak:
         lines.append(
-            f'{", ".join(sorted(weak, key=list(COEFFICIENTS).index))}: known to worse than half of its value on at '
+            f'{", ".join(sorted(weak, key=TERM_NAMES.index))}: known to worse than half of its value on at '
             'least one record; a printed trend of such a coefficient is not a finding.'
         )
     return lines

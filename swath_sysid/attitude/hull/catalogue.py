@@ -9,8 +9,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, PublishedForm, from_published
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES, DAMPING_TERMS, RESTORING_NAMES, RESTORING_TERMS
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, PublishedForm, composed, from_published
+from swath_sysid.attitude.hull.terms import DAMPING_TERMS, RESTORING_TERMS, TERMS
 from swath_sysid.common.errors import InputError, check_choice
 
 _LIN, _QUAD, _CUB = ('linear',), ('linear', 'quadratic'), ('linear', 'quadratic', 'cubic')
@@ -48,7 +48,7 @@ EQUATIONS = PUBLISHED_EQUATIONS | OWN_EQUATIONS
 
 AUTO = 'auto'  #: In place of a name: the general hull, pruned to the terms that a record shows.
 #: Every smooth term; at angles of release a sine cannot be distinguished from these.
-GENERAL_HULL = Equation('b1,b2,b3|r1,r2,r3', ('b1', 'b2', 'b3', 'r1', 'r2', 'r3'))
+GENERAL_HULL = composed([term.name for term in TERMS.values() if term.is_general])
 
 _AXIS_EQUATIONS = {axis: tuple(n for n in PUBLISHED_EQUATIONS if axis in n) for axis in ('pitch', 'roll')}
 
@@ -72,12 +72,6 @@ def equation_named(name: str) -> Equation:
         f"there is no equation '{name}': choose from {', '.join(EQUATIONS)}, add '+friction' to one, "
         "or compose one as 'damping|restoring', for example 'linear,quadratic|linear,cubic'"
     )
-
-
-def composed(terms: Sequence[str]) -> Equation:
-    """The equation of some terms, named by them as `equation_named` reads it."""
-    sides = ([name for name in side if name in terms] for side in (DAMPING_NAMES, RESTORING_NAMES))
-    return Equation('|'.join(','.join(side) for side in sides), tuple(terms))
 
 
 def published_alike(equation: Equation, axis: str) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.signal import find_peaks
 
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulated_craft import release_angle
 from swath_sysid.attitude.hull.simulation import simulate
@@ -202,13 +202,8 @@ def inertia_of(axis: str, inertias: Mapping[str, float]) -> float:
 def gazebo_decay(model: DecayModel) -> DecayModel:
     """A decay model limited to gz-sim's terms: linear and quadratic damping, and linear restoring by buoyancy."""
     kept = {name: value for name, value in model.terms.items() if name in EXPRESSED_TERMS}
-    return DecayModel.from_terms(
-        Equation('exported', EXPRESSED_TERMS),
-        kept | {'r1': model.natural_frequency**2},
-        trim=model.trim,
-        friction_rate=model.friction_rate,
-        axis=model.axis,
-    )
+    kept['r1'] = model.natural_frequency**2
+    return DecayModel.of(model.trim, model.friction_rate, model.axis, **kept)
 
 
 def _attitude_losses(axis: str, identified: IdentifiedModel, inertia: float) -> list[Advice]:
