@@ -201,8 +201,7 @@ def inertia_of(axis: str, inertias: Mapping[str, float]) -> float:
 
 def gazebo_decay(model: DecayModel) -> DecayModel:
     """A decay model limited to gz-sim's terms: linear and quadratic damping, and linear restoring by buoyancy."""
-    kept = {name: value for name, value in model.terms.items() if name in EXPRESSED_TERMS}
-    kept['r1'] = model.natural_frequency**2
+    kept = {name: model.terms.get(name, 0.0) for name in EXPRESSED_TERMS} | {'r1': model.natural_frequency**2}
     return DecayModel.of(model.trim, model.friction_rate, model.axis, **kept)
 
 
