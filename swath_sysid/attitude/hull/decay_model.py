@@ -65,6 +65,12 @@ class Equation:
         """Flags (9,) in the order of ``TERM_NAMES``."""
         return tuple(name in self.terms for name in TERM_NAMES)
 
+    def complete(self, values: np.ndarray) -> np.ndarray:
+        """Ratios (..., 9) of all terms from those (..., n) of the equation's own."""
+        ratios = np.zeros((*values.shape[:-1], len(TERM_NAMES)))
+        ratios[..., self.indices] = values
+        return ratios
+
     def contains(self, other: 'Equation') -> bool:
         """Whether every term of ``other`` is a term of this equation."""
         return set(other.terms) <= set(self.terms)
@@ -204,7 +210,7 @@ QUADRATURE_NODES = 96
 NEWTON_STEPS = 6  #: Each doubles the correct digits.
 
 _ALL_TERMS = (True,) * len(TERM_NAMES)
-#: Places of restoring terms that differ from side to side.
+#: Of the restoring terms that differ from side to side.
 _EVEN = [place for place, term in enumerate(TERMS.values()) if term.base != RATE and term.power % 2 == 0]
 
 

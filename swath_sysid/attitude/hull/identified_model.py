@@ -219,10 +219,6 @@ class ScheduledModel:
         ratios = np.array([m.model.ratios[self.equation.indices] for m in found])
         return ratios, np.array([np.sqrt(np.diag(m.covariance)) for m in found])
 
-    def ratio(self, name: str) -> np.ndarray:
-        """The identified values of one ratio, shape (loadings,)."""
-        return np.array([m.model.terms[name] for m in self.models])
-
 
 def models_at(
     models: Mapping[str, IdentifiedModel], schedules: Mapping[str, ScheduledModel], loading: float | None

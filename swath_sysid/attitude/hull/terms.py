@@ -42,28 +42,30 @@ class Term(NamedTuple):
         return self.power - 2 if self.base == RATE else -2
 
 
-_ROWS = (
-    Term('b0', 'friction', RATE, 0, 'rad/s^2', (0.0, 0.5), False, 'friction'),
-    Term('b1', 'linear', RATE, 1, '1/s', (0.0, 4.0), True, 'linear_damping', 'N', 0.5),
-    Term('b2', 'quadratic', RATE, 2, '1/rad', (0.0, 12.0), True, 'quadratic_damping', 'W'),
-    Term('b3', 'cubic', RATE, 3, 's/rad^2', (0.0, 12.0), True, 'cubic_damping', 'x'),
-    Term('r1', 'linear', ANGLE, 1, '1/s^2', (0.0, 5.0), True, 'c3', 'C3'),
-    Term('r2', 'quadratic', ANGLE, 2, '1/(rad s^2)', (-3.0, 3.0), True, 'c2', 'C2'),
-    Term('r3', 'cubic', ANGLE, 3, '1/(rad^2 s^2)', (-3.0, 6.0), True, 'c1', 'C1'),
-    Term('s1', 'sine', SINE, 1, 'rad/s^2', (0.0, 5.0), False, 'c2', 'C2'),
-    Term('s2', 'sine-squared', SINE, 2, 'rad/s^2', (-3.0, 3.0), False, 'c1', 'C1'),
-)
-TERMS = {term.name: term for term in _ROWS}
+TERMS = {
+    term.name: term
+    for term in (
+        Term('b0', 'friction', RATE, 0, 'rad/s^2', (0.0, 0.5), False, 'friction'),
+        Term('b1', 'linear', RATE, 1, '1/s', (0.0, 4.0), True, 'linear_damping', 'N', 0.5),
+        Term('b2', 'quadratic', RATE, 2, '1/rad', (0.0, 12.0), True, 'quadratic_damping', 'W'),
+        Term('b3', 'cubic', RATE, 3, 's/rad^2', (0.0, 12.0), True, 'cubic_damping', 'x'),
+        Term('r1', 'linear', ANGLE, 1, '1/s^2', (0.0, 5.0), True, 'c3', 'C3'),
+        Term('r2', 'quadratic', ANGLE, 2, '1/(rad s^2)', (-3.0, 3.0), True, 'c2', 'C2'),
+        Term('r3', 'cubic', ANGLE, 3, '1/(rad^2 s^2)', (-3.0, 6.0), True, 'c1', 'C1'),
+        Term('s1', 'sine', SINE, 1, 'rad/s^2', (0.0, 5.0), False, 'c2', 'C2'),
+        Term('s2', 'sine-squared', SINE, 2, 'rad/s^2', (-3.0, 3.0), False, 'c1', 'C1'),
+    )
+}
 TERM_NAMES = tuple(TERMS)
-DAMPING_TERMS = {term.word: term.name for term in _ROWS if term.base == RATE}
-RESTORING_TERMS = {term.word: term.name for term in _ROWS if term.base != RATE}
+DAMPING_TERMS = {term.word: term.name for term in TERMS.values() if term.base == RATE}
+RESTORING_TERMS = {term.word: term.name for term in TERMS.values() if term.base != RATE}
 DAMPING_NAMES, RESTORING_NAMES = tuple(DAMPING_TERMS.values()), tuple(RESTORING_TERMS.values())
 LINEAR_RESTORING = tuple(name for name in RESTORING_NAMES if TERMS[name].power == 1)
-RATIO_UNITS = {term.name: term.unit for term in _ROWS}
-LOWER, UPPER = np.array([term.range for term in _ROWS]).T  #: (9,) each; of the dimensionless ratios.
+RATIO_UNITS = {term.name: term.unit for term in TERMS.values()}
+LOWER, UPPER = np.array([term.range for term in TERMS.values()]).T  #: (9,) each; of the dimensionless ratios.
 
 #: Places of the terms by name, as in ``ratios[AT.b2]``, which are constants to the compiler.
-AT: Any = namedtuple('At', TERM_NAMES)(*range(len(_ROWS)))
+AT: Any = namedtuple('At', TERM_NAMES)(*range(len(TERMS)))
 
 
 def damping_moment(rate: Value, ratios: Value, active: Sequence[bool], friction_rate: float) -> Value:
@@ -127,16 +129,13 @@ def restoring_slope(x: Value, ratios: Value, active: Sequence[bool]) -> Value:
 
 def restoring_energy(x: Value, ratios: Value) -> Value:
     """Integral of `restoring_moment` from trim to ``x``, rad^2/s^2; all terms."""
-    powers = ((TERM_NAMES.index(term.name), term.power + 1) for term in _ROWS if term.base == ANGLE)
-    return (
-        sum(ratios[place] * x**power / power for place, power in powers)
-        + ratios[AT.s1] * (1.0 - np.cos(x))
-        + ratios[AT.s2] * (x / 2 - np.sin(2 * x) / 4)
-    )
+    powers = [(k, term.power + 1) for k, term in enumerate(TERMS.values()) if term.base == ANGLE]
+    total = sum(ratios[k] * x**power / power for k, power in powers)
+    return total + ratios[AT.s1] * (1.0 - np.cos(x)) + ratios[AT.s2] * (x / 2 - np.sin(2 * x) / 4)
 
 
 _DAMPING = len(DAMPING_NAMES)
-_BASES, _POWERS = (tuple(getattr(term, column) for term in _ROWS) for column in ('base', 'power'))
+_BASES, _POWERS = (tuple(getattr(term, column) for term in TERMS.values()) for column in ('base', 'power'))
 
 
 def term_moments(x: Value, rate: Value, friction_rate: float) -> np.ndarray:
@@ -166,6 +165,6 @@ class Scales:
         """The ratio of each term that is one in dimensionless form, shape (9,)."""
 
         a, w = [self.amplitude], [self.frequency]
-        above = [math.prod(w * -term.time_power + a * (1 - term.power)) for term in _ROWS]
-        below = [math.prod(w * term.time_power + a * (term.power - 1)) for term in _ROWS]
+        above = [math.prod(w * -term.time_power + a * (1 - term.power)) for term in TERMS.values()]
+        below = [math.prod(w * term.time_power + a * (term.power - 1)) for term in TERMS.values()]
         return np.array(above) / np.array(below)

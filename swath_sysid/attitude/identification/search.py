@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.terms import LOWER, TERM_NAMES, TERMS, UPPER, Scales
+from swath_sysid.attitude.hull.terms import LOWER, TERMS, UPPER, Scales
 from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.common.search import (
     Cancelled,
@@ -182,6 +182,4 @@ def run_search(
 
 def full_ratios(dimensionless: np.ndarray, equation: Equation, scales: Scales) -> np.ndarray:
     """Dimensionless ratios of an equation's terms, (P, terms), to ratios of all terms, (P, 9)."""
-    ratios = np.zeros((len(dimensionless), len(TERM_NAMES)))
-    ratios[:, equation.indices] = dimensionless * scales.ratio_units[equation.indices]
-    return ratios
+    return equation.complete(dimensionless * scales.ratio_units[equation.indices])

@@ -40,8 +40,8 @@ from swath_sysid.common.errors import InputError
 if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.hull_track import HullTrack
 
-_COUNT = len(DAMPING_NAMES)
-FACTORS = {'stiffness': slice(_COUNT, None), 'damping': slice(_COUNT)}  #: Places of their ratios.
+#: Places of their ratios.
+FACTORS = {'stiffness': slice(len(DAMPING_NAMES), None), 'damping': slice(len(DAMPING_NAMES))}
 
 TRIM_DRIFT = 3e-6**2  #: rad^2/s; 0.01 deg in an hour. Thirty times this would hide the slow part of the waves.
 RATIO_DRIFT = 1e-4**2  #: 1/s, relative; stiffness and damping move by 2 % in ten hours of a voyage.

@@ -146,10 +146,10 @@ def fossen_attitude(
 def _powers(base: int, variable: str, moments: Mapping[str, float], side: float = 1.0) -> str:
     """Sum of the moments of a base's powers; restoring of even powers changes its sign with the side."""
     size, total = f'abs({variable})' if base == RATE else variable, []
-    for name, each, power in ((t.name, t.base, t.power) for t in TERMS.values()):
-        if each == base and power > 0:
-            even = 1 - power % 2
-            factors = [repr(side**even * moments[name]), *[size] * even, *[variable] * (power - 1 - even)]
+    for term in TERMS.values():
+        if term.base == base and term.power > 0:
+            even = 1 - term.power % 2
+            factors = [repr(side**even * moments[term.name]), *[size] * even, *[variable] * (term.power - 1 - even)]
             total.append(' * '.join(factors))
     return f'({" + ".join(total)}) * {variable}'
 
