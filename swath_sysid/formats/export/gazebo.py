@@ -21,6 +21,7 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulated_craft import release_angle
 from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.hull.terms import RESTORING_NAMES
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.export import expressible
@@ -173,7 +174,7 @@ def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str
             f'{moment}{rate}abs{rate}': -inertia * model.terms.get('b2', 0.0),
         }
         moments[diagonal] = inertia
-        restoring = ', '.join(f'{n} {inertia * v:.6g}' for n, v in model.terms.items() if n[0] in 'rs')
+        restoring = ', '.join(f'{n} {inertia * v:.6g}' for n, v in model.terms.items() if n in RESTORING_NAMES)
         notes.append(
             f'{axis}: restoring moment over x = angle - {model.trim:.6g} rad, N m: {restoring} '
             '(r1 x + r2 x^2 + r3 x^3 + s1 sin x + s2 sin^2 x)'
