@@ -10,7 +10,7 @@ from imu_stream import EPOCH_NS, reading
 from scipy.stats import norm
 from tank_side import TankSide
 
-from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulation import simulate
@@ -110,7 +110,7 @@ def test_a_chart_shows_half_a_minute_in_few_points_and_does_not_magnify_noise():
 
 
 def test_a_softening_decay_is_drawn_as_softening_with_the_model_over_it():
-    hull = DecayModel.from_terms(equation_named('odd-cubic'), {'b1': 0.1, 'b2': 0.1, 'r1': 5.8, 'r3': -120.0})
+    hull = DecayModel.of(b1=0.1, b2=0.1, r1=5.8, r3=-120.0)
     time, trim = np.arange(0.0, 25.0, 0.04), 0.02
     angle, rate = simulate(hull, 0.12, 0.0, time)
     release = Release(AxisMotion('roll', EPOCH_NS * 1e-9 + time, angle + trim, rate), 2.8, 9.0, 0.12, trim)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.decay_model import AmplitudeCurves, DecayModel, Equation
+from swath_sysid.attitude.hull.decay_model import AmplitudeCurves, DecayModel
 from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.fit_quality import AmplitudeBands
 from swath_sysid.attitude.identification.identify import identify
@@ -103,7 +103,7 @@ def test_the_curve_of_a_noisy_record_holds_its_truth_within_its_standard_deviati
     assert np.abs(far).max() < 5.0
 
 
-MODEL = DecayModel.from_terms(Equation('test', ('b1', 'r1')), {'b1': 0.2, 'r1': 4.0}, axis='roll')
+MODEL = DecayModel.of(b1=0.2, r1=4.0, axis='roll')
 
 
 def bands(exponent=0.0, ratio=0.05):

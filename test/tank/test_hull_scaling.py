@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.attitude.hull.decay_model import RATIO_RANGES, DecayModel, Equation, check_physical
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.hull.decay_model import RATIO_RANGES, DecayModel, check_physical
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel, ScheduledModel, models_at
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import TERM_NAMES
@@ -23,13 +23,8 @@ from swath_sysid.manoeuvring.hull.model import check_physical as check_manoeuvri
 from swath_sysid.manoeuvring.hull.terms import INDEX, NAMES
 from swath_sysid.tank.froude import length_ratio, scaled, scaled_model, scaled_schedule, scaling_advice
 
-FULL = DecayModel(
-    Equation('all', TERM_NAMES),
-    [0.01, 0.3, 0.2, 0.1, 8.0, 1.5, 3.0, 0.5, 0.2],
-    trim=0.01,
-    friction_rate=0.02,
-    axis='roll',
-)
+RATIOS = {'b0': 0.01, 'b1': 0.3, 'b2': 0.2, 'b3': 0.1, 'r1': 8.0, 'r2': 1.5, 'r3': 3.0, 's1': 0.5, 's2': 0.2}
+FULL = DecayModel.of(trim=0.01, friction_rate=0.02, axis='roll', **RATIOS)
 
 
 def identified(model):
@@ -102,7 +97,6 @@ def test_a_ratio_that_could_not_be_read_back_is_refused(ratio, times):
         scaled(there, length_ratio('2'))
 
 
-EQUATION = Equation('test', ('b1', 'r1', 'r3'))
 LOADINGS = (0.9, 1.0, 1.15)
 
 
@@ -112,7 +106,7 @@ def truth(loading):
 
 
 def of_loading(loading, std=0.01, axis='pitch'):
-    model = DecayModel.from_terms(EQUATION, truth(loading), trim=0.01 * loading, friction_rate=0.01, axis=axis)
+    model = DecayModel.of(trim=0.01 * loading, axis=axis, **truth(loading))
     return IdentifiedModel(model, np.eye(3) * std**2, 0.001, (0.01, 0.1 * loading), {'r2': 0.99}, {'software': 'test'})
 
 
@@ -208,11 +202,7 @@ def test_models_at_a_loading_are_scheduled_where_there_is_a_schedule(schedule):
 def linear(period, damping_ratio=0.1, **fields):
     """A linear hull of a natural period, s."""
     frequency = 2.0 * math.pi / period
-    ratios = {'b1': 2.0 * damping_ratio * frequency, 'r1': frequency**2}
-    return DecayModel.from_terms(EQUATIONS['linear'], ratios, **fields)
-
-
-RUBBING = Equation('rubbing', ('b0', 'r1'))
+    return DecayModel.of(b1=2.0 * damping_ratio * frequency, r1=frequency**2, **fields)
 
 
 @pytest.mark.parametrize(
@@ -224,7 +214,7 @@ RUBBING = Equation('rubbing', ('b0', 'r1'))
         (linear(3.0, trim=math.nan), 'trim'),
         (linear(3.0, friction_rate=1e-9), 'friction_rate'),
         (linear(3.0, friction_rate=1e9), 'friction_rate'),
-        (DecayModel.from_terms(RUBBING, {'b0': 99.0, 'r1': 9.0}, friction_rate=1e-6), 'damping at rest'),
+        (DecayModel.of(b0=99.0, r1=9.0, friction_rate=1e-6), 'damping at rest'),
     ],
 )
 def test_what_no_craft_has_is_named(model, words):
@@ -234,11 +224,9 @@ def test_what_no_craft_has_is_named(model, words):
 
 @pytest.mark.parametrize('name', TERM_NAMES)
 def test_every_ratio_has_both_ends(name):
-    values = {'b1': 0.1, 'r1': 9.0}
     for ratio in (math.nextafter(end, side * math.inf) for end, side in zip(RATIO_RANGES[name], (-1, 1), strict=True)):
-        values[name] = ratio
         with pytest.raises(InputError, match=f'the ratio {name} is'):
-            check_physical(DecayModel.from_terms(Equation('e', tuple(values)), values))
+            check_physical(DecayModel.of(**{'b1': 0.1, 'r1': 9.0, name: ratio}))
 
 
 def test_the_ranges_are_those_of_the_quickest_craft_at_the_smallest_amplitude():
@@ -255,7 +243,7 @@ def test_every_craft_there_is_passes():
     for period, damping_ratio in itertools.product((0.0501, 3.0, 999.0), (0.0, 1.9)):
         check_physical(linear(period, damping_ratio))
     # a hull that capsizes is a hull
-    check_physical(DecayModel.from_terms(EQUATIONS['odd-cubic'], {'b1': 0.3, 'b2': 0.1, 'r1': -2.0, 'r3': 80.0}))
+    check_physical(DecayModel.of(b1=0.3, b2=0.1, r1=-2.0, r3=80.0))
     for name in PRESETS:
         check_manoeuvring(preset(name))
 
