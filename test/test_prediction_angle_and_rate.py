@@ -66,6 +66,6 @@ def test_a_hull_does_not_spoil_the_forecast_of_a_buoy_whose_attitude_lags(data_f
         steps = run_through(trial, ForecasterSettings(leads=tuple(leads)), models).steps
         scored = [step for step in steps if 100.0 < step.stamp - trial.time[0] < 237.0]
         came = np.interp(np.array([step.stamp for step in scored])[:, None] + leads, trial.time, trial.pitch)
-        forecast = np.array([step.forecast.axes['pitch'].angle for step in scored])
+        forecast = np.array([step.forecast.angle('pitch') for step in scored])
         error[name] = np.sqrt(np.mean((forecast - came) ** 2, axis=0))
     assert np.all(error['hull'] < 1.2 * error['none'])

@@ -134,7 +134,7 @@ def test_windows_of_calm_are_calm(at_sea):
     trial, velocities, run = at_sea
     speed, told, kept = np.abs(velocities[1]), [], []
     for step in run.steps:
-        calm = step.forecast.calm
+        calm = step.outlook.calm
         if calm is not None and step.stamp + calm.end < trial.time[-1]:
             inside = (trial.time >= step.stamp + calm.begin - 1e-6) & (trial.time <= step.stamp + calm.end + 1e-6)
             told.append(calm.probability)

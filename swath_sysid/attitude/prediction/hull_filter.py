@@ -463,15 +463,14 @@ class HullFilter:
 
     # -- the forecast ------------------------------------------------------------------------------------------
 
-    def ahead(self, lead: float) -> tuple[float, float, float, float, float]:
-        """Angle, rate, angle variance, covariance and rate variance one lead ahead; the state stays."""
+    def ahead(self, lead: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (2,) and covariance (2, 2) of angle and rate one lead, s, ahead; the state stays."""
         mean, covariance = self.active.ahead(lead)
-        return (mean.item(0), mean.item(1), covariance.item(0, 0), covariance.item(0, 1), covariance.item(1, 1))
+        return mean[:TRIM], covariance[:TRIM, :TRIM]
 
-    def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Angle and rate (L,) and covariance (L, 2, 2) at increasing leads (L,), s; the state stays."""
-        means, spreads = self.active.forecast(leads)
-        return means[:, 0], means[:, 1], spreads
+    def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (L, 2) and covariance (L, 2, 2) of angle and rate at increasing leads (L,), s; the state stays."""
+        return self.active.forecast(leads)
 
 
 def _hull_of(model: DecayModel, mean: np.ndarray):
