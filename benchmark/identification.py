@@ -25,7 +25,7 @@ from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.accelerator import has_numba
-from swath_sysid.common.search import GeneticSearch, GeneticSettings
+from swath_sysid.common.optimisers import GeneticSearch, GeneticSettings
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
 LOWER_7, UPPER_7 = np.zeros(7), np.array([1.0, 50.0, 50.0, 50.0, 50.0, 200.0, 1000.0])

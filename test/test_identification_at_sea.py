@@ -17,8 +17,8 @@ from swath_sysid.attitude.identification.sea_motion import Heave, heave_of, sea_
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
 from swath_sysid.cli.main import main
+from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model
 from swath_sysid.formats.reading import read_trial
 

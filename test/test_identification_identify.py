@@ -28,7 +28,6 @@ from swath_sysid.attitude.identification.fit_quality import (
     ADEQUATE,
     DOUBTFUL,
     REJECTED,
-    judge,
     posterior_errors,
     vanishing_angle,
 )
@@ -48,8 +47,8 @@ from swath_sysid.attitude.identification.selection import (
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.cli.hulls import published_ratios_for
 from swath_sysid.cli.main import main
+from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.report.fit_summary import fit_as_data, fit_in_words
@@ -439,7 +438,7 @@ def test_the_error_of_the_next_release_is_that_of_its_period(found):
 
 @pytest.mark.parametrize(('scale', 'level'), [(1.0, ADEQUATE), (5.0, DOUBTFUL), (100.0, REJECTED), (np.nan, REJECTED)])
 def test_what_the_record_leaves_open_makes_the_verdict(found, scale, level):
-    verdict = judge(replace(found, covariance=scale**2 * found.covariance))
+    verdict = replace(found, covariance=scale**2 * found.covariance).verdict
     assert verdict.level == level
     assert level == ADEQUATE or verdict.code == 'motion-uncertain'
     assert not np.isnan(scale) or verdict.metrics['motion_error'] is None
@@ -471,7 +470,7 @@ def test_the_verdict_says_to_which_side_its_error_holds(found, monkeypatch, othe
     monkeypatch.setattr(fit_quality, 'unexplained_share', lambda fit, quantity: 0.0)
     vanishing = -0.2 - found.model.trim if np.isinf(other_side) else np.nan
     monkeypatch.setattr(fit_quality, 'vanishing_angle', lambda model, side: vanishing)
-    verdict = judge(found)
+    verdict = replace(found).verdict
     assert words in verdict.sentence and verdict.motion_error == pytest.approx(error)
     assert verdict.level == (DOUBTFUL if other_side > 0.5 else ADEQUATE)
 
@@ -556,7 +555,7 @@ def test_a_period_that_is_none_is_rejected(found, r1, code):
     model = DecayModel.from_terms(found.model.equation, {'b1': 1.5, 'r1': r1, 'r3': 2961.0})
     changed = replace(found, model=model)
     vars(changed)['records'] = found.records
-    verdict = judge(changed)
+    verdict = changed.verdict
     assert (verdict.level, verdict.code) == (REJECTED, code)
     assert 'nan' not in verdict.sentence and 'inf' not in verdict.sentence
     assert all(value is None or value == value for value in verdict.metrics.values())
@@ -582,7 +581,7 @@ def test_what_is_no_decay_is_not_adequate(kind, seed):
 def test_a_fraction_of_the_rows_is_never_adequate(found):
     changed = replace(found)
     vars(changed)['records'] = [replace(r, motion=replace(r.motion, usable_share=0.15)) for r in found.records]
-    verdict = judge(changed)
+    verdict = changed.verdict
     assert (verdict.level, verdict.code) == (DOUBTFUL, 'few-samples')
 
 

@@ -9,13 +9,13 @@ import swath_sysid.nodes
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.refit import RefitSettings
 from swath_sysid.attitude.identification.result import OBJECTIVES
-from swath_sysid.attitude.identification.search import ALGORITHMS
 from swath_sysid.attitude.motion.attitude import FRAMES
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.optimisers import OPTIMISERS
 from swath_sysid.manoeuvring.motion.window import THRUST_INPUTS
 from swath_sysid.manoeuvring.nodes.settings import manoeuvring_pipeline_settings, manoeuvring_settings
 from swath_sysid.nodes.parameters.files import configuration_file, values_from_file
@@ -57,7 +57,7 @@ def test_choices_are_those_of_the_cores():
         ('predictor', 'frame'): FRAMES,
         ('identifier', 'axes'): AXES,
         ('identifier', 'objective'): OBJECTIVES,
-        ('identifier', 'search'): ALGORITHMS,
+        ('identifier', 'search'): tuple(OPTIMISERS),
         ('manoeuvring_identifier', 'thrust_input'): THRUST_INPUTS,
         ('simulated_craft', 'hull'): tuple(PUBLISHED_HULLS),
     }

@@ -61,7 +61,7 @@ ABOVE = {room: INNER_ORDER[:level] for level, room in enumerate(INNER_ORDER)}
 PURE_ROOMS = ('common', *(f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER), 'pipeline')
 FLAGLESS_ROOMS = ('common', *WINGS, 'pipeline', 'formats', 'campaign')
 OF_OTHER_COMMANDS = {
-    'table_files.py': 'rosbags-convert',
+    'registry.py': 'rosbags-convert',
     'manifest.py': 'the comment above a new manifest',
 }
 BASE = {'common', 'share'}

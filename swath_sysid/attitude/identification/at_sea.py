@@ -30,9 +30,9 @@ from swath_sysid.attitude.identification.sea_motion import (
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.cancelling import Progress, ShouldCancel, stop_if
 from swath_sysid.common.conventions import UNCERTAIN
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled, Progress, ShouldCancel
 
 #: Parameters of hull and level, with mean and standard deviation before the record is seen; those of the sea's shape
 #: follow. Frequency over that of the spectrum's peak; nonlinear terms as parts of the linear one.
@@ -110,8 +110,7 @@ class SeaPosterior(LogPosterior):
 
     def likelihoods(self, points: np.ndarray) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
         """Whittle's, at points (P, p), all at once."""
-        if self._should_cancel is not None and self._should_cancel():
-            raise Cancelled
+        stop_if(self._should_cancel)
         size, counts = self.mean.size, self.spectra.counts
         moved = points[:, None] + PERTURBATION * np.vstack([np.zeros(size), np.eye(size)])
         parts = (np.split(part, len(points)) for part in self.parts(moved.reshape(-1, size)))

@@ -36,8 +36,8 @@ from swath_sysid.attitude.identification.search import (
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.cancelling import Progress, ShouldCancel, stop_if
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled, Progress, ShouldCancel
 
 #: Periods that the search uses: its basin of attraction narrows with every cycle. Refinement follows the rest.
 SEARCH_PERIODS = 6.0
@@ -209,8 +209,7 @@ def _refine_outwards(
             runaway = Advice.of('runaway', axis=problem.axis, equation=equation.name, spans=spans)
             raise InputError(runaway.message, runaway.code)
         starts = [refined]
-        if should_cancel is not None and should_cancel():
-            raise Cancelled
+        stop_if(should_cancel)
         if horizon >= longest:
             return starts[0]
         horizon *= HORIZON_GROWTH
