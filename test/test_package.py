@@ -62,10 +62,7 @@ ABOVE = {room: INNER_ORDER[:level] for level, room in enumerate(INNER_ORDER)}
 #: of a wing; the rest of it is pure and names no flag
 SHOWING_ROOMS = ('report', 'nodes', 'cli')
 PURE_ROOMS = {'common', 'pipeline', *WINGS, *(f'{one}/{room}' for one in ('attitude', *WINGS) for room in INNER_ORDER)}
-OF_OTHER_COMMANDS = {
-    'table_files.py': 'rosbags-convert',
-    'manifest.py': 'the comment above a new manifest',
-}
+OF_OTHER_COMMANDS = {'table_files.py': 'rosbags-convert', 'manifest.py': 'the comment above a new manifest'}
 BASE = {'common', 'share'}
 CORE = BASE | {f'attitude/{room}' for room in INNER_ORDER} | {'pipeline'}
 MAY_IMPORT = {

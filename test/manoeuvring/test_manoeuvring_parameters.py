@@ -8,10 +8,7 @@ from swath_sysid.manoeuvring.motion.window import THRUST_INPUTS
 from swath_sysid.manoeuvring.nodes.settings import manoeuvring_pipeline_settings, manoeuvring_settings
 from swath_sysid.manoeuvring.wing import WING
 
-SETTINGS_OF = {
-    'manoeuvring_identifier': manoeuvring_settings,
-    'manoeuvring_predictor': manoeuvring_pipeline_settings,
-}
+SETTINGS_OF = {'manoeuvring_identifier': manoeuvring_settings, 'manoeuvring_predictor': manoeuvring_pipeline_settings}
 
 
 def test_choices_are_those_of_the_wing():

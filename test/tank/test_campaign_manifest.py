@@ -6,12 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from hostile_models import (
-    assert_a_deep_file_is_refused,
-    assert_files_that_are_none_are_refused,
-    mutated,
-    structures,
-)
+from hostile_models import assert_a_deep_file_is_refused, assert_files_that_are_none_are_refused, mutated, structures
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
