@@ -45,7 +45,6 @@ def test_every_verb_refuses_a_deep_file(words, tmp_path, capsys):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 @EVERY_TEXT
 @given(texts_like(attitude_text()))
 def test_a_text_is_a_model_or_one_sentence(text):

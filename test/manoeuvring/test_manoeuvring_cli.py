@@ -75,7 +75,6 @@ def test_identified_model_forecasts_and_simulates(folder, model, capsys):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_play_through_is_repeatable_and_right(folder, model, capsys):
     bag = folder / 'circle.mcap'
     swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'turning-circle', '--output', bag)
@@ -139,7 +138,6 @@ def test_a_slip_is_one_sentence_that_says_what_is_meant_and_tasks_are_completed(
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_play_through_of_a_bag_without_imu_plays_the_manoeuvres(folder, tmp_path, capsys):
     bag = tmp_path / 'zigzag.mcap'
     assert swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--output', bag) == 0

@@ -32,7 +32,6 @@ def test_a_deep_file_is_refused(tmp_path, capsys):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 @EVERY_TEXT
 @given(texts_like(manoeuvring_text()))
 def test_a_text_is_a_model_or_one_sentence(text):

@@ -146,7 +146,6 @@ trials:
 
 
 @pytest.mark.long
-@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(text=st.one_of(mutated(VALID), mutated(VALID), structures(), st.text()))
 def test_a_manifest_is_one_or_one_sentence(text, tmp_path_factory):
