@@ -1,5 +1,7 @@
 """The command line: what it prints, what it writes, its help, and how it answers bad input."""
 
+import contextlib
+import io
 import json
 import re
 import shlex
@@ -189,9 +191,10 @@ def test_bad_options_are_answered_with_one_sentence(words, sentence, trial_file,
 
 
 def test_flags_that_advice_is_given_exist(capsys):
-    for words in (['identify'], ['simulate'], ['manoeuvre', 'identify'], ['export'], ['campaign'], ['forecast']):
-        with pytest.raises(SystemExit):
-            main([*words, '--help'])
+    for verb in VERBS:
+        for task in table_of_verbs()[verb].get('tasks', ['--help']):
+            with pytest.raises(SystemExit):
+                main([verb, task, '--help'])
     known = capsys.readouterr().out
     for code, flags in FLAGS.items():
         assert with_flags(code, 'look again') == f'look again ({flags})'
@@ -267,12 +270,10 @@ def test_the_examples_of_a_verb_are_in_its_help_and_are_accepted(verb, capsys):
     ('words', 'said'),
     [
         ('identfy x.csv', "there is no verb 'identfy' (did you mean identify?)"),
-        ('manoeuvre simulat', "there is no task 'simulat' (did you mean simulate?)"),
         ('identify x.csv --axs roll', "there is no argument '--axs' (did you mean --axis?)"),
         ('forecast x.csv --axis rol', "there is no --axis 'rol' (did you mean roll?): choose from roll, pitch"),
         ('forecast x.csv --leads -1,2', '--leads: cannot be -1'),
         ('simulate --hull swath-roll --output', '--output needs a value'),
-        ('manoeuvre simulate --hull wamv-vrx-old --test turning-circle --noise 1', '--noise needs 2 values'),
         ('identify', 'these are missing: TRIAL'),
     ],
 )
@@ -282,21 +283,24 @@ def test_a_slip_is_one_sentence_that_says_what_is_meant(words, said, capsys):
     assert said in told and told.count('\n') == 1
 
 
-def test_bash_completes_verbs_flags_choices_and_leaves_files_to_the_shell(tmp_path, capsys):
-    assert main(['--completion']) == 0
-    (tmp_path / 'script').write_text(capsys.readouterr().out)
-    for line, completed in (
-        ('swath-sysid ide', ['identify']),
-        ('swath-sysid identify --ob', ['--objective']),
-        ('swath-sysid identify --objective one', ['one-step']),
-        ('swath-sysid manoeuvre sim', ['simulate']),
-        ('swath-sysid identify record', []),
-    ):
-        words = line.split()
-        set_up = f'. ./script; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _swath_sysid; '
-        ask = set_up + 'printf "%s\\n" "${COMPREPLY[@]}"'
-        done = subprocess.run(['bash', '-c', ask], cwd=tmp_path, capture_output=True, text=True, check=True)
-        assert done.stdout.split() == completed and not done.stderr
+def completed(line, folder):
+    """What bash would make of the last word of a line."""
+    with contextlib.redirect_stdout(io.StringIO()) as script:
+        assert main(['--completion']) == 0
+    (folder / 'script').write_text(script.getvalue())
+    words = line.split()
+    set_up = f'. ./script; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _swath_sysid; '
+    ask = set_up + 'printf "%s\\n" "${COMPREPLY[@]}"'
+    done = subprocess.run(['bash', '-c', ask], cwd=folder, capture_output=True, text=True, check=True)
+    assert not done.stderr
+    return done.stdout.split()
+
+
+def test_bash_completes_verbs_flags_choices_and_leaves_files_to_the_shell(tmp_path):
+    assert completed('swath-sysid ide', tmp_path) == ['identify']
+    assert completed('swath-sysid identify --ob', tmp_path) == ['--objective']
+    assert completed('swath-sysid identify --objective one', tmp_path) == ['one-step']
+    assert completed('swath-sysid identify record', tmp_path) == []
 
 
 def test_run_lists_every_topic_and_service_of_the_policy_with_its_type(capsys):

@@ -89,7 +89,6 @@ def test_a_hand_that_lifts_the_craft_again_is_no_motion_of_the_decay_before():
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_truth_of_the_published_pitch_hull_within_its_uncertainty():
     errors, scores = [], []
     for seed in range(10):
@@ -178,7 +177,6 @@ def test_a_doubtful_equation_is_not_chosen_while_another_is_adequate():
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_comparison_chooses_the_simplest_adequate_equation():
     true = HULL.from_terms(EQUATIONS['swath-pitch-6'], {'b1': 0.6, 'r1': 10.0, 'r2': 25.0})
     problem = prepare([decay(model=true, noise=SensorNoise(3e-4, 0.004))])

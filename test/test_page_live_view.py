@@ -180,19 +180,6 @@ def test_another_text_is_not_a_sea_state(text):
         sea_from_yaml(text)
 
 
-def test_a_campaign_lists_its_trials_and_what_is_missing(tmp_path):
-    angles = {'a1.csv': 5, 'a2.csv': 5, 'b1.csv': 8, 'later.csv': 8}
-    for name in list(angles)[:3]:
-        (tmp_path / name).write_text(f'# {name}\ntime_s,roll_deg\n0,1\n')
-    trials = ''.join(f'  - {{file: {name}, initial_angle_deg: {angle}}}\n' for name, angle in angles.items())
-    twice = trials + trials.splitlines()[0]
-    (tmp_path / 'campaign.yaml').write_text(f'axis: roll\ntrials:\n{twice}')
-    rows, missing = view.campaign_words(str(tmp_path / 'campaign.yaml'))
-    assert [row['file'] for row in rows] == ['a1.csv', 'a2.csv', 'b1.csv']
-    assert any('later.csv' in line for line in missing) and 'roll 8 deg: 1 of 2 repeats' in missing
-    assert view.campaign_words(str(tmp_path / 'none.yaml'))[0] == []
-
-
 def test_the_last_verdict_is_shown_once(monkeypatch, tmp_path):
     tank = TankSide(auto_identify=False)
     source = SimpleNamespace(lock=nullcontext(), record=tank.record, description='', sensor='')

@@ -144,7 +144,6 @@ def test_interrupted_again_and_again_and_continued_gives_the_same_tables(trials,
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials, done, tmp_path):
     verb = [sys.executable, '-m', 'swath_sysid.start', 'campaign']
     command = [*verb, str(trials / 'campaign.yaml'), '--output', str(tmp_path), '--jobs', '2']
@@ -385,7 +384,6 @@ def test_on_a_dask_cluster_a_worker_that_dies_costs_nothing(trials, done, tmp_pa
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_measured_trials(data_folder, tmp_path):
     """The smallest and the largest angle of the measured platform: friction is found."""
     text = (

@@ -22,12 +22,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.report.tables import Column
-from swath_sysid.tank.extinction import (
-    Particulars,
-    TypeB,
-    extinction_of,
-    tank_quantities,
-)
+from swath_sysid.tank.extinction import Particulars, TypeB, extinction_of, tank_quantities
 from swath_sysid.tank.report.extinction_tables import curve_rows, curve_table, tank_tables
 
 
