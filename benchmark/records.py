@@ -29,6 +29,7 @@ from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
@@ -85,7 +86,7 @@ def vector_autoregression(trial, axes, stamps, leads):
 
 def swath_sysid(trial, axes, stamps, leads):
     """The package's own forecasts."""
-    return issued(steps_of(trial, leads), axes, stamps, leads, 'angle')
+    return issued(steps_of(trial, leads), axes, stamps, leads, 'mean')
 
 
 def steps_of(trial, leads, models=None):
@@ -99,9 +100,8 @@ def issued(steps, axes, stamps, leads, what):
     """By axis, one of the quantities that were issued at the stamps; NaN where none was."""
     found = {axis: np.full((stamps.size, len(leads)), np.nan) for axis in axes}
     for place, stamp in enumerate(stamps):
-        ahead = steps[stamp].forecast.axes if stamp in steps else {}
-        for axis in ahead.keys() & set(axes):
-            found[axis][place] = getattr(ahead[axis], what)
+        for axis in axes if stamp in steps else ():
+            found[axis][place] = getattr(steps[stamp].forecast, what)[:, ATTITUDE.index(axis)]
     return found
 
 
@@ -269,7 +269,7 @@ def scores_of(case, rows, with_hull=True):
         scored = trial.time >= start + warmup
         stamps = trial.time[scored]
         now = {name: {axis: made[name][axis][scored] for axis in axes} for name in made}
-        now |= {name: issued(steps, axes, stamps, leads, 'angle') for name, steps in ran.items()}
+        now |= {name: issued(steps, axes, stamps, leads, 'mean') for name, steps in ran.items()}
         for axis in axes:
             for name in sorted(now, key=[*rows, WITH_HULL].index):
                 if name == WITH_HULL and axis not in models:

@@ -233,8 +233,7 @@ def forecasts_of(sea, rate, hull, leads=LEADS):
         if step.sea_request is not None:
             pipeline.install(fit_sea(step.sea_request))
         if step.forecast is not None:
-            ahead = step.forecast.axes['roll']
-            issued.append((k / rate, ahead.angle, ahead.half_width[:, 1]))
+            issued.append((k / rate, step.forecast.angle('roll'), step.forecast.half_width('roll')[:, 1]))
     return tuple(np.array(part) for part in zip(*issued, strict=True))
 
 

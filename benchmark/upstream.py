@@ -104,9 +104,8 @@ def scored(sea: Sea, run, spans) -> tuple[np.ndarray, np.ndarray]:
     """Errors over the roll's size (S, L), and coverage of the 90 % intervals (S, L), of forecasts issued in spans."""
     truth = CubicSpline(sea.time, sea.roll)
     stamps = np.array([step.stamp for step in run.steps])
-    ahead = [step.forecast.axes['roll'] for step in run.steps]
-    errors = np.array([each.angle for each in ahead]) - truth(stamps[:, None] + LEADS)
-    held = np.abs(errors) <= np.array([each.half_width[:, 1] for each in ahead])
+    errors = np.array([step.forecast.angle('roll') for step in run.steps]) - truth(stamps[:, None] + LEADS)
+    held = np.abs(errors) <= np.array([step.forecast.half_width('roll')[:, 1] for step in run.steps])
     inside = [(stamps >= begin) & (stamps < end) for begin, end in spans]
     size = sea.roll.std()
     return (

@@ -118,7 +118,7 @@ def sail(trial, warmup, settings=SETTINGS, progress=None, upstream=None):
     """The predictor run causally through a record, with upstream channels; the first `warmup` seconds are left out."""
     run, truth = run_through(trial, settings, progress=progress, upstream=upstream), truth_of(trial)
     known = [
-        (step.stamp, step.horizon)
+        step
         for step in run.steps
         if step.stamp >= trial.time[0] + warmup
         and step.horizon.points
@@ -126,15 +126,14 @@ def sail(trial, warmup, settings=SETTINGS, progress=None, upstream=None):
     ]
     if not known:
         raise InputError(NOTHING_FORECAST)
-    ahead = [horizon for _, horizon in known]
-    attitude = [[h.axes['roll'].angle, h.axes['pitch'].angle, h.axes['roll'].rate, h.axes['pitch'].rate] for h in ahead]
+    ahead, calm = [step.horizon for step in known], [step.outlook.calm for step in known]
     return Voyage(
-        np.array([stamp for stamp, _ in known]),
+        np.array([step.stamp for step in known]),
         ahead[0].leads,
-        np.concatenate([[h.points[SENSOR.name].mean for h in ahead], np.moveaxis(attitude, 1, 2)], axis=2),
+        np.concatenate([[h.points[SENSOR.name].mean for h in ahead], [h.mean for h in ahead]], axis=2),
         np.array([h.points[SENSOR.name].covariance for h in ahead]),
         truth,
-        np.array([(math.nan, math.nan) if h.calm is None else (h.calm.begin, h.calm.end) for h in ahead]),
+        np.array([(math.nan, math.nan) if window is None else (window.begin, window.end) for window in calm]),
     )
 
 

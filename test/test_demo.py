@@ -135,9 +135,10 @@ def test_the_verdict_needs_both_figures():
 def test_the_constant_model_is_the_predictor_core_alone():
     readings, settings = list(decay_stream(duration=3.0, release=1.0, axis='roll')), PipelineSettings()
     pipeline = ForecastPipeline(settings)
-    issued = [lead for reading in readings for lead in pipeline.add(reading).attitudes() if lead[0] == 0.5]
+    issued = [step.forecast.at(0.5) for step in map(pipeline.add, readings) if step.forecast is not None]
     found = without_model(readings, 'roll', settings)[0.5]
-    assert [row[0] for row in found] == [forecast.stamp_ns for _, forecast in issued]
+    assert [row[0] for row in found] == [each.stamp_ns + 500_000_000 for each in issued]
+    assert [row[1] for row in found] == [each.angle('roll').item() for each in issued]
     assert all(row[2] > 0.0 for row in found)
 
 

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from swath_sysid.attitude.prediction.blend import AxisForecast, Forecast
+from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.forecaster import ForecastStep
+from swath_sysid.attitude.prediction.outlook import Outlook
 from swath_sysid.attitude.prediction.point import point_motion
 from swath_sysid.attitude.prediction.quiescence import CalmWindow
 from swath_sysid.common.errors import InputError
@@ -16,29 +18,24 @@ from swath_sysid.formats.messages import typestore
 from swath_sysid.formats.topics import type_of
 from swath_sysid.nodes.parameters.files import values_from_file
 from swath_sysid.nodes.parameters.predictor import pipeline_settings
-from swath_sysid.pipeline.forecast_pipeline import PipelineStep, attitude_forecast
 
 LEADS = np.array([0.5, 2.0])
 PLACE = (2.5, -0.5, 1.0)
 STAMP_NS = 1_700_000_000_250_000_000
 ROLL, PITCH, ROLL_RATE, PITCH_RATE = np.array([[0.1, -0.2], [-0.05, 0.12], [0.2, 0.1], [-0.1, 0.3]])
-
-SPREAD = np.tile(np.eye(2), (2, 1, 1))
-AXES = {'roll': AxisForecast(ROLL, ROLL_RATE, SPREAD), 'pitch': AxisForecast(PITCH, PITCH_RATE, SPREAD)}
+MEAN, SPREAD = np.column_stack([ROLL, PITCH, ROLL_RATE, PITCH_RATE]), np.tile(np.eye(4), (2, 1, 1))
+CALM = Outlook(0.8, CalmWindow(0.5, 2.25, 0.93), {})
 
 
 @pytest.fixture(scope='module')
 def messages():
     rng = np.random.default_rng(4)
-    motion = np.column_stack(
-        [[0.4, 0.1], [0.3, -0.6], [0.1, 0.5], [0.0, 0.1], [0.2, 0.0], ROLL, PITCH, ROLL_RATE, PITCH_RATE]
-    )
+    motion = np.column_stack([[0.4, 0.1], [0.3, -0.6], [0.1, 0.5], [0.0, 0.1], [0.2, 0.0], MEAN])
     root = rng.normal(size=(2, 9, 9)) * 0.05
     covariance = root @ root.transpose(0, 2, 1)
     points = {'bow': point_motion(PLACE, (0.0, 0.0), motion, covariance)}
-    forecast = Forecast(0.0, LEADS, AXES, quiescence=0.8, calm=CalmWindow(0.5, 2.25, 0.93), points=points)
-    step = PipelineStep(used=True, forecast=forecast, horizon=forecast, stamp_ns=STAMP_NS)
-    sent = dict(ForecastMessages('craft').of(step))
+    forecast = Forecast(STAMP_NS, LEADS, MEAN, SPREAD, points=points)
+    sent = dict(ForecastMessages('craft').of(ForecastStep(forecast=forecast, horizon=forecast, outlook=CALM)))
     return {topic: typestore().deserialize_cdr(raw, type_of(topic)) for topic, raw in sent.items()}, points['bow']
 
 
@@ -168,10 +165,9 @@ def test_a_node_says_the_same_of_what_the_command_line_gives_it(text, sentence):
 
 def test_predicted_frames_have_names_of_their_own(messages):
     heading, now = 1.2, (0.15, -0.04)
-    forecast = Forecast(0.0, LEADS, AXES, points={'sensor': replace(messages[1], place=(0.0, 0.0, 0.0))})
-    held = {axis: (angle, *4 * (0.0,)) for axis, angle in zip(('roll', 'pitch'), now, strict=True)}
-    following = attitude_forecast(STAMP_NS, 0.1, held, heading, 0.0)
-    step = PipelineStep(used=True, next=following, forecast=forecast, stamp_ns=STAMP_NS, heading=(heading, 0.0))
+    forecast = Forecast(STAMP_NS, LEADS, MEAN, SPREAD, points={'sensor': replace(messages[1], place=(0.0, 0.0, 0.0))})
+    following = Forecast(STAMP_NS, LEADS[:1], np.array([[*now, 0.0, 0.0]]), SPREAD[:1], (heading, 0.0))
+    step = ForecastStep(next=following, forecast=forecast, horizon=forecast, outlook=CALM)
     assert '/tf' not in dict(ForecastMessages('craft').of(step))
     raw = dict(ForecastMessages('craft', (2.0,)).of(step))['/tf']
     transforms = typestore().deserialize_cdr(raw, type_of('/tf')).transforms

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
-from swath_sysid.attitude.hull.terms import Scales, term_moments
+from swath_sysid.attitude.hull.terms import TERM_NAMES, Scales, term_moments
 from swath_sysid.attitude.identification.fit_quality import known_together
 from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
@@ -161,7 +162,7 @@ def direct_one_step(motion, ratios, trim):
 def test_one_step_objective_is_the_published_sum_and_takes_no_step_over_a_gap():
     motion = decay(samples=300)
     uneven = motion.only(np.arange(300) % 3 != 1)
-    ratios = np.random.default_rng(2).uniform(0, 5, (4, 9))
+    ratios = np.random.default_rng(2).uniform(0, 5, (4, len(TERM_NAMES)))
     for record in (motion, uneven):
         found = OneStepObjective.of([record], [0.01], FRICTION_RATE)(ratios)
         assert found == pytest.approx([direct_one_step(record, r, 0.01) for r in ratios], rel=1e-10)
@@ -179,7 +180,7 @@ def test_one_step_objective_is_the_published_sum_and_takes_no_step_over_a_gap():
 def test_one_step_minimum_is_scipys_on_the_whole_record(name):
     motion, equation = decay(), EQUATIONS[name]
     objective = OneStepObjective.of([motion], [0.0], FRICTION_RATE)
-    ratios = objective.minimum(equation, np.zeros(9), np.full(9, 1e4))
+    ratios = objective.minimum(equation, np.zeros(len(TERM_NAMES)), np.full(len(TERM_NAMES), 1e4))
     moments = term_moments(motion.angle[:-1], motion.rate[:-1], FRICTION_RATE)[equation.indices]
     rows = (moments * np.diff(motion.time)).T
     expected = lsq_linear(rows, -np.diff(motion.rate), (0, np.inf), tol=1e-14)
@@ -202,7 +203,7 @@ def test_jacobian_of_the_simulation_objective_against_central_differences():
     motions = [decay(1, 300), decay(2, 200)]
     fit = MotionFit(motions, EQUATIONS['swath-pitch-1'].with_friction(), SCALES, Noise(0.001, 0.0165), FRICTION_RATE)
     states = [InitialState(0.1, 0.05, 0.002), InitialState(0.09, -0.02, -0.001)]
-    parameters = fit.pack(HULL.ratios + np.r_[0.02, 0, 0, 0.1, np.zeros(5)], states)
+    parameters = fit.pack(DecayModel.of(**HULL.terms | {'b0': 0.02, 'b3': 0.1}).ratios, states)
     _, jacobians = fit.residuals_and_jacobian(parameters)
     found = np.concatenate(jacobians)
     for k in range(parameters.size):

@@ -218,7 +218,7 @@ def test_a_leader_one_wavelength_ahead_halves_the_error(node, craft, tmp_path):
     finally:
         stop(process)
     forecasts = ForecasterSettings(leads=(1.0, period), forecast_rate=1.0, refit_interval=20.0)
-    alone = {step.stamp: float(step.forecast.axes['roll'].angle[1]) for step in run_through(follower, forecasts).steps}
+    alone = {step.stamp: float(step.forecast.angle('roll')[1]) for step in run_through(follower, forecasts).steps}
     (without, counted), (found, received) = error_at(follower, alone, period), error_at(follower, heard, period)
     # each is sent once, and the next replaces one that has not been taken
     assert received > 0.5 * counted and found <= 0.5 * without

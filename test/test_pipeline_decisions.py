@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.outlook import Outlook
 from swath_sysid.attitude.prediction.quiescence import CalmWindow, QuiescenceLimits
 from swath_sysid.pipeline.decisions import (
     CALM_NOW,
@@ -19,6 +20,7 @@ from swath_sysid.pipeline.decisions import (
     score_rule,
     stays_inside,
 )
+from swath_sysid.pipeline.record_run import Issued
 
 TIME = 0.1 * np.arange(6000)
 DURATION = 2.0
@@ -87,8 +89,8 @@ def test_a_forecast_that_knows_beats_the_rules_that_do_not():
     base = quiet.mean()
 
     def scored_with(probability):
-        horizons = [SimpleNamespace(quiescence=p, calm=None, leads=np.array([0.1, 5.0])) for p in probability]
-        steps = [SimpleNamespace(stamp=t, horizon=h) for t, h in zip(stamps.tolist(), horizons, strict=True)]
+        outlooks, horizon = [Outlook(p, None, {}) for p in probability], SimpleNamespace(leads=np.array([0.1, 5.0]))
+        steps = [Issued(t, horizon, horizon, o) for t, o in zip(stamps.tolist(), outlooks, strict=True)]
         return score_decisions(trial, steps, limits)
 
     oracle = scored_with(quiet)

@@ -2,26 +2,27 @@
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from records_at_sea import only, sea, swell
 
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.attitude.prediction.blend import NORMAL_QUANTILES, AxisForecast, Forecast
+from swath_sysid.attitude.prediction.forecast import NORMAL_QUANTILES, Forecast
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.outlook import Outlook
 from swath_sysid.attitude.prediction.point import Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
-from swath_sysid.pipeline.record_run import Run, run_through
+from swath_sysid.pipeline.record_run import Issued, Run, run_through
 from swath_sysid.pipeline.scoring import METHODS, SENSOR, resampled, score, usual_limits, usual_warmup
 from swath_sysid.report.forecast_skill import skill_as_data
 
 LEADS = (0.1, 1.0)
+NOTHING = Outlook(np.nan, None, {})
 
 
 def rolling(duration):
@@ -32,10 +33,11 @@ def forecasts_with_errors(trial, errors, deviation):
     """A run that forecast roll at each sample with the errors given, shape (N, L)."""
     steps = []
     for k, stamp in enumerate(trial.time.tolist()):
-        angle = np.interp(stamp + np.array(LEADS), trial.time, trial.roll) + errors[k]
-        covariance = np.tile(np.diag([deviation**2, 1.0]), (len(LEADS), 1, 1))
-        ahead = Forecast(stamp, np.array(LEADS), {'roll': AxisForecast(angle, 0.0 * angle, covariance)})
-        steps.append(SimpleNamespace(stamp=stamp, forecast=ahead, horizon=ahead))
+        mean = np.full((len(LEADS), 4), np.nan)
+        mean[:, 0] = np.interp(stamp + np.array(LEADS), trial.time, trial.roll) + errors[k]
+        covariance = np.tile(deviation**2 * np.eye(4), (len(LEADS), 1, 1))
+        ahead = Forecast(round(1e9 * stamp), np.array(LEADS), mean, covariance)
+        steps.append(Issued(stamp, ahead, ahead, NOTHING))
     return Run(tuple(steps))
 
 
@@ -194,15 +196,14 @@ def forecasts_at_points(trial, motion, learnt=0.0):
     rng, steps = np.random.default_rng(1), []
     covariance = np.tile(np.diag([*DEVIATIONS**2, 1.0, 1.0, 1.0, 1.0]), (POINT_LEADS.size, 1, 1))
     for stamp in trial.time.tolist():
-        angle = AxisForecast(np.zeros(2), np.zeros(2), np.tile(np.eye(2), (2, 1, 1)))
         means = {
             point: motion(stamp + POINT_LEADS, point.place[0]) + DEVIATIONS * rng.normal(size=(2, 3))
             for point in (SENSOR, BOW)
             if stamp >= learnt
         }
         points = {point.name: PointMotion(point.place, mean, covariance) for point, mean in means.items()}
-        ahead = Forecast(stamp, POINT_LEADS, {'roll': angle, 'pitch': angle}, points=points)
-        steps.append(SimpleNamespace(stamp=stamp, forecast=ahead, horizon=ahead))
+        ahead = Forecast(0, POINT_LEADS, np.zeros((2, 4)), np.tile(np.eye(4), (2, 1, 1)), points=points)
+        steps.append(Issued(stamp, ahead, ahead, NOTHING))
     return Run(tuple(steps))
 
 

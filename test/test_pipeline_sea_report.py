@@ -36,7 +36,7 @@ def published(count, *, has_force=True):
         step = pipeline.add_sample(sample)
         for topic, raw in messages.of(step):
             if topic == SEA_TOPIC:
-                found[step.stamp_ns] = yaml.safe_load(STORE.deserialize_cdr(raw, 'std_msgs/msg/String').data)
+                found[step.sample.stamp_ns] = yaml.safe_load(STORE.deserialize_cdr(raw, 'std_msgs/msg/String').data)
         request = step.sea_request
         if request is not None:
             sea = sea_of(request) if request.wants_sea_state else None

@@ -32,10 +32,10 @@ def _run(blend, errors, variance, seconds=120.0, seed=0):
         mean = errors * rng.normal(size=errors.shape)
         blend.take(np.zeros(axes), mean, np.broadcast_to(variance, errors.shape))
         covariance = np.broadcast_to(variance, errors.shape)[..., None] * np.eye(axes)
-        told, told_covariance, _ = blend.combine(mean, covariance, range(axes))
+        told = blend.combine(0, mean, covariance, range(axes))
         issued.append(mean)
-        blended.append(told)
-        spread.append(np.diagonal(told_covariance, axis1=1, axis2=2))
+        blended.append(told.mean)
+        spread.append(told.deviation**2)
     return np.array(issued), np.array(blended), np.array(spread)
 
 
@@ -76,14 +76,14 @@ def test_a_candidate_without_a_forecast_has_no_weight_and_comes_in_unproven():
     blend = _blend()
     absent = np.concatenate([np.full((1, 3, 1), np.nan), np.ones((1, 3, 1))])
     _take(blend, [math.nan, 1.0], 600)
-    mean, covariance, _ = blend.combine(absent, np.ones((2, 3, 1, 1)), [0])
-    assert mean == pytest.approx(1.0) and np.isfinite(covariance).all()
+    told = blend.combine(0, absent, np.ones((2, 3, 1, 1)), [0])
+    assert told.mean == pytest.approx(1.0) and np.isfinite(told.covariance).all()
     assert (blend.weights[0] < 0.25).all()
     _take(blend, [0.5, 1.0], 300)
     assert (blend.weights[0] > 0.9).all()
     nothing = np.full((2, 3, 1), np.nan)
     blend.take(np.array([0.0]), nothing, nothing)
-    assert np.isnan(blend.combine(nothing, nothing[..., None], [0])[0]).all()
+    assert np.isnan(blend.combine(0, nothing, nothing[..., None], [0]).mean).all()
 
 
 def test_a_refitted_candidate_is_not_held_to_what_its_last_model_did():
@@ -120,8 +120,8 @@ def test_intervals_hold_what_they_say_where_errors_have_wide_tails():
     rng, blend, held = np.random.default_rng(3), _blend((1.0,)), []
     for _ in range(4000):
         mean = rng.standard_t(2.5, size=(1, 3, 1))
-        spread = blend.combine(mean, np.ones((1, 3, 1, 1)), [0])[1][:, 0, 0]
-        held.append(np.abs(mean[0, :, 0]) < 1.645 * np.sqrt(spread))
+        deviation = blend.combine(0, mean, np.ones((1, 3, 1, 1)), [0]).deviation[:, 0]
+        held.append(np.abs(mean[0, :, 0]) < 1.645 * deviation)
         blend.take(np.zeros(1), mean, np.ones((1, 3, 1)))
     assert np.mean(held[600:]) == pytest.approx(0.9, abs=0.02)
 
@@ -141,22 +141,22 @@ def test_errors_that_are_the_sensors_noise_for_the_most_part_leave_the_claims_al
     for _ in range(1200):
         blend.take(rng.normal(size=1), np.zeros((1, 3, 1)), np.full((1, 3, 1), 1.01), 1.0)
     assert blend.scale == pytest.approx(1.0, abs=0.15)
-    covariance = blend.combine(np.zeros((1, 3, 1)), np.full((1, 3, 1, 1), 1.01), [0], 1.0)[1]
-    assert covariance == pytest.approx(0.01, rel=0.15)
+    told = blend.combine(0, np.zeros((1, 3, 1)), np.full((1, 3, 1, 1), 1.01), [0], 1.0)
+    assert told.covariance == pytest.approx(0.01, rel=0.15)
 
 
 def test_correlations_of_the_targets_survive_and_so_does_what_the_candidates_expect_of_themselves():
     covariance = np.broadcast_to([[4.0, 1.0], [1.0, 1.0]], (1, 3, 2, 2))
-    combined = _blend((1.0,), axes=2).combine(np.zeros((1, 3, 2)), covariance, [0, 1])[1]
-    assert combined == pytest.approx(covariance[0])
+    combined = _blend((1.0,), axes=2).combine(0, np.zeros((1, 3, 2)), covariance, [0, 1])
+    assert combined.covariance == pytest.approx(covariance[0])
     blend, rng = _blend(), np.random.default_rng(3)
     variance = np.broadcast_to(np.array([1.0, 4.0])[:, None, None], (2, 3, 1))
     for _ in range(1200):
         blend.take(np.zeros(1), 3.0 * rng.normal(size=(2, 3, 1)), variance)
     weights = blend.weights[:, blend.place_of_lead, 0]
-    _, covariance, own = blend.combine(np.zeros((2, 3, 1)), variance[..., None], [0])
-    assert own[:, 0] == pytest.approx(np.sqrt(weights.T @ [1.0, 4.0]))
-    assert (covariance[:, 0, 0] > 1.5 * own[:, 0] ** 2).all()
+    told = blend.combine(0, np.zeros((2, 3, 1)), variance[..., None], [0])
+    assert told.own_deviation[:, 0] == pytest.approx(np.sqrt(weights.T @ [1.0, 4.0]))
+    assert (told.covariance[:, 0, 0] > 1.5 * told.own_deviation[:, 0] ** 2).all()
 
 
 def test_errors_are_of_the_row_that_a_forecast_was_for_and_of_the_nearest_step():
@@ -173,8 +173,8 @@ def test_errors_are_of_the_row_that_a_forecast_was_for_and_of_the_nearest_step()
     assert (blend.mean_square == 0.0).all() and (blend.scale < 0.5).all()
     between = Blend([0.02, 0.1, 0.26, 0.33, 1.0], STEP, 1, (1.0,))
     assert between.steps.tolist() == [1, 3, 10]
-    mean, _, _ = between.combine(np.arange(5.0).reshape(1, 5, 1), np.ones((1, 5, 1, 1)), [0])
-    assert mean[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    told = between.combine(0, np.arange(5.0).reshape(1, 5, 1), np.ones((1, 5, 1, 1)), [0])
+    assert told.mean[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
 @given(st.lists(st.booleans(), min_size=3, max_size=3))

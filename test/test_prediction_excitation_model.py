@@ -96,8 +96,8 @@ def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(
         for k in range(COUNT, len(seen)):
             attitude.observe(0.01, *seen[k].tolist(), *VARIANCES)
             if k % SAMPLES == 0 and k + 100 < len(true):
-                angle, _, spread = attitude.forecast(np.array([1.0]))
-                errors.append(angle[0] - true[k + 100, 0])
+                mean, spread = attitude.forecast(np.array([1.0]))
+                errors.append(mean[0, 0] - true[k + 100, 0])
                 held.append(abs(errors[-1]) < 1.645 * math.sqrt(spread[0, 0, 0]))
         nrmse.append(math.sqrt(np.mean(np.square(errors))) / true[:, 0].std())
         coverage.append(np.mean(held))

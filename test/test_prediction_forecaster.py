@@ -10,6 +10,7 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SensorNoise, SimulatedCraft
 from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.bank import CANDIDATES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
@@ -68,7 +69,7 @@ def run(samples, models=None, late_by=0, pipeline=None):
 def error(steps, time, first, last):
     """Root mean square error of roll at `LEADS` of the forecasts issued at true times from first to last."""
     issued = [
-        (now, step.forecast.axes['roll'].angle)
+        (now, step.forecast.angle('roll'))
         for now, step in zip(time, steps, strict=True)
         if step.forecast is not None and first <= now < last
     ]
@@ -165,19 +166,15 @@ def test_leads_and_horizon_agree_and_the_joint_covariance_holds_that_of_each_axi
     assert len(steps) > 75
     for step in steps:
         for lead in (0.5, 1.0, 2.0):
-            i, j = (int(np.argmin(abs(part.leads - lead))) for part in (step.forecast, step.horizon))
-            for axis, ahead in step.forecast.axes.items():
-                assert ahead.angle[i] == step.horizon.axes[axis].angle[j]
+            np.testing.assert_array_equal(step.forecast.at(lead).mean, step.horizon.at(lead).mean)
         for forecast in (step.forecast, step.horizon):
-            axes, joint = list(forecast.axes.values()), forecast.covariance
-            assert joint.shape == (forecast.leads.size, 2 * len(axes), 2 * len(axes))
+            joint = forecast.covariance
+            assert joint.shape == (forecast.leads.size, 4, 4) and forecast.axes == AXES
             np.testing.assert_allclose(joint, joint.transpose(0, 2, 1), rtol=1e-9, atol=1e-15)
-            for place, ahead in enumerate(axes):
-                pair = [place, place + len(axes)]
-                np.testing.assert_array_equal(joint[:, pair][:, :, pair], ahead.covariance)
+            for place, axis in enumerate(AXES):
                 deviation = np.sqrt(joint[:, place, place])
-                np.testing.assert_allclose(ahead.half_width[:, 1], 1.6448536 * deviation, rtol=1e-6)
-            scale = np.sqrt(np.diagonal(joint, axis1=1, axis2=2))
+                np.testing.assert_allclose(forecast.half_width(axis)[:, 1], 1.6448536 * deviation, rtol=1e-6)
+            scale = forecast.deviation
             assert (scale > 0.0).all()
             assert np.linalg.eigvalsh(joint / (scale[:, :, None] * scale[:, None, :])).min() > -1e-9
 
@@ -190,8 +187,7 @@ def test_a_fit_within_its_delay_changes_nothing_and_a_late_one_is_used_from_then
     asked = next(k for k, step in enumerate(on_time) if step.sea_request is not None)
     delay = round(10.0 * SETTINGS.refit_delay)
     angles = [
-        [step.forecast and step.forecast.axes['roll'].angle.tolist() for step in steps]
-        for steps in (on_time, within, late)
+        [step.forecast and step.forecast.angle('roll').tolist() for step in steps] for steps in (on_time, within, late)
     ]
     assert angles[0] == angles[1]
     same = [one == other for one, other in zip(angles[0], angles[2], strict=True)]
@@ -213,13 +209,13 @@ def test_an_axis_without_angle_is_forecast_from_its_rate():
     hull, time = IdentifiedModel.exactly(hull_named('swath-roll').model), clock(10.0, 50.0)
     _, steps = run([sample._replace(roll=math.nan) for sample in SEA.samples(time)], models={'roll': hull})
     issued = {now: step.forecast for now, step in zip(time, steps, strict=True) if step.forecast and now > 30.0}
-    forecasts = [forecast.axes['roll'] for forecast in issued.values()]
     assert len(issued) > 90
     truth = SEA.motion(np.array(list(issued))[:, None] + np.array(LEADS[:3]), 1)[0]
-    errors = np.array([ahead.rate[:3] for ahead in forecasts]) - truth
+    errors = np.array([ahead.rate('roll')[:3] for ahead in issued.values()]) - truth
     relative = np.sqrt(np.mean(errors**2, axis=0)) / SEA.motion(time, 1)[0].std()
     assert (relative < (0.15, 0.5, 1.0)).all(), relative
-    assert all(np.isfinite(ahead.angle).all() and (ahead.half_width > 0.0).all() for ahead in forecasts)
+    for ahead in issued.values():
+        assert np.isfinite(ahead.angle('roll')).all() and (ahead.half_width('roll') > 0.0).all()
 
 
 # -- calm water
@@ -238,7 +234,8 @@ def released(craft, pipeline, rest, count):
             _, (step,) = run([CraftSample(round(now * 1e9), *row, *variances, yaw_rate=0.0)], pipeline=pipeline)
             truth.append(craft._state[0])
             if step.forecast is not None:
-                issued.append((now, step.forecast.axes[craft.settings.model.axis]))
+                axis = craft.settings.model.axis
+                issued.append((now, step.forecast.angle(axis), step.forecast.half_width(axis)[:, 1]))
     return np.arange(len(truth)) / rate, np.array(truth), issued, free
 
 
@@ -250,11 +247,10 @@ def test_the_first_release_of_an_unknown_craft_is_no_surer_than_it_is_right(name
     pipeline = ForecastPipeline(PipelineSettings(forecaster=SETTINGS))
     time, truth, issued, (begin,) = released(craft, pipeline, rest=65.0, count=1)
     for early, late, leads, least, most in ((0.2, 2.0, LEADS, 0.6, 10.0), (6.0, 12.0, LEADS[1:], 0.85, 2.0)):
-        counted = [(now, ahead) for now, ahead in issued if begin + early <= now < begin + late]
-        due = np.add.outer([now for now, _ in counted], leads)
+        counted = [each for each in issued if begin + early <= each[0] < begin + late]
+        now, angle, width = map(np.array, zip(*counted, strict=True))
         shown = slice(len(LEADS) - len(leads), len(LEADS))
-        errors = np.array([ahead.angle[shown] for _, ahead in counted]) - np.interp(due, time, truth)
-        widths = np.array([ahead.half_width[shown, 1] for _, ahead in counted])
+        errors, widths = angle[:, shown] - np.interp(np.add.outer(now, leads), time, truth), width[:, shown]
         assert (np.mean(abs(errors) <= widths, axis=0) > least).all()
         assert np.degrees(np.median(widths)) < most
 
@@ -272,9 +268,9 @@ def test_a_released_hull_is_forecast_one_period_ahead_at_its_first_release_too(n
     pipeline.set_models({model.axis: IdentifiedModel.exactly(model)})
     time, truth, issued, free = released(craft, pipeline, rest=1.5, count=2)
     for begin in free:
-        counted = [(now, ahead) for now, ahead in issued if begin + 0.3 <= now <= begin + 10.0 - period]
-        due = np.array([now for now, _ in counted]) + period
-        errors = np.array([ahead.angle[1] for _, ahead in counted]) - np.interp(due, time, truth)
+        counted = [each for each in issued if begin + 0.3 <= each[0] <= begin + 10.0 - period]
+        now, angle, width = map(np.array, zip(*counted, strict=True))
+        errors = angle[:, 1] - np.interp(now + period, time, truth)
         moving = (time >= begin) & (time <= begin + 10.0)
         assert np.sqrt(np.mean(errors**2)) < 0.06 * truth[moving].std()
-        assert np.mean(abs(errors) <= [ahead.half_width[1, 1] for _, ahead in counted]) > 0.7
+        assert np.mean(abs(errors) <= width[:, 1]) > 0.7

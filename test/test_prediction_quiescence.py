@@ -8,6 +8,7 @@ from bag_messages import STORE
 from records_at_sea import sea
 
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
+from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_filter import HullFilterSettings
 from swath_sysid.attitude.prediction.outlook import ErrorLimit, ValidLeads, valid_lead
@@ -176,14 +177,15 @@ def test_the_lead_is_where_the_expected_error_first_passes_the_limit():
 
 def test_points_have_valid_leads_of_their_own_motion():
     axes, count = [AxisFilter(HullFilterSettings(), 600.0) for _ in range(2)], FINE.size
-    valid = ValidLeads(ErrorLimit(0.5, 0.02), FINE, axes, 600.0)
+    valid = ValidLeads(ErrorLimit(0.5, 0.02), axes, 600.0)
     mean, covariance, spread = np.zeros((count, 4)), np.zeros((count, 4, 4)), np.zeros((count, 7, 7))
     covariance[:, 0, 0], mean[:, 1] = (0.01 * FINE) ** 2, np.nan
     spread[:, 0, 0], spread[:, 1, 1] = (0.1 * FINE) ** 2, (0.2 * FINE) ** 2
     for time in np.arange(0.0, 600.0, 0.5):
         motion = np.zeros((count, 3))
         motion[0, :2] = 0.7 * math.sqrt(2.0) * math.sin(time), 1.2 * math.sqrt(2.0) * math.cos(time)
-        found = valid.assess(time, mean, covariance, {'bow': PointMotion((1.0, 0.0, 0.0), motion, spread)})
+        bow = PointMotion((1.0, 0.0, 0.0), motion, spread)
+        found = valid.assess(time, Forecast(0, FINE, mean, covariance, points={'bow': bow}))
     assert found == valid.newest and set(found) == {'roll', 'bow.heave', 'bow.vertical_velocity'}
     assert found['roll'] == pytest.approx(2.0, abs=1e-6)
     assert found['bow.heave'] == pytest.approx(3.5, rel=0.03)
@@ -215,7 +217,7 @@ def test_a_smaller_limit_is_passed_sooner_and_the_state_is_reported():
         settings = ForecasterSettings(valid_error=limit, points=(Point('bow', (1, 0, 0)),))
         pipeline = ForecastPipeline(PipelineSettings(forecaster=settings))
         steps = [pipeline.add_sample(sample) for sample in samples_of(sea(300.0).between(0.0, 60.0))]
-        leads.append(next(step.horizon.valid_leads for step in reversed(steps) if step.horizon is not None))
+        leads.append(next(step.outlook.valid_leads for step in reversed(steps) if step.outlook is not None))
         assert pipeline.diagnostics().valid_leads == leads[-1]
     half, quarter, anything = leads
     assert quarter['roll'] < half['roll'] and anything['roll'] == 5.0

@@ -74,7 +74,8 @@ def test_a_hull_is_asked_for_its_moment_and_gets_it():
     forecaster.set_model('roll', IdentifiedModel.exactly(hull_named('swath-roll').model))
     for number, row in enumerate(waves(400).tolist()):
         sample = CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7)
-        request = forecaster.observe(sample, STEP * number, STEP if number else None).sea_request or request
+        step = forecaster.observe(sample, STEP * number, STEP if number else None)
+        request = forecaster.issue(step).sea_request or request
     assert set(request.excitations) == {'roll'} and request.names == CHANNELS
     assert request.step == pytest.approx(STEP) and request.values.shape[1] == len(CHANNELS)
     fit = fit_sea(request)

@@ -134,7 +134,7 @@ def test_windows_of_calm_are_calm(at_sea):
     trial, velocities, run = at_sea
     speed, told, kept = np.abs(velocities[1]), [], []
     for step in run.steps:
-        calm = step.forecast.calm
+        calm = step.outlook.calm
         if calm is not None and step.stamp + calm.end < trial.time[-1]:
             inside = (trial.time >= step.stamp + calm.begin - 1e-6) & (trial.time <= step.stamp + calm.end + 1e-6)
             told.append(calm.probability)
@@ -144,7 +144,6 @@ def test_windows_of_calm_are_calm(at_sea):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_a_buoy_at_sea(data_folder):
     """Vertical velocity of the Morro Bay buoy; the truth is the zero-phase integral of the whole record."""
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')

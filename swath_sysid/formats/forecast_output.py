@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swath_sysid.attitude.motion.attitude import multiply, quaternion
-from swath_sysid.attitude.prediction.hull_state import LARGEST_RATE_VARIANCE
+from swath_sysid.attitude.motion.attitude import body_rates, conjugate, multiply, quaternion, rotate
+from swath_sysid.attitude.motion.intake import NANOSECOND, NOT_MEASURED
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.hull_state import LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE
 from swath_sysid.formats import messages, topics
 from swath_sysid.formats.messages import SECOND_NS, header, make, serialised
 from swath_sysid.formats.sea_state import sea_as_yaml
-from swath_sysid.pipeline.forecast_pipeline import UNKNOWN_PLACE_VARIANCE
 
 if TYPE_CHECKING:
-    from swath_sysid.attitude.prediction.blend import Forecast
-    from swath_sysid.pipeline.forecast_pipeline import AttitudeForecast, PipelineStep
+    from swath_sysid.attitude.prediction.forecast import Forecast
+    from swath_sysid.attitude.prediction.forecaster import ForecastStep
+    from swath_sysid.attitude.prediction.quiescence import CalmWindow
 
-_NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [LARGEST_RATE_VARIANCE] * 3)
+NOT_GIVEN: tuple[float, ...] = (NOT_MEASURED, *8 * (0.0,))  #: Covariance that a sensor_msgs/Imu does not give.
+UNKNOWN_PLACE_VARIANCE = 100.0  #: m^2 (and per s^2 and s^4); the horizontal motion is not forecast.
+
+_NO_FORCE = (0.0, 0.0, 0.0, *NOT_GIVEN)
+#: Of roll, pitch and their rates where they are not forecast.
+_LARGEST_VARIANCES = np.repeat((LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE), 2)
+_UNKNOWN_POSE = np.diag([UNKNOWN_PLACE_VARIANCE] * 2 + [0.0] * 3 + [LARGEST_ANGLE_VARIANCE])
+_UNKNOWN_TWIST = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [0.0] * 2 + [LARGEST_RATE_VARIANCE])
+_UNKNOWN_ACCELERATION = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [LARGEST_RATE_VARIANCE] * 3)
+_HEAVE_AND_ATTITUDE = np.ix_((0, 3, 4), (0, 3, 4))
 
 
 def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Sequence[float] = ()) -> list[str]:
@@ -44,70 +56,151 @@ class ForecastMessages:
         self.imu = messages.ImuMessage(frame_id)
         self._templates: dict[tuple, messages.Template] = {}
 
-    def of(self, step: PipelineStep) -> Iterator[tuple[str, bytes]]:
-        """Topic and message of all that a step of the pipeline leads to, but for ``forecast/next``."""
-        for lead, forecast in step.attitudes():
-            yield topics.lead_topic(lead), self.imu.filled(forecast)
-        if (trajectory := step.trajectory()) is not None:
-            yield topics.HORIZON_TOPIC, messages.horizon_message(trajectory, self.frame_id)
-        if step.horizon is not None:
-            yield topics.VALID_LEAD_TOPIC, messages.named_numbers_message(step.horizon.valid_leads)
-        if step.quiescence is not None:
-            kind = topics.TYPES[topics.QUIESCENCE_TOPIC]
-            yield topics.QUIESCENCE_TOPIC, messages.number_message(step.quiescence, kind)
-        yield from self._at_points(step)
-        if step.sea is not None:
-            yield topics.SEA_TOPIC, messages.text_message(sea_as_yaml(step.sea, step.stamp_ns))
-        if self._frames_at and step.forecast is not None and step.next is not None:
-            frames = list(self._transforms(step.forecast, step.next, step.heading[0], step.stamp_ns))
+    def next_of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
+        """Topic and message of what a step of the pipeline has at once."""
+        if step.next is not None:
+            for _, raw in self._attitudes(step.next):
+                yield topics.NEXT_TOPIC, raw
+
+    def of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
+        """Topic and message of all else that a finished step leads to."""
+        forecast, horizon, outlook = step.forecast, step.horizon, step.outlook
+        if forecast is not None and horizon is not None and outlook is not None:
+            for lead, raw in self._attitudes(forecast):
+                yield topics.lead_topic(lead), raw
+            yield topics.HORIZON_TOPIC, self._horizon(horizon)
+            yield topics.VALID_LEAD_TOPIC, messages.named_numbers_message(outlook.valid_leads)
+            if isfinite(outlook.quiescence):
+                kind = topics.TYPES[topics.QUIESCENCE_TOPIC]
+                yield topics.QUIESCENCE_TOPIC, messages.number_message(outlook.quiescence, kind)
+            yield from self._at_points(forecast)
+            yield from self._horizons_of_points(horizon)
+            if isfinite(outlook.quiescence):
+                yield topics.CALM_TOPIC, self._calm(outlook.calm, horizon.stamp_ns)
+        if step.sea is not None and step.sample is not None:
+            yield topics.SEA_TOPIC, messages.text_message(sea_as_yaml(step.sea, step.sample.stamp_ns))
+        if self._frames_at and forecast is not None and step.next is not None:
+            frames = list(self._transforms(forecast, step.next))
             yield topics.FRAMES_TOPIC, serialised(make(topics.TYPES[topics.FRAMES_TOPIC], frames))
 
-    def _transforms(self, forecast: Forecast, now: AttitudeForecast, yaw: float, stamp_ns: int) -> Iterator[tuple]:
+    def _attitudes(self, forecast: Forecast) -> Iterator[tuple[float, bytes]]:
+        """Each lead, s, and its sensor_msgs/Imu."""
+        (yaw, yaw_rate), is_known = forecast.heading, np.isfinite(forecast.mean)
+        means = np.where(is_known, forecast.mean, 0.0).tolist()
+        variances = np.where(is_known, np.diagonal(forecast.covariance, axis1=1, axis2=2), _LARGEST_VARIANCES).tolist()
+        for (lead, stamp_ns), mean, variance in zip(_stamps(forecast), means, variances, strict=True):
+            roll, pitch, roll_rate, pitch_rate = mean
+            turn, rates = quaternion(roll, pitch, yaw), body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
+            of_turn = of_rates = NOT_GIVEN
+            if forecast.axes:
+                of_turn = _diagonal(variance[0], variance[1], LARGEST_ANGLE_VARIANCE)
+                of_rates = _diagonal(variance[2], variance[3], LARGEST_RATE_VARIANCE)
+            yield lead, self.imu.of_values(stamp_ns, (*turn, *of_turn, *rates, *of_rates, *_NO_FORCE))
+
+    def _horizon(self, horizon: Forecast) -> bytes:
+        """A column for each angle and for its standard deviation, with their rates as velocities."""
+        columns = tuple([f'{axis}{kind}' for axis in horizon.axes for kind in ('', '_std')])
+        values = np.stack([horizon.mean, horizon.deviation], axis=2)[:, np.isfinite(horizon.mean[0])].ravel()
+        return self._filled(_trajectory, self.frame_id, (columns, _times_ns(horizon)), horizon.stamp_ns, values)
+
+    def _horizons_of_points(self, horizon: Forecast) -> Iterator[tuple[str, bytes]]:
+        key = ('heave', 'heave_std'), _times_ns(horizon)
+        for name, motion in horizon.points.items():
+            deviation = np.sqrt(np.diagonal(np.asarray(motion.covariance), axis1=1, axis2=2)[:, :3])
+            values = np.stack([motion.mean, deviation], axis=2).ravel()
+            raw = self._filled(_trajectory, self._level, key, horizon.stamp_ns, values)
+            yield topics.point_horizon_topic(name), raw
+
+    def _calm(self, calm: CalmWindow | None, stamp_ns: int) -> bytes:
+        """The probability at both ends of the next window of calm; no points without one."""
+        times_ns = () if calm is None else (round(calm.begin * SECOND_NS), round(calm.end * SECOND_NS))
+        probabilities = () if calm is None else (calm.probability, calm.probability)
+        return self._filled(_trajectory, self._level, (('probability',), times_ns), stamp_ns, probabilities)
+
+    def _at_points(self, forecast: Forecast) -> Iterator[tuple[str, bytes]]:
+        """A nav_msgs/Odometry and an acceleration for each point at each lead."""
+        for name, motion in forecast.points.items():
+            rows = zip(_stamps(forecast), forecast.mean.tolist(), motion.mean.tolist(), motion.covariance, strict=True)
+            for (lead, stamp_ns), attitude, vertical, covariance in rows:
+                values = odometry_values(motion.place, attitude, vertical, covariance)
+                yield topics.point_lead_topic(name, lead), self._filled(_odometry, self._level, name, stamp_ns, values)
+                spread = _UNKNOWN_ACCELERATION.copy()
+                spread[2, 2] = covariance[2, 2]
+                values = 0.0, 0.0, vertical[2], *spread.ravel().tolist()
+                raw = self._filled(_acceleration, self._level, name, stamp_ns, values)
+                yield topics.point_acceleration_topic(name, lead), raw
+
+    def _transforms(self, forecast: Forecast, following: Forecast) -> Iterator[tuple]:
         """From the level frame to the craft now and at the leads, all at the time of issue; the heading is left out."""
-        x, y, z, w = now.orientation
-        without_heading = multiply(quaternion(0.0, 0.0, -yaw), (x, y, z, w))
-        yield self._transform(f'{self.frame_id}_now', stamp_ns, 0.0, without_heading)
-        heaving = [motion for motion in forecast.points.values() if not any(motion.place)]
+        yaw, _ = following.heading
+        now = multiply(quaternion(0.0, 0.0, -yaw), quaternion(*_angles(following), yaw))
+        yield self._transform(f'{self.frame_id}_now', forecast.stamp_ns, 0.0, now)
+        heaving = next((name for name, motion in forecast.points.items() if not any(motion.place)), None)
         for lead in self._frames_at:
-            place = int(np.abs(forecast.leads - lead).argmin())
-            roll, pitch = (
-                float(forecast.axes[axis].angle[place]) if axis in forecast.axes else 0.0 for axis in ('roll', 'pitch')
-            )
-            heave = float(heaving[0].mean[place, 0]) if heaving else 0.0
-            yield self._transform(topics.frame_at(self.frame_id, lead), stamp_ns, heave, quaternion(roll, pitch, 0.0))
+            at = forecast.at(lead)
+            heave = float(at.points[heaving].mean[0, 0]) if heaving is not None else 0.0
+            child = topics.frame_at(self.frame_id, lead)
+            yield self._transform(child, forecast.stamp_ns, heave, quaternion(*_angles(at), 0.0))
 
     def _transform(self, child: str, stamp_ns: int, heave: float, orientation: Sequence[float]) -> tuple:
         return header(stamp_ns, self._level), child, ((0.0, 0.0, heave), tuple(orientation))
 
-    def _at_points(self, step: PipelineStep) -> Iterator[tuple[str, bytes]]:
-        for point in step.points():
-            pose = *point.position, *point.orientation, *point.pose_covariance.ravel().tolist()
-            twist = *point.linear, *point.angular, *point.twist_covariance.ravel().tolist()
-            odometry = self._filled(_odometry, point.name, point.stamp_ns, (*pose, *twist))
-            yield topics.point_lead_topic(point.name, point.lead), odometry
-            covariance = _NOTHING_KNOWN.copy()
-            covariance[2, 2] = point.acceleration_variance
-            numbers = 0.0, 0.0, point.acceleration, *covariance.ravel().tolist()
-            acceleration = self._filled(_acceleration, point.name, point.stamp_ns, numbers)
-            yield topics.point_acceleration_topic(point.name, point.lead), acceleration
-        horizon = step.horizon
-        if horizon is None:
-            return
-        leads_ns = tuple(np.round(horizon.leads * SECOND_NS).astype(int).tolist())
-        for name, motion in horizon.points.items():
-            deviation = np.sqrt(np.diagonal(np.asarray(motion.covariance), axis1=1, axis2=2)[:, :3])
-            values = np.stack([motion.mean, deviation], axis=2).ravel()
-            yield topics.point_horizon_topic(name), self._filled(_point_horizon, leads_ns, step.stamp_ns, values)
-        if step.quiescence is not None:
-            calm = horizon.calm
-            times_ns = () if calm is None else (round(calm.begin * SECOND_NS), round(calm.end * SECOND_NS))
-            probabilities = () if calm is None else (calm.probability, calm.probability)
-            yield topics.CALM_TOPIC, self._filled(_calm_window, times_ns, step.stamp_ns, probabilities)
+    def _filled(self, message_of: Callable, frame_id: str, key: Any, stamp_ns: int, values: Any) -> bytes:
+        if (message_of, frame_id, key) not in self._templates:
+            template = messages.Template(lambda v: message_of(v, frame_id, key), len(values))
+            self._templates[message_of, frame_id, key] = template
+        return self._templates[message_of, frame_id, key].filled(stamp_ns, values)
 
-    def _filled(self, message_of: Callable, key: Any, stamp_ns: int, values: Any) -> bytes:
-        if (message_of, key) not in self._templates:
-            self._templates[message_of, key] = messages.Template(lambda v: message_of(v, self._level, key), len(values))
-        return self._templates[message_of, key].filled(stamp_ns, values)
+
+def _stamps(forecast: Forecast) -> list[tuple[float, int]]:
+    """Each lead, s, and the time that it is for, ns."""
+    return [(lead, forecast.stamp_ns + round(lead / NANOSECOND)) for lead in forecast.leads.tolist()]
+
+
+def _times_ns(forecast: Forecast) -> tuple[int, ...]:
+    return tuple(np.round(forecast.leads / NANOSECOND).astype(int).tolist())
+
+
+def _angles(forecast: Forecast) -> tuple[float, float]:
+    """Roll and pitch at the first lead, rad; zero where they are not measured."""
+    roll, pitch = np.nan_to_num(forecast.mean[0, : len(AXES)]).tolist()
+    return roll, pitch
+
+
+def _diagonal(about_x: float, about_y: float, about_z: float) -> tuple[float, ...]:
+    return about_x, 0.0, 0.0, 0.0, about_y, 0.0, 0.0, 0.0, about_z
+
+
+def odometry_values(
+    place: Sequence[float], attitude: Sequence[float], motion: Sequence[float], covariance: np.ndarray
+) -> tuple[float, ...]:
+    """Pose and twist of a point with their covariances, in a level frame that moves with the craft's mean.
+
+    ``attitude`` as in `Forecast`, ``motion`` and covariance (7, 7) as in `PointMotion`.
+    """
+    heave, velocity, _ = motion
+    roll, pitch, roll_rate, pitch_rate = attitude
+    orientation = quaternion(roll, pitch, 0.0)
+    back = conjugate(*orientation)
+    angular = body_rates(roll, pitch, roll_rate, pitch_rate, 0.0)
+    x, y, _ = rotate(orientation, *place)
+    across = rotate(orientation, *_cross(angular, place))
+    linear = rotate(back, across[0], across[1], velocity)
+    pose = _UNKNOWN_POSE.copy()
+    pose[2:5, 2:5] = covariance[_HEAVE_AND_ATTITUDE]
+    # the same either way but along the world's vertical, here in the axes of the craft
+    up = np.array(rotate(back, 0.0, 0.0, 1.0))
+    twist = _UNKNOWN_TWIST.copy()
+    twist[:3, :3] += (covariance[1, 1] - UNKNOWN_PLACE_VARIANCE) * (up[:, None] * up)
+    twist[3:5, 3:5] = covariance[5:, 5:]
+    twist[:3, 3:5] = up[:, None] * covariance[1, 5:]
+    twist[3:5, :3] = twist[:3, 3:5].T
+    spreads = pose.ravel().tolist(), twist.ravel().tolist()
+    return x, y, heave, *orientation, *spreads[0], *linear, *angular, *spreads[1]
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _odometry(v: np.ndarray, level: str, point: str) -> Any:
@@ -120,11 +213,9 @@ def _acceleration(v: np.ndarray, level: str, _: str) -> Any:
     return make(topics.ACCELERATION, header(0, level), ((tuple(v[:3]), (0.0, 0.0, 0.0)), v[3:39]))
 
 
-def _calm_window(v: np.ndarray, level: str, times_ns: Sequence[int]) -> Any:
-    points = [messages.trajectory_point(time, [value]) for time, value in zip(times_ns, v, strict=True)]
-    return make(topics.TRAJECTORY, header(0, level), ['probability'], points)
-
-
-def _point_horizon(v: np.ndarray, level: str, leads_ns: Sequence[int]) -> Any:
-    points = [messages.trajectory_point(lead, *row) for lead, row in zip(leads_ns, v.reshape(-1, 3, 2), strict=True)]
-    return make(topics.TRAJECTORY, header(0, level), ['heave', 'heave_std'], points)
+def _trajectory(v: np.ndarray, frame_id: str, key: tuple[Sequence[str], Sequence[int]]) -> Any:
+    """Values by time, then positions, velocities and accelerations as far as they go, then column."""
+    columns, times_ns = key
+    rows: Any = v.reshape(len(times_ns), -1, len(columns)) if v.size else len(times_ns) * [()]
+    points = [messages.trajectory_point(time, *row) for time, row in zip(times_ns, rows, strict=True)]
+    return make(topics.TRAJECTORY, header(0, frame_id), list(columns), points)

@@ -14,17 +14,16 @@ import numpy as np
 from scipy import constants
 
 from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, coefficients
-from swath_sysid.attitude.motion.intake import NANOSECOND, NOT_MEASURED, ImuReading
+from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.topics import IMU, STRING, TRAJECTORY, TYPES, WINDOW_TOPIC
+from swath_sysid.formats.topics import IMU, STRING, TYPES, WINDOW_TOPIC
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-    from swath_sysid.pipeline.forecast_pipeline import AttitudeForecast, HorizonForecast
 
 SECOND_NS = round(1.0 / NANOSECOND)
 #: The last is 1 (roll) or 2 (pitch) in the rows of the free decay for which the window was published by itself, else 0.
@@ -35,7 +34,6 @@ ORIENTATION_COVARIANCE, RATES_COVARIANCE, FORCE_COVARIANCE = slice(4, 13), slice
 IMU_PARTS = (ORIENTATION, ORIENTATION_COVARIANCE, RATES, RATES_COVARIANCE, FORCE, FORCE_COVARIANCE)
 IMU_VALUES = FORCE_COVARIANCE.stop
 
-NO_FORCE = (0.0, 0.0, 0.0, NOT_MEASURED, *8 * (0.0,))
 ENCAPSULATION_BYTES, FLOAT64_BYTES = 4, np.dtype(float).itemsize
 _STAMP = Struct('<iI')
 
@@ -135,19 +133,6 @@ class ImuMessage:
         """The message of a stamp and 37 numbers in the order of the message definition."""
         return self._template.filled(stamp_ns, values)
 
-    def filled(self, forecast: AttitudeForecast) -> bytes:
-        """The message of an `AttitudeForecast`."""
-        return self.of_values(
-            forecast.stamp_ns,
-            (
-                *forecast.orientation,
-                *forecast.orientation_covariance,
-                *forecast.rates,
-                *forecast.rates_covariance,
-                *NO_FORCE,
-            ),
-        )
-
 
 def imu_reading(message: Any) -> ImuReading:
     """The `ImuReading` of a sensor_msgs/Imu."""
@@ -174,24 +159,8 @@ def raw_stamp_ns(raw: bytes) -> int:
     return seconds * SECOND_NS + rest
 
 
-def horizon_message(horizon: HorizonForecast, frame_id: str) -> bytes:
-    """The trajectory_msgs/JointTrajectory of a `HorizonForecast`."""
-    values = np.concatenate([horizon.positions, horizon.velocities], axis=1).ravel()
-    return _horizon_template(horizon.columns, horizon.leads_ns, frame_id).filled(horizon.stamp_ns, values)
-
-
-@lru_cache(maxsize=4)
-def _horizon_template(columns: tuple[str, ...], leads_ns: tuple[int, ...], frame_id: str) -> Template:
-    def message_of(values: Any) -> Any:
-        rows = values.reshape(len(leads_ns), 2, len(columns))
-        points = [trajectory_point(lead, *row) for lead, row in zip(leads_ns, rows, strict=True)]
-        return make(TRAJECTORY, header(0, frame_id), list(columns), points)
-
-    return Template(message_of, 2 * len(columns) * len(leads_ns))
-
-
 def trajectory_point(
-    time_ns: int, positions: ArrayLike, velocities: ArrayLike = (), accelerations: ArrayLike = ()
+    time_ns: int, positions: ArrayLike = (), velocities: ArrayLike = (), accelerations: ArrayLike = ()
 ) -> tuple:
     """The fields of a trajectory_msgs/JointTrajectoryPoint without efforts."""
     arrays = [np.asarray(part, dtype=float) for part in (positions, velocities, accelerations, ())]

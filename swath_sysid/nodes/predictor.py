@@ -1,5 +1,6 @@
 """The node predictor: attitude one sample ahead, at the leads and over the horizon, with covariance."""
 
+from collections.abc import Iterable
 from time import perf_counter
 
 from rclpy.node import Node
@@ -23,7 +24,7 @@ from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, 
 from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.nodes.upstream import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
-from swath_sysid.pipeline.forecast_pipeline import AttitudeForecast, ForecastPipeline, PipelineSettings, warm_up
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
 
 #: A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late.
@@ -87,18 +88,21 @@ class Predictor(Node):
     def _add(self, reading: ImuReading, is_passed_over: bool) -> None:
         if self.sea.is_fitting:
             self.sea.hand_over(reading.stamp_ns)
-        step = self.pipeline.add(reading, None if is_passed_over else self._publish_next)
+        step = self.pipeline.begin(self.pipeline.intake.take(reading))
+        if not is_passed_over:
+            self._publish(self._messages.next_of(step))
+        step = self.pipeline.finish(step)
         if step.sea_request is not None:
             self.sea.submit(step.sea_request, reading.stamp_ns)
         if is_passed_over:
             self.health.note(PASSED_OVER)
             return
         self.health.published += step.next is not None
-        for topic, raw in self._messages.of(step):
-            self._publisher_of[topic].publish(raw)
+        self._publish(self._messages.of(step))
 
-    def _publish_next(self, forecast: AttitudeForecast) -> None:
-        self._publisher_of[NEXT_TOPIC].publish(self._messages.imu.filled(forecast))
+    def _publish(self, messages: Iterable[tuple[str, bytes]]) -> None:
+        for topic, raw in messages:
+            self._publisher_of[topic].publish(raw)
 
     def _use_new_models(self) -> bool:
         """Use what came on model/description, once it is read; whether something came."""

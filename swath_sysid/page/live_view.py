@@ -7,7 +7,7 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.fit_quality import amplitude_bands
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
-from swath_sysid.attitude.prediction.blend import LEVELS, NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.common.signals import noise_level
 from swath_sysid.page.live_record import SHOWN_S, LiveRecord

@@ -45,7 +45,7 @@ class DecisionSkill:
 def score_decisions(trial: Trial, steps: Sequence[Issued], limits: QuiescenceLimits) -> DecisionSkill | None:
     """Score the decisions at the steps of a run; None where no outcome is known."""
     stamps = np.array([step.stamp for step in steps])
-    probability = np.array([step.horizon.quiescence for step in steps])
+    probability = np.array([step.outlook.quiescence for step in steps])
     inside = samples_inside(trial, limits)
     quiet = stays_inside(trial.time, inside, stamps, limits.duration)
     used = np.isfinite(quiet) & np.isfinite(probability)
@@ -59,7 +59,7 @@ def score_decisions(trial: Trial, steps: Sequence[Issued], limits: QuiescenceLim
         CLIMATOLOGY: np.ones(stamps.size, dtype=bool),
     }
     edges = np.arange(np.ceil(steps[0].horizon.leads[-1]) + 1.0)
-    found = lead_times(stamps, [step.horizon.calm for step in steps], quiet, limits.duration)
+    found = lead_times(stamps, [step.outlook.calm for step in steps], quiet, limits.duration)
     return DecisionSkill(
         int(used.sum()),
         float(came.mean()),

@@ -3,14 +3,13 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE_ERROR
 from swath_sysid.attitude.motion.attitude import euler_angles
-from swath_sysid.attitude.motion.intake import ImuReading
+from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
@@ -110,8 +109,8 @@ def verdict_of(demonstration: Demonstration) -> Verdict:
     return Verdict(lead, error(published, 0), error(published, 1), error(unaided, 1))
 
 
-def attitude_at(forecast: Any, axis: str) -> tuple[float, float]:
-    """Angle about an axis and its standard deviation, rad, of an `AttitudeForecast`."""
+def attitude_at(forecast: ImuReading, axis: str) -> tuple[float, float]:
+    """Angle about an axis and its standard deviation, rad, of a forecast as `ImuReading`."""
     place = AXES.index(axis)
     angle = float(euler_angles(*forecast.orientation)[place])
     return angle, float(np.sqrt(forecast.orientation_covariance[4 * place]))
@@ -125,6 +124,8 @@ def without_model(readings: Iterable[ImuReading], axis: str, settings: PipelineS
         step = pipeline.add(reading)
         if step.sea_request is not None:
             pipeline.install(fit_sea(step.sea_request))
-        for lead, forecast in step.attitudes():
-            found[lead].append((forecast.stamp_ns, *attitude_at(forecast, axis)))
+        if step.forecast is not None:
+            angles, deviations = step.forecast.angle(axis), step.forecast.deviation[:, AXES.index(axis)]
+            for lead, angle, deviation in zip(found, angles.tolist(), deviations.tolist(), strict=True):
+                found[lead].append((reading.stamp_ns + round(lead / NANOSECOND), angle, deviation))
     return found

@@ -9,11 +9,12 @@ from swath_sysid import __version__
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
 from swath_sysid.attitude.identification.refit import RefitOutcome, RefitRequest, RefitSettings, Refitter, refit
-from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading, Intake
+from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
+from swath_sysid.attitude.prediction.forecaster import ForecastStep
 from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest, fit_sea
 from swath_sysid.pipeline.forecast_health import PredictorHealth
-from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, PipelineStep
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.health import BufferHealth, IdentifierHealth, Report, stability_report, verdict_values
 
 
@@ -36,7 +37,7 @@ class Played(NamedTuple):
     stamp_ns: int
     models: dict[str, IdentifiedModel] | None  #: Where they have changed; already used for this message's forecasts.
     window: MotionTable | None  #: Published because a free decay has ended.
-    step: PipelineStep
+    step: ForecastStep
     verdict: str | None = None  #: One line on a refit that ended.
 
 
@@ -54,12 +55,11 @@ class PlayThrough:
     ) -> None:
         self.settings = settings or PlayThroughSettings()
         window, forecasts = self.settings.window, self.settings.forecasts
-        alike = (window.installation, window.stamps) == (forecasts.installation, forecasts.stamps)
-        # both nodes convert the same messages: once is enough
-        self._intake = Intake(window.installation, window.stamps) if alike else None
-        self.window = MotionWindow(window, self._intake)
+        self.forecasts = ForecastPipeline(forecasts)
+        # both nodes convert the same messages: once is enough where they do so alike
+        self._is_shared = (window.installation, window.stamps) == (forecasts.installation, forecasts.stamps)
+        self.window = MotionWindow(window, self.forecasts.intake if self._is_shared else None)
         self.refitter = Refitter(self.settings.refit, models)
-        self.forecasts = ForecastPipeline(forecasts, self._intake)
         self.forecasts.set_models(self.refitter.models)
         self._fit = fit
         self._fit_sea = fit_sea
@@ -78,12 +78,12 @@ class PlayThrough:
         """Process one IMU message."""
         stamp_ns = reading.stamp_ns
         models, verdict = self._finish_refit(stamp_ns)
-        converted = None if self._intake is None else self._intake.take(reading)
-        step = self.forecasts.add(reading) if converted is None else self.forecasts.add_converted(converted)
+        converted = self.forecasts.intake.take(reading)
+        step = self.forecasts.finish(self.forecasts.begin(converted))
         if step.sea_request is not None:
             # used a while after its stamp, so that a live fit is ready by then
             self.forecasts.install(self._fit_sea(step.sea_request))
-        finished = (self.window.add(reading) if converted is None else self.window.add_converted(converted)).finished
+        finished = (self.window.add_converted(converted) if self._is_shared else self.window.add(reading)).finished
         if self._is_due(stamp_ns):
             self._waiting.append(self.window.table())
             self._start_refit(stamp_ns)

@@ -11,8 +11,9 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
-from swath_sysid.attitude.prediction.blend import Forecast
+from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.outlook import Outlook
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
@@ -24,6 +25,7 @@ class Issued(NamedTuple):
     stamp: float  #: s, in the record's own time.
     forecast: Forecast  #: At the leads.
     horizon: Forecast  #: Over the horizon.
+    outlook: Outlook  #: Of the horizon.
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def run_through(
     Example:
         >>> trial = read_trial(records / 'morro_buoy.csv').between(0.0, 20.0)
         >>> run = run_through(trial, ForecasterSettings(forecast_rate=1.0))
-        >>> run.steps[-1].forecast.axes['pitch'].angle.shape
+        >>> run.steps[-1].forecast.angle('pitch').shape
         (6,)
     """
     now = clock or (lambda: math.nan)
@@ -144,9 +146,9 @@ def run_through(
         beside.until(sample.stamp_ns)
         step = pipeline.add_sample(sample)
         step_times.append(now() - begun)
-        if step.forecast is not None and step.horizon is not None:
+        if step.forecast is not None and step.horizon is not None and step.outlook is not None:
             horizon = step.horizon if points_ahead else replace(step.horizon, points={})
-            steps.append(Issued(stamp, step.forecast, horizon))
+            steps.append(Issued(stamp, step.forecast, horizon, step.outlook))
         if step.sea_request is not None:
             begun = now()
             pipeline.install(fit_sea(step.sea_request))

@@ -9,7 +9,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.vertical import EDGE
-from swath_sysid.attitude.prediction.blend import LEVELS, NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability, quantity_at
@@ -262,13 +262,12 @@ def score_valid_leads(record: Record, axis: str, steps: Sequence[Any]) -> ValidL
 
     At a valid lead within the horizon the expected error is the limit, so that errors are divided by it as issued.
     """
-    leads = np.array([step.horizon.valid_leads.get(axis, np.nan) for step in steps])
+    leads = np.array([step.outlook.valid_leads.get(axis, np.nan) for step in steps])
     known, end = np.isfinite(leads), np.array([step.horizon.leads[-1] for step in steps])
     ratio = []
     for step, lead in zip(steps, leads, strict=True):
         if 0.0 < lead < step.horizon.leads[-1]:
-            ahead = step.horizon.axes[axis]
-            columns = ahead.angle, np.sqrt(ahead.covariance[:, 0, 0])
+            columns = step.horizon.angle(axis), step.horizon.deviation[:, ATTITUDE.index(axis)]
             angle, expected = (np.interp(lead, step.horizon.leads, column) for column in columns)
             came = record.at(np.array(step.stamp + lead), [record.names.index(axis)])[0]
             ratio.append((angle - came) / expected)
@@ -288,9 +287,9 @@ def _issued(steps: Sequence[Any], axis: str, leads: np.ndarray):
     half_width = np.full((*angle.shape, LEVELS.size), np.nan)
     for row, step in enumerate(steps):
         if axis in step.forecast.axes:
-            ahead = step.forecast.axes[axis]
-            angle[row], half_width[row] = ahead.angle[places], ahead.half_width[places]
-            own[row] = np.nan if ahead.own_deviation is None else ahead.own_deviation[places]
+            ahead = step.forecast.chosen(places)
+            angle[row], half_width[row] = ahead.angle(axis), ahead.half_width(axis)
+            own[row] = np.nan if ahead.own_deviation is None else ahead.own_deviation[:, ATTITUDE.index(axis)]
     return angle, half_width, own
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.prediction.blend import LEVELS, NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE, Demonstration, LeadForecasts, Verdict
 from swath_sysid.report.figures import MEASURED, Axes, Figure, band, new_figure, quiet
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.attitude.prediction.blend import LEVELS
+from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.pipeline.record_run import Run
 from swath_sysid.pipeline.scoring import FORECAST, Skill
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, band, new_figure, plain_ticks, quiet
@@ -75,11 +75,10 @@ def _stretch(axes: Axes, axis: str, trial: Trial, steps: Sequence[Any]):
     start = time[0] if time.size else 0.0
     axes.plot(time - start, np.degrees(angle), color=MEASURED, linewidth=1.1, label='measured', zorder=4)
     for k, step in enumerate(shown):
-        fan = step.horizon.axes[axis]
         when = step.stamp + step.horizon.leads - start
-        middle = np.degrees(fan.angle)
+        middle, half_width = np.degrees(step.horizon.angle(axis)), np.degrees(step.horizon.half_width(axis))
         for level in (2, 1, 0):
-            band(axes, when, middle, np.degrees(fan.half_width[:, level]), color=BAND, alpha=0.25 + 0.12 * (2 - level))
+            band(axes, when, middle, half_width[:, level], color=BAND, alpha=0.25 + 0.12 * (2 - level))
         axes.plot(when, middle, color=MODEL, linewidth=1.4, label='forecast, 50, 90, 99 %' if k == 0 else None)
         axes.axvline(step.stamp - start, color=MODEL, linewidth=0.5, alpha=0.5)
     if angle.size and np.isfinite(angle).any():

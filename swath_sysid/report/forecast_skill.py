@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.prediction.blend import LEVELS
+from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.plain import finite_or_none

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.terms import TERM_INDEX, TERM_NAMES
+from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -209,10 +209,6 @@ class ScheduledModel:
         found = [self._mixed(min(max(v, self.loadings[0]), self.loadings[-1])) for v in loadings]
         ratios = np.array([m.model.ratios[self.equation.indices] for m in found])
         return ratios, np.array([np.sqrt(np.diag(m.covariance)) for m in found])
-
-    def ratio(self, name: str) -> np.ndarray:
-        """The identified values of one ratio, shape (loadings,)."""
-        return np.array([m.model.ratios[TERM_INDEX[name]] for m in self.models])
 
 
 def models_at(

@@ -16,7 +16,7 @@ import numpy as np
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel, amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.terms import TERM_INDEX, TERM_NAMES
+from swath_sysid.attitude.hull.terms import AT, TERM_NAMES
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION
 from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.identification.sea_motion import (
@@ -155,9 +155,9 @@ class SeaPosterior(LogPosterior):
                 break
             rest -= restoring(rest) / slope
         ratios = np.zeros(len(TERM_NAMES))
-        ratios[TERM_INDEX['b1']], ratios[TERM_INDEX['b2']] = b - GAUSSIAN_RATE * quadratic, quadratic / q
-        for power, name in enumerate(('r1', 'r2', 'r3'), 1):
-            ratios[TERM_INDEX[name]] = restoring.deriv(power)(rest) / (1.0, 2.0, 6.0)[power - 1]
+        ratios[AT.b1], ratios[AT.b2] = b - GAUSSIAN_RATE * quadratic, quadratic / q
+        for power, place in enumerate((AT.r1, AT.r2, AT.r3), 1):
+            ratios[place] = restoring.deriv(power)(rest) / (1.0, 2.0, 6.0)[power - 1]
         return ratios
 
     def estimate(self, z: np.ndarray) -> np.ndarray:

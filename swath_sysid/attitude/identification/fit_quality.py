@@ -84,8 +84,7 @@ def amplitude_bands(
 
     curves, own = curves_of(model.ratios)
     known = posterior or HullPosterior(model.equation, model.ratios[model.equation.indices], covariance)
-    complete = np.zeros(len(TERM_NAMES))
-    complete[known.equation.indices] = known.ratios
+    complete = known.equation.complete(known.ratios)
     slopes = []
     for index, spread in zip(known.equation.indices, np.sqrt(np.diag(known.covariance)), strict=True):
         step = np.zeros(complete.size)

@@ -7,7 +7,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.terms import LOWER, TERM_INDEX, UPPER
+from swath_sysid.attitude.hull.terms import AT, LOWER, UPPER
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit
 from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.hull_terms import (
@@ -174,8 +174,8 @@ def _linear_guess(problem: Problem, equation: Equation):
         [np.log(s.initial_amplitude / s.final_amplitude) / (2.0 * np.pi * max(s.cycles, 0.5)) for s in problem.segments]
     )
     guess = np.zeros(len(LOWER))
-    guess[TERM_INDEX['b1']] = np.clip(2.0 * decrement, 0.01, 2.0)
-    guess[TERM_INDEX['r1' if 'r1' in equation.terms else 's1']] = 1.0
+    guess[AT.b1] = np.clip(2.0 * decrement, 0.01, 2.0)
+    guess[AT.r1 if 'r1' in equation.terms else AT.s1] = 1.0
     return guess[equation.indices]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, LINEAR_RESTORING
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
 from swath_sysid.attitude.identification.decay_fit import DecayFit
 from swath_sysid.attitude.identification.fit_quality import AmplitudeBands, Verdict, amplitude_bands, judge
@@ -142,7 +142,7 @@ class Identification(DecayFit):
     @property
     def natural_period_std(self) -> float:
         """Standard deviation of the natural period of small motions, s."""
-        linear = np.array([float(name in ('r1', 's1')) for name in self.model.equation.terms])
+        linear = np.array([float(name in LINEAR_RESTORING) for name in self.model.equation.terms])
         share = float(np.sqrt(linear @ self.covariance @ linear)) / self.model.natural_frequency**2
         return 0.5 * self.model.natural_period * share
 

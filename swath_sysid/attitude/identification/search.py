@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.terms import LOWER, TERM_NAMES, UPPER, Scales
+from swath_sysid.attitude.hull.terms import LOWER, TERMS, UPPER, Scales
 from swath_sysid.common.cancelling import Progress, ShouldCancel, stop_if
 from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.common.optimisers import OPTIMISERS, GeneticSettings, SearchBudget
@@ -58,14 +58,15 @@ def dimensionless_space(equation: Equation) -> SearchSpace:
 def published_space(equation: Equation, preset: Preset, scales: Scales) -> SearchSpace:
     """The published variables I', N, W, x, C1, C2, C3, in the published ranges, the inertia included.
 
-    Raises `InputError` for an equation with friction, which no paper has.
+    Raises `InputError` for an equation with a term that no paper has, such as friction.
     """
-    if 'b0' in equation.terms:
+    terms = [TERMS[name] for name in equation.terms]
+    unknown = [term.word for term in terms if not term.symbol]
+    if unknown:
         raise InputError(
-            'the published ranges have none for friction: leave the preset out or choose an equation without'
+            f'the published ranges have none for {unknown[0]}: leave the preset out or choose an equation without'
         )
-    widths = {'b1': 2.0 * preset.damping, 'b2': preset.damping}
-    width = np.array([widths.get(name, preset.restoring) for name in equation.terms])
+    width = np.array([(preset.damping if t.symbol in 'NW' else preset.restoring) / t.factor for t in terms])
     units = scales.ratio_units[equation.indices]
     smallest = 1e-6 * preset.inertia
 
@@ -161,6 +162,4 @@ def run_search(
 
 def full_ratios(dimensionless: np.ndarray, equation: Equation, scales: Scales) -> np.ndarray:
     """Dimensionless ratios of an equation's terms, (P, terms), to ratios of all terms, (P, 9)."""
-    ratios = np.zeros((len(dimensionless), len(TERM_NAMES)))
-    ratios[:, equation.indices] = dimensionless * scales.ratio_units[equation.indices]
-    return ratios
+    return equation.complete(dimensionless * scales.ratio_units[equation.indices])

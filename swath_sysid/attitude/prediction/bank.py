@@ -11,6 +11,7 @@ from scipy.linalg import expm, solve_discrete_are
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
 from swath_sysid.attitude.prediction.blend import UNPROVEN, Blend
+from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN, USUAL_AMPLITUDE
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import NEW_WAVES, WAVES
@@ -192,8 +193,8 @@ class Bank:
         for axis in self._axes:
             axis.rows_since_surprise += steps
 
-    def forecast(self, age: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `Blend.combine`: (L, 4), (L, 4, 4) and (L, 4) at the leads, ``age`` s after the newest row."""
+    def forecast(self, stamp_ns: int, age: float) -> Forecast:
+        """The average of the candidates at the leads, ``age`` s after the newest row."""
         at_row = age == 0.0 and self._leads_are_rows
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
         broken = {self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > BREAK}
@@ -202,7 +203,7 @@ class Bank:
             covariance = covariance.copy()
             for place, strain in broken.items():
                 covariance[place] *= strain
-        return self.blend.combine(mean, covariance, _AXIS_OF_TARGET, self._noise)
+        return self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise)
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.
@@ -229,7 +230,7 @@ class Bank:
         hull, ahead = self._place[HULL], self._step * self._steps if leads is None else leads
         for place, axis in enumerate(self._axes):
             if axis.hull.is_started and axis.identified is not None:
-                mean[hull, :, place], mean[hull, :, place + 2], spread = axis.hull.forecast(ahead)
+                mean[hull, :, place::2], spread = axis.hull.forecast(ahead)
                 # of the readings to come, as the state spaces'
                 covariance[hull, :, place::2, place::2] = spread + np.diag(axis.noise)
         for name, candidate in self._on_rows.items():
@@ -276,7 +277,7 @@ class ForecasterDiagnostics:
     weights: np.ndarray  #: (K, A, L); their weights.
     upstream_gain: dict[str, np.ndarray]  #: (A, L); share of the running error that each upstream channel saves.
     advice: tuple[Advice, ...]
-    valid_leads: dict[str, float] = field(default_factory=dict)  #: As in `Forecast`.
+    valid_leads: dict[str, float] = field(default_factory=dict)  #: As in `Outlook`.
 
 
 def diagnose(

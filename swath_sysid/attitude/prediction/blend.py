@@ -1,55 +1,11 @@
-"""Forecasts as values, and their weighted average at each lead by measured errors, with its calibrated spread."""
+"""The weighted average of forecasts at each lead by measured errors, with its calibrated spread."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, MEMORY_OF_SIZE
-from swath_sysid.attitude.prediction.point import PointMotion
-from swath_sysid.attitude.prediction.quiescence import CalmWindow
-
-LEVELS = np.array([0.5, 0.9, 0.99])  #: Of the central intervals that every forecast gives.
-
-#: Their half widths over the standard deviation.
-NORMAL_QUANTILES = np.array([0.6744897501960817, 1.6448536269514722, 2.5758293035489004])
-
-
-@dataclass(frozen=True)
-class AxisForecast:
-    """The forecast of one axis at L leads."""
-
-    angle: np.ndarray  #: (L,); rad.
-    rate: np.ndarray  #: (L,); rad/s.
-    covariance: np.ndarray  #: (L, 2, 2); Of angle and rate.
-    #: (L,), or None; rad: what the learnt models expect the measured angle to differ by, before calibration.
-    own_deviation: np.ndarray | None = None
-
-    @property
-    def half_width(self) -> np.ndarray:
-        """Half widths (L, 3) of the central 50, 90 and 99 % intervals of the angle, rad, by a normal distribution."""
-        return np.sqrt(self.covariance[:, 0, 0])[:, None] * NORMAL_QUANTILES
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """Forecasts issued at one stamp."""
-
-    stamp: float  #: When issued, s; entry i is for ``stamp + leads[i]``.
-    leads: np.ndarray  #: (L,); s.
-    axes: dict[str, AxisForecast]  #: The axes that the sensor measures.
-    #: (L, 2A, 2A), or None; joint covariance of the angles of ``axes``, then of their rates.
-    covariance: np.ndarray | None = None
-    #: Probability that the craft stays inside the configured limits; NaN where none are configured.
-    quiescence: float = math.nan
-    #: Next window inside the limits; None: not within the horizon, or not known.
-    calm: CalmWindow | None = None
-    #: Vertical motion at the configured points; empty until it is learnt.
-    points: dict[str, PointMotion] = field(default_factory=dict)
-    #: s, by axis and by heave and vertical velocity of each point: see `ErrorLimit`.
-    valid_leads: dict[str, float] = field(default_factory=dict)
-
+from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES, Forecast
 
 # s, and as many leads; errors are forgotten with this time constant: those at short leads are many
 _MEMORY, _MEMORY_LEADS = 15.0, 10.0
@@ -83,8 +39,8 @@ class Blend:
     """
 
     def __init__(self, leads: np.ndarray, step: float, axes: int, prior: Sequence[float]) -> None:
-        self._step = step
-        whole = np.maximum(np.round(np.asarray(leads) / step), 1).astype(int)
+        self._leads, self._step = np.asarray(leads), step
+        whole = np.maximum(np.round(self._leads / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
         candidates, steps = self._prior.shape[0], self.steps.size
@@ -201,14 +157,17 @@ class Blend:
         return time, np.where(known, added / np.maximum(time, 1e-12), 0.0)
 
     def combine(
-        self, mean: np.ndarray, covariance: np.ndarray, axis_of: Sequence[int], noise_variance: float | np.ndarray = 0.0
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Weighted average of the true motion at the leads, mean (L, M) and covariance (L, M, M), from the candidates'.
+        self,
+        stamp_ns: int,
+        mean: np.ndarray,
+        covariance: np.ndarray,
+        axis_of: Sequence[int],
+        noise_variance: float | np.ndarray = 0.0,
+    ) -> Forecast:
+        """Weighted average of the true motion at the leads, from the candidates' forecasts issued at this stamp.
 
-        With the standard deviation (L, M) of a reading about it that the candidates expect, before calibration.
-
-        The candidates' (E, L, M) and (E, L, M, M) are of readings, NaN without a forecast; ``axis_of`` is each
-        target's axis.
+        The candidates' means (E, L, M) and covariances (E, L, M, M) are of readings, NaN without a forecast;
+        ``axis_of`` is each target's axis.
         """
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
         weights = present_weights(self.weights[:, places[0], places[1]], np.isfinite(mean))
@@ -219,7 +178,8 @@ class Blend:
         blended = np.where(np.isnan(blended) & np.isfinite(variance[:, :, None] + variance[:, None, :]), 0.0, blended)
         true = self.scale[places] * np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         factor = np.sqrt(np.maximum(true, _PROVABLE_SHARE * noise_variance) / variance)
-        return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :], np.sqrt(variance)
+        covariance = blended * factor[:, :, None] * factor[:, None, :]
+        return Forecast(stamp_ns, self._leads, _weighted(weights, mean), covariance, own_deviation=np.sqrt(variance))
 
 
 def error_weights(mean_square: np.ndarray, time: np.ndarray, prior: np.ndarray) -> np.ndarray:

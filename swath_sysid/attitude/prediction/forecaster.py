@@ -5,7 +5,6 @@ contradict it.
 """
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import NamedTuple
@@ -17,10 +16,10 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
 from swath_sysid.attitude.prediction.bank import HULL, OSCILLATOR, Bank, ForecasterDiagnostics, diagnose, oscillators
-from swath_sysid.attitude.prediction.blend import AxisForecast, Forecast
+from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilterSettings
-from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, PointForecaster, ValidLeads
-from swath_sysid.attitude.prediction.point import Point
+from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
+from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.rows import CHANNELS, NEW, OF_CHANNELS, OF_MEANS, OF_SAMPLE, ROW_RATE, RowClock
 from swath_sysid.attitude.prediction.sea_fit import SHORT, WAVES, SeaFit, SeaRequest, newest_stretch
@@ -92,15 +91,23 @@ class ForecasterSettings:
             raise InputError(f'refit_delay must not be negative, not {self.refit_delay}')
 
 
-class Observed(NamedTuple):
-    """The outcome of one sample."""
+class ForecastStep(NamedTuple):
+    """The results of one sample."""
 
-    reasons: tuple[str, ...] = ()  #: From `FORECASTER_REASONS`.
+    reasons: tuple[str, ...] = ()  #: From `PIPELINE_REASONS`: what was counted.
+    sample: CraftSample | None = None  #: None where it was left out.
+    next: Forecast | None = None  #: One sample ahead.
     forecast: Forecast | None = None  #: At the leads, when due.
     horizon: Forecast | None = None  #: Over the horizon, when due.
-    #: For `fit_sea`, whose result is for `Forecaster.install`.
+    outlook: Outlook | None = None  #: Of the horizon, when due.
+    #: To be fitted by `fit_sea`, in the background or at once; the result is for `ForecastPipeline.install`.
     sea_request: SeaRequest | None = None
     sea: SeaReport | None = None  #: Of the sea state, once a minute.
+
+    @property
+    def used(self) -> bool:
+        """Whether the sample was used."""
+        return self.sample is not None
 
 
 class Forecaster:
@@ -124,8 +131,9 @@ class Forecaster:
         axes = tuple(self._axes.values())
         self._points = PointForecaster(s.points, axes, 2 * round(s.horizon * ROW_RATE) + 1)
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
-        self._valid_leads = ValidLeads(s.valid_error, horizon, axes, s.window)
-        self._time = self._rows_begun = 0.0
+        self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
+        self._time = self._rows_begun = self._stamp = self._elapsed = 0.0
+        self._heading = 0.0, 0.0
         self._due = self._oscillator_due = self._refit_due = self._sea_state_due = -math.inf
         self._is_linked = False
         self._has_waves = False
@@ -166,44 +174,45 @@ class Forecaster:
         """
         self._upstream.take(name, stamp, value)
 
-    def observe(
-        self,
-        sample: CraftSample,
-        stamp: float,
-        elapsed: float | None,
-        publish_next: Callable[[float, dict], None] | None = None,
-    ) -> Observed:
+    def observe(self, sample: CraftSample, stamp: float, elapsed: float | None) -> ForecastStep:
         """Take one sample, NaN where not measured, stamped in s, ``elapsed`` s after the one before.
 
-        ``elapsed`` is None at the first sample and after the clock was set back. ``publish_next`` gets the sample
-        interval and, by axis, angle, rate and three covariances one sample ahead as soon as they are known.
+        ``elapsed`` is None at the first sample and after the clock was set back. The step holds what is known at once,
+        the forecast one sample ahead; `issue` must complete it before the next sample.
         """
         since = elapsed if self._is_linked and elapsed is not None else math.inf
         linked = since <= LONGEST_BRIDGE
-        elapsed = since if linked else 0.0
+        self._stamp, self._elapsed = stamp, since if linked else 0.0
         if linked:
-            self._time += elapsed
-            change = self._clock.follow(elapsed)
+            self._time += self._elapsed
+            change = self._clock.follow(self._elapsed)
             if change is not None:
                 self._begin_rows(change == NEW)
         else:
             self._break_off()
-        reasons = self._follow_axes(sample, elapsed, linked)
-        interval = self._clock.interval
-        if publish_next is not None and interval == interval:
-            hulls = {axis: follower.hull for axis, follower in self._axes.items() if follower.hull.is_started}
-            publish_next(interval, {axis: hull.ahead(interval) for axis, hull in hulls.items()})
-        if self._bank is None:
-            return Observed(reasons)
-        sea = self._take_over(self._bank)
-        steps = self._clock.take(sample, elapsed)
-        if steps:
-            self._take_row(self._bank, steps, stamp)
+        reasons = self._follow_axes(sample, self._elapsed, linked)
+        # the heading is not forecast: the last one measured is held
+        yaw, yaw_rate = self._heading
+        self._heading = (
+            sample.yaw if sample.yaw == sample.yaw else yaw,
+            sample.yaw_rate if sample.yaw_rate == sample.yaw_rate else yaw_rate,
+        )
+        return ForecastStep(reasons, sample, None if self._bank is None else self._ahead(sample.stamp_ns))
+
+    def issue(self, step: ForecastStep) -> ForecastStep:
+        """Complete the step of the newest sample with the forecasts that are due, which take longer."""
+        sample, bank = step.sample, self._bank
+        if sample is None or bank is None:
+            return step
+        step = step._replace(sea=self._take_over(bank))
+        rows = self._clock.take(sample, self._elapsed)
+        if rows:
+            self._take_row(bank, rows, self._stamp)
         if self._time < self._due:
-            return Observed(reasons, sea=sea)
+            return step
         self._schedule()
-        forecast, horizon = self._issue(self._bank, stamp)
-        return Observed(reasons, forecast, horizon, self._sea_request(), sea)
+        forecast, horizon, outlook = self._issue(bank, sample.stamp_ns)
+        return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=self._sea_request())
 
     def _break_off(self):
         """Forget the motion after a break; what is known of hull and sea stays."""
@@ -342,34 +351,33 @@ class Forecaster:
         following = self._due + period
         self._due = following if self._time - slack < following <= self._time + period else self._time + period - slack
 
-    def _issue(self, bank: Bank, stamp: float):
+    def _ahead(self, stamp_ns: int) -> Forecast:
+        """One sample ahead, by the hulls' filters alone."""
+        lead, size = self._clock.interval, len(ATTITUDE)
+        mean, covariance = np.full((1, size), math.nan), np.zeros((1, size, size))
+        for place, axis in enumerate(self._axes.values()):
+            of_axis = slice(place, None, len(AXES))
+            if axis.hull.is_started:
+                mean[0, of_axis], covariance[0, of_axis, of_axis] = axis.hull.ahead(lead)
+            else:
+                covariance[0, of_axis] = covariance[0, :, of_axis] = math.nan
+        return self._issued(Forecast(stamp_ns, np.array([lead]), mean, covariance), {})
+
+    def _issued(self, attitude: Forecast, points: dict[str, PointMotion]) -> Forecast:
+        """Complete a forecast of the attitude: every one that leaves passes here."""
+        return replace(attitude, heading=self._heading, points=points)
+
+    def _issue(self, bank: Bank, stamp_ns: int) -> tuple[Forecast, Forecast, Outlook]:
+        """At the leads and over the horizon."""
         since_row = self._clock.since_row
-        mean, covariance, own = bank.forecast(since_row)
-        points = self._points.forecast(self._leads, since_row, mean, covariance)
-        ahead = {name: motion.at(self._over_horizon) for name, motion in points.items()}
-        at = mean[self._over_horizon], covariance[self._over_horizon]
-        valid_leads = self._valid_leads.assess(self._time, *at, ahead)
+        attitude = bank.forecast(stamp_ns, since_row)
+        whole = self._issued(attitude, self._points.forecast(attitude, since_row))
+        horizon = whole.chosen(self._over_horizon)
+        valid_leads = self._valid_leads.assess(self._time, horizon)
         quiescence, window = math.nan, None
         if self._calm is not None:
-            quiescence, window = self._calm.assess(self._time, *at, ahead, self._rows, self._clock.step, since_row)
-        known = [place for place in range(len(AXES)) if math.isfinite(mean[0, place])]
-        if len(known) < len(AXES):
-            joint = [*known, *(place + len(AXES) for place in known)]
-            mean, covariance, own = mean[:, joint], covariance[:, joint][:, :, joint], own[:, joint]
-        asked = {name: motion.at(self._asked) for name, motion in points.items()}
-        return [
-            Forecast(
-                stamp,
-                self._leads[chosen],
-                _by_axis(known, mean[chosen], covariance[chosen], own[chosen]),
-                covariance[chosen],
-                quiescence,
-                window,
-                at_points,
-                valid_leads,
-            )
-            for chosen, at_points in ((self._asked, asked), (self._over_horizon, ahead))
-        ]
+            quiescence, window = self._calm.assess(self._time, horizon, self._rows, self._clock.step, since_row)
+        return whole.chosen(self._asked), horizon, Outlook(quiescence, window, valid_leads)
 
     # -- for people
 
@@ -384,12 +392,3 @@ def _places_of(wanted: np.ndarray, leads: np.ndarray):
     """Of these among all leads; a slice where they are all, which takes no copy."""
     places = np.searchsorted(leads, wanted - 1e-6)
     return places if places.size < leads.size else slice(None)
-
-
-def _by_axis(places: Sequence[int], mean: np.ndarray, covariance: np.ndarray, own: np.ndarray):
-    """Joint forecasts of angles and then rates, each axis by itself."""
-    count = len(places)
-    return {
-        AXES[place]: AxisForecast(mean[:, k], mean[:, count + k], covariance[:, k::count, k::count], own[:, k])
-        for k, place in enumerate(places)
-    }

@@ -23,7 +23,7 @@ from scipy.special import chdtri
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.simulation import term_moments
-from swath_sysid.attitude.hull.terms import B0, B3, R1, S2, TERM_NAMES
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
 from swath_sysid.attitude.prediction.hull_state import (
     ANGLE,
     HULL_STATES,
@@ -40,7 +40,8 @@ from swath_sysid.common.errors import InputError
 if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.hull_track import HullTrack
 
-FACTORS = {'stiffness': slice(R1, S2 + 1), 'damping': slice(B0, B3 + 1)}  #: Places of their ratios.
+#: Places of their ratios.
+FACTORS = {'stiffness': slice(len(DAMPING_NAMES), None), 'damping': slice(len(DAMPING_NAMES))}
 
 TRIM_DRIFT = 3e-6**2  #: rad^2/s; 0.01 deg in an hour. Thirty times this would hide the slow part of the waves.
 RATIO_DRIFT = 1e-4**2  #: 1/s, relative; stiffness and damping move by 2 % in ten hours of a voyage.
@@ -232,7 +233,7 @@ class HullFilter:
 
     @property
     def x(self) -> np.ndarray:
-        """Mean of the state, shape (n,): angle, rate, trim, nine ratios, the moment's."""
+        """Mean of the state, shape (n,): angle, rate, trim, ratios, the moment's."""
         return self.active.x
 
     @property
@@ -462,15 +463,14 @@ class HullFilter:
 
     # -- the forecast ------------------------------------------------------------------------------------------
 
-    def ahead(self, lead: float) -> tuple[float, float, float, float, float]:
-        """Angle, rate, angle variance, covariance and rate variance one lead ahead; the state stays."""
+    def ahead(self, lead: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (2,) and covariance (2, 2) of angle and rate one lead, s, ahead; the state stays."""
         mean, covariance = self.active.ahead(lead)
-        return (mean.item(0), mean.item(1), covariance.item(0, 0), covariance.item(0, 1), covariance.item(1, 1))
+        return mean[:TRIM], covariance[:TRIM, :TRIM]
 
-    def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Angle and rate (L,) and covariance (L, 2, 2) at increasing leads (L,), s; the state stays."""
-        means, spreads = self.active.forecast(leads)
-        return means[:, 0], means[:, 1], spreads
+    def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (L, 2) and covariance (L, 2, 2) of angle and rate at increasing leads (L,), s; the state stays."""
+        return self.active.forecast(leads)
 
 
 def _hull_of(model: DecayModel, mean: np.ndarray):

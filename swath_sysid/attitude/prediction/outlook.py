@@ -1,13 +1,14 @@
 """Vertical motion at the points of a craft, the calm of craft and points, and how far ahead forecasts are trusted."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE, AxisFilter, MotionSize
+from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, point_motion
 from swath_sysid.attitude.prediction.quiescence import AT_A_POINT, CalmWindow, Quiescence, QuiescenceLimits, quantity_at
 from swath_sysid.attitude.prediction.rows import CHANNELS, OF_SAMPLE, RowClock
@@ -17,6 +18,16 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 
 _VERTICAL = [CHANNELS.index(name) for name in (*AXES, *FORCE)]
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What follows from the forecast over the horizon."""
+
+    #: Probability that the craft stays inside the configured limits; NaN where none are configured.
+    quiescence: float
+    calm: CalmWindow | None  #: Next window inside the limits; None: not within the horizon, or not known.
+    valid_leads: dict[str, float]  #: s, by axis and by heave and vertical velocity of each point: see `ErrorLimit`.
 
 
 class PointForecaster:
@@ -65,11 +76,11 @@ class PointForecaster:
             self.vertical.skip(count, waves)
             self._nowcasts.skip(count)
 
-    def forecast(
-        self, leads: np.ndarray, age: float, mean: np.ndarray, covariance: np.ndarray
-    ) -> dict[str, PointMotion]:
-        """Motion at each point at leads (L,), s, given the attitude's forecast (L, 4) and its covariance (L, 4, 4)."""
-        found = None if self.vertical is None else self.vertical.forecast(leads, age, mean, covariance)
+    def forecast(self, attitude: Forecast, age: float) -> dict[str, PointMotion]:
+        """Motion at each point at the leads of the attitude's forecast, ``age`` s after the newest row."""
+        if self.vertical is None:
+            return {}
+        found = self.vertical.forecast(attitude.leads, age, attitude.mean, attitude.covariance)
         if found is None:
             return {}
         return {point.name: point_motion(point.place, self.trim, *found) for point in self.points}
@@ -93,22 +104,15 @@ class CalmForecaster:
         self._axes, self._points = axes, points
 
     def assess(
-        self,
-        time: float,
-        mean: np.ndarray,
-        covariance: np.ndarray,
-        points: Mapping[str, PointMotion],
-        rows: RowBuffer,
-        step: float,
-        since_row: float,
+        self, time: float, ahead: Forecast, rows: RowBuffer, step: float, since_row: float
     ) -> tuple[float, CalmWindow | None]:
-        """As `Quiescence.assess`, of the attitude's forecast (H, 4) and the points' motion."""
-        motion, variance = [mean], [np.diagonal(covariance, axis1=1, axis2=2)]
-        unknown = np.full((len(mean), len(AT_A_POINT)), math.nan)
+        """As `Quiescence.assess`, of the forecast over the horizon."""
+        motion, variance = [ahead.mean], [np.diagonal(ahead.covariance, axis1=1, axis2=2)]
+        unknown = np.full((ahead.leads.size, len(AT_A_POINT)), math.nan)
         for point in self._points.points:
-            ahead = points.get(point.name)
-            motion.append(unknown if ahead is None else ahead.mean[:, : len(AT_A_POINT)])
-            spread = unknown if ahead is None else np.diagonal(ahead.covariance, axis1=1, axis2=2)
+            found = ahead.points.get(point.name)
+            motion.append(unknown if found is None else found.mean[:, : len(AT_A_POINT)])
+            spread = unknown if found is None else np.diagonal(found.covariance, axis1=1, axis2=2)
             variance.append(spread[:, : len(AT_A_POINT)])
         whole = np.hstack(motion)
         of_row = time - since_row
@@ -166,29 +170,27 @@ def valid_lead(leads: np.ndarray, variance: np.ndarray, limit: float) -> float:
 
 
 class ValidLeads:
-    """The valid lead of each axis and of the vertical motion of each point, over a horizon (H,), s."""
+    """The valid lead of each axis and of the vertical motion of each point, over the horizon."""
 
-    def __init__(self, limit: ErrorLimit, horizon: np.ndarray, axes: Sequence[AxisFilter], memory: float) -> None:
+    def __init__(self, limit: ErrorLimit, axes: Sequence[AxisFilter], memory: float) -> None:
         self.limit = limit
         self.newest: dict[str, float] = {}  #: s, by axis, and by `quantity_at` a point.
-        self._horizon, self._axes, self._memory = horizon, axes, memory
+        self._axes, self._memory = axes, memory
         self._sizes: dict[str, tuple[MotionSize, ...]] = {}
         self._time = 0.0
 
-    def assess(
-        self, time: float, mean: np.ndarray, covariance: np.ndarray, points: Mapping[str, PointMotion]
-    ) -> dict[str, float]:
-        """Valid leads, s, of the attitude's forecast (H, 4) with covariance (H, 4, 4) and of the points' motion."""
+    def assess(self, time: float, ahead: Forecast) -> dict[str, float]:
+        """Valid leads, s, of the forecast over the horizon."""
         elapsed, self._time = time - self._time, time
-        known = {name: k for k, name in enumerate(AXES) if math.isfinite(mean[0, k])}
-        self.newest = {
-            name: valid_lead(self._horizon, covariance[:, k, k], self.limit.of_angle(self._axes[k].size.deviation))
-            for name, k in known.items()
-        }
-        for name, motion in points.items():
+        self.newest = {}
+        for name in ahead.axes:
+            k = AXES.index(name)
+            limit = self.limit.of_angle(self._axes[k].size.deviation)
+            self.newest[name] = valid_lead(ahead.leads, ahead.covariance[:, k, k], limit)
+        for name, motion in ahead.points.items():
             sizes = self._sizes.setdefault(name, tuple(MotionSize(self._memory) for _ in AT_A_POINT))
             for k, (kind, size) in enumerate(zip(AT_A_POINT, sizes, strict=True)):
                 size.follow(float(motion.mean[0, k]), 0.0, elapsed)
                 limit = self.limit.share * size.deviation
-                self.newest[quantity_at(name, kind)] = valid_lead(self._horizon, motion.covariance[:, k, k], limit)
+                self.newest[quantity_at(name, kind)] = valid_lead(ahead.leads, motion.covariance[:, k, k], limit)
         return self.newest

@@ -30,10 +30,9 @@ class PointMotion:
     mean: np.ndarray  #: (L, 3); `POINT_MOTION`: m about the mean level, m/s, m/s^2.
     covariance: Any  #: (L, 7, 7), or None; of these and of roll, pitch and their rates.
 
-    def at(self, chosen: Any) -> 'PointMotion':
-        """Of some of the leads."""
-        covariance = None if self.covariance is None else self.covariance[chosen]
-        return PointMotion(self.place, self.mean[chosen], covariance)
+    def chosen(self, places: Any) -> 'PointMotion':
+        """At some of the leads, by their places."""
+        return PointMotion(self.place, self.mean[places], self.covariance[places])
 
 
 def height_partials(

@@ -56,7 +56,7 @@ def fit_sea(request: SeaRequest) -> SeaFit:
     background: a sample does not wait for it.
 
     Args:
-        request: The past to learn from, of a `PipelineStep`.
+        request: The past to learn from, of a `ForecastStep`.
 
     Returns:
         For `ForecastPipeline.install`; empty where the past does not suffice.
