@@ -39,6 +39,8 @@ _OF_AXIS = {
     for axis in AXES
 }
 
+_NOTHING = np.full((1, len(ATTITUDE)), math.nan)  #: A mean of which nothing is known.
+
 #: s; after a longer silence the motion is forgotten, hull and sea are not. The sea state is reported as often.
 LONGEST_BRIDGE = 60.0
 
@@ -204,15 +206,14 @@ class Forecaster:
         sample, bank = step.sample, self._bank
         if sample is None or bank is None:
             return step
-        step = step._replace(sea=self._take_over(bank))
+        sea = self._take_over(bank)
         rows = self._clock.take(sample, self._elapsed)
         if rows:
             self._take_row(bank, rows, self._stamp)
         if self._time < self._due:
-            return step
+            return step if sea is None else step._replace(sea=sea)
         self._schedule()
-        forecast, horizon, outlook = self._issue(bank, sample.stamp_ns)
-        return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=self._sea_request())
+        return ForecastStep(*step[:3], *self._issue(bank, sample.stamp_ns), self._sea_request(), sea)
 
     def _break_off(self):
         """Forget the motion after a break; what is known of hull and sea stays."""
@@ -353,8 +354,7 @@ class Forecaster:
 
     def _ahead(self, stamp_ns: int) -> Forecast:
         """One sample ahead, by the hulls' filters alone."""
-        lead, size = self._clock.interval, len(ATTITUDE)
-        mean, covariance = np.full((1, size), math.nan), np.zeros((1, size, size))
+        lead, mean, covariance = self._clock.interval, _NOTHING.copy(), np.zeros(_NOTHING.shape + _NOTHING.shape[1:])
         for place, axis in enumerate(self._axes.values()):
             of_axis = slice(place, None, len(AXES))
             if axis.hull.is_started:
