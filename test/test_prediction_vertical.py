@@ -144,7 +144,6 @@ def test_windows_of_calm_are_calm(at_sea):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_a_buoy_at_sea(data_folder):
     """Vertical velocity of the Morro Bay buoy; the truth is the zero-phase integral of the whole record."""
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')

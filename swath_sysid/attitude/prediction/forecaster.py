@@ -49,6 +49,8 @@ _OF_AXIS = {
     for axis in AXES
 }
 
+_NOTHING = np.full((1, len(ATTITUDE)), math.nan)  #: A mean of which nothing is known.
+
 SEA_STATE_INTERVAL = 60.0  #: s.
 
 LONGEST_BRIDGE = 19.0  #: Periods; after a longer silence the motion is forgotten, hull and sea are not.
@@ -218,7 +220,7 @@ class Forecaster:
         sample, bank = step.sample, self._bank
         if sample is None or bank is None:
             return step
-        step = step._replace(sea=self._take_over(bank))
+        sea = self._take_over(bank)
         filtered = [axis.motion if axis.hull.is_started else None for axis in self._axes.values()]
         steps = 0
         for age, row in self._clock.take(sample, self._sampled, filtered):
@@ -227,11 +229,10 @@ class Forecaster:
                 self._take_row(bank, steps, self._stamp - age, row)
                 steps = 0
         if self._time < self._due:
-            return step
+            return step if sea is None else step._replace(sea=sea)
         bank = self._look_at_period(bank)
         self._schedule()
-        forecast, horizon, outlook = self._issue(bank, sample.stamp_ns)
-        return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=self._sea_request())
+        return ForecastStep(*step[:3], *self._issue(bank, sample.stamp_ns), self._sea_request(), sea)
 
     def _break_off(self):
         """Forget the motion after a break; what is known of hull and sea stays."""
@@ -411,8 +412,7 @@ class Forecaster:
 
     def _ahead(self, stamp_ns: int) -> Forecast:
         """One sample ahead, by the hulls' filters alone."""
-        lead, size = self._clock.interval, len(ATTITUDE)
-        mean, covariance = np.full((1, size), math.nan), np.zeros((1, size, size))
+        lead, mean, covariance = self._clock.interval, _NOTHING.copy(), np.zeros(_NOTHING.shape + _NOTHING.shape[1:])
         for place, axis in enumerate(self._axes.values()):
             of_axis = slice(place, None, len(AXES))
             if axis.hull.is_started:

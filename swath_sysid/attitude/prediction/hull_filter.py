@@ -23,7 +23,7 @@ from scipy.special import chdtri
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.simulation import term_moments
-from swath_sysid.attitude.hull.terms import B0, B3, R1, S2, TERM_NAMES
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
 from swath_sysid.attitude.prediction.hull_state import (
     ANGLE,
     HULL_STATES,
@@ -40,7 +40,8 @@ from swath_sysid.common.errors import InputError
 if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.hull_track import HullTrack
 
-FACTORS = {'stiffness': slice(R1, S2 + 1), 'damping': slice(B0, B3 + 1)}  #: Places of their ratios.
+#: Places of their ratios.
+FACTORS = {'stiffness': slice(len(DAMPING_NAMES), None), 'damping': slice(len(DAMPING_NAMES))}
 
 TRIM_DRIFT = 3e-6**2  #: rad^2/s; 0.01 deg in an hour. Thirty times this would hide the slow part of the waves.
 RATIO_DRIFT = 1e-4**2  #: 1/s, relative; stiffness and damping move by 2 % in ten hours of a voyage.
@@ -236,7 +237,7 @@ class HullFilter:
 
     @property
     def x(self) -> np.ndarray:
-        """Mean of the state, shape (n,): angle, rate, trim, nine ratios, the moment's."""
+        """Mean of the state, shape (n,): angle, rate, trim, ratios, the moment's."""
         return self.active.x
 
     @property

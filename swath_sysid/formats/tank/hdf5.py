@@ -1,4 +1,7 @@
-"""HDF5 files, among them MATLAB files of version 7.3: groups are structs."""
+"""HDF5 files, among them MATLAB files of version 7.3.
+
+Columns and time are found as in MATLAB files of version 5; groups are structs.
+"""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,8 @@
-"""LabVIEW measurement files (.lvm): text with a header for the file and one for each segment."""
+"""LabVIEW measurement files: text with a header for the file and one for each segment.
+
+Columns are channels with their ``Y_Unit_Label``; the time is ``X_Value``, or ``Delta_X``; tables are ``segment 1``,
+``segment 2``, ...
+"""
 
 import os
 import re

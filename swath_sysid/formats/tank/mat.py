@@ -1,4 +1,8 @@
-"""MATLAB files of version 5."""
+"""MATLAB files of version 5.
+
+Columns are vectors, and the signals of a matrix as ``data(:,1)``, ``data(:,2)``, ...; the time is a vector, or a number
+``fs``, ``sample_rate``, ``rate_hz`` or ``dt``; tables are structs, such as ``run1``.
+"""
 
 import math
 import os

@@ -1,4 +1,7 @@
-"""Parquet files."""
+"""Parquet files.
+
+Columns are those of the file; the time is a column, or a number in the metadata.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,8 @@
-"""LabVIEW TDMS files: a table for each group of channels."""
+"""LabVIEW TDMS files.
+
+Columns are channels with their ``unit_string``; the time is a channel, or the interval of the waveform
+(``wf_increment``); tables are groups.
+"""
 
 import logging
 from collections.abc import Sequence

@@ -23,18 +23,6 @@ from swath_sysid.tank.papers.publication import DecayPublication, decay_publicat
 
 OTHER_SEEDS = (101, 102, 103)
 
-#: Name of the printed coefficient, and its factor on ratio times inertia.
-COEFFICIENTS = {
-    'b1': ('N', 0.5),
-    'b2': ('W', 1.0),
-    'b3': ('x', 1.0),
-    'r1': ('C3', 1.0),
-    'r2': ('C2', 1.0),
-    'r3': ('C1', 1.0),
-    's1': ('C2', 1.0),
-    's2': ('C1', 1.0),
-}
-
 
 @dataclass(frozen=True)
 class Optimum:
