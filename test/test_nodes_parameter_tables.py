@@ -191,5 +191,5 @@ def test_the_parameters_for_small_computers_are_known_and_cost_less():
         SETTINGS_OF[node](values[node])
     small, usual = values['predictor'], defaults('predictor')
     assert small['forecast_rate_hz'] < usual['forecast_rate_hz']
-    assert small['waves_refit_interval_s'] > usual['waves_refit_interval_s']
+    assert small['waves_refit_interval_periods'] > usual['waves_refit_interval_periods']
     assert values['imu_buffer']['max_rate_hz'] < defaults('imu_buffer')['max_rate_hz']
