@@ -32,10 +32,10 @@ from swath_sysid.attitude.identification.fit_quality import (
     vanishing_angle,
 )
 from swath_sysid.attitude.identification.identify import identify, identify_problem
+from swath_sysid.attitude.identification.log_posterior import LogPosterior, log_evidence, prune
 from swath_sysid.attitude.identification.motion_fit import MotionFit
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
-from swath_sysid.attitude.identification.scoring import LogPosterior, log_evidence, prune
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.selection import (
     compare,
