@@ -19,7 +19,7 @@ from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading, raw_stamp_ns, trajectory_values
 from swath_sysid.formats.model_file import model_from_yaml
-from swath_sysid.formats.sea_state import sea_from_yaml
+from swath_sysid.formats.sea_state_yaml import sea_from_yaml
 from swath_sysid.formats.topics import (
     CALM_TOPIC,
     DESCRIPTION_TOPIC,
