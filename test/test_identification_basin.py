@@ -12,8 +12,8 @@ from scipy.optimize import approx_fprime
 from scipy.stats import norm, truncnorm
 
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import Scales
 from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, interval
 from swath_sysid.attitude.identification.identify import identify

@@ -20,8 +20,8 @@ from swath_sysid.attitude.hull.catalogue import (
     hull_named,
     published_alike,
 )
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel, composed
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification import fit_quality
 from swath_sysid.attitude.identification.fit_quality import (

@@ -9,7 +9,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, SimulatedCraft
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, SimulatedCraft
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC

@@ -3,7 +3,7 @@
 from math import radians
 
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SensorNoise, release_angle
+from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise, release_angle
 from swath_sysid.nodes.parameters.table import Values, check
 
 #: What a small attitude sensor shows at rest at 100 Hz; the published trials were noisier, up to five times.
