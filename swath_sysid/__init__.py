@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from swath_sysid.formats.model_file import read_model as read_model
     from swath_sysid.formats.model_file import write_model as write_model
     from swath_sysid.formats.reading import read_trial as read_trial
-    from swath_sysid.formats.upstream import read_upstream as read_upstream
+    from swath_sysid.formats.upstream_channels import read_upstream as read_upstream
     from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv as read_manoeuvring_csv
     from swath_sysid.manoeuvring.formats.export.fossen import fossen as fossen
     from swath_sysid.manoeuvring.formats.export.gazebo import gazebo as gazebo
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     'formats.reading': ('read_trial',),
-    'formats.upstream': ('read_upstream',),
+    'formats.upstream_channels': ('read_upstream',),
     'attitude.motion.trial': ('Trial',),
     'attitude.hull.catalogue': ('hull_named',),
     'attitude.hull.simulation': ('simulate',),
