@@ -20,9 +20,9 @@ from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_readings
 from swath_sysid.formats.topics import IMU_TOPIC, WINDOW_TOPIC
 from swath_sysid.formats.upstream_channels import read_upstream
-from swath_sysid.nodes.parameters.files import values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
+from swath_sysid.nodes.parameters.parameter_files import values_from_file
 from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
 from swath_sysid.nodes.parameters.sensor import installation
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, Values
