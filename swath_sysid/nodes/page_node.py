@@ -31,8 +31,7 @@ from swath_sysid.formats.topics import (
 )
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD
 from swath_sysid.nodes.page_requests import PageRequests
-from swath_sysid.nodes.parameters.predictor import quiescence_limits
-from swath_sysid.nodes.parameters.sensor import installation
+from swath_sysid.nodes.parameters.settings import installation, quiescence_limits
 from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.page.state import SELDOM

@@ -16,7 +16,7 @@ from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.message_types import time_message
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.simulated_craft import craft_settings
+from swath_sysid.nodes.parameters.settings import craft_settings
 
 LARGEST_LAG = 0.5  #: s; a machine that pauses for longer loses samples, as a sensor's driver would.
 
