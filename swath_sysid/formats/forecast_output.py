@@ -215,6 +215,6 @@ def _acceleration(v: np.ndarray, level: str, _: str) -> Any:
 def _trajectory(v: np.ndarray, frame_id: str, key: tuple[Sequence[str], Sequence[int]]) -> Any:
     """Values by time, then positions, velocities and accelerations as far as they go, then column."""
     columns, times_ns = key
-    rows = v.reshape(len(times_ns), -1, len(columns)) if v.size else len(times_ns) * [()]
+    rows: Any = v.reshape(len(times_ns), -1, len(columns)) if v.size else len(times_ns) * [()]
     points = [messages.trajectory_point(time, *row) for time, row in zip(times_ns, rows, strict=True)]
     return make(topics.TRAJECTORY, header(0, frame_id), list(columns), points)
