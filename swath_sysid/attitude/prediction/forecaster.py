@@ -39,8 +39,6 @@ _OF_AXIS = {
     for axis in AXES
 }
 
-_NOTHING = np.full((1, len(ATTITUDE)), math.nan)  #: A mean of which nothing is known.
-
 #: s; after a longer silence the motion is forgotten, hull and sea are not. The sea state is reported as often.
 LONGEST_BRIDGE = 60.0
 
@@ -213,7 +211,9 @@ class Forecaster:
         if self._time < self._due:
             return step if sea is None else step._replace(sea=sea)
         self._schedule()
-        return ForecastStep(*step[:3], *self._issue(bank, sample.stamp_ns), self._sea_request(), sea)
+        forecast, horizon, outlook = self._issue(bank, sample.stamp_ns)
+        request = self._sea_request()
+        return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=request, sea=sea)
 
     def _break_off(self):
         """Forget the motion after a break; what is known of hull and sea stays."""
@@ -354,7 +354,8 @@ class Forecaster:
 
     def _ahead(self, stamp_ns: int) -> Forecast:
         """One sample ahead, by the hulls' filters alone."""
-        lead, mean, covariance = self._clock.interval, _NOTHING.copy(), np.zeros(_NOTHING.shape + _NOTHING.shape[1:])
+        lead, mean = self._clock.interval, np.full((1, len(ATTITUDE)), math.nan)
+        covariance = np.zeros((1, len(ATTITUDE), len(ATTITUDE)))
         for place, axis in enumerate(self._axes.values()):
             of_axis = slice(place, None, len(AXES))
             if axis.hull.is_started:
@@ -364,7 +365,7 @@ class Forecaster:
         return self._issued(Forecast(stamp_ns, np.array([lead]), mean, covariance), {})
 
     def _issued(self, attitude: Forecast, points: dict[str, PointMotion]) -> Forecast:
-        """Complete a forecast of the attitude: every one that leaves passes here."""
+        """The forecast with heading and points: every one passes here."""
         return replace(attitude, heading=self._heading, points=points)
 
     def _issue(self, bank: Bank, stamp_ns: int) -> tuple[Forecast, Forecast, Outlook]:
