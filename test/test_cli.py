@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.simulated_craft import simulated_trial
+from swath_sysid.attitude.hull.craft_simulator import simulated_trial
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.flags import table_of_verbs

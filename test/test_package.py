@@ -25,9 +25,8 @@ from swath_sysid.cli.main import build_parser
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.wings import wings
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, frame_at, lead_topic
-from swath_sysid.nodes.parameters.files import values_from_file
-from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.parameters.parameter_files import values_from_file
+from swath_sysid.nodes.parameters.settings import pipeline_settings, window_settings
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
 from swath_sysid.share import share_folder
 

@@ -14,7 +14,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.hull_state import LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE
 from swath_sysid.formats import messages, topics
 from swath_sysid.formats.messages import SECOND_NS, header, make, serialised
-from swath_sysid.formats.sea_state import sea_as_yaml
+from swath_sysid.formats.sea_state_yaml import sea_as_yaml
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.forecast import Forecast

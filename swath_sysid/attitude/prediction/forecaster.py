@@ -49,8 +49,6 @@ _OF_AXIS = {
     for axis in AXES
 }
 
-_NOTHING = np.full((1, len(ATTITUDE)), math.nan)  #: A mean of which nothing is known.
-
 SEA_STATE_INTERVAL = 60.0  #: s.
 
 LONGEST_BRIDGE = 19.0  #: Periods; after a longer silence the motion is forgotten, hull and sea are not.
@@ -232,7 +230,9 @@ class Forecaster:
             return step if sea is None else step._replace(sea=sea)
         bank = self._look_at_period(bank)
         self._schedule()
-        return ForecastStep(*step[:3], *self._issue(bank, sample.stamp_ns), self._sea_request(), sea)
+        forecast, horizon, outlook = self._issue(bank, sample.stamp_ns)
+        request = self._sea_request()
+        return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=request, sea=sea)
 
     def _break_off(self):
         """Forget the motion after a break; what is known of hull and sea stays."""
@@ -412,7 +412,8 @@ class Forecaster:
 
     def _ahead(self, stamp_ns: int) -> Forecast:
         """One sample ahead, by the hulls' filters alone."""
-        lead, mean, covariance = self._clock.interval, _NOTHING.copy(), np.zeros(_NOTHING.shape + _NOTHING.shape[1:])
+        lead, mean = self._clock.interval, np.full((1, len(ATTITUDE)), math.nan)
+        covariance = np.zeros((1, len(ATTITUDE), len(ATTITUDE)))
         for place, axis in enumerate(self._axes.values()):
             of_axis = slice(place, None, len(AXES))
             if axis.hull.is_started:
@@ -422,7 +423,7 @@ class Forecaster:
         return self._issued(Forecast(stamp_ns, np.array([lead]), mean, covariance), {})
 
     def _issued(self, attitude: Forecast, points: dict[str, PointMotion]) -> Forecast:
-        """Complete a forecast of the attitude: every one that leaves passes here."""
+        """The forecast with heading and points: every one passes here."""
         return replace(attitude, heading=self._heading, points=points)
 
     def _issue(self, bank: Bank, stamp_ns: int) -> tuple[Forecast, Forecast, Outlook]:
