@@ -31,7 +31,7 @@ from swath_sysid.attitude.prediction.rows import (
     Sampled,
     resampled,
 )
-from swath_sysid.attitude.prediction.sea_fit import SHORT, WAVES, SeaFit, SeaRequest, newest_stretch
+from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SHORT, SPARSE, WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
 from swath_sysid.attitude.prediction.upstream import UpstreamRows
@@ -388,8 +388,10 @@ class Forecaster:
             return None
         self._waiting = None
         for name, model in fit.waves.items():
-            bank.use(name, model, self._newest(2 * MAX_LAGS))
-            bank.renew(name)
+            # what a longer memory errs by is known from its fit before, which is nearly the same
+            if name != LONG_WAVES or name not in bank.spaces:
+                bank.renew(name)
+            bank.use(name, model, self._newest(2 * SPARSE * MAX_LAGS))
             self._has_waves = True
         if fit.upstream:
             bank.use_upstream(fit.upstream, self._newest(), self._time, 0.5 * self.settings.window * self._clock.period)
