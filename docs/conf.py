@@ -17,7 +17,7 @@ import swath_sysid  # noqa: E402
 from swath_sysid.cli.main import VERBS, build_parser  # noqa: E402
 from swath_sysid.common.sentences import FLAGS, REASONS, SENTENCES  # noqa: E402
 from swath_sysid.formats.registry import TANK  # noqa: E402
-from swath_sysid.nodes.parameters.files import yaml_value  # noqa: E402
+from swath_sysid.nodes.parameters.parameter_files import yaml_value  # noqa: E402
 from swath_sysid.nodes.parameters.table import NODES, table_of  # noqa: E402
 
 project = 'swath_sysid'

@@ -1,11 +1,12 @@
 """The command line: what it prints, what it writes, its help, and how it answers bad input."""
 
-import contextlib
-import io
 import json
+import os
 import re
 import shlex
+import shutil
 import subprocess
+import sys
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from repository import are_those
 
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.simulated_craft import simulated_trial
+from swath_sysid.attitude.hull.craft_simulator import simulated_trial
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.flags import table_of_verbs
@@ -284,24 +285,43 @@ def test_a_slip_is_one_sentence_that_says_what_is_meant(words, said, capsys):
     assert said in told and told.count('\n') == 1
 
 
-def completed(line, folder):
-    """What bash would make of the last word of a line."""
-    with contextlib.redirect_stdout(io.StringIO()) as script:
-        assert main(['--completion']) == 0
-    (folder / 'script').write_text(script.getvalue())
-    words = line.split()
-    set_up = f'. ./script; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _swath_sysid; '
-    ask = set_up + 'printf "%s\\n" "${COMPREPLY[@]}"'
-    done = subprocess.run(['bash', '-c', ask], cwd=folder, capture_output=True, text=True, check=True)
-    assert not done.stderr
-    return done.stdout.split()
+def completed(line, folder, shell='bash'):
+    """What a shell would make of the last word of a line."""
+    if not shutil.which(shell):
+        pytest.skip(f'there is no {shell}')
+    command = folder / 'swath-sysid'
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m swath_sysid.start "$@"\n')
+    command.chmod(0o755)
+    path = os.pathsep.join([str(folder), os.environ['PATH']])
+    places = os.pathsep.join([str(share_folder()), os.environ.get('PYTHONPATH', '')])
+    ask = {
+        'bash': 'COMP_LINE=$1 COMP_POINT=${#1}; _python_argcomplete swath-sysid; printf "%s\\n" "${COMPREPLY[@]}"',
+        'zsh': '_describe() { print -l -- ${(P)2} }; BUFFER=$1 CURSOR=${#1} words=(swath-sysid); _python_argcomplete',
+    }
+    done = subprocess.run(
+        [shell, '-c', f'eval "$(swath-sysid --completion)"; {ask[shell]}', shell, line],
+        env={**os.environ, 'PATH': path, 'PYTHONPATH': places},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+    )
+    # zsh shows what a verb does behind a colon
+    return [word.partition(':')[0].strip() for word in done.stdout.splitlines()]
 
 
-def test_bash_completes_verbs_flags_choices_and_leaves_files_to_the_shell(tmp_path):
-    assert completed('swath-sysid ide', tmp_path) == ['identify']
-    assert completed('swath-sysid identify --ob', tmp_path) == ['--objective']
-    assert completed('swath-sysid identify --objective one', tmp_path) == ['one-step']
-    assert completed('swath-sysid identify record', tmp_path) == []
+@pytest.mark.parametrize('shell', ['bash', 'zsh'])
+def test_a_shell_completes_verbs_flags_choices_and_files(shell, tmp_path):
+    (tmp_path / 'record.csv').touch()
+    assert completed('swath-sysid ide', tmp_path, shell) == ['identify']
+    assert completed('swath-sysid identify --ob', tmp_path, shell) == ['--objective']
+    assert completed('swath-sysid identify --objective one', tmp_path, shell) == ['one-step']
+    assert completed('swath-sysid inspect rec', tmp_path, shell) == ['record.csv']
+
+
+def test_completion_without_its_library_is_one_sentence(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'argcomplete', None)
+    assert main(['--completion']) == 2
+    assert 'which is not installed: pip install argcomplete' in capsys.readouterr().err
 
 
 def test_run_lists_every_topic_and_service_of_the_policy_with_its_type(capsys):

@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats import tables as named_columns
+from swath_sysid.formats import text_tables as named_columns
 from swath_sysid.formats.reading import read_trial
 
 STEP = 0.05

@@ -17,6 +17,13 @@ from swath_sysid.attitude.hull.catalogue import (
     equation_named,
     hull_named,
 )
+from swath_sysid.attitude.hull.craft_simulator import (
+    CraftSettings,
+    SensorNoise,
+    SimulatedCraft,
+    release_angle,
+    simulated_trial,
+)
 from swath_sysid.attitude.hull.decay_model import (
     DecayModel,
     Equation,
@@ -25,13 +32,6 @@ from swath_sysid.attitude.hull.decay_model import (
     from_published,
     orbit_centre,
     to_published,
-)
-from swath_sysid.attitude.hull.simulated_craft import (
-    CraftSettings,
-    SensorNoise,
-    SimulatedCraft,
-    release_angle,
-    simulated_trial,
 )
 from swath_sysid.attitude.hull.simulation import runge_kutta_population, simulate
 from swath_sysid.attitude.hull.terms import TERM_NAMES, restoring_energy, term_moments

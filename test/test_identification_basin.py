@@ -12,15 +12,15 @@ from scipy.optimize import approx_fprime
 from scipy.stats import norm, truncnorm
 
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import Scales
 from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, interval
 from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, disturbance, innovations
+from swath_sysid.attitude.identification.log_posterior import Evaluation, clipped_step, scoring
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.result import IdentificationSettings
-from swath_sysid.attitude.identification.scoring import Evaluation, clipped_step, scoring
 from swath_sysid.attitude.motion.segmentation import find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion
 

@@ -20,8 +20,8 @@ from swath_sysid.attitude.hull.catalogue import (
     hull_named,
     published_alike,
 )
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel, composed
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification import fit_quality
 from swath_sysid.attitude.identification.fit_quality import (
@@ -32,10 +32,10 @@ from swath_sysid.attitude.identification.fit_quality import (
     vanishing_angle,
 )
 from swath_sysid.attitude.identification.identify import identify, identify_problem
+from swath_sysid.attitude.identification.log_posterior import LogPosterior, log_evidence, prune
 from swath_sysid.attitude.identification.motion_fit import MotionFit
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
-from swath_sysid.attitude.identification.scoring import LogPosterior, log_evidence, prune
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.selection import (
     compare,

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES, Scales, term_moments
 from swath_sysid.attitude.identification.fit_quality import known_together
 from swath_sysid.attitude.identification.forecast_check import OneStepObjective

@@ -10,8 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise, SimulatedCraft, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SensorNoise, SimulatedCraft, simulated_trial
 from swath_sysid.attitude.motion.decay_candidates import bridged_half_cycles
 from swath_sysid.attitude.motion.quality import check_decay, check_motion, clipped_extremes, without_spikes
 from swath_sysid.attitude.motion.segmentation import (

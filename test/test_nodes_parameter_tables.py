@@ -18,11 +18,8 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.optimisers import OPTIMISERS
 from swath_sysid.common.wings import handed_in
-from swath_sysid.nodes.parameters.files import configuration_file, values_from_file
-from swath_sysid.nodes.parameters.identifier import refit_settings
-from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.parameters.predictor import pipeline_settings
-from swath_sysid.nodes.parameters.simulated_craft import craft_settings
+from swath_sysid.nodes.parameters.parameter_files import configuration_file, values_from_file
+from swath_sysid.nodes.parameters.settings import craft_settings, pipeline_settings, refit_settings, window_settings
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module, parameters_of, table_of
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 
@@ -141,7 +138,7 @@ def test_every_parameter_matters():
 def test_the_configuration_file_holds_the_defaults():
     path = ROOT / 'config' / 'swath_sysid.yaml'
     assert are_those(path.read_text(encoding='utf-8').split('\n\n'), configuration_file().split('\n\n')), (
-        'write it anew: python -c "from swath_sysid.nodes.parameters.files import configuration_file; '
+        'write it anew: python -c "from swath_sysid.nodes.parameters.parameter_files import configuration_file; '
         "print(configuration_file(), end='')\" > config/swath_sysid.yaml"
     )
     for node in NODES:

@@ -25,9 +25,8 @@ from swath_sysid.cli.main import build_parser
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.wings import wings
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, frame_at, lead_topic
-from swath_sysid.nodes.parameters.files import values_from_file
-from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.parameters.parameter_files import values_from_file
+from swath_sysid.nodes.parameters.settings import pipeline_settings, window_settings
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
 from swath_sysid.share import share_folder
 
@@ -35,17 +34,16 @@ PACKAGE = ROOT / 'swath_sysid'
 MODULES = sorted(PACKAGE.rglob('*.py'))
 
 #: of what is imported; every one exists on Ubuntu 24.04, where python3-rich brings markdown_it
-ROSDEP_KEYS = {name: f'python3-{name}' for name in ('matplotlib', 'numpy', 'rich', 'scipy', 'yaml')} | {
+ROSDEP_KEYS = {name: f'python3-{name}' for name in ('argcomplete', 'matplotlib', 'numpy', 'rich', 'scipy', 'yaml')} | {
     'filterpy': 'python3-filterpy-pip',
     'markdown_it': 'python3-rich',
     'rosbags': 'python3-rosbags-pip',
 }
 
-DISTRIBUTIONS = {'yaml': 'PyYAML'}
+DISTRIBUTIONS = {'nptdms': 'npTDMS', 'yaml': 'PyYAML'}
 #: imports that may fail, and the extra that installs them
 OPTIONAL = {
     'numba': 'fast',
-    'dask': 'cluster',
     'distributed': 'cluster',
     **dict.fromkeys(('h5py', 'nptdms', 'openpyxl', 'pyarrow'), 'tank'),
     **dict.fromkeys(('fastapi', 'nicegui', 'uvicorn'), 'page'),
@@ -177,7 +175,8 @@ def test_test_dependencies_are_declared(manifest, setup_arguments):
     extra = imported - set(ROSDEP_KEYS) - ROS_PACKAGES - set(OPTIONAL) - ours
     assert {f'python3-{name}' for name in extra} <= {element.text for element in manifest.findall('test_depend')}
     assert extra <= requirement_names(setup_arguments['extras_require']['test'])
-    assert set(OPTIONAL.values()) <= {extra for extra, needs in setup_arguments['extras_require'].items() if needs}
+    extras = {extra: requirement_names(needs) for extra, needs in setup_arguments['extras_require'].items()}
+    assert [name for name, extra in OPTIONAL.items() if DISTRIBUTIONS.get(name, name) not in extras[extra]] == []
 
 
 def without_ros():

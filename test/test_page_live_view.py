@@ -20,7 +20,7 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
-from swath_sysid.formats.sea_state import sea_as_yaml, sea_from_yaml
+from swath_sysid.formats.sea_state_yaml import sea_as_yaml, sea_from_yaml
 from swath_sysid.page import live_view as view
 from swath_sysid.page.charts import curve_options, motion_changes, motion_options, motion_series, release_options
 from swath_sysid.page.live_record import LiveRecord, horizon_of

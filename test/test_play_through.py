@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.refit import AxisVerdict, RefitOutcome
 from swath_sysid.attitude.motion.attitude import body_rates, euler_angles, quaternion
 from swath_sysid.attitude.motion.trial import AXES

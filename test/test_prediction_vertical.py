@@ -13,7 +13,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import Point, point_motion
 from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
 from swath_sysid.attitude.prediction.variate_analysis import identify
-from swath_sysid.attitude.prediction.vertical import VerticalRequest, fit_vertical, states_from_lags
+from swath_sysid.attitude.prediction.vertical_forecast import VerticalRequest, fit_vertical, states_from_lags
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
 

@@ -9,7 +9,7 @@ import numpy as np
 from bag_messages import STORE
 
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.main import main
 from swath_sysid.formats.bags import opened_bag

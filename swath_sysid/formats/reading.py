@@ -17,7 +17,7 @@ from swath_sysid.formats.files import existing, reading
 from swath_sysid.formats.mti import is_mti, read_mti
 from swath_sysid.formats.registry import BAGS
 from swath_sysid.formats.table_files import kind_of, known_by_name
-from swath_sysid.formats.tables import Progress, read_head
+from swath_sysid.formats.text_tables import Progress, read_head
 
 if TYPE_CHECKING:
     from swath_sysid.formats.bags import ImuRecord

@@ -14,7 +14,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.registry import FOREIGN, TANK, TANK_ENDINGS, TankFormat
-from swath_sysid.formats.tables import NamedColumns, Progress, Read, read_columns, read_head
+from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, read_columns, read_head
 
 
 def kind_of(path: str | Path) -> TankFormat | None:

@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import SerialExecutor

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import AmplitudeCurves, DecayModel
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.fit_quality import AmplitudeBands
 from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.peaks import Peaks, measured_peaks

@@ -8,7 +8,7 @@ import math
 import pytest
 from test_stored_results import HULL, STORED, store
 
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.report.tables import table_as_csv

@@ -17,8 +17,8 @@ from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel, amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import AT, TERM_NAMES
+from swath_sysid.attitude.identification.log_posterior import Evaluation, LogPosterior
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION
-from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.identification.sea_motion import (
     GAUSSIAN_RATE,
     Heave,

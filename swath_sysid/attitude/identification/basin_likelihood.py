@@ -14,9 +14,9 @@ from scipy.special import ndtr, ndtri
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, LINEAR_RESTORING, restoring_slope
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, innovations
+from swath_sysid.attitude.identification.log_posterior import LINEAR_PRIOR, Evaluation, LogPosterior
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD, InitialState
 from swath_sysid.attitude.identification.problem import Problem
-from swath_sysid.attitude.identification.scoring import LINEAR_PRIOR, Evaluation, LogPosterior
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.signals import MODEL_FLOOR, white_noise

@@ -15,9 +15,9 @@ from swath_sysid.attitude.hull.decay_model import Equation, composed
 from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, LINEAR_RESTORING
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
+from swath_sysid.attitude.identification.log_posterior import LINEAR_PRIOR, Evaluation, LogPosterior, prune, weak_prior
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit
 from swath_sysid.attitude.identification.problem import Problem, motion_fit, residual_covariance
-from swath_sysid.attitude.identification.scoring import LINEAR_PRIOR, Evaluation, LogPosterior, prune, weak_prior
 
 CHANCE = 0.001  #: Probability that a likelihood ratio calls a complete equation incomplete, or the same hull changed.
 #: Looked for where an equation lacks them; linear restoring may be a sine's.

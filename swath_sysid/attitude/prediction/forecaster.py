@@ -204,15 +204,16 @@ class Forecaster:
         sample, bank = step.sample, self._bank
         if sample is None or bank is None:
             return step
-        step = step._replace(sea=self._take_over(bank))
+        sea = self._take_over(bank)
         rows = self._clock.take(sample, self._elapsed)
         if rows:
             self._take_row(bank, rows, self._stamp)
         if self._time < self._due:
-            return step
+            return step if sea is None else step._replace(sea=sea)
         self._schedule()
         forecast, horizon, outlook = self._issue(bank, sample.stamp_ns)
-        return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=self._sea_request())
+        request = self._sea_request()
+        return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=request, sea=sea)
 
     def _break_off(self):
         """Forget the motion after a break; what is known of hull and sea stays."""
@@ -353,8 +354,8 @@ class Forecaster:
 
     def _ahead(self, stamp_ns: int) -> Forecast:
         """One sample ahead, by the hulls' filters alone."""
-        lead, size = self._clock.interval, len(ATTITUDE)
-        mean, covariance = np.full((1, size), math.nan), np.zeros((1, size, size))
+        lead, mean = self._clock.interval, np.full((1, len(ATTITUDE)), math.nan)
+        covariance = np.zeros((1, len(ATTITUDE), len(ATTITUDE)))
         for place, axis in enumerate(self._axes.values()):
             of_axis = slice(place, None, len(AXES))
             if axis.hull.is_started:
@@ -364,7 +365,7 @@ class Forecaster:
         return self._issued(Forecast(stamp_ns, np.array([lead]), mean, covariance), {})
 
     def _issued(self, attitude: Forecast, points: dict[str, PointMotion]) -> Forecast:
-        """Complete a forecast of the attitude: every one that leaves passes here."""
+        """The forecast with heading and points: every one passes here."""
         return replace(attitude, heading=self._heading, points=points)
 
     def _issue(self, bank: Bank, stamp_ns: int) -> tuple[Forecast, Forecast, Outlook]:

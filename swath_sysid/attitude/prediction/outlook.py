@@ -13,7 +13,7 @@ from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, 
 from swath_sysid.attitude.prediction.quiescence import AT_A_POINT, CalmWindow, Quiescence, QuiescenceLimits, quantity_at
 from swath_sysid.attitude.prediction.rows import CHANNELS, OF_SAMPLE, RowClock
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
-from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalForecaster, VerticalRequest
+from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalFit, VerticalForecaster, VerticalRequest
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 

@@ -14,7 +14,7 @@ from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
 from swath_sysid.attitude.prediction.state_space import InnovationsModel
 from swath_sysid.attitude.prediction.upstream import UpstreamFit, UpstreamRequest, fit_upstream
 from swath_sysid.attitude.prediction.variate_analysis import identify, identify_alone
-from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalRequest, fit_vertical
+from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalFit, VerticalRequest, fit_vertical
 
 WAVES, NEW_WAVES = 'waves', 'waves-new'  #: State spaces of the whole past, and of a sea that has just begun.
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.formats.tables import NamedColumns, check_size
 from swath_sysid.formats.tank.nested import nested_tables
+from swath_sysid.formats.text_tables import NamedColumns, check_size
 
 
 def tables(path: str | Path) -> list[NamedColumns]:

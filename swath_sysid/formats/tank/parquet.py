@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.formats.tables import NamedColumns, Progress, check_size, numbers_of
+from swath_sysid.formats.text_tables import NamedColumns, Progress, check_size, numbers_of
 
 
 def tables(path: str | Path) -> list[NamedColumns]:

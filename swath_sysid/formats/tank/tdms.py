@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.tables import NamedColumns, Progress, Read, by_length, check_size, numbers_of, with_unit
+from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, by_length, check_size, numbers_of, with_unit
 
 
 def tables(path: str | Path) -> list[NamedColumns]:

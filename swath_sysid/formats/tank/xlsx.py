@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.formats.columns import UNITS
-from swath_sysid.formats.tables import (
+from swath_sysid.formats.text_tables import (
     NamedColumns,
     Progress,
     Read,

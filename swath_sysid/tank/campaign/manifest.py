@@ -37,7 +37,7 @@ from swath_sysid.formats.schema import (
     text_of,
     whole,
 )
-from swath_sysid.formats.tables import listed_names
+from swath_sysid.formats.text_tables import listed_names
 from swath_sysid.tank.extinction import TypeB
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification import search
 from swath_sysid.attitude.identification.forecast_check import OneStepObjective

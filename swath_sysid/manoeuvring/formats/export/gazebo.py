@@ -17,9 +17,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.signal import find_peaks
 
+from swath_sysid.attitude.hull.craft_simulator import release_angle
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.simulated_craft import release_angle
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RESTORING_NAMES
 from swath_sysid.common.advice import Advice
