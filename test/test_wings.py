@@ -3,19 +3,25 @@
 import json
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import pytest
 from repository import ROOT
 from test_package import MODULES, PACKAGE, imports_of
 
 import swath_sysid
-from swath_sysid.cli.flags import SHARED
+from swath_sysid.cli.flags import SHARED, table_of_verbs
 from swath_sysid.cli.main import VERBS, module_of
+from swath_sysid.common.sentences import SENTENCES
 from swath_sysid.common.wings import named, wings, yaml_table
-from swath_sysid.nodes.parameters.table import defaults, node_module
+from swath_sysid.nodes.parameters.table import defaults, node_module, table_of
+from swath_sysid.page.live_record import LiveRecord
+from swath_sysid.page.state import PageState
 
 WINGS = {wing.name: wing for wing in wings()}
 OF_CORE = yaml_table(PACKAGE / 'cli' / 'flags.yaml')
@@ -50,6 +56,79 @@ def test_all_that_a_wing_hands_in_is_there_and_all_verbs_are_handed_in(name):
     assert set(wing.model_parameters) <= set(wing.nodes)
     references = [value for field, value in vars(wing).items() if isinstance(value, str) and field != 'name']
     assert all(callable(named(reference)) for reference in {*references, *wing.papers.values()} - {''})
+
+
+STAND_IN = {
+    'wing.py': """
+from swath_sysid.common.wings import Wing
+
+OFFERS = {name: f'stand_in.cli.count {name}' for name in ('plays_bag', 'tables_of_fit', 'trials_shown')}
+WING = Wing('stand_in', 3, nodes={'counter': 'stand_in.counter'}, topics={'counts/': 'std_msgs/msg/String'}, **OFFERS)
+""",
+    'cli/count.py': """
+from swath_sysid.common.advice import Advice
+from swath_sysid.report.tables import Column, Table
+
+def run(arguments):
+    print(arguments.task, arguments.size)
+    return 3
+
+def plays_bag(arguments):
+    return (7 if arguments.only_count else None), [Advice.of('counted', number=2)]
+
+def tables_of_fit(arguments):
+    return lambda found: [Table('counts', 'Counts', '', (Column('what'), Column('n')), (('terms', 2),))]
+
+def trials_shown(manifest):
+    return [{'file': manifest}], ['b is missing']
+""",
+    'flags.yaml': """
+count: {summary: count, examples: [count up 1], tasks: {up: {summary: up, flags: {size N: {type: count, help: to}}}}}
+play-through: {flags: {--only-count: stop}}
+shared: {both: {--both: both}}
+""",
+    'sentences.yaml': "sentences: {counted: '{number} counted'}",
+    'parameters.yaml': 'counter: {step: {default: 1, meaning: step}, frame_id: as imu_buffer}',
+}
+
+
+@pytest.fixture
+def stand_in(tmp_path, monkeypatch):
+    """The command line and the tables of a core whose only wing is made for the test, loaded anew."""
+    for name, text in STAND_IN.items():
+        path = tmp_path / 'stand_in' / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    monkeypatch.setattr(swath_sysid, '__path__', [*swath_sysid.__path__, str(tmp_path)])
+    monkeypatch.setattr('swath_sysid.common.wings.PACKAGE', tmp_path)
+    caches = wings, table_of_verbs, table_of
+    for cache in caches:
+        cache.cache_clear()
+    try:
+        yield lambda module: runpy.run_path(str(PACKAGE / module))
+    finally:
+        for cache in caches:
+            cache.cache_clear()
+        for name in [name for name in sys.modules if name.startswith('swath_sysid.stand_in')]:
+            del sys.modules[name]
+
+
+def test_a_folder_with_a_wing_is_handed_in_everywhere(stand_in, measured, monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(SENTENCES, 'counted', stand_in('common/sentences.py')['SENTENCES']['counted'])
+    table = stand_in('nodes/parameters/table.py')
+    assert 'counter' in table['NODES'] and table['node_module']('counter') == 'swath_sysid.stand_in.counter'
+    assert table['defaults']('counter') == {'step': 1, 'frame_id': 'base_link'}
+    swath = stand_in('cli/main.py')['main']
+    assert swath(['count', 'up', '4']) == 3 and capsys.readouterr().out == 'up 4\n'
+    played = ['play-through', str(measured / 'trial.mcap'), '--output', str(tmp_path / 'out.mcap')]
+    assert swath([*played, '--only-count']) == 7 and not (tmp_path / 'out.mcap').exists()
+    assert swath(played) == 0 and '2 counted' in capsys.readouterr().err
+    assert swath(['identify', str(measured / 'trial.csv'), '--equation', 'linear', '--force', '--json']) == 0
+    assert json.loads(capsys.readouterr().out)['counts'] == [{'what': 'terms', 'n': 2}]
+    source = SimpleNamespace(lock=nullcontext(), record=LiveRecord(), description='', sensor='')
+    page = PageState(source, tmp_path, manifest='a.yaml')
+    page.refresh()
+    assert (page.view.trials, page.view.missing) == ([{'file': 'a.yaml'}], ['b is missing'])
 
 
 #: of each room of the core what is quick, and what asks for that which wings hand in
