@@ -109,9 +109,7 @@ def found(runs, craft_and_trials):
 
 
 @pytest.mark.long
-def test_a_craft_with_vices_is_identified_and_its_forecasts_know_how_good_they_are(
-    found, craft_and_trials, truth, runs
-):
+def test_a_craft_with_vices_is_identified_and_its_forecasts_know_how_good_they_are(found, truth, runs):
     assert found.validation.diverged == 0
     assert found.validation.r2['surge'] >= 0.97
     assert found.validation.r2['sway'] >= 0.60
