@@ -25,17 +25,9 @@ from swath_sysid.manoeuvring.formats.bags import (
 )
 from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.manoeuvring.formats.model_file import read_manoeuvring_model, write_manoeuvring_model
+from swath_sysid.manoeuvring.hull import standard_tests
 from swath_sysid.manoeuvring.hull.model import PRESETS, preset
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
-from swath_sysid.manoeuvring.hull.standard_tests import (
-    RECIPE,
-    TESTS,
-    DriveSettings,
-    SensorNoise,
-    run_test,
-    trial_programme,
-    with_noise,
-)
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
@@ -50,7 +42,7 @@ from swath_sysid.report.fit_summary import warnings_as_data
 
 PROGRAMME = 'programme'
 
-SIMULATED = (*TESTS, PROGRAMME)
+SIMULATED = (*standard_tests.TESTS, PROGRAMME)
 #: Fields of ``ManoeuvringSettings`` that are flags.
 FLAGS = ('inertia', 'thrust_per_command', 'length', 'window', 'generations', 'population', 'seed')
 
@@ -160,7 +152,7 @@ def _recipe(arguments: Namespace) -> int:
     runs = read_runs(arguments.runs, arguments) if arguments.runs else []
     shares = excitation(runs) if runs else {}
     missing = lacking(shares)
-    recipe = [{'run': name, 'drive': what, 'duration_s': duration} for name, what, duration in RECIPE]
+    recipe = [{'run': name, 'drive': what, 'duration_s': duration} for name, what, duration in standard_tests.RECIPE]
     if runs:
         lines = [
             "Share of each derivative's motion that no other derivative explains, 0 to 1:",
@@ -178,7 +170,7 @@ def _recipe(arguments: Namespace) -> int:
     else:
         lines = [
             'Runs to drive, in calm water, clear of traffic; record thrust, speeds, yaw rate, heading, position:',
-            *(f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE),
+            *(f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in standard_tests.RECIPE),
         ]
     print_result(arguments.json, {'recipe': recipe, 'excitation': shares, 'lacking': missing}, lines)
     return 0
@@ -232,11 +224,17 @@ def _simulate(arguments: Namespace):
     for option in ('current', 'command'):
         if getattr(arguments, option) is not None:
             raise InputError(f'--{option} is for the programme: standard tests take still water and the model as it is')
-    settings = DriveSettings(arguments.base, arguments.difference, float(np.radians(arguments.angle_deg)))
-    report = run_test(arguments.test, model, settings)
+    settings = standard_tests.DriveSettings(
+        arguments.base, arguments.difference, float(np.radians(arguments.angle_deg))
+    )
+    report = standard_tests.run_test(arguments.test, model, settings)
     if arguments.output:
-        noise = SensorNoise(*arguments.noise) if arguments.noise else SensorNoise(0.0, 0.0, 0.0, 0.0)
-        _write(arguments.output, with_noise(report.manoeuvre, noise, arguments.seed), model)
+        noise = (
+            standard_tests.SensorNoise(*arguments.noise)
+            if arguments.noise
+            else standard_tests.SensorNoise(0.0, 0.0, 0.0, 0.0)
+        )
+        _write(arguments.output, standard_tests.with_noise(report.manoeuvre, noise, arguments.seed), model)
     if arguments.plot:
         save_figure(test_figure(report, model), arguments.plot)
     data = {'test': report.name, 'model': model.name, 'numbers': report.numbers, 'curve': report.curve}
@@ -255,13 +253,13 @@ def _programme(model: Any, arguments: Namespace):
         model = replace(model.with_values(**values), thrust_input=COMMAND, largest_input=1.0)
     if arguments.current is not None:
         model = replace(model, current=tuple(arguments.current))
-    noise = SensorNoise(*arguments.noise) if arguments.noise else SensorNoise()
+    noise = standard_tests.SensorNoise(*arguments.noise) if arguments.noise else standard_tests.SensorNoise()
     folder = Path(arguments.output)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for number, (name, manoeuvre) in enumerate(trial_programme(model).items()):
+    for number, (name, manoeuvre) in enumerate(standard_tests.trial_programme(model).items()):
         path = folder / f'{name}.{arguments.format}'
-        _write(path, with_noise(manoeuvre, noise, 100 * arguments.seed + number), model)
+        _write(path, standard_tests.with_noise(manoeuvre, noise, 100 * arguments.seed + number), model)
         written.append({'file': str(path), 'duration_s': float(manoeuvre.time[-1])})
     lines = [f'{row["file"]}: {row["duration_s"]:.0f} s' for row in written]
     print_result(arguments.json, {'model': model.name, 'runs': written}, lines)
