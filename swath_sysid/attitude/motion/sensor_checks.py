@@ -109,9 +109,8 @@ def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
 def contradictions_in(
     time: np.ndarray, channels: dict[str, np.ndarray], installation: Installation
 ) -> tuple[Contradiction, ...]:
-    """Faults of the sensor in a whole record: channels (N,) by name, as the installation makes them.
-
-    A contradiction must show in most stretches that can show it; a frozen sensor, in any.
+    """Faults of the sensor in a whole record: channels (N,) by name, as the installation makes them. A contradiction
+    must show in most stretches that can show it; a frozen sensor, in any.
     """
     if time.size < MIN_BINS:
         return ()
@@ -146,7 +145,6 @@ def judge(
     interval: float,
 ) -> Judgement:
     """Judge one stretch of data: roll, pitch and yaw, rad, their rates, rad/s, and specific force, m/s^2, each (N, 3).
-
     All are in the axes of the craft as the installation makes them, NaN where unknown; the interval is the sensor's, s.
     """
     repeated = None if time.size < MIN_BINS else _repeats(time, angles, rates, force)
