@@ -18,7 +18,7 @@ from swath_sysid.common.processes import ended, verb_command
 from swath_sysid.common.wings import offered
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.files import write_text
-from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Facts, Guidance
+from swath_sysid.page.bring_up import GUIDE, IDENTIFICATION, STEPS, BringUp, Facts, Guidance
 from swath_sysid.page.charts import motion_changes
 from swath_sysid.page.live_record import STALE_S, LiveRecord
 from swath_sysid.page.live_view import (
@@ -40,27 +40,8 @@ SELDOM = 3.0  #: s between looks at what rarely changes: the trials' folder, the
 SHOWN_ANSWERS = 2
 NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
 
-
 #: Label and meaning, in groups.
-GROUPS = (
-    {
-        'push': ('Push and release', 'push the simulated craft and let it go'),
-        'identify': ('Identify', 'fit a model to the last minute of motion now'),
-        'restart': ('Release again', 'start over with the craft at rest'),
-        'accept': ('Accept', 'keep this model: further motion is no longer fitted automatically'),
-        'refine': ('Refine', 'let further releases refine the model again'),
-    },
-    {
-        'save': ('Save', 'write the model to a file on the machine of the page'),
-        'record': ('Record', 'write every topic to a bag on the machine of the page; once more ends it'),
-        'model.yaml': ('Download model', 'the model file, to this browser'),
-        'motion.csv': ('Download motion', 'the last minute as a CSV file, to this browser'),
-    },
-    {
-        'rollback': ('Rollback', 'return to the previous model; the current one is saved first'),
-        'undo_rollback': ('Undo rollback', 'return to the model that Rollback withdrew'),
-    },
-)
+GROUPS = [{name: tuple(texts) for name, texts in group.items()} for group in GUIDE['buttons']]
 BUTTONS = {name: texts for group in GROUPS for name, texts in group.items()}
 
 NO_MODEL = 'there is no model yet: release the craft first'
