@@ -41,7 +41,7 @@ SHOWN_ANSWERS = 2
 NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
 
 #: Label and meaning, in groups.
-GROUPS = [{name: tuple(texts) for name, texts in group.items()} for group in GUIDE['buttons']]
+GROUPS = [{name: (label, meaning) for name, (label, meaning) in group.items()} for group in GUIDE['buttons']]
 BUTTONS = {name: texts for group in GROUPS for name, texts in group.items()}
 
 NO_MODEL = 'there is no model yet: release the craft first'

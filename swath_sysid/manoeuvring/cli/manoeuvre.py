@@ -17,12 +17,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.files import existing
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.manoeuvring.formats.bags import (
-    play_manoeuvres,
-    read_manoeuvring_bag,
-    write_forecasts,
-    write_manoeuvring_bag,
-)
+from swath_sysid.manoeuvring.formats import bags
 from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.manoeuvring.formats.model_file import read_manoeuvring_model, write_manoeuvring_model
 from swath_sysid.manoeuvring.hull import standard_tests
@@ -77,7 +72,7 @@ def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
 
 def _read(path: str | Path, arguments: Namespace):
     if is_bag(existing(path)):
-        trial = read_manoeuvring_bag(
+        trial = bags.read_manoeuvring_bag(
             path,
             arguments.odometry_topic,
             arguments.imu_topic,
@@ -200,7 +195,7 @@ def _play_through(arguments: Namespace):
     identified = read_manoeuvring_model(arguments.model) if arguments.model else None
     silence = 0.5 if arguments.gap_means_zero else 0.0
     settings = ManoeuvreOutlookSettings(leads=arguments.leads, rate=arguments.rate, stop_after=silence)
-    count = write_forecasts(arguments.output, play_manoeuvres(trial, settings, identified), settings.leads)
+    count = bags.write_forecasts(arguments.output, bags.play_manoeuvres(trial, settings, identified), settings.leads)
     show_advice(summary.condensed(trial.advice))
     print(f'{arguments.output}: {count} forecasts')
     return 0
@@ -271,6 +266,6 @@ def _write(path: str | Path, manoeuvre: Manoeuvre, model: Any) -> None:
     if ending == '.csv':
         write_manoeuvring_csv(path, manoeuvre, model)
     elif ending in ('.mcap', '.db3', ''):
-        write_manoeuvring_bag(path, manoeuvre)
+        bags.write_manoeuvring_bag(path, manoeuvre)
     else:
         raise InputError(f"'{path}' is neither .csv nor a bag (.mcap, .db3, or a folder name): choose one of these")
