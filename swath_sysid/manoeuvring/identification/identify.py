@@ -213,19 +213,11 @@ def _tested_on_a_third(
         return _fitted(runs, (), settings, note)
     tested = _fitted(kept, held_out, settings, lambda share: note(0.5 * share))
     whole = _fitted(runs, (), settings, lambda share: note(0.5 + 0.5 * share))
-    return replace(
-        whole,
-        validation=tested.validation,
-        validated_on=tested.validated_on,
-        validated_model=tested.model,
-    )
+    return replace(whole, validation=tested.validation, validated_on=tested.validated_on, validated_model=tested.model)
 
 
 def _fitted(
-    runs: tuple[Run, ...],
-    held_out: tuple[Run, ...],
-    settings: ManoeuvringSettings,
-    note: Callable[[float], object],
+    runs: tuple[Run, ...], held_out: tuple[Run, ...], settings: ManoeuvringSettings, note: Callable[[float], object]
 ) -> ManoeuvringIdentification:
     """What a fit to some runs says, with its scores, on runs held out too, and its warnings."""
     problem = assembly.assemble(runs, settings)
