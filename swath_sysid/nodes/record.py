@@ -11,8 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from swath_sysid.formats.output_bag import Recording, is_ours
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD, events_executor, run
-from swath_sysid.nodes.message_types import message_class
-from swath_sysid.nodes.qos import bag_qos
+from swath_sysid.nodes.qos import bag_qos, message_class
 
 SAVE_PERIOD = 1.0  #: s of messages that a loss of power costs at most.
 
