@@ -32,16 +32,13 @@ class Record(Node):
     def _look(self) -> None:
         before = set(self._subscribed)
         for topic, kinds in self.get_topic_names_and_types():
-            if topic not in self._subscribed and self._is_wanted(topic, kinds):
+            asked = topic in self._others and len(kinds) == 1 and message_class(kinds[0]) is not None
+            if topic not in self._subscribed and (asked or is_ours(topic, kinds)):
                 publishers = self.get_publishers_info_by_topic(topic)
                 if publishers:
                     self._subscribe(topic, kinds[0], [publisher.qos_profile for publisher in publishers])
         if added := sorted(self._subscribed.keys() - before):
             self.get_logger().info(f'recording {", ".join(added)}')
-
-    def _is_wanted(self, topic: str, kinds: Sequence[str]):
-        asked = topic in self._others and len(kinds) == 1 and message_class(kinds[0]) is not None
-        return asked or is_ours(topic, kinds)
 
     def _write(self, write: Callable[[int, bytes], None], raw: Any) -> None:
         write(self.get_clock().now().nanoseconds, raw)

@@ -9,10 +9,9 @@ from swath_sysid.attitude.motion.quality import check_decay, check_motion
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, TOO_SMALL, DecaySegment, find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, find_turning_points, mean_period
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.advice import Advice, with_flags
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import finite_or_none
-from swath_sysid.common.sentences import with_flags
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, measured_channel, new_figure, quiet
 from swath_sysid.report.fit_summary import short_name, warnings_as_data
 

@@ -24,10 +24,9 @@ from swath_sysid.attitude.motion.rate_comparison import (
     is_near,
 )
 from swath_sysid.attitude.motion.trial import AXES, Trial
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.advice import SENTENCES, Advice
 from swath_sysid.common.conventions import SIGNIFICANT
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.sentences import SENTENCES
 
 WINDOW = 30.0  #: s over which the accelerations of waves average out.
 #: Bins of a window of a sensor so slow that `WINDOW` holds fewer; samples of a fast one are averaged to twice as many.
