@@ -20,7 +20,7 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.flags import table_of_verbs
 from swath_sysid.cli.main import VERBS, build_parser, main, module_of
 from swath_sysid.cli.progress import progress_of
-from swath_sysid.common.sentences import FLAGS, with_flags
+from swath_sysid.common.advice import FLAGS, with_flags
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.reading import read_trial

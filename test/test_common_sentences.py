@@ -9,9 +9,8 @@ from string import Formatter
 import pytest
 
 import swath_sysid
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.advice import FLAGS, SENTENCES, Advice
 from swath_sysid.common.processes import results_in_order
-from swath_sysid.common.sentences import FLAGS, SENTENCES
 
 LONGEST = 300
 PACKAGE = Path(swath_sysid.__file__).parent

@@ -22,8 +22,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import model_from_yaml, read_model
 from swath_sysid.pipeline.demonstration import UNAWARE, Demonstration, LeadForecasts, Verdict, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
+from swath_sysid.report.forecast_figure import demo_figure
 
 PATIENCE, ATTEMPTS = 600.0, 4
 ROLL = hull_named('swath-roll').model

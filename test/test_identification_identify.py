@@ -45,8 +45,8 @@ from swath_sysid.attitude.identification.selection import (
     rank,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.cli.hulls import published_ratios_for
 from swath_sysid.cli.main import main
+from swath_sysid.cli.simulate import published_ratios_for
 from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv

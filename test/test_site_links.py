@@ -13,7 +13,7 @@ from site_pages import PAGES, command_lines, parse
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.cli.main import VERBS
-from swath_sysid.common.sentences import REASONS, SENTENCES
+from swath_sysid.common.advice import REASONS, SENTENCES
 from swath_sysid.common.wings import handed_in
 from swath_sysid.formats.topics import LEADS, TYPES
 from swath_sysid.nodes.parameters.table import NODES, table_of

@@ -173,9 +173,8 @@ def _diagonal(about_x: float, about_y: float, about_z: float) -> tuple[float, ..
 def _odometry_values(
     place: Sequence[float], attitude: Sequence[float], motion: Sequence[float], covariance: np.ndarray
 ) -> tuple[float, ...]:
-    """Pose and twist of a point with their covariances, in a level frame that moves with the craft's mean.
-
-    ``attitude`` as in `Forecast`, ``motion`` and covariance (7, 7) as in `PointMotion`.
+    """Pose and twist of a point with their covariances, in a level frame that moves with the craft's mean. ``attitude``
+    as in `Forecast`, ``motion`` and covariance (7, 7) as in `PointMotion`.
     """
     heave, velocity, _ = motion
     roll, pitch, roll_rate, pitch_rate = attitude

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from manoeuvring_runs import MODEL, codes
 
+from swath_sysid.common.advice import with_flags
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.sentences import with_flags
 from swath_sysid.manoeuvring.formats.model_file import manoeuvring_from_yaml, manoeuvring_to_yaml
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.identification.assembly import assemble

@@ -35,7 +35,7 @@ from swath_sysid.tank.campaign.manifest import read_manifest
 from swath_sysid.tank.campaign.run import run_campaign
 from swath_sysid.tank.campaign.work import ResultStore, executor_of
 from swath_sysid.tank.cli import campaign
-from swath_sysid.tank.report.campaign_report import campaign_tables, write_report
+from swath_sysid.tank.report.campaign_report import every_table, write_report
 
 ROOT = Path(__file__).resolve().parents[2]
 HULL = hull_named('swath-pitch').model
@@ -92,7 +92,7 @@ def rows_of(path):
 
 
 def tables_of(outcome):
-    return {table.name: table_as_csv(table) for table in campaign_tables(outcome)}
+    return {table.name: table_as_csv(table) for table in every_table(outcome)}
 
 
 @pytest.fixture(scope='module')
@@ -270,7 +270,7 @@ def test_drafts_are_converted_where_the_craft_is_known(trials, tmp_path):
 def test_the_files_that_are_written(done):
     outcome, output = done
     names = {path.name for path in (output / 'tables').iterdir()}
-    assert names == {f'{table.name}.csv' for table in campaign_tables(outcome)}
+    assert names == {f'{table.name}.csv' for table in every_table(outcome)}
     assert names >= {'trials.csv', 'fits.csv', 'coefficients.csv', 'ranking_pitch.csv', 'objective_pitch_one-step.csv'}
     rows = rows_of(output / 'tables' / 'objective_pitch_simulation.csv')
     axis = outcome.axes[0]

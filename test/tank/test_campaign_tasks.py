@@ -20,7 +20,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
 from swath_sysid.tank.campaign import evaluation
 from swath_sysid.tank.campaign.evaluation import Condition, Judgement, Record
-from swath_sysid.tank.report.campaign_figures import decay_drawings
+from swath_sysid.tank.report.campaign_report import decay_drawings
 
 HULL = hull_named('swath-pitch').model
 NAMES = ('linear', 'swath-pitch-2', 'swath-pitch-1')
