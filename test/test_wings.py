@@ -12,12 +12,12 @@ from types import SimpleNamespace
 
 import pytest
 from repository import ROOT
+from swath_sysid.common.sentences import SENTENCES
 from test_package import MODULES, PACKAGE, imports_of
 
 import swath_sysid
 from swath_sysid.cli.flags import SHARED, table_of_verbs
 from swath_sysid.cli.main import VERBS, module_of
-from swath_sysid.common.sentences import SENTENCES
 from swath_sysid.common.wings import named, wings, yaml_table
 from swath_sysid.nodes.parameters.table import defaults, node_module, table_of
 from swath_sysid.page.live_record import LiveRecord
