@@ -9,7 +9,7 @@ import pytest
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import replacing
-from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
 
 
 def contents(folder):
@@ -91,6 +91,11 @@ def test_hard_links_and_sockets_are_seen(tmp_path):
         check_outputs([Output('--output', second)], [first])
     with pytest.raises(InputError, match='both name'):
         check_outputs([Output('--output', first), Output('--plot', second)])
+    with pytest.raises(InputError, match='is read where .* is to be written'):
+        refuse_inputs_among([second], [first])
+    with pytest.raises(InputError, match='is not a folder'):
+        check_outputs([Output('--output', first, is_folder=True)])
+    check_outputs([Output('--output', tmp_path / 'new' / 'folder', is_folder=True)], [first])
     with socket.socket(socket.AF_UNIX) as endpoint:
         endpoint.bind(str(tmp_path / 's'))
         with pytest.raises(InputError, match='socket'):

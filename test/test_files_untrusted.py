@@ -102,10 +102,15 @@ def test_limits_are_those_that_the_sentences_name():
     plain_content(f'[{",".join(7999 * "1")}]', 'x')
     schema.text()('a' * 200, 'x')
     assert len(shown('a' * 500)) == 80
+    assert schema.whole(1)(3.0, 'x') == 3 and schema.one_or_more(schema.text())('a', 'x') == ('a',)
     for build, words in (
         (lambda: plain_content('[' * 21 + ']' * 21, 'x'), 'more than 20 deep'),
         (lambda: plain_content(f'[{",".join(8000 * "1")}]', 'x'), 'more than 8000 values'),
         (lambda: schema.text()('a' * 201, 'x'), 'at most 200 characters'),
+        (lambda: schema.whole(1)(1.5, 'x'), 'x must be a whole number from 1, not 1.5'),
+        (lambda: schema.one_or_more(schema.text())([], 'x'), 'must be a list of names'),
+        (lambda: schema.one_of(('a', 'b'), 'letter')('c', 'x'), "there is no letter 'c': choose from a, b"),
+        (lambda: schema.named({'a': schema.anything})([], 'x'), 'must be names and values; fields are a'),
     ):
         with pytest.raises(InputError, match=words):
             build()

@@ -12,12 +12,12 @@ from types import SimpleNamespace
 
 import pytest
 from repository import ROOT
-from swath_sysid.common.sentences import SENTENCES
 from test_package import MODULES, PACKAGE, imports_of
 
 import swath_sysid
 from swath_sysid.cli.flags import SHARED, table_of_verbs
 from swath_sysid.cli.main import VERBS, module_of
+from swath_sysid.common.advice import SENTENCES
 from swath_sysid.common.wings import named, wings, yaml_table
 from swath_sysid.nodes.parameters.table import defaults, node_module, table_of
 from swath_sysid.page.live_record import LiveRecord
@@ -114,7 +114,7 @@ def stand_in(tmp_path, monkeypatch):
 
 
 def test_a_folder_with_a_wing_is_handed_in_everywhere(stand_in, measured, monkeypatch, tmp_path, capsys):
-    monkeypatch.setitem(SENTENCES, 'counted', stand_in('common/sentences.py')['SENTENCES']['counted'])
+    monkeypatch.setitem(SENTENCES, 'counted', stand_in('common/advice.py')['SENTENCES']['counted'])
     table = stand_in('nodes/parameters/table.py')
     assert 'counter' in table['NODES'] and table['node_module']('counter') == 'swath_sysid.stand_in.counter'
     assert table['defaults']('counter') == {'step': 1, 'frame_id': 'base_link'}
