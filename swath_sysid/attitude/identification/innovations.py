@@ -208,11 +208,8 @@ def run_each(hulls: Hulls, record: BlockedRecord, filters: Filters) -> None:
         mean, covariance = f.mean[:, b].copy(), f.covariance[:, :, b].copy()
         transition, driven = f.transition[:, :, b].copy(), f.driven[:, :, b].copy()
         readings = f.noise[:, :, b], f.innovation[:, :, b], f.variance[:, :, b]
-        run_filter(
-            Hulls(column(hulls.ratios, b), hulls.active, hulls.friction_rate),
-            record,
-            Filters(mean, covariance, transition, driven, *readings),
-        )
+        hull = Hulls(column(hulls.ratios, b), hulls.active, hulls.friction_rate)
+        run_filter(hull, record, Filters(mean, covariance, transition, driven, *readings))
 
 
 def innovations(
