@@ -81,10 +81,8 @@ def test_simulation_and_forecasts_against_another_integrator():
     ]
     assert found == pytest.approx(np.sqrt(np.mean(np.square(errors))) / np.std(motion.angle), rel=1e-4)
     off = solved((motion.angle[0], 0.0), motion.time) - motion.angle
-    expected = np.sqrt(np.mean(off**2)) / np.std(motion.angle)
-    assert simulation_error(SOFTER, InitialState(motion.angle[0], 0.0, 0.0), motion) == pytest.approx(
-        expected, rel=1e-4
-    )
+    expected, start = np.sqrt(np.mean(off**2)) / np.std(motion.angle), InitialState(motion.angle[0], 0.0, 0.0)
+    assert simulation_error(SOFTER, start, motion) == pytest.approx(expected, rel=1e-4)
     short = motion.between(None, 1.2 * period)
     assert math.isnan(forecast_errors(HULL, short, 1.15 * period)[-1])
 
@@ -100,9 +98,8 @@ def test_measured_states_use_the_past_alone():
 
 def test_a_fit_is_kept_as_plain_data_and_one_worse_than_what_it_contains_is_refined():
     problem = prepare([released(6)])
-    small, large = (
-        identify_problem(problem, IdentificationSettings(equation=name)) for name in ('linear', 'swath-pitch-2')
-    )
+    each = [IdentificationSettings(equation=name) for name in ('linear', 'swath-pitch-2')]
+    small, large = (identify_problem(problem, settings) for settings in each)
     kept = json.loads(json.dumps(large.plain()))
     assert Identification.restored(kept, problem, large.settings).plain() == large.plain()
     failed = replace(large, objective_value=2.0 * small.objective_value)

@@ -89,9 +89,8 @@ def test_a_forecast_that_knows_beats_the_rules_that_do_not():
     def scored_with(probability):
         outlooks = [SimpleNamespace(quiescence=p, calm=None) for p in probability]
         horizon = SimpleNamespace(leads=np.array([0.1, 5.0]))
-        steps = [
-            SimpleNamespace(stamp=t, horizon=horizon, outlook=o) for t, o in zip(stamps.tolist(), outlooks, strict=True)
-        ]
+        pairs = zip(stamps.tolist(), outlooks, strict=True)
+        steps = [SimpleNamespace(stamp=t, horizon=horizon, outlook=o) for t, o in pairs]
         return score_decisions(trial, steps, limits)
 
     oracle = scored_with(quiet)

@@ -316,14 +316,10 @@ def test_templates_write_what_the_type_system_writes(frame_id):
 
 
 WORDS = st.text(max_size=9)
+STATUSES = st.tuples(st.sampled_from([0, 1, 2]), WORDS, WORDS, st.dictionaries(WORDS, WORDS, max_size=4))
 
 
-@given(
-    st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1),
-    st.lists(
-        st.tuples(st.sampled_from([0, 1, 2]), WORDS, WORDS, st.dictionaries(WORDS, WORDS, max_size=4)), max_size=3
-    ),
-)
+@given(st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1), st.lists(STATUSES, max_size=3))
 def test_the_bytes_of_diagnostics_are_those_of_a_type_system(stamp_ns, statuses):
     types = STORE.types
     status, pair = types['diagnostic_msgs/msg/DiagnosticStatus'], types['diagnostic_msgs/msg/KeyValue']

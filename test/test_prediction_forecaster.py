@@ -185,9 +185,8 @@ def test_a_fit_within_its_delay_changes_nothing_and_a_late_one_is_used_from_then
     (_, on_time), (_, within), (pipeline, late) = (run(samples, late_by=number) for number in (0, 4, 30))
     asked = next(k for k, step in enumerate(on_time) if step.sea_request is not None)
     delay = round(10.0 * SETTINGS.refit_delay)
-    angles = [
-        [step.forecast and step.forecast.angle('roll').tolist() for step in steps] for steps in (on_time, within, late)
-    ]
+    runs = on_time, within, late
+    angles = [[step.forecast and step.forecast.angle('roll').tolist() for step in steps] for steps in runs]
     assert angles[0] == angles[1]
     same = [one == other for one, other in zip(angles[0], angles[2], strict=True)]
     assert all(same[: asked + delay]) and not all(same[: asked + 30]) and pipeline.diagnostics().has_waves

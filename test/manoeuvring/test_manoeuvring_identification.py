@@ -297,10 +297,8 @@ def test_same_seed_same_numbers_and_cancel(force_runs):
 
 
 def test_wrong_settings_and_mixed_inputs_are_refused(force_runs):
-    nan = float('nan')
-    for name, value in dict(
-        mass=-1.0, terms=('Zw',), current='strong', generations=-1, population=3, lever=nan
-    ).items():
+    wrong = dict(mass=-1.0, terms=('Zw',), current='strong', generations=-1, population=3, lever=float('nan'))
+    for name, value in wrong.items():
         with pytest.raises(InputError):
             ManoeuvringSettings(**{name: value})
     with pytest.raises(InputError, match='separately'):

@@ -257,9 +257,8 @@ def test_a_share_of_motion_of_its_own_below_fifteen_percent_is_too_little():
 
 def test_a_model_file_holds_the_noise_of_forecasts(runs, truth):
     noise = forecast_noise(truth, runs[2:4])
-    identified = replace(
-        MODEL, model=truth, names=('deviation_B', 'Nuur'), covariance=np.diag([1e-4, 0.01]), forecast=noise
-    )
+    names, spread = ('deviation_B', 'Nuur'), np.diag([1e-4, 0.01])
+    identified = replace(MODEL, model=truth, names=names, covariance=spread, forecast=noise)
     back = manoeuvring_from_yaml(manoeuvring_to_yaml(identified))
     assert np.array_equal(back.model.values, truth.values)
     for name, value in vars(noise).items():
