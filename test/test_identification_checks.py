@@ -25,6 +25,7 @@ from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.selection import enforce_nesting, simplest_adequate
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.plain import as_plain, from_plain
 
 HULL = hull_named('swath-pitch').model
 SOFTER = DecayModel.from_terms(HULL.equation, HULL.terms | {'r1': 12.0}, axis='pitch')
@@ -42,6 +43,9 @@ def test_peaks_of_a_record_are_those_of_the_motion_whatever_its_trim():
     np.testing.assert_allclose(found.time[:10], np.pi / damped * np.arange(1, 11), atol=5e-4)
     expected = 0.05 + 0.2 * np.exp(-0.03 * found.time) * np.cos(damped * found.time)
     np.testing.assert_allclose(found.angle[:10], expected[:10], rtol=2e-3)
+    # of a rate alone the angle is the integral, whose level is not known
+    alone = measured_peaks(AxisMotion('roll', time, None, np.gradient(swing, time)), 2.1)
+    assert alone.decrement[:8] == pytest.approx(found.decrement[:8], rel=0.02)
 
 
 def test_decrements_of_a_geometric_decay_and_their_covariance():
@@ -94,6 +98,8 @@ def test_measured_states_use_the_past_alone():
     assert np.array_equal(measured_states(cut, 2.0)[0][first:], angle[first:200])
     truth = released(6, noise=QUIET)
     assert np.std((rate - truth.rate)[first:]) < np.std(motion.rate - truth.rate)
+    # of a period of a few samples there is no parabola
+    assert measured_states(motion, 0.1)[2] == 0
 
 
 def test_a_fit_is_kept_as_plain_data_and_one_worse_than_what_it_contains_is_refined():
@@ -102,6 +108,8 @@ def test_a_fit_is_kept_as_plain_data_and_one_worse_than_what_it_contains_is_refi
     small, large = (identify_problem(problem, settings) for settings in each)
     kept = json.loads(json.dumps(large.plain()))
     assert Identification.restored(kept, problem, large.settings).plain() == large.plain()
+    pairs = {'a': (1.0, 2.0)}
+    assert from_plain(dict[str, tuple[float, ...]], json.loads(json.dumps(as_plain(pairs)))) == pairs
     failed = replace(large, objective_value=2.0 * small.objective_value)
     found = enforce_nesting(
         [small, failed], lambda fit, better: refit_from(problem, fit.settings, better.model.ratios, better.states, None)
