@@ -15,7 +15,7 @@ os.environ['COLUMNS'] = '100'
 
 import swath_sysid  # noqa: E402
 from swath_sysid.cli.main import VERBS, build_parser  # noqa: E402
-from swath_sysid.common.sentences import FLAGS, REASONS, SENTENCES  # noqa: E402
+from swath_sysid.common.advice import FLAGS, REASONS, SENTENCES  # noqa: E402
 from swath_sysid.formats.registry import TANK  # noqa: E402
 from swath_sysid.nodes.parameters.parameter_files import yaml_value  # noqa: E402
 from swath_sysid.nodes.parameters.table import NODES, table_of  # noqa: E402

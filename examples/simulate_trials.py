@@ -11,8 +11,7 @@ import sys
 from pathlib import Path
 
 from swath_sysid.cli.main import main
-from swath_sysid.tank.papers.decay_study import hull_at
-from swath_sysid.tank.papers.publication import DECAY_STUDIES, decay_publication
+from swath_sysid.tank.papers.decay_study import DECAY_STUDIES, decay_publication, hull_at
 
 HERE = Path(__file__).resolve().parent
 

@@ -9,9 +9,8 @@ from string import Formatter
 import pytest
 
 import swath_sysid
-from swath_sysid.common.advice import Advice
-from swath_sysid.common.processes import results_in_order
-from swath_sysid.common.sentences import FLAGS, SENTENCES
+from swath_sysid.common.advice import FLAGS, SENTENCES, Advice
+from swath_sysid.common.processes import processes, results_in_order
 
 LONGEST = 300
 PACKAGE = Path(swath_sysid.__file__).parent
@@ -63,6 +62,14 @@ def test_results_and_errors_come_in_order(count):
     assert next(results)[0] == 9
     with pytest.raises(ValueError, match='negative'):
         next(results)
+
+
+@pytest.mark.parametrize('count', [1, 2])
+def test_an_executor_gives_results_and_errors_in_this_process_or_in_others(count):
+    with processes(count) as executor:
+        assert executor.submit(square_and_process, 3).result()[0] == 9
+        with pytest.raises(ValueError, match='negative'):
+            executor.submit(square_and_process, -1).result()
 
 
 def wait_for(path):

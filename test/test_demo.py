@@ -22,8 +22,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import model_from_yaml, read_model
 from swath_sysid.pipeline.demonstration import UNAWARE, Demonstration, LeadForecasts, Verdict, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
+from swath_sysid.report.forecast_figure import demo_figure
 
 PATIENCE, ATTEMPTS = 600.0, 4
 ROLL = hull_named('swath-roll').model
@@ -137,8 +137,7 @@ def test_the_constant_model_is_the_predictor_core_alone():
     pipeline = ForecastPipeline(settings)
     issued = [step.forecast.at(0.5) for step in map(pipeline.add, readings) if step.forecast is not None]
     found = without_model(readings, 'roll', settings)[0.5]
-    assert [row[0] for row in found] == [each.stamp_ns + 500_000_000 for each in issued]
-    assert [row[1] for row in found] == [each.angle('roll').item() for each in issued]
+    assert [row[:2] for row in found] == [(each.stamp_ns + 500_000_000, each.angle('roll').item()) for each in issued]
     assert all(row[2] > 0.0 for row in found)
 
 

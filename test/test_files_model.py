@@ -66,9 +66,9 @@ def test_the_posterior_of_every_term_is_kept_in_a_file_of_both_axes(tmp_path):
 def test_a_variance_that_is_not_known_stays_so():
     covariance = example().covariance.copy()
     covariance[2] = covariance[:, 2] = nan
-    identified = replace(example(), covariance=covariance, metrics={'r2': nan})
+    identified = replace(example(), covariance=covariance, metrics={'r2': nan, 'of': {'roll': 0.9}})
     again = model_from_yaml(model_to_yaml({'pitch': identified}))['pitch']
-    assert again == replace(identified, metrics={'r2': None})
+    assert again == replace(identified, metrics={'r2': None, 'of': {'roll': 0.9}})
 
 
 def test_rows_of_the_covariance_are_those_of_the_file():

@@ -9,7 +9,7 @@ import pytest
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import replacing
-from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
 
 
 def contents(folder):
@@ -83,7 +83,7 @@ def test_symbolic_links_are_followed_and_a_file_takes_its_name_only_when_whole(t
     assert link.is_symlink() and target.read_text() == 'later'
 
 
-def test_hard_links_and_sockets_are_seen(tmp_path):
+def test_hard_links_recordings_and_sockets_are_seen(measured, tmp_path):
     first, second = tmp_path / 'a.csv', tmp_path / 'b.csv'
     first.write_text('x')
     os.link(first, second)
@@ -91,6 +91,13 @@ def test_hard_links_and_sockets_are_seen(tmp_path):
         check_outputs([Output('--output', second)], [first])
     with pytest.raises(InputError, match='both name'):
         check_outputs([Output('--output', first), Output('--plot', second)])
+    with pytest.raises(InputError, match='is a recording, which it would replace'):
+        check_outputs([Output('--output', measured / 'trial.csv')])
+    with pytest.raises(InputError, match='is read where .* is to be written'):
+        refuse_inputs_among([second], [first])
+    with pytest.raises(InputError, match='is not a folder'):
+        check_outputs([Output('--output', first, is_folder=True)])
+    check_outputs([Output('--output', tmp_path / 'new' / 'folder', is_folder=True)], [first])
     with socket.socket(socket.AF_UNIX) as endpoint:
         endpoint.bind(str(tmp_path / 's'))
         with pytest.raises(InputError, match='socket'):

@@ -2,18 +2,9 @@
 
 import re
 
+import hostile_models as hostile
 import pytest
 import yaml
-from hostile_models import (
-    EVERY_TEXT,
-    assert_a_deep_file_is_refused,
-    assert_a_model_or_one_sentence,
-    assert_files_that_are_none_are_refused,
-    attitude_text,
-    attitude_texts,
-    refusal,
-    texts_like,
-)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,13 +15,13 @@ from swath_sysid.formats.files import shown
 from swath_sysid.formats.model_file import description_from_yaml, model_to_yaml, read_model
 from swath_sysid.formats.schema import dumped, plain_content, text_of
 
-HOSTILE = attitude_texts()
+HOSTILE = hostile.attitude_texts()
 
 
 @pytest.mark.parametrize('name', HOSTILE)
 def test_hostile_texts_are_refused_by_the_field(name):
     text, words = HOSTILE[name]
-    assert re.search(words, refusal(description_from_yaml, text))
+    assert re.search(words, hostile.refusal(description_from_yaml, text))
 
 
 @pytest.mark.parametrize(
@@ -41,14 +32,14 @@ def test_hostile_texts_are_refused_by_the_field(name):
     ],
 )
 def test_every_verb_refuses_a_deep_file(words, tmp_path, capsys):
-    assert_a_deep_file_is_refused(words, tmp_path, capsys)
+    hostile.assert_a_deep_file_is_refused(words, tmp_path, capsys)
 
 
 @pytest.mark.long
-@EVERY_TEXT
-@given(texts_like(attitude_text()))
+@hostile.EVERY_TEXT
+@given(hostile.texts_like(hostile.attitude_text()))
 def test_a_text_is_a_model_or_one_sentence(text):
-    assert_a_model_or_one_sentence(
+    hostile.assert_a_model_or_one_sentence(
         text, description_from_yaml, lambda found: model_to_yaml(found[0]) if found[0] and not found[1] else None
     )
 
@@ -85,7 +76,7 @@ def test_what_is_written_is_read_back(content):
 
 def test_pure_python_reads_as_the_library_does(monkeypatch):
     """Where libyaml is not built in, the same texts give the same data and are refused for the same reasons."""
-    texts = [text for text, _ in HOSTILE.values() if len(text) < 20_000] + [attitude_text()]
+    texts = [text for text, _ in HOSTILE.values() if len(text) < 20_000] + [hostile.attitude_text()]
 
     def outcomes():
         found = []
@@ -103,7 +94,7 @@ def test_pure_python_reads_as_the_library_does(monkeypatch):
 
 
 def test_files_that_are_none(tmp_path):
-    assert_files_that_are_none_are_refused(tmp_path, text_of, read_model, *offered('read_model'))
+    hostile.assert_files_that_are_none_are_refused(tmp_path, text_of, read_model, *offered('read_model'))
 
 
 def test_limits_are_those_that_the_sentences_name():
@@ -111,10 +102,15 @@ def test_limits_are_those_that_the_sentences_name():
     plain_content(f'[{",".join(7999 * "1")}]', 'x')
     schema.text()('a' * 200, 'x')
     assert len(shown('a' * 500)) == 80
+    assert schema.whole(1)(3.0, 'x') == 3 and schema.one_or_more(schema.text())('a', 'x') == ('a',)
     for build, words in (
         (lambda: plain_content('[' * 21 + ']' * 21, 'x'), 'more than 20 deep'),
         (lambda: plain_content(f'[{",".join(8000 * "1")}]', 'x'), 'more than 8000 values'),
         (lambda: schema.text()('a' * 201, 'x'), 'at most 200 characters'),
+        (lambda: schema.whole(1)(1.5, 'x'), 'x must be a whole number from 1, not 1.5'),
+        (lambda: schema.one_or_more(schema.text())([], 'x'), 'must be a list of names'),
+        (lambda: schema.one_of(('a', 'b'), 'letter')('c', 'x'), "there is no letter 'c': choose from a, b"),
+        (lambda: schema.named({'a': schema.anything})([], 'x'), 'must be names and values; fields are a'),
     ):
         with pytest.raises(InputError, match=words):
             build()

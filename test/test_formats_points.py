@@ -90,9 +90,8 @@ def test_points_are_parameters(tmp_path):
     assert [(point.name, point.place) for point in settings.points] == [('bow', (2.5, 0.0, 0.5))]
     assert settings.quiescence.points[0].vertical_velocity == 0.5
     # a section for all nodes may say where a point is, and that of the predictor that it is wanted
-    path.write_text(
-        '/**: {ros__parameters: {points.bow: [2.5, 0.0, 0.5]}}\npredictor: {ros__parameters: {points: [bow]}}'
-    )
+    where = '/**: {ros__parameters: {points.bow: [2.5, 0.0, 0.5]}}'
+    path.write_text(f'{where}\npredictor: {{ros__parameters: {{points: [bow]}}}}')
     assert values_from_file(path, 'predictor')['points.bow'] == [2.5, 0.0, 0.5]
     assert 'points.bow' not in values_from_file(path, 'imu_buffer')
     for text in ('points: [bow, bow]', 'frames_at_s: [0.7]'):

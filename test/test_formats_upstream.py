@@ -27,9 +27,7 @@ PROBE = np.where(np.arange(TIME.size) % 2, np.nan, 2.0 * np.sin(1.3 * TIME + 5.0
 @pytest.fixture
 def table(tmp_path):
     path = tmp_path / 'trial.csv'
-    write_table(
-        path, {}, {'time_s': TIME, 'roll_rad': ROLL, 'Bow sonar [m]': PROBE, 'empty': np.full(TIME.size, np.nan)}
-    )
+    write_table(path, {}, {'time_s': TIME, 'roll_rad': ROLL, 'Bow sonar [m]': PROBE, 'empty': np.nan * TIME})
     return path
 
 
@@ -37,9 +35,8 @@ def table(tmp_path):
 def bag(tmp_path):
     """An IMU, and half a second late a wave probe without stamps and another craft's IMU with stamps."""
     path, sender = tmp_path / 'trial.mcap', ImuMessage('imu_link')
-    trial = Trial(
-        TIME - TIME[0], roll=ROLL, pitch=0.5 * ROLL, accel_x=0 * ROLL, accel_y=0 * ROLL, accel_z=9.0 + 0 * ROLL
-    )
+    force = dict(accel_x=0 * ROLL, accel_y=0 * ROLL, accel_z=9.0 + 0 * ROLL)
+    trial = Trial(TIME - TIME[0], roll=ROLL, pitch=0.5 * ROLL, **force)
     start = 1_700_000_000_000_000_000
     with writing_bag(path) as add:
         for time, values in zip(trial.time.tolist(), imu_values(trial), strict=True):

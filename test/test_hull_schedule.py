@@ -61,6 +61,10 @@ def test_exact_where_it_was_identified_and_nothing_is_extrapolated_in_silence(sc
         found, advice = schedule.at(loading)
         assert found == of_loading(nearest) and [a.code for a in advice] == ['loading-outside']
         assert f'{loading:g}' in advice[0].message and f'{nearest:g}' in advice[0].message
+    ratios, stds = schedule.curve([0.5, 1.0, 1.08])
+    for ratio, std, loading in zip(ratios, stds, (0.9, 1.0, 1.08), strict=True):
+        found, _ = schedule.at(loading)
+        assert ratio.tolist() == [*found.model.terms.values()] and std.tolist() == [*found.std.values()]
     for loading in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(InputError, match='draft_factor must be a number'):
             schedule.at(loading)

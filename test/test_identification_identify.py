@@ -45,8 +45,8 @@ from swath_sysid.attitude.identification.selection import (
     rank,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.cli.hulls import published_ratios_for
 from swath_sysid.cli.main import main
+from swath_sysid.cli.simulate import published_ratios_for
 from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
@@ -74,9 +74,8 @@ def plain():
 
 def test_a_hand_that_lifts_the_craft_again_is_no_motion_of_the_decay_before():
     hull = hull_named('swath-roll').model
-    parts = [
-        simulated_trial(hull, angle, 20.0, 25.0, hold=6.0, seed=k).axis('roll') for k, angle in enumerate((0.12, 0.05))
-    ]
+    angles = enumerate((0.12, 0.05))
+    parts = [simulated_trial(hull, angle, 20.0, 25.0, hold=6.0, seed=k).axis('roll') for k, angle in angles]
     time = np.arange(sum(part.size for part in parts)) / 25.0
     both = AxisMotion('roll', time, *(np.concatenate([getattr(p, name) for p in parts]) for name in ('angle', 'rate')))
     problem = prepare([both])
@@ -398,9 +397,10 @@ def test_both_halves_of_a_long_measured_decay_have_the_same_restoring_within_the
         assert abs(values[1] - values[0]) < 2.5 * np.hypot(*stds), (name, values, stds)
 
 
-@pytest.mark.parametrize(
-    'path', ['records/kvlcc2_roll_decay.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pitch_8.4deg_repeat3.csv']
-)
+MEASURED = ['records/kvlcc2_roll_decay.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pitch_8.4deg_repeat3.csv']
+
+
+@pytest.mark.parametrize('path', MEASURED)
 def test_measured_decays_are_adequate(path, data_folder):
     is_roll = 'kvlcc2' in path
     place = ROOT / path if path.startswith('records') else data_folder / 'decay' / path
@@ -542,10 +542,9 @@ def test_the_period_of_small_motions_has_the_scatter_that_its_standard_deviation
     fits = [identify([decay(seed, hull)], settings(equation)) for seed in range(1, 9)]
     off = [(fit.model.natural_period - hull.natural_period) / fit.natural_period_std for fit in fits]
     assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.8
-    assert f'{fits[0].model.natural_period:.4f} s +- {fits[0].natural_period_std:.2g} (' in '\n'.join(
-        fit_in_words(fits[0])
-    )
-    assert fit_as_data(fits[0])['natural_period_std_s'] == fits[0].natural_period_std
+    period, std = fits[0].model.natural_period, fits[0].natural_period_std
+    assert f'{period:.4f} s +- {std:.2g} (' in '\n'.join(fit_in_words(fits[0]))
+    assert fit_as_data(fits[0])['natural_period_std_s'] == std
 
 
 @pytest.mark.parametrize(('r1', 'code'), [(0.0, 'no-period'), (-1.0, 'no-period'), (1e-3, 'implausible-period')])

@@ -35,9 +35,8 @@ from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 from swath_sysid.pipeline.health import OK, WARN, stability_report
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 
-QUICK = RefitSettings(
-    axes=('pitch',), identification=IdentificationSettings('linear', search=SearchSettings(generations=2))
-)
+LINEAR = IdentificationSettings('linear', search=SearchSettings(generations=2))
+QUICK = RefitSettings(axes=('pitch',), identification=LINEAR)
 
 
 def table_of(seed=1, **motion):

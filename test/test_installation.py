@@ -64,16 +64,8 @@ def test_any_order_of_installing_works_also_over_the_caches_of_an_earlier_versio
         assert environment.place() == plain
 
     orders()
-    environment.run(
-        'swath-sysid',
-        'simulate',
-        '--hull',
-        'swath-pitch',
-        '--initial-angle-deg',
-        '5',
-        '--output',
-        str(tmp_path / 'decay.csv'),
-    )
+    command = 'simulate --hull swath-pitch --initial-angle-deg 5 --output'.split()
+    environment.run('swath-sysid', *command, str(tmp_path / 'decay.csv'))
     assert not [*plain.joinpath('swath_sysid').rglob('*.nb[ci]'), *editable.rglob('*.nb[ci]')]
     environment.pip('uninstall', '-qy', 'swath_sysid')
     assert not plain.joinpath('swath_sysid').exists()

@@ -144,5 +144,5 @@ def test_kernels_are_compiled_again_after_a_change_of_what_they_use_from_another
 
     before = content()
     assert before == content()
-    monkeypatch.setattr(terms, 'R2', terms.R3)
+    monkeypatch.setattr(terms, 'AT', terms.AT._replace(r2=terms.AT.r3))
     assert content() != before

@@ -187,9 +187,8 @@ def test_other_units_are_refused_with_their_cure_and_slow_sensors_pass(start, st
 )
 def test_angles_of_an_unlikely_size_may_have_the_other_unit(tmp_path, name, amplitude, is_doubted):
     path = tmp_path / 'a.csv'
-    rows = '\n'.join(
-        f'{0.01 * k},{v}' for k, v in enumerate(amplitude / np.ptp(swing(900, 200.0)) * 2 * swing(900, 200.0))
-    )
+    motion = swing(900, 200.0)
+    rows = '\n'.join(f'{0.01 * k},{v}' for k, v in enumerate(amplitude / np.ptp(motion) * 2 * motion))
     path.write_text(f'time_s,{name}\n{rows}\n')
     assert ('other-unit-likely' in {a.code for a in read_csv(path).advice}) == is_doubted
 

@@ -228,9 +228,8 @@ def test_what_is_left_out_is_counted_and_no_channel_of_the_trial():
     counted = {'duplicate-stamp', 'bad-quaternion', 'absurd-value', 'nothing-usable'}
     assert {reason: count for reason, count in window.counts.items() if count} == dict.fromkeys(counted, 1)
     assert set(window.counts) == set(WINDOW_REASONS)
-    window, _ = window_of(
-        [r._replace(orientation_covariance=NOT_GIVEN) for r in even_readings(100)], detect_decay=False
-    )
+    without = [r._replace(orientation_covariance=NOT_GIVEN) for r in even_readings(100)]
+    window, _ = window_of(without, detect_decay=False)
     trial = window.table().trial()
     assert trial.roll is None and trial.time[0] == 0.0 and trial.axes == ('roll', 'pitch')
     with pytest.raises(InputError, match='window is empty'):
@@ -266,9 +265,8 @@ def test_every_one_of_several_decays_is_told_and_none_once_that_is_off():
 
 
 def test_releases_that_follow_each_other_quickly_are_all_told():
-    streams = [
-        decay_stream(25.0, 12.5, 4.5, hold=2.5, seed=n, first_ns=EPOCH_NS + n * 12_500_000_000) for n in range(5)
-    ]
+    begun = enumerate(range(EPOCH_NS, EPOCH_NS + 5 * 12_500_000_000, 12_500_000_000))
+    streams = [decay_stream(25.0, 12.5, 4.5, hold=2.5, seed=n, first_ns=first) for n, first in begun]
     _, steps = window_of(one for stream in streams for one in stream)
     assert sum(step.finished is not None for step in steps) >= 4
 

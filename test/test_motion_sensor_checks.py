@@ -172,10 +172,9 @@ def test_rates_are_held_against_measured_decays(data_folder, name, reversed_, co
     """A tanker in a towing tank, whose rates are the differences of its angle."""
     trial = read_trial(data_folder / 'decay/kvlcc2/run2_0kn.csv')
     rate = np.gradient(trial.roll, trial.time)
-    assert sensor_checks.contradictions_in(trial.time, {'roll': trial.roll, 'roll_rate': rate}, STRAIGHT) == ()
-    (found,) = sensor_checks.contradictions_in(
-        trial.time, {'roll': trial.roll, 'roll_rate': reversed_ * rate}, STRAIGHT
-    )
+    right, wrong = ({'roll': trial.roll, 'roll_rate': factor * rate} for factor in (1.0, reversed_))
+    assert sensor_checks.contradictions_in(trial.time, right, STRAIGHT) == ()
+    (found,) = sensor_checks.contradictions_in(trial.time, wrong, STRAIGHT)
     assert (found.code, found.axis) == (code, 'roll')
 
 
@@ -331,9 +330,8 @@ def test_a_little_more_than_a_tolerance_shows_and_a_little_less_does_not():
         assert [slope.differs for slope in compare_rates(STEP, angles, gain * rates)] == [differs] * 2
     time, noise = np.arange(60) * 0.1, np.random.default_rng(1).normal(0.0, 1e-3, (60, 3))
     for force, code in ((0.75, 'gravity-missing'), (0.85, 'accelerations-in-g'), (1.25, 'gravity-missing')):
-        found = sensor_checks.judge(
-            time, noise, noise * np.nan, noise + [0, 0, force], installation=STRAIGHT, interval=0.1
-        )
+        measured = time, noise, noise * np.nan, noise + [0, 0, force]
+        found = sensor_checks.judge(*measured, installation=STRAIGHT, interval=0.1)
         assert [each.code for each in found.contradictions] == [code]
     for rows, codes in ((35, []), (45, ['accelerations-in-g'])):
         found = sensor_checks.judge(

@@ -4,7 +4,7 @@ import pytest
 from imu_stream import EPOCH_NS, reading
 
 from swath_sysid.attitude.motion.window import WINDOW_REASONS
-from swath_sysid.common.sentences import REASONS
+from swath_sysid.common.advice import REASONS
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import PIPELINE_REASONS, ForecastPipeline
 from swath_sysid.pipeline.health import (

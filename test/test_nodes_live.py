@@ -32,8 +32,8 @@ from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, coeffi
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings  # noqa: E402
 from swath_sysid.formats.messages import window_message, window_table  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, read_model  # noqa: E402
-from swath_sysid.nodes.message_types import time_message  # noqa: E402
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, parameters_of  # noqa: E402
+from swath_sysid.nodes.qos import time_message  # noqa: E402
 
 pytestmark = pytest.mark.dds
 

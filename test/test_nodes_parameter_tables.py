@@ -115,20 +115,9 @@ def assert_every_parameter_matters(node, settings, others, beside=None):
 
 
 def test_every_parameter_matters():
-    others = {
-        'frame': 'frd',
-        'mounting_deg': [0.0, 0.0, 90.0],
-        'axes': ['roll'],
-        'equation': 'swath-pitch-1',
-        'objective': 'one-step',
-        'search': 'pso',
-        'leads_s': [0.7],
-        'quiet_for_s': 3.0,
-        'frames_at_s': [1.0],
-        'points': ['bow'],
-        'hull': 'swath-pitch',
-        'angle_deg': 3.0,
-    }
+    others = dict(frame='frd', axes=['roll'], equation='swath-pitch-1', objective='one-step', search='pso')
+    others |= dict(mounting_deg=[0.0, 0.0, 90.0], leads_s=[0.7], quiet_for_s=3.0, frames_at_s=[1.0], points=['bow'])
+    others |= dict(hull='swath-pitch', angle_deg=3.0)
     at_bow = {'points': ['bow'], 'points.bow': [1.0, 0.0, 0.0]}
     beside = {'quiet_heave_m': at_bow, 'quiet_vertical_velocity_m_s': at_bow, 'points': at_bow | {'points': []}}
     for node, settings in SETTINGS_OF.items():

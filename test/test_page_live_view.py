@@ -193,9 +193,8 @@ def test_the_last_verdict_is_shown_once(monkeypatch, tmp_path):
     tank.send(1.0)
     state.refresh()
     assert 'too few waves' in state.view.guidance.cure
-    assert not any(
-        'too few waves' in line for line in [*state.view.model_words, *(each[2] for each in state.view.health)]
-    )
+    lines = [*state.view.model_words, *(each[2] for each in state.view.health)]
+    assert not any('too few waves' in line for line in lines)
 
 
 @pytest.mark.parametrize('options', [motion_options('deg'), release_options(), curve_options('damping')])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.attitude.prediction.outlook import Outlook
 from swath_sysid.attitude.prediction.quiescence import CalmWindow, QuiescenceLimits
 from swath_sysid.pipeline.decisions import (
     CALM_NOW,
@@ -20,7 +19,6 @@ from swath_sysid.pipeline.decisions import (
     score_rule,
     stays_inside,
 )
-from swath_sysid.pipeline.record_run import Issued
 
 TIME = 0.1 * np.arange(6000)
 DURATION = 2.0
@@ -89,8 +87,10 @@ def test_a_forecast_that_knows_beats_the_rules_that_do_not():
     base = quiet.mean()
 
     def scored_with(probability):
-        outlooks, horizon = [Outlook(p, None, {}) for p in probability], SimpleNamespace(leads=np.array([0.1, 5.0]))
-        steps = [Issued(t, horizon, horizon, o) for t, o in zip(stamps.tolist(), outlooks, strict=True)]
+        outlooks = [SimpleNamespace(quiescence=p, calm=None) for p in probability]
+        horizon = SimpleNamespace(leads=np.array([0.1, 5.0]))
+        pairs = zip(stamps.tolist(), outlooks, strict=True)
+        steps = [SimpleNamespace(stamp=t, horizon=horizon, outlook=o) for t, o in pairs]
         return score_decisions(trial, steps, limits)
 
     oracle = scored_with(quiet)

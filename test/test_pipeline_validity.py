@@ -57,9 +57,8 @@ def test_the_predictor_tells_verdict_and_sentence():
     pipeline = ForecastPipeline()
     health = PredictorHealth('imu/data', pipeline)
     metrics = {'verdict': 'doubtful', 'verdict_sentence': 'too few cycles: release it from a larger angle'}
-    pipeline.set_models(
-        {'pitch': replace(FOUND, metrics=metrics), 'roll': replace(FOUND, metrics={'verdict': 'adequate'})}
-    )
+    each = {'pitch': metrics, 'roll': {'verdict': 'adequate'}}
+    pipeline.set_models({axis: replace(FOUND, metrics=known) for axis, known in each.items()})
     for k in range(400):
         pipeline.add(reading(EPOCH_NS + k * 10_000_000, 0.0, radians(12.0) * sin(k / 30)))
     _, told, _ = health.reports(1.0, EPOCH_NS)

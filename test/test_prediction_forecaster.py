@@ -171,10 +171,9 @@ def test_leads_and_horizon_agree_and_the_joint_covariance_holds_that_of_each_axi
             joint = forecast.covariance
             assert joint.shape == (forecast.leads.size, 4, 4) and forecast.axes == AXES
             np.testing.assert_allclose(joint, joint.transpose(0, 2, 1), rtol=1e-9, atol=1e-15)
+            scale = np.sqrt(np.diagonal(joint, axis1=1, axis2=2))
             for place, axis in enumerate(AXES):
-                deviation = np.sqrt(joint[:, place, place])
-                np.testing.assert_allclose(forecast.half_width(axis)[:, 1], 1.6448536 * deviation, rtol=1e-6)
-            scale = forecast.deviation
+                np.testing.assert_allclose(forecast.half_width(axis)[:, 1], 1.6448536 * scale[:, place], rtol=1e-6)
             assert (scale > 0.0).all()
             assert np.linalg.eigvalsh(joint / (scale[:, :, None] * scale[:, None, :])).min() > -1e-9
 
@@ -186,9 +185,8 @@ def test_a_fit_within_its_delay_changes_nothing_and_a_late_one_is_used_from_then
     (_, on_time), (_, within), (pipeline, late) = (run(samples, late_by=number) for number in (0, 4, 30))
     asked = next(k for k, step in enumerate(on_time) if step.sea_request is not None)
     delay = round(10.0 * SETTINGS.refit_delay)
-    angles = [
-        [step.forecast and step.forecast.angle('roll').tolist() for step in steps] for steps in (on_time, within, late)
-    ]
+    runs = on_time, within, late
+    angles = [[step.forecast and step.forecast.angle('roll').tolist() for step in steps] for steps in runs]
     assert angles[0] == angles[1]
     same = [one == other for one, other in zip(angles[0], angles[2], strict=True)]
     assert all(same[: asked + delay]) and not all(same[: asked + 30]) and pipeline.diagnostics().has_waves
@@ -214,8 +212,7 @@ def test_an_axis_without_angle_is_forecast_from_its_rate():
     errors = np.array([ahead.rate('roll')[:3] for ahead in issued.values()]) - truth
     relative = np.sqrt(np.mean(errors**2, axis=0)) / SEA.motion(time, 1)[0].std()
     assert (relative < (0.15, 0.5, 1.0)).all(), relative
-    for ahead in issued.values():
-        assert np.isfinite(ahead.angle('roll')).all() and (ahead.half_width('roll') > 0.0).all()
+    assert all(np.isfinite(a.angle('roll')).all() and (a.half_width('roll') > 0.0).all() for a in issued.values())
 
 
 # -- calm water

@@ -130,9 +130,8 @@ def test_a_craft_that_only_heaves_is_forecast_vertically(roll, sensor):
     for sample in values[:, [CHANNELS.index(name) for name in ('roll', 'pitch', *FORCE)]]:
         forecaster.take(sample, None)
     forecaster.install(fit.vertical, row, waves)
-    found, covariance = forecaster.forecast(
-        np.array([1.0, 2.0]), 0.0, np.zeros((2, 4)), np.tile(1e-6 * np.eye(4), (2, 1, 1))
-    )
+    known = np.zeros((2, 4)), np.tile(1e-6 * np.eye(4), (2, 1, 1))
+    found, covariance = forecaster.forecast(np.array([1.0, 2.0]), 0.0, *known)
     assert found[:, 1] == pytest.approx(velocity[[row + 10, row + 20]], abs=0.1 * velocity.std())
     assert np.isfinite(covariance).all()
     assert (np.diagonal(covariance, axis1=1, axis2=2)[:, :3] > 0.0).all()

@@ -191,9 +191,8 @@ def _nrmse(values, names, start, stop, leads, step):
     errors = []
     for t in range(start, stop):
         if (t - start) % round(60.0 / step) == 0:
-            ours = _filter(
-                analysis.identify(values[:t], names, step), values[t - round(30.0 / step) : t], horizon=leads[-1]
-            )
+            past = values[t - round(30.0 / step) : t]
+            ours = _filter(analysis.identify(values[:t], names, step), past, horizon=leads[-1])
         ours.step(values[t])
         errors.append(ours.forecast(leads)[0] - values[t + np.round(leads / step).astype(int), :2])
     return np.sqrt(np.nanmean(np.square(errors), axis=0)) / np.nanstd(values[start:, :2], axis=0)

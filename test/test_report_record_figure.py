@@ -6,7 +6,7 @@ import pytest
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.report.figures import save_figure
-from swath_sysid.report.record_figure import record_figure
+from swath_sysid.report.record_report import record_figure
 
 
 def decaying(duration=30.0, rate_hz=50.0):

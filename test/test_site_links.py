@@ -13,7 +13,7 @@ from site_pages import PAGES, command_lines, parse
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.cli.main import VERBS
-from swath_sysid.common.sentences import REASONS, SENTENCES
+from swath_sysid.common.advice import REASONS, SENTENCES
 from swath_sysid.common.wings import handed_in
 from swath_sysid.formats.topics import LEADS, TYPES
 from swath_sysid.nodes.parameters.table import NODES, table_of
@@ -23,9 +23,9 @@ TEXTS = PAGES | {name: (ROOT / name).read_text(encoding='utf-8') for name in OTH
 IGNORED = {line.strip('/') for line in (ROOT / '.gitignore').read_text(encoding='utf-8').split()}
 IN_ROOT = [path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith('.')]
 FOLDERS = tuple(f'{name}/' for name in IN_ROOT if name not in IGNORED)
-#: written when the site is built, or by the commands of a page
-MADE = ('docs/generated/', 'examples/swath-pitch/out', 'examples/swath-pitch/trials')
-LEFT_OVER = tuple(f'{folder}/{wing}' for folder in ('swath_sysid', 'test') for wing in ABSENT)
+#: written when the site is built, or by the commands of a page; and of absent wings
+ELSEWHERE = ('docs/generated/', 'examples/swath-pitch/out', 'examples/swath-pitch/trials')
+ELSEWHERE += tuple(f'{folder}/{wing}' for folder in ('swath_sysid', 'test') for wing in ABSENT)
 PATH = re.compile(r'(?<![\w/.$)-])((?:\w[\w.-]*/)+[\w.*-]*)')
 
 
@@ -72,9 +72,7 @@ def test_what_is_named_of_the_repository_is_there(page):
     """Paths in code and in commands that begin with a folder of the checkout."""
     codes = [token.content for token in tokens_of(TEXTS[page]) if token.type in ('code_inline', 'fence')]
     named = {path for code in codes for path in PATH.findall(code) if path.startswith(FOLDERS)}
-    gone = [
-        path for path in named if not path.startswith((*MADE, *LEFT_OVER)) and not any(ROOT.glob(path.rstrip('/.')))
-    ]
+    gone = [path for path in named if not path.startswith(ELSEWHERE) and not any(ROOT.glob(path.rstrip('/.')))]
     assert gone == []
 
 

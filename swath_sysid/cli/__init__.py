@@ -1,4 +1,1 @@
-"""The command line, one verb a file: parse, delegate, print.
-
-What a verb does can be done from Python without it.
-"""
+"""The command line, one verb a file: parse, delegate, print. What a verb does can be done from Python without it."""

@@ -36,8 +36,8 @@ from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 from swath_sysid.pipeline.scoring import FORECAST, Skill
-from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
+from swath_sysid.report.forecast_figure import demo_figure
 from swath_sysid.report.forecast_skill import cell
 from swath_sysid.share import share_folder
 

@@ -22,18 +22,9 @@ from swath_sysid.cli.sources import check_model_and_plot, columns_of, read_recor
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.upstream_channels import read_upstream
+from swath_sysid.pipeline import scoring
 from swath_sysid.pipeline.baselines import even_stretches
 from swath_sysid.pipeline.record_run import run_through
-from swath_sysid.pipeline.scoring import (
-    AFTER_GAP,
-    FORECAST,
-    SENSOR,
-    Skill,
-    check_warmup,
-    score,
-    usual_limits,
-    usual_warmup,
-)
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.forecast_figure import forecast_figure
 from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, methods_of, skill_as_data
@@ -49,7 +40,7 @@ def run(arguments: Namespace) -> int:
     return 0
 
 
-def scored(arguments: Namespace) -> Skill:
+def scored(arguments: Namespace) -> scoring.Skill:
     """The skill of the predictor on the record, with its warnings shown and its picture written."""
     check_model_and_plot(arguments, [arguments.record, arguments.model])
     trial = read_record(arguments.record, arguments)
@@ -67,14 +58,14 @@ def scored(arguments: Namespace) -> Skill:
     points = _with_sensor(arguments.points)
     if points:
         even_stretches(trial)
-    warmup = usual_warmup(trial) if arguments.warmup is None else arguments.warmup
-    check_warmup(trial, warmup, arguments.leads[-1], arguments.until)
+    warmup = scoring.usual_warmup(trial) if arguments.warmup is None else arguments.warmup
+    scoring.check_warmup(trial, warmup, arguments.leads[-1], arguments.until)
     angles, rates = (given or (math.inf, math.inf) for given in (arguments.quiet_deg, arguments.quiet_rate_deg_s))
     base = ForecasterSettings()
     quiet_for = arguments.quiet_for or base.horizon
     asked = arguments.quiet_probability
     quiet = QuiescenceLimits(angles[0], angles[1], rates[0], rates[1], quiet_for, probability=asked)
-    limits = usual_limits(trial, quiet, warmup, AXES if arguments.axis is None else (arguments.axis,))
+    limits = scoring.usual_limits(trial, quiet, warmup, AXES if arguments.axis is None else (arguments.axis,))
     settings = replace(
         base,
         leads=arguments.leads,
@@ -96,7 +87,7 @@ def scored(arguments: Namespace) -> Skill:
             points_ahead=False,
             upstream=upstream,
         )
-    skill = score(trial, run_made, arguments.leads, warmup, arguments.window, arguments.until, points=points)
+    skill = scoring.score(trial, run_made, arguments.leads, warmup, arguments.window, arguments.until, points=points)
     if arguments.axis is not None:
         skill = replace(skill, axes={arguments.axis: skill.axes[arguments.axis]})
     skill = replace(skill, advice=tuple(dict.fromkeys((*trial.advice, *skill.advice))))
@@ -121,7 +112,7 @@ def _print_skill(skill: Any, name: str) -> None:
             table.add_row('not measured', *map(str, scores.unmeasured), style='dim')
         if np.nan_to_num(scores.gap_share).any():
             table.add_section()
-            table.add_row(f'{AFTER_GAP:g} s after gaps, %', *_percentages(scores.gap_share))
+            table.add_row(f'{scoring.AFTER_GAP:g} s after gaps, %', *_percentages(scores.gap_share))
             for method, values in scores.gap_nrmse.items():
                 table.add_row(f'  {LABELS[method]}', *map(cell, values))
         console.print(table)
@@ -162,7 +153,7 @@ def _print_point(console: Console, skill: Any, point: str, kinds: Any) -> None:
         _add_methods(table, scores.nrmse)
         table.add_row('90 % coverage, %', *_percentages(scores.coverage[:, 1]), style='dim')
         table.add_row('scored', *map(str, scores.counted), style='dim')
-        absent = scores.replaced_share[FORECAST]
+        absent = scores.replaced_share[scoring.FORECAST]
         if np.nan_to_num(absent).any():
             table.add_row('not learnt yet, %', *_percentages(absent), style='dim')
     console.print(table)
@@ -179,7 +170,7 @@ def _table_of_leads(skill: Any, name: str) -> Table:
 
 def _add_methods(table: Table, nrmse: dict[str, Any]) -> None:
     for label, names in methods_of(nrmse):
-        table.add_row(label, *map(cell, nrmse[names[0]]), style='bold' if FORECAST in names else '')
+        table.add_row(label, *map(cell, nrmse[names[0]]), style='bold' if scoring.FORECAST in names else '')
 
 
 def _print_quiescence(console: Any, skill: Any) -> None:
@@ -227,6 +218,6 @@ def _with_sensor(points: list[Point]) -> tuple[Point, ...]:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError(f'the point {twice[0]} is given twice: name each point once')
-    if any(point.name == SENSOR.name and point != SENSOR for point in points):
-        raise InputError(f"'{SENSOR.name}' names the sensor's own position, 0,0,0: give the point another name")
-    return (SENSOR, *(point for point in points if point != SENSOR)) if points else ()
+    if any(point.name == scoring.SENSOR.name and point != scoring.SENSOR for point in points):
+        raise InputError(f"'{scoring.SENSOR.name}' names the sensor's own position, 0,0,0: give the point another name")
+    return (scoring.SENSOR, *(point for point in points if point != scoring.SENSOR)) if points else ()

@@ -20,8 +20,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.common.wings import offered
-from swath_sysid.report.at_sea_figure import at_sea_figure
-from swath_sysid.report.fit_figure import fit_figure
+from swath_sysid.report.fit_figure import at_sea_figure, fit_figure
 from swath_sysid.report.fit_summary import at_sea_as_data, at_sea_in_words, fit_as_data, fit_in_words, warnings_as_data
 from swath_sysid.report.tables import table_as_data, table_in_words
 

@@ -5,8 +5,7 @@ from argparse import Namespace
 from swath_sysid.cli.progress import print_result
 from swath_sysid.cli.sources import check_model_and_plot, read_trials
 from swath_sysid.report.figures import save_figure
-from swath_sysid.report.record_figure import record_figure
-from swath_sysid.report.record_summary import record_as_data, record_in_words
+from swath_sysid.report.record_report import record_as_data, record_figure, record_in_words
 
 
 def run(arguments: Namespace) -> int:

@@ -19,9 +19,8 @@ from typing import Any, NoReturn
 from swath_sysid import __version__
 from swath_sysid.cli.flags import SHARED, add_arguments, examples_of, table_of_verbs
 from swath_sysid.common.accelerator import why_uncached
-from swath_sysid.common.advice import did_you_mean
+from swath_sysid.common.advice import did_you_mean, with_flags
 from swath_sysid.common.errors import DONE, NOTHING_DONE, PARTLY_DONE, InputError
-from swath_sysid.common.sentences import with_flags
 
 #: Before the script of argcomplete, for bash and zsh: what a zsh without completions of its own lacks.
 ZSH_READY = '[ -z "$ZSH_VERSION" ] || command -v compdef >/dev/null || { autoload -U compinit && compinit; }'

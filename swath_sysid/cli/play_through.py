@@ -10,8 +10,7 @@ from typing import Any
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import columns_of
-from swath_sysid.common.advice import Advice, counted
-from swath_sysid.common.sentences import REASONS
+from swath_sysid.common.advice import REASONS, Advice, counted
 from swath_sysid.common.wings import offered
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.model_file import read_model

@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.advice import Advice, with_flags
 from swath_sysid.common.plain import finite_or_none
-from swath_sysid.common.sentences import with_flags
 
 PLAIN_STEP = 0.25
 

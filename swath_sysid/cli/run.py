@@ -1,4 +1,4 @@
-"""The verb ``run``: imu_buffer, identifier and predictor in one process, or one node alone."""
+"""The verb ``run``: imu_buffer, identifier and predictor in one process, or one node; or their topics."""
 
 import os
 import subprocess
@@ -9,24 +9,53 @@ from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
-from swath_sysid.cli.interfaces import interface_lines
 from swath_sysid.cli.ros import ros_needed
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import end_with_parent, ended, verb_command
 from swath_sysid.common.wings import handed_in, named, wings
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.schema import plain_content, text_of
-from swath_sysid.formats.topics import IMU_TOPIC
+from swath_sysid.formats.topics import IMU_TOPIC, LEADS, TYPES, type_of
 from swath_sysid.nodes.parameters.settings import craft_settings
-from swath_sysid.nodes.parameters.table import defaults, node_module
+from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
+from swath_sysid.share import share_folder
 
+OWN_TRIGGERS = 'clear publish_window identify cancel rollback undo_rollback release'.split()
+#: Types of what the nodes do not publish themselves, and of services.
+OTHER_TYPES = {
+    'craft/loading': 'std_msgs/msg/Float64',
+    '~/progress': 'std_msgs/msg/Float32',
+    '~/record': 'std_srvs/srv/SetBool',
+    **dict.fromkeys((*(f'~/{name}' for name in OWN_TRIGGERS), 'imu_buffer/publish_window'), 'std_srvs/srv/Trigger'),
+    **handed_in('other_types'),
+}
+DIRECTIONS = {'publish': 'publishes', 'subscribe': 'subscribes to', 'reply': 'serves', 'request': 'calls'}
 MODEL_PARAMETERS = {'identifier': 'model_path', **handed_in('model_parameters')}
-
 OPEN_TO_THE_SUBNET = (
     'note: other machines of this subnet can use these nodes; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them here'
 )
+
+
+def interface_lines() -> Iterator[str]:
+    """A line for each topic and service of each node, without those that every ROS node has."""
+    policy = ElementTree.parse(share_folder() / 'config' / 'sros2_policy.xml')
+    for profile in policy.iter('profile'):
+        node = profile.get('node', '')
+        for group in (*profile.iter('topics'), *profile.iter('services')):
+            (does,) = (words for key, words in DIRECTIONS.items() if group.get(key))
+            for name in (str(item.text) for item in group):
+                if (kind := _type_of(name)) and node in (*NODES, 'page'):
+                    yield f'{node:<22} {does:<14} {name.replace("~", node):<36} {kind}'
+
+
+def _type_of(name: str) -> str:
+    if name in TYPES or name.startswith(LEADS):
+        return type_of(name)
+    published = next((kind for beginning, kind in handed_in('topics').items() if name.startswith(beginning)), '')
+    return published or OTHER_TYPES.get(name, '')
 
 
 def run(arguments: Namespace) -> int:
@@ -110,7 +139,8 @@ def ros_arguments(arguments: Namespace) -> list[str]:
         path = Path(arguments.model).expanduser()
         if path.exists():
             # a node would go on without it, and the user at the command line would not notice
-            _read_model(node, path)
+            owner = next((wing.read_model for wing in wings() if node in wing.nodes), 'formats.model_file read_model')
+            named(owner)(path)
         else:
             check_outputs([Output('--model', path)])
         # for every node, because `identifier:` before it would leave out those in a namespace
@@ -129,11 +159,6 @@ def remappings(arguments: Namespace) -> list[str]:
     if arguments.imu_topic:
         given += ['-r', f'{IMU_TOPIC}:={arguments.imu_topic}']
     return given
-
-
-def _read_model(node: str, path: Path) -> None:
-    owner = next((wing.read_model for wing in wings() if node in wing.nodes), 'formats.model_file read_model')
-    named(owner)(path)
 
 
 def _quoted(text: str):

@@ -1,17 +1,32 @@
-"""Warnings as values: the core returns them, the callers show them."""
+"""Warnings as values: the core returns them, the callers show them; and the catalogue of their sentences.
+
+Those of the core are in sentences.yaml beside this module, those of a wing in its own; flags and diagnostics add
+to them.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from pathlib import Path
 
-from swath_sysid.common.sentences import SENTENCES
+from swath_sysid.common.wings import tables_of_wings, yaml_table
+
+_TABLES: dict[str, dict[str, str]] = yaml_table(Path(__file__).with_name('sentences.yaml'))
+for _, _wing in tables_of_wings('sentences.yaml'):
+    for _name, _sentences in _wing.items():
+        _TABLES[_name] |= _sentences
+
+SENTENCES = _TABLES['sentences']
+FLAGS = _TABLES['flags']
+REASONS = _TABLES['reasons']
+CURES = {**REASONS, **_TABLES['states']}
 
 
 @dataclass(frozen=True)
 class Advice:
     """A warning with what to do about it.
 
-    The sentence names neither flags nor parameters: the command line adds its own by the code (`sentences.FLAGS`).
+    The sentence names neither flags nor parameters: the command line adds its own by the code (`FLAGS`).
 
     Example:
         >>> settings = IdentificationSettings(equation='odd-cubic', objective='one-step')
@@ -27,6 +42,11 @@ class Advice:
     def of(cls, key: str, **values: object) -> 'Advice':
         """The sentence of the catalogue with this key, its values filled in."""
         return cls(key.partition(':')[0], SENTENCES[key].format(**values))
+
+
+def with_flags(code: str, message: str) -> str:
+    """A sentence with the flags, by its code, that do on the command line what it advises."""
+    return f'{message} ({FLAGS[code]})' if code in FLAGS else message
 
 
 def counted(number: int, noun: str) -> str:

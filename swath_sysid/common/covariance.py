@@ -24,11 +24,10 @@ def sandwich_covariance(
     shortest_memory: int,
     lasting: Sequence[np.ndarray] = (),
 ) -> ParameterCovariance:
-    """Least-squares covariance A^-1 (sum_k J_k^T Gamma_k J_k) A^-1, A = J^T J (Newey and West 1987).
-
-    Gamma_k is the Toeplitz matrix of the autocovariance of residuals (N_k,), J_k their Jacobian (N_k, p). Parameters
-    that the residuals do not depend on have NaN rows and columns. ``shortest_memory`` is that of `autocovariance`, to
-    which the ``lasting`` noise of `lasting_noise` is added where its autocorrelations (N_k,) are given.
+    """Least-squares covariance A^-1 (sum_k J_k^T Gamma_k J_k) A^-1, A = J^T J (Newey and West 1987). Gamma_k is the
+    Toeplitz matrix of the autocovariance of residuals (N_k,), J_k their Jacobian (N_k, p). Parameters that the
+    residuals do not depend on have NaN rows and columns. ``shortest_memory`` is that of `autocovariance`, to which the
+    ``lasting`` noise of `lasting_noise` is added where its autocorrelations (N_k,) are given.
     """
     information = sum(j.T @ j for j in jacobians)
     known = np.diag(information) > 0.0
@@ -63,7 +62,6 @@ def lasting_noise(
     lasting: Sequence[np.ndarray],
 ) -> list[np.ndarray]:
     """Autocovariances (N_k,) of brief noise and of noise that lasts so long that the fit has absorbed most of it.
-
     ``inverse`` is (J^T J)^-1, ``brief`` are autocovariances (L_k,) of the residuals, ``lasting`` autocorrelations
     (N_k,). The variance of lasting noise follows from quadratic forms of the residuals, and what the fit is expected to
     leave of them in noise of both kinds (Rao 1971).

@@ -40,10 +40,9 @@ def quantum(values: np.ndarray) -> float:
 
 
 def spikes(values: np.ndarray) -> np.ndarray:
-    """Mask of the samples, alone or in pairs, of an even signal (N,) that are far outside their neighbourhood.
-
-    They differ from the median of five by more than `SPIKE_THRESHOLD` noise deviations and by more than twice the range
-    of the three nearest to it, which the crest of a sparsely sampled oscillation does not.
+    """Mask of the samples, alone or in pairs, of an even signal (N,) that are far outside their neighbourhood. They
+    differ from the median of five by more than `SPIKE_THRESHOLD` noise deviations and by more than twice the range of
+    the three nearest to it, which the crest of a sparsely sampled oscillation does not.
     """
     if values.size < SPIKE_NEIGHBOURS:
         return np.zeros(values.size, dtype=bool)
@@ -120,11 +119,10 @@ def weighting_noise(channels: Sequence[np.ndarray]) -> float:
 
 
 def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
-    """Tapered autocovariance, lags 0 to L - 1, L at most N / 4, of an evenly sampled residual (N,).
-
-    Cut by the rule of Politis (2003): after it ``shortest_memory`` autocorrelations stay below ``2 sqrt(log10 N / N)``;
-    choose more than a quarter period, where an oscillating residual passes through zero. The triangular taper keeps the
-    covariance matrix positive.
+    """Tapered autocovariance, lags 0 to L - 1, L at most N / 4, of an evenly sampled residual (N,). Cut by the rule of
+    Politis (2003): after it ``shortest_memory`` autocorrelations stay below ``2 sqrt(log10 N / N)``; choose more than a
+    quarter period, where an oscillating residual passes through zero. The triangular taper keeps the covariance matrix
+    positive.
     """
     count = residual.size
     centred = residual - residual.mean()

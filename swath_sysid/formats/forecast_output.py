@@ -87,9 +87,9 @@ class ForecastMessages:
         mean, variance = forecast.mean[place].tolist(), forecast.covariance[place].diagonal().tolist()
         is_known = not isnan(sum(mean))
         if not is_known:
+            pairs = zip(mean, variance, _LARGEST_VARIANCES, strict=True)
+            variance = [known if value == value else largest for value, known, largest in pairs]
             mean = [value if value == value else 0.0 for value in mean]
-            pairs = zip(variance, _LARGEST_VARIANCES, strict=True)
-            variance = [value if value == value else largest for value, largest in pairs]
         (roll, pitch, roll_rate, pitch_rate), (yaw, yaw_rate) = mean, forecast.heading
         of_turn = of_rates = NOT_GIVEN
         if is_known or forecast.axes:
@@ -126,7 +126,7 @@ class ForecastMessages:
             rows = zip(leads, attitudes, motion.mean.tolist(), motion.covariance, strict=True)
             for lead, attitude, vertical, covariance in rows:
                 stamp_ns = forecast.stamp_ns + round(lead / NANOSECOND)
-                values = odometry_values(motion.place, attitude, vertical, covariance)
+                values = _odometry_values(motion.place, attitude, vertical, covariance)
                 yield topics.point_lead_topic(name, lead), self._filled(_odometry, self._level, name, stamp_ns, values)
                 spread = _UNKNOWN_ACCELERATION.copy()
                 spread[2, 2] = covariance[2, 2]
@@ -170,12 +170,11 @@ def _diagonal(about_x: float, about_y: float, about_z: float) -> tuple[float, ..
     return about_x, 0.0, 0.0, 0.0, about_y, 0.0, 0.0, 0.0, about_z
 
 
-def odometry_values(
+def _odometry_values(
     place: Sequence[float], attitude: Sequence[float], motion: Sequence[float], covariance: np.ndarray
 ) -> tuple[float, ...]:
-    """Pose and twist of a point with their covariances, in a level frame that moves with the craft's mean.
-
-    ``attitude`` as in `Forecast`, ``motion`` and covariance (7, 7) as in `PointMotion`.
+    """Pose and twist of a point with their covariances, in a level frame that moves with the craft's mean. ``attitude``
+    as in `Forecast`, ``motion`` and covariance (7, 7) as in `PointMotion`.
     """
     heave, velocity, _ = motion
     roll, pitch, roll_rate, pitch_rate = attitude

@@ -9,20 +9,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats import schema
 from swath_sysid.formats.files import shown, write_text
-from swath_sysid.formats.schema import (
-    Check,
-    dumped,
-    if_known,
-    list_of,
-    mapping,
-    number,
-    one_of,
-    plain_content,
-    record,
-    table_of,
-    text,
-)
 
 VERSION = 1
 ROUNDING = 1e-6  #: Relative difference of what should be equal, and negative eigenvalue of a correlation, by rounding.
@@ -40,7 +28,7 @@ class ModelFormat:
 
     def content(self, text: str, source: str) -> Any:
         """The checked fields of a text."""
-        content = plain_content(text, source)
+        content = schema.plain_content(text, source)
         if not isinstance(content, dict) or content.get('format') != self.format:
             raise InputError(f"{source} is not a {self.kind}: its field 'format' is not '{self.format}'; {self.remedy}")
         version = content.pop('version', None)
@@ -51,12 +39,12 @@ class ModelFormat:
         if frame != self.frame:
             raise InputError(f"{source}, frame: '{shown(frame)}' must be '{self.frame}'")
         del content['format']
-        return record(self.fields)(content, source)
+        return schema.record(self.fields)(content, source)
 
     def text(self, fields: Any) -> str:
         """The text of a file that holds these fields; those that are None are left out."""
         plain = asdict(fields, dict_factory=lambda items: {name: value for name, value in items if value is not None})
-        return dumped({'format': self.format, 'version': VERSION, 'frame': self.frame, **plain})
+        return schema.dumped({'format': self.format, 'version': VERSION, 'frame': self.frame, **plain})
 
     def write(self, path: str | Path, text: str, read_text: Callable[[str, str], Any]) -> None:
         """Write a file, whole or not at all, and not what its readers would refuse."""
@@ -69,25 +57,27 @@ class Stated:
     """A value with its standard deviation and its unit."""
 
     value: float
-    std: Annotated[float, if_known(number(lowest=0.0))]
+    std: Annotated[float, schema.if_known(schema.number(lowest=0.0))]
     unit: str
 
 
-def stated_of(units: Mapping[str, str], kind: str) -> Check:
+def stated_of(units: Mapping[str, str], kind: str) -> schema.Check:
     """Values with standard deviation and the unit of each name there is, by name; errors call a name by its kind."""
-    return table_of({name: record(Stated, unit=one_of((unit,))) for name, unit in units.items()}, kind)
+    return schema.table_of(
+        {name: schema.record(Stated, unit=schema.one_of((unit,))) for name, unit in units.items()}, kind
+    )
 
 
 def metrics(value: Any, where: str) -> dict:
     """How well a model fits: numbers, texts or null by name, also by name of a name."""
-    for name, item in mapping(value, where).items():
+    for name, item in schema.mapping(value, where).items():
         place = f'{where}, {shown(name)}'
         if isinstance(item, dict):
             metrics(item, place)
         elif isinstance(item, list):
             raise InputError(f"{place}: '{shown(item)}' is not a number")
         elif isinstance(item, str):
-            text()(item, place)
+            schema.text()(item, place)
     return value
 
 
@@ -96,7 +86,9 @@ def covariance(rows: Any, names: Sequence[str], stated: Mapping[str, Stated], wh
     size, place = len(names), f'{where}, covariance'
     if not isinstance(rows, list) or [len(row) if isinstance(row, list) else -1 for row in rows] != [size] * size:
         raise InputError(f'{place}: {size} quantities need {size} rows of {size} numbers')
-    found = list_of(list_of(if_known(number())), build=np.array)(rows, place).reshape(size, size)
+    found = schema.list_of(schema.list_of(schema.if_known(schema.number())), build=np.array)(rows, place).reshape(
+        size, size
+    )
     unknown = np.isnan(np.diag(found))
     if not np.array_equal(np.isnan(found), unknown[:, None] | unknown):
         raise InputError(f'{place}: null must fill the row and the column of a quantity that is not known')

@@ -43,10 +43,9 @@ def read_mti(
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
     progress: Progress | None = None,
 ) -> Trial:
-    """Read a trial from an Xsens MTi text export; parameters and errors are those of `read_trial`.
-
-    Time, from the first sample, is SampleTimeFine (0.1 ms), or PacketCounter over the update rate in the comments, both
-    unwrapped. Without a frame it is taken as delivered, in ENU.
+    """Read a trial from an Xsens MTi text export; parameters and errors are those of `read_trial`. Time, from the first
+    sample, is SampleTimeFine (0.1 ms), or PacketCounter over the update rate in the comments, both unwrapped. Without a
+    frame it is taken as delivered, in ENU.
     """
     with reading(path):
         head = read_head(path)

@@ -47,7 +47,6 @@ def channels_of(entry: str, kind: str) -> dict[str, str]:
 
 def kind_of(entry: str, published: Sequence[str]) -> str | None:
     """Message type of ``topic`` or ``topic:field``: one that is published on the topic, else the one with the field.
-
     None where neither tells it.
     """
     field = entry.partition(':')[2]

@@ -1,4 +1,1 @@
-"""The nodes: declare, convert, delegate, publish.
-
-The only room that imports rclpy and message packages.
-"""
+"""The nodes: declare, convert, delegate, publish. The only room that imports rclpy and message packages."""

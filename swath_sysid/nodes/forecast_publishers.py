@@ -5,10 +5,9 @@ from rclpy.publisher import Publisher
 
 from swath_sysid.formats.forecast_output import ForecastMessages, forecast_topics
 from swath_sysid.formats.topics import FRAMES_TOPIC, LATCHED_TOPICS, TYPES, type_of
-from swath_sysid.nodes.message_types import message_class
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import frames_at
-from swath_sysid.nodes.qos import LATCHED, NEWEST, watched_publisher
+from swath_sysid.nodes.qos import LATCHED, NEWEST, message_class, watched_publisher
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 
 NO_FRAMES = (

@@ -1,6 +1,7 @@
 """What the identifiers of both wings have in common: one identification at a time, in a worker process."""
 
 from collections.abc import Awaitable, Callable, Coroutine
+from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -17,8 +18,7 @@ from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.table import Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
-from swath_sysid.nodes.waiting import AnswerQueue, outcome_of
-from swath_sysid.nodes.worker import Worker, WorkerError
+from swath_sysid.nodes.worker import AnswerQueue, Worker, WorkerError, outcome_of
 from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth, Report
 
 BUSY = 'an identification is running: wait for it or call ~/cancel'
@@ -59,7 +59,8 @@ class IdentificationNode(Node):
         # an async service holds its group while it waits: in the node's own it would lock out all else
         waiting: dict[str, Any] = {'callback_group': ReentrantCallbackGroup(), 'qos_profile': SERVICES}
         self.create_service(Trigger, '~/identify', self._on_identify, **waiting)
-        self.create_service(Trigger, '~/rollback', self._on_rollback, qos_profile=SERVICES)
+        back = partial(self.replaced, self.refitter.rollback, 'there is no model before this one')
+        self.create_service(Trigger, '~/rollback', back, qos_profile=SERVICES)
         self.create_service(Trigger, '~/cancel', self._on_cancel, **waiting)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
         idle_s = self.parameters['worker_idle_s']
@@ -135,10 +136,9 @@ class IdentificationNode(Node):
             response.message = 'the identification has ended'
         return response
 
-    def _on_rollback(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self.replaced(self.refitter.rollback, 'there is no model before this one', response)
-
-    def replaced(self, change: Callable[[], bool], refusal: str, response: Trigger.Response) -> Trigger.Response:
+    def replaced(
+        self, change: Callable[[], bool], refusal: str, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
         """Publish the models after a change of the refitter, or answer why there was none."""
         response.success, response.message = False, refusal if self._ended is None else BUSY
         if self._ended is None and change():

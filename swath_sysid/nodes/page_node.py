@@ -17,18 +17,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats import topics
 from swath_sysid.formats.messages import imu_reading, raw_stamp_ns, trajectory_values
 from swath_sysid.formats.model_file import model_from_yaml
 from swath_sysid.formats.sea_state_yaml import sea_from_yaml
-from swath_sysid.formats.topics import (
-    CALM_TOPIC,
-    DESCRIPTION_TOPIC,
-    HORIZON_TOPIC,
-    IMU_TOPIC,
-    QUIESCENCE_TOPIC,
-    SEA_TOPIC,
-    point_horizon_topic,
-)
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD
 from swath_sysid.nodes.page_requests import PageRequests
 from swath_sysid.nodes.parameters.settings import installation, quiescence_limits
@@ -55,18 +47,18 @@ class PageNode(Node):
         self.lock = Lock()
         self.record = LiveRecord()
         self.description = ''
-        self.sensor = self.resolve_topic_name(IMU_TOPIC)
+        self.sensor = self.resolve_topic_name(topics.IMU_TOPIC)
         self._report = report
         self._requests = PageRequests(self, report, self._note_kept)
         self.press = self._requests.press
         self._prefix = self.get_namespace().strip('/')
         self._points: set[str] = set()
-        self.create_subscription(Imu, IMU_TOPIC, self._on_imu, SENSOR, raw=True)
-        self.create_subscription(JointTrajectory, HORIZON_TOPIC, self._on_horizon, NEWEST_LOSSY)
-        self.create_subscription(String, DESCRIPTION_TOPIC, self._on_description, LATCHED)
-        self.create_subscription(String, SEA_TOPIC, self._on_sea, LATCHED)
-        self.create_subscription(JointTrajectory, CALM_TOPIC, self._on_calm, LATCHED)
-        self.create_subscription(Float32, QUIESCENCE_TOPIC, self._on_quiescence, NEWEST)
+        self.create_subscription(Imu, topics.IMU_TOPIC, self._on_imu, SENSOR, raw=True)
+        self.create_subscription(JointTrajectory, topics.HORIZON_TOPIC, self._on_horizon, NEWEST_LOSSY)
+        self.create_subscription(String, topics.DESCRIPTION_TOPIC, self._on_description, LATCHED)
+        self.create_subscription(String, topics.SEA_TOPIC, self._on_sea, LATCHED)
+        self.create_subscription(JointTrajectory, topics.CALM_TOPIC, self._on_calm, LATCHED)
+        self.create_subscription(Float32, topics.QUIESCENCE_TOPIC, self._on_quiescence, NEWEST)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self._requests.carry_out, clock=steady)
@@ -90,7 +82,7 @@ class PageNode(Node):
             self._points.add(point)
             self.create_subscription(
                 JointTrajectory,
-                point_horizon_topic(point),
+                topics.point_horizon_topic(point),
                 partial(self._on_horizon, name=f'heave of {point}'),
                 NEWEST_LOSSY,
             )
@@ -106,7 +98,7 @@ class PageNode(Node):
 
     def _on_description(self, message: String) -> None:
         try:
-            models = model_from_yaml(message.data, DESCRIPTION_TOPIC) if message.data else {}
+            models = model_from_yaml(message.data, topics.DESCRIPTION_TOPIC) if message.data else {}
         except InputError as error:
             self._report(str(error))
             return

@@ -71,8 +71,7 @@ class Predictor(Node):
     def _on_imu(self, message: Imu) -> None:
         """Forecast from a sample or, where others wait behind it, from the newest only."""
         if self._intake.endings and self._use_new_models():
-            # a user who has just seen the model must not read that there is none
-            self._diagnostics.publish()
+            self._diagnostics.publish()  # a user who has just seen the model must not read that there is none
         clock_ns = self.get_clock().now().nanoseconds
         if self.upstream.sources:
             self.upstream.take_waiting()
@@ -142,8 +141,7 @@ class Predictor(Node):
             self.get_logger().warning(item.message)
 
     def _reports(self) -> list[Report]:
-        # also while the sensor is silent
-        self._use_new_models()
+        self._use_new_models()  # also while the sensor is silent
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
         self.health.note_predictors(self.count_publishers(self._publisher_of[NEXT_TOPIC].topic_name))
         return [*self.health.reports(perf_counter(), self.get_clock().now().nanoseconds), *self.upstream.reports()]

@@ -1,8 +1,10 @@
-"""Publishers and subscriptions with their QoS, and the count of incompatible ones."""
+"""Publishers and subscriptions with their QoS, the count of incompatible ones, and message classes by name."""
 
+import importlib
 from collections.abc import Callable
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -10,6 +12,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
+from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.pipeline.health import QOS_MISMATCH, Reasons
 
@@ -75,3 +78,18 @@ def watched_subscription(
     return node.create_subscription(
         kind, topic, callback, qos, event_callbacks=events, qos_overriding_options=OVERRIDABLE
     )
+
+
+def message_class(name: str) -> type | None:
+    """The class of a message type such as sensor_msgs/msg/Imu, None where its package is not installed."""
+    package, _, kind = name.partition('/msg/')
+    try:
+        return getattr(importlib.import_module(f'{package}.msg'), kind, None)
+    except ImportError:
+        return None
+
+
+def time_message(nanoseconds: int) -> Time:
+    """A builtin_interfaces/Time of nanoseconds."""
+    seconds, rest = divmod(int(nanoseconds), SECOND_NS)
+    return Time(sec=seconds, nanosec=rest)

@@ -11,8 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from swath_sysid.formats.output_bag import Recording, is_ours
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD, events_executor, run
-from swath_sysid.nodes.message_types import message_class
-from swath_sysid.nodes.qos import bag_qos
+from swath_sysid.nodes.qos import bag_qos, message_class
 
 SAVE_PERIOD = 1.0  #: s of messages that a loss of power costs at most.
 
@@ -33,16 +32,13 @@ class Record(Node):
     def _look(self) -> None:
         before = set(self._subscribed)
         for topic, kinds in self.get_topic_names_and_types():
-            if topic not in self._subscribed and self._is_wanted(topic, kinds):
+            asked = topic in self._others and len(kinds) == 1 and message_class(kinds[0]) is not None
+            if topic not in self._subscribed and (asked or is_ours(topic, kinds)):
                 publishers = self.get_publishers_info_by_topic(topic)
                 if publishers:
                     self._subscribe(topic, kinds[0], [publisher.qos_profile for publisher in publishers])
         if added := sorted(self._subscribed.keys() - before):
             self.get_logger().info(f'recording {", ".join(added)}')
-
-    def _is_wanted(self, topic: str, kinds: Sequence[str]):
-        asked = topic in self._others and len(kinds) == 1 and message_class(kinds[0]) is not None
-        return asked or is_ours(topic, kinds)
 
     def _write(self, write: Callable[[int, bytes], None], raw: Any) -> None:
         write(self.get_clock().now().nanoseconds, raw)

@@ -17,8 +17,7 @@ from swath_sysid.formats.bag_replay import ReplaySettings, Timeline, merged_mess
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.formats.messages import SECOND_NS, raw_stamp_ns, stamp_ns
 from swath_sysid.formats.topics import NEXT_TOPIC
-from swath_sysid.nodes.message_types import message_class, time_message
-from swath_sysid.nodes.qos import BAG_DEPTH, NEWEST, bag_qos
+from swath_sysid.nodes.qos import BAG_DEPTH, NEWEST, bag_qos, message_class, time_message
 from swath_sysid.pipeline.health import DISCOVERY
 
 CLOCK_PERIOD = 0.01  #: s of wall clock between /clock messages.

@@ -1,17 +1,22 @@
-"""The worker beside a node: its long work, one function after the other, in a process of its own."""
+"""The worker beside a node, its long work in a process of its own; and coroutines that wait for it and for answers."""
 
 import queue
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.task import Future
 
 from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import WorkerError, WorkerProcess
+from swath_sysid.nodes.executor_loop import LOOK_PERIOD
 
 IDLE_PERIOD = 0.5
-
 OnEnd = Callable[[Any, Exception | None], None]
 OnProgress = Callable[[float], None]
 
@@ -86,11 +91,9 @@ class Worker:
                 job.on_end(result, error)
 
     def _do(self, job: _Job) -> tuple[Any, Exception | None]:
-        def is_cancelled() -> bool:
-            return job.cancelled.is_set() or self._closing.is_set()
-
         try:
-            return self._process.run(job.work, is_cancelled, job.on_progress), None
+            stops = (job.cancelled, self._closing)
+            return self._process.run(job.work, lambda: any(s.is_set() for s in stops), job.on_progress), None
         except (InputError, Cancelled, WorkerError) as error:
             return None, error
         except (EOFError, OSError):
@@ -105,3 +108,43 @@ class Worker:
         if self._on_death is not None:
             self._on_death()
         return WorkerError(f'the worker process ended {how} and was restarted: try again')
+
+
+async def outcome_of(
+    worker: Worker, executor: Any, function: Callable, request: Any, on_progress: OnProgress
+) -> tuple[Any, Exception | None]:
+    """Have a worker do something, and wait for its end in a coroutine of an executor of rclpy; see `Worker.submit`."""
+    ended = Future()
+
+    def end(outcome: Any, error: Exception | None) -> None:
+        ended.set_result((outcome, error))
+        executor.wake()  # without this an idle executor never comes to look
+
+    worker.submit(function, (request,), end, on_progress)
+    return await ended
+
+
+class AnswerQueue:
+    """Lets coroutines of a node continue one at a time: a client keeps ten of the replies to all clients, and a burst
+    of fifty pushes its own out.
+    """
+
+    def __init__(self, node: Node):
+        self._waiting: deque[Future] = deque()
+        self._timer = node.create_timer(LOOK_PERIOD, self._next, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer.cancel()
+
+    async def wait(self) -> None:
+        """Continue at once, unless another coroutine has just done so; then wait in the queue."""
+        if self._timer.is_canceled():
+            self._timer.reset()
+            return
+        place = Future()
+        self._waiting.append(place)
+        await place
+
+    def _next(self) -> None:
+        if self._waiting:
+            self._waiting.popleft().set_result(None)
+        else:
+            self._timer.cancel()

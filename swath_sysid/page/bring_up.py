@@ -6,6 +6,7 @@ judges decays; the verdict in its file judges a model.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,12 @@ from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.common.conventions import ADEQUATE
 from swath_sysid.common.signals import bin_means
+from swath_sysid.common.wings import yaml_table
 from swath_sysid.page.model_words import described, gain, of_axis, verdict_of
 from swath_sysid.page.release import Release
 from swath_sysid.pipeline.health import ERROR, OK, Report
 
+GUIDE = yaml_table(Path(__file__).with_name('guide.yaml'))
 STEPS = tuple('connect sensor rest push decay identify judge kept'.split())
 CONNECT, SENSOR, REST, PUSH, DECAY, IDENTIFY, JUDGE, KEPT = STEPS
 
@@ -88,96 +91,7 @@ class Guidance:
 AGAIN = 'push'  #: The action after which the craft is released, by the page or by hand.
 
 #: The guidance of each state, whose texts but the action are formats.
-STATES = {
-    'missing': Guidance(
-        CONNECT,
-        'Waiting for {nodes}.',
-        'nodes-missing',
-        'start the nodes with swath-sysid run on this network and in the same ROS_DOMAIN_ID and namespace',
-    ),
-    'silent': Guidance(SENSOR, 'No samples arrive from the sensor.', '{code}', '{message}'),
-    'no sample': Guidance(SENSOR, 'Waiting for the first sample of the sensor.'),
-    'slow': Guidance(
-        SENSOR,
-        'The sensor gives {rate:.1f} samples per second, too few to see a craft roll.',
-        'low-rate',
-        'have its driver publish at 20 Hz or more',
-    ),
-    'contradiction': Guidance(SENSOR, 'The readings of the sensor contradict each other.', '{code}', '{message}'),
-    'no angles': Guidance(SENSOR, 'Waiting for samples that can be used.'),
-    'no orientation': Guidance(
-        SENSOR,
-        'The sensor gives rates without orientation.',
-        'no-orientation',
-        'release the craft, let it roll out and press Identify, which needs no angles as the guide does',
-        'identify',
-    ),
-    'kept': Guidance(
-        KEPT, 'Accepted: {model}.', cure='Watch the forecasts; save, download or export the model.', action='save'
-    ),
-    'identifying': Guidance(IDENTIFY, 'Identifying: {share:.0f} %.'),
-    'not identified': Guidance(
-        PUSH,
-        'Nothing was identified.',
-        'not-identified',
-        '{message}; release again in still water, from a larger angle',
-        AGAIN,
-    ),
-    'other axis': Guidance(
-        PUSH, 'That was {other}, {moved:.1f} deg.', 'other-axis', '{ask}, or choose {other} above', AGAIN
-    ),
-    'found': Guidance(IDENTIFY, 'Found {cycles:.1f} cycles. Waiting for the identification.'),
-    'not noticed': Guidance(
-        IDENTIFY,
-        'Found {cycles:.1f} cycles. No identification started.',
-        'not-noticed',
-        'press Identify (auto_identify or auto_detect_decay of the nodes may be off)',
-        'identify',
-    ),
-    'unrest': Guidance(REST, 'Keep your hands off until the craft is at rest.'),
-    'waves': Guidance(
-        '{step}',
-        '{sentence}',
-        'waves',
-        'wait for calm water or go behind shelter; or restart the nodes with their usual options and --ros-args -p '
-        'window_s:=600.0, and press Identify after ten minutes: motion in waves gives the period, and the damping at '
-        'its amplitude',
-        'identify',
-    ),
-    'at sea': Guidance(
-        REST,
-        '{sentence}',
-        cure='Forecasts use the known model: {known}. A release in still water refines it.',
-    ),
-    'held': Guidance(
-        PUSH,
-        'The hull is held {offset:.1f} deg from its rest position.',
-        'held',
-        'let go at once, hands and lines off. If nobody holds it, its trim has changed: press Release again',
-        'restart',
-    ),
-    'samples lost': Guidance(
-        PUSH,
-        'Samples were lost on the way to the page.',
-        'samples-lost',
-        'stop other programs on the machine, or press Identify: the buffer may have every sample',
-        'identify',
-    ),
-    'no decay': Guidance(
-        PUSH,
-        'That was no free decay.',
-        'no-decay',
-        'let go at once instead of lowering it, and keep hands and lines off; a hull that does not oscillate by itself '
-        'has no period to identify',
-        AGAIN,
-    ),
-    'gravity': Guidance(REST, 'Keep the craft still: gravity is compared with the attitude.'),
-    'ready': Guidance(PUSH, 'At rest. Now {ask}.', cure='{known}', action=AGAIN),
-    'rolling out': Guidance(DECAY, 'Hands off, and let it roll out.'),
-    'pushing': Guidance(PUSH, '{moved:.1f} of {push}: {way}'),
-    'adequate': Guidance(JUDGE, '{model}.', cure='{remark}Accept it.', action='accept'),
-    'not adequate': Guidance(JUDGE, '{model}.', '{level}', '{cure}.{remark}', AGAIN),
-}
+STATES = {name: Guidance(**texts) for name, texts in GUIDE['states'].items()}
 
 
 def say(name: str, **values: Any) -> Guidance:

@@ -51,10 +51,9 @@ def check_installed() -> None:
 
 class Guard:
     """ASGI that admits requests with the token or, without one, those for this machine by its own name. Both reject
-    pages of other origins that a browser may have open.
-
-    A page that is built costs memory and processor time, so it needs a key, which is the token or, without one, known
-    only to who can read the answer to ``/``: neither an image on another site nor a script there can.
+    pages of other origins that a browser may have open. A page that is built costs memory and processor time, so it
+    needs a key, which is the token or, without one, known only to who can read the answer to ``/``: neither an image on
+    another site nor a script there can.
     """
 
     def __init__(self, application: Callable[..., Awaitable[None]], token: str) -> None:

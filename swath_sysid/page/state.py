@@ -18,20 +18,10 @@ from swath_sysid.common.processes import ended, verb_command
 from swath_sysid.common.wings import offered
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.files import write_text
-from swath_sysid.page.bring_up import IDENTIFICATION, STEPS, BringUp, Facts, Guidance
+from swath_sysid.page import live_view
+from swath_sysid.page.bring_up import GUIDE, IDENTIFICATION, STEPS, BringUp, Facts, Guidance
 from swath_sysid.page.charts import motion_changes
 from swath_sysid.page.live_record import STALE_S, LiveRecord
-from swath_sysid.page.live_view import (
-    calm_words,
-    health,
-    model_chart,
-    model_words,
-    motion_chart,
-    release_chart,
-    releases_in_words,
-    sea_words,
-    valid_words,
-)
 from swath_sysid.page.model_words import of_axis, verdict_of
 from swath_sysid.page.release import Release
 
@@ -40,27 +30,8 @@ SELDOM = 3.0  #: s between looks at what rarely changes: the trials' folder, the
 SHOWN_ANSWERS = 2
 NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
 
-
 #: Label and meaning, in groups.
-GROUPS = (
-    {
-        'push': ('Push and release', 'push the simulated craft and let it go'),
-        'identify': ('Identify', 'fit a model to the last minute of motion now'),
-        'restart': ('Release again', 'start over with the craft at rest'),
-        'accept': ('Accept', 'keep this model: further motion is no longer fitted automatically'),
-        'refine': ('Refine', 'let further releases refine the model again'),
-    },
-    {
-        'save': ('Save', 'write the model to a file on the machine of the page'),
-        'record': ('Record', 'write every topic to a bag on the machine of the page; once more ends it'),
-        'model.yaml': ('Download model', 'the model file, to this browser'),
-        'motion.csv': ('Download motion', 'the last minute as a CSV file, to this browser'),
-    },
-    {
-        'rollback': ('Rollback', 'return to the previous model; the current one is saved first'),
-        'undo_rollback': ('Undo rollback', 'return to the model that Rollback withdrew'),
-    },
-)
+GROUPS = [{name: (label, meaning) for name, (label, meaning) in group.items()} for group in GUIDE['buttons']]
 BUTTONS = {name: texts for group in GROUPS for name, texts in group.items()}
 
 NO_MODEL = 'there is no model yet: release the craft first'
@@ -115,7 +86,7 @@ class PageState:
         self._axis = axis
         self._recorder: subprocess.Popen | None = None
         self._fitted_to: tuple[Release | None, IdentifiedModel | None] = None, None
-        self._shown_fit = *NO_RELEASE, model_chart(None, None)
+        self._shown_fit = *NO_RELEASE, live_view.model_chart(None, None)
         self._campaign: tuple[list, list] = [], []
         self._campaign_read = float('-inf')
 
@@ -131,16 +102,16 @@ class PageState:
             age = facts.silence if STALE_S < facts.silence < float('inf') else 0.0
             charts = {
                 name: motion_changes(
-                    motion_chart(record, name, facts.motions.get(name), age), 'deg' if name in AXES else 'm'
+                    live_view.motion_chart(record, name, facts.motions.get(name), age), 'deg' if name in AXES else 'm'
                 )
                 for name in dict.fromkeys((*AXES, *record.horizons))
             }
-            releases = releases_in_words(record.tried.get(self._axis, ()))
+            releases = live_view.releases_in_words(record.tried.get(self._axis, ()))
             guidance, verdict = self._guides[self._axis].look(facts), facts.text(IDENTIFICATION, 'last_verdict')
             is_said = bool(verdict) and of_axis(verdict, self._axis) in guidance.cure
-            words = model_words(record, self._axis, None if is_said else verdict)
-            valid = '' if age else valid_words(facts.statuses)
-            waters = calm_words(record, age), sea_words(record), valid
+            words = live_view.model_words(record, self._axis, None if is_said else verdict)
+            valid = '' if age else live_view.valid_words(facts.statuses)
+            waters = live_view.calm_words(record, age), live_view.sea_words(record), valid
         if self.manifest and now - self._campaign_read > SELDOM:
             (trials_of,) = offered('trials_shown')
             self._campaign, self._campaign_read = trials_of(self.manifest), now
@@ -152,7 +123,7 @@ class PageState:
         self.view = View(
             self._axis,
             guidance,
-            health(facts.statuses, facts.motions),
+            live_view.health(facts.statuses, facts.motions),
             charts,
             *self._fit(facts.releases.get(self._axis), facts.model),
             releases,
@@ -169,8 +140,8 @@ class PageState:
         """The charts of the last decay and of the model, remade where one of them is new."""
         if release is not self._fitted_to[0] or model is not self._fitted_to[1]:
             self._fitted_to = release, model
-            shown = NO_RELEASE if release is None else release_chart(release, model)
-            self._shown_fit = *shown, model_chart(model, release)
+            shown = NO_RELEASE if release is None else live_view.release_chart(release, model)
+            self._shown_fit = *shown, live_view.model_chart(model, release)
         return self._shown_fit
 
     def choose(self, axis: str) -> None:

@@ -160,10 +160,9 @@ def running_regression(
     leads: np.ndarray,
     window: float,
 ) -> np.ndarray:
-    """A vector autoregression by ridge least squares, refitted as time goes on: forecasts (N, T, L) of T targets.
-
-    It reads those channels that move and are mostly known; stamps, leads and window as in `baseline_forecasts`. NaN
-    before the first fit and where a lag is missing.
+    """A vector autoregression by ridge least squares, refitted as time goes on: forecasts (N, T, L) of T targets. It
+    reads those channels that move and are mostly known; stamps, leads and window as in `baseline_forecasts`. NaN before
+    the first fit and where a lag is missing.
     """
     # forty lags reach more than a period back, whatever the sensor's rate
     step = record.interval * max(1, round(record.period / (ROWS_A_PERIOD * record.interval)))
@@ -206,9 +205,8 @@ def _moves(values: np.ndarray):
 
 
 class _RunningSums:
-    """Sums of products of a constant, a row and the rows before it, over a window that slides along a grid.
-
-    Empty at first, in the standard deviations of the rows from `begin` to `end`.
+    """Sums of products of a constant, a row and the rows before it, over a window that slides along a grid. Empty at
+    first, in the standard deviations of the rows from `begin` to `end`.
     """
 
     def __init__(self, grid: np.ndarray, channels: tuple[int, ...], order: int, begin: int, end: int) -> None:
@@ -314,7 +312,6 @@ def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretc
 
 def vertical_record(trial: Trial, points: Sequence[Point]) -> Record:
     """Heave, vertical velocity and acceleration at points by zero-phase integrals of the whole record and lever arms.
-
     Channels are named by `quantity_at`, derivatives with ``_rate`` after it; NaN within `EDGE` of the ends of a
     stretch.
     """

@@ -81,9 +81,8 @@ def samples_inside(trial: Trial, limits: QuiescenceLimits) -> np.ndarray:
 
 
 def stays_inside(time: np.ndarray, inside: np.ndarray, stamps: np.ndarray, duration: float) -> np.ndarray:
-    """Whether the craft stays inside after each stamp (M,) for the duration, s, 1 or 0.
-
-    NaN where a sample of that time, at ``time`` (N,), was not measured, or the record ends before.
+    """Whether the craft stays inside after each stamp (M,) for the duration, s, 1 or 0. NaN where a sample of that
+    time, at ``time`` (N,), was not measured, or the record ends before.
     """
     begin, end = (np.searchsorted(time, stamps + after + 1e-6, side='right') for after in (0.0, duration))
     outside, unknown = (np.concatenate([[0], np.cumsum(each)]) for each in (inside == 0.0, np.isnan(inside)))
@@ -110,10 +109,9 @@ def score_rule(stamps: np.ndarray, go: np.ndarray, came: np.ndarray, duration: f
 
 
 def lead_times(stamps: np.ndarray, windows: Sequence, quiet: np.ndarray, duration: float) -> np.ndarray:
-    """How long each window of calm that came had been announced, s, when it began; NaN where it had not.
-
-    One begins where ``quiet`` (M,), of the time from a stamp on, becomes 1, and ends a duration, s, after the last 1.
-    It is announced while forecasts hold a window, (start, end, ...) in s from their stamp or None, over its middle.
+    """How long each window of calm that came had been announced, s, when it began; NaN where it had not. One begins
+    where ``quiet`` (M,), of the time from a stamp on, becomes 1, and ends a duration, s, after the last 1. It is
+    announced while forecasts hold a window, (start, end, ...) in s from their stamp or None, over its middle.
     """
     found = []
     ends = np.append(np.flatnonzero(quiet[:-1] > quiet[1:]), quiet.size - 1)

@@ -4,33 +4,26 @@ from math import isnan
 
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.pipeline import health
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
-from swath_sysid.pipeline.health import (
-    BAD_LOADING,
-    BAD_MODEL,
-    BAD_UPSTREAM,
-    LATE_FIT,
-    LOADING_ADVICE,
-    NOT_FITTED,
-    OK,
-    PASSED_OVER,
-    SEVERAL_PREDICTORS,
-    WARN,
-    WAVE_WORKER_DIED,
-    Report,
-    StreamHealth,
-    verdict_values,
-)
 
 EXPECTED = {'no-model', 'no-waves'}  #: Codes of advice about what a start lacks, or a craft that never was released.
 
 
-class PredictorHealth(StreamHealth):
+class PredictorHealth(health.StreamHealth):
     """How samples become forecasts; see `StreamHealth`."""
 
     def __init__(self, topic: str, pipeline: ForecastPipeline):
-        reasons = BAD_MODEL, BAD_LOADING, BAD_UPSTREAM, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED
-        super().__init__(topic, (*reasons, WAVE_WORKER_DIED, SEVERAL_PREDICTORS))
+        reasons = (
+            health.BAD_MODEL,
+            health.BAD_LOADING,
+            health.BAD_UPSTREAM,
+            health.LOADING_ADVICE,
+            health.PASSED_OVER,
+            health.LATE_FIT,
+            health.NOT_FITTED,
+        )
+        super().__init__(topic, (*reasons, health.WAVE_WORKER_DIED, health.SEVERAL_PREDICTORS))
         self._pipeline = pipeline
         self._model_arrival: float | None = None
         self._refusal = ''
@@ -39,7 +32,7 @@ class PredictorHealth(StreamHealth):
 
     def note_predictors(self, count: int) -> None:
         """Warn while several predictors publish the same forecasts."""
-        self.note_while(count > 1, SEVERAL_PREDICTORS)
+        self.note_while(count > 1, health.SEVERAL_PREDICTORS)
 
     def note_model(self, now: float) -> None:
         """A model arrived, s of the clock of `note_message`."""
@@ -48,21 +41,21 @@ class PredictorHealth(StreamHealth):
 
     def note_refused_model(self, sentence: str) -> None:
         """A model cannot be used, for this reason; it is reported until a good one comes."""
-        self.note(BAD_MODEL)
+        self.note(health.BAD_MODEL)
         self._refusal = sentence
 
-    def reports(self, now: float, now_ns: int) -> list[Report]:
+    def reports(self, now: float, now_ns: int) -> list[health.Report]:
         """The statuses of now; see `StreamHealth.report`."""
         state = self._pipeline.diagnostics()
         interval = None if isnan(state.sample_interval) else state.sample_interval
         refused = [f'{self._refusal}; the previous model stays'] if self._refusal else []
         message = '; '.join([*refused, *(advice.message for advice in state.advice)])
         is_wrong = refused or not {advice.code for advice in state.advice} <= EXPECTED
-        level, message = WARN if is_wrong else OK, message or 'forecasting with the identified model'
+        level, message = health.WARN if is_wrong else health.OK, message or 'forecasting with the identified model'
         values: dict[str, object] = {
             **{f'has_model_{axis}': state.has_model[axis] for axis in AXES},
             'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,
-            **verdict_values(self._pipeline.models),
+            **health.verdict_values(self._pipeline.models),
             'refused_model': self._refusal,
             'has_waves': state.has_waves,
             'published': self.published,
@@ -82,16 +75,18 @@ class PredictorHealth(StreamHealth):
                     values[f'nrmse_{axis}_{lead}s_{candidate}'] = float(state.candidate_nrmse[k, a, number])
         return [
             self.report(now, now_ns, self._pipeline.counts, self._pipeline.used, interval),
-            Report('forecast', level, message, values),
+            health.Report('forecast', level, message, values),
             installation_report(self._pipeline.installation),
         ]
 
 
-def installation_report(check: InstallationCheck) -> Report:
+def installation_report(check: InstallationCheck) -> health.Report:
     """Whether the sensor is mounted as given; the check judges anew where that is due."""
     contradictions = check.judge()
-    level, message = OK, check.described
+    level, message = health.OK, check.described
     if contradictions:
-        level, message = WARN, '; '.join(each.message for each in contradictions)
+        level, message = health.WARN, '; '.join(each.message for each in contradictions)
     codes = ' '.join(dict.fromkeys(each.code for each in contradictions))
-    return Report('installation', level, message, {'contradictions': codes or 'none', 'judgements': check.judgements})
+    return health.Report(
+        'installation', level, message, {'contradictions': codes or 'none', 'judgements': check.judgements}
+    )

@@ -5,16 +5,9 @@ from dataclasses import dataclass, field
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion import intake
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Installation
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
-from swath_sysid.attitude.motion.intake import (
-    INTAKE_REASONS,
-    NANOSECOND,
-    ConvertedReading,
-    CraftSample,
-    ImuReading,
-    Intake,
-)
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import (
@@ -26,7 +19,7 @@ from swath_sysid.attitude.prediction.forecaster import (
 )
 from swath_sysid.attitude.prediction.sea_fit import SeaFit
 
-PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)  #: Everything that is counted.
+PIPELINE_REASONS = (*STAMP_REASONS, *intake.INTAKE_REASONS, *FORECASTER_REASONS)  #: Everything that is counted.
 
 
 @dataclass(frozen=True)
@@ -71,7 +64,7 @@ class ForecastPipeline:
         self.installation = InstallationCheck(self.settings.installation)
         self.counts = dict.fromkeys(PIPELINE_REASONS, 0)
         self.used = 0
-        self.intake = Intake(self.settings.installation, self.settings.stamps)
+        self.intake = intake.Intake(self.settings.installation, self.settings.stamps)
         self.models: dict[str, IdentifiedModel | None] = dict.fromkeys(AXES)  #: By axis.
         self._first_ns: int | None = None
         self.newest_ns = 0  #: Stamp of the newest message; 0 before any.
@@ -88,11 +81,11 @@ class ForecastPipeline:
         """Take over the fit that a step asked for; it is used from its request's stamp plus the refit delay on."""
         self.forecaster.install(fit)
 
-    def add(self, reading: ImuReading) -> ForecastStep:
+    def add(self, reading: intake.ImuReading) -> ForecastStep:
         """Take one IMU message."""
         return self.finish(self.begin(self.intake.take(reading)))
 
-    def add_sample(self, sample: CraftSample) -> ForecastStep:
+    def add_sample(self, sample: intake.CraftSample) -> ForecastStep:
         """Take one sample of the craft's motion, as a record holds it."""
         return self.finish(self.begin(self.intake.place(sample)))
 
@@ -109,9 +102,9 @@ class ForecastPipeline:
         """
         stamp_ns = self.newest_ns if stamp_ns is None else stamp_ns
         first_ns = stamp_ns if self._first_ns is None else self._first_ns
-        self.forecaster.observe_upstream(name, (stamp_ns - first_ns) * NANOSECOND, value)
+        self.forecaster.observe_upstream(name, (stamp_ns - first_ns) * intake.NANOSECOND, value)
 
-    def begin(self, converted: ConvertedReading) -> ForecastStep:
+    def begin(self, converted: intake.ConvertedReading) -> ForecastStep:
         """Take one message or sample that ``intake`` has converted, and forecast one sample ahead.
 
         What takes longer is left to `finish`, which must follow: in between, ``next`` can be published.
@@ -123,11 +116,11 @@ class ForecastPipeline:
             if self._first_ns is None:
                 self._first_ns = stamp_ns
             elif JUMPED_BACK not in reasons:
-                elapsed = (stamp_ns - self.newest_ns) * NANOSECOND
+                elapsed = (stamp_ns - self.newest_ns) * intake.NANOSECOND
             self.newest_ns = stamp_ns
             self.used += 1
             # seconds since the epoch would resolve 0.2 us only
-            step = self.forecaster.observe(sample, (stamp_ns - self._first_ns) * NANOSECOND, elapsed)
+            step = self.forecaster.observe(sample, (stamp_ns - self._first_ns) * intake.NANOSECOND, elapsed)
         if reasons:
             step = step._replace(reasons=reasons + step.reasons)
         for reason in step.reasons:
@@ -149,6 +142,6 @@ def warm_up() -> None:
     """Forecasts of a hull at rest, so that the first samples find everything loaded and compiled."""
     pipeline = ForecastPipeline()
     pipeline.set_models({'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)})
-    at_rest = CraftSample(0, *(0.0,) * 6, STANDARD_GRAVITY, *(1e-6,) * 4)
+    at_rest = intake.CraftSample(0, *(0.0,) * 6, STANDARD_GRAVITY, *(1e-6,) * 4)
     for number in range(3):
         pipeline.add_sample(at_rest._replace(stamp_ns=number * 10_000_000))

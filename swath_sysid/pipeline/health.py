@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.motion.intake import NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.window import MotionWindow
-from swath_sysid.common.sentences import CURES
+from swath_sysid.common.advice import CURES
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.stability_watch import StabilityWatch

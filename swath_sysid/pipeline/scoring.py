@@ -100,9 +100,8 @@ def usual_warmup(trial: Trial) -> float:
 def usual_limits(
     trial: Trial, limits: QuiescenceLimits, warmup: float, axes: Sequence[str] = AXES
 ) -> QuiescenceLimits | None:
-    """Limits of quiescence to score: those given, else the angles of axes seldom exceeded in the warm-up, s.
-
-    None where none are given and the warm-up is too short.
+    """Limits of quiescence to score: those given, else the angles of axes seldom exceeded in the warm-up, s. None where
+    none are given and the warm-up is too short.
     """
     if np.isfinite(limits.bounds(ATTITUDE)).any():
         return limits
@@ -248,9 +247,8 @@ def score_forecasts(
     stand_in: np.ndarray,
     own: np.ndarray | None = None,
 ) -> QuantitySkill:
-    """Score forecasts (N, L) of one channel, issued at stamps (N,), s, for leads (L,), s, beside ``persistence``.
-
-    Where a forecast is NaN, ``stand_in`` (N, L) counts in its place; ``own`` (N, L) are the errors that were expected.
+    """Score forecasts (N, L) of one channel, issued at stamps (N,), s, for leads (L,), s, beside ``persistence``. Where
+    a forecast is NaN, ``stand_in`` (N, L) counts in its place; ``own`` (N, L) are the errors that were expected.
     """
     span = float(stamps[0]), float(stamps[-1] + leads[-1])
     at = _Occasions(stamps, leads, span, record.after_gap(name, stamps, AFTER_GAP), 0)
@@ -259,9 +257,8 @@ def score_forecasts(
 
 
 def score_valid_leads(record: Record, axis: str, steps: Sequence[Any]) -> ValidLeadSkill:
-    """Score the valid leads of an axis that were issued at these steps.
-
-    At a valid lead within the horizon the expected error is the limit, so that errors are divided by it as issued.
+    """Score the valid leads of an axis that were issued at these steps. At a valid lead within the horizon the expected
+    error is the limit, so that errors are divided by it as issued.
     """
     leads = np.array([step.outlook.valid_leads.get(axis, np.nan) for step in steps])
     known, end = np.isfinite(leads), np.array([step.horizon.leads[-1] for step in steps])

@@ -1,4 +1,1 @@
-"""What people read: tables, figures, pages.
-
-Takes results and computes nothing of its own.
-"""
+"""What people read: tables, figures, pages. Takes results and computes nothing of its own."""

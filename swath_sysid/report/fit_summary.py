@@ -11,10 +11,9 @@ from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
 from swath_sysid.attitude.identification.fit_quality import known_together
 from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.attitude.identification.selection import Comparison
-from swath_sysid.common.advice import Advice, counted
+from swath_sysid.common.advice import Advice, counted, with_flags
 from swath_sysid.common.covariance import correlation
 from swath_sysid.common.plain import finite_or_none
-from swath_sysid.common.sentences import with_flags
 from swath_sysid.formats.model_file import ratios_as_data
 
 SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a JONSWAP sea with a free tail'}

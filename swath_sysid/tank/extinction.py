@@ -57,9 +57,8 @@ class Extinction:
 
 
 def extinction_of(peaks: Sequence[Peaks]) -> Extinction:
-    """The extinction curve through the decrements of decays of one condition, by generalised least squares.
-
-    Decays with fewer than three turning points are ignored; `InputError` where none is left.
+    """The extinction curve through the decrements of decays of one condition, by generalised least squares. Decays with
+    fewer than three turning points are ignored; `InputError` where none is left.
     """
     peaks = tuple(p for p in peaks if p.time.size >= 3 and (p.amplitude > 0.0).all())
     if not peaks:
@@ -115,9 +114,8 @@ class Particulars:
         return inertia_from_metacentric_height(model, self.mass, self.metacentric_height)
 
     def damping_unit(self, axis: str) -> float | None:
-        """Divisor of a damping coefficient, N m s, that makes it dimensionless, or None.
-
-        Roll: rho V B^2 sqrt(2 g / B) (ITTC 7.5-02-07-04.5); pitch: rho V L^2 sqrt(g / L).
+        """Divisor of a damping coefficient, N m s, that makes it dimensionless, or None. Roll: rho V B^2 sqrt(2 g / B)
+        (ITTC 7.5-02-07-04.5); pitch: rho V L^2 sqrt(g / L).
         """
         size, gravity = (self.breadth, 2.0 * STANDARD_GRAVITY) if axis == 'roll' else (self.length, STANDARD_GRAVITY)
         if self.mass is None or size is None:
@@ -181,10 +179,9 @@ def tank_quantities(
     type_b: TypeB,
     repeats: Sequence[AmplitudeBands] = (),
 ) -> tuple[TankQuantity, ...]:
-    """Natural period, damping ratio and equivalent damping at one amplitude, rad, each with its uncertainty budget.
-
-    The scatter is that of the single ``repeats``. Damping in N m s needs the inertia, kg m^2; without dimension it
-    needs mass and size too.
+    """Natural period, damping ratio and equivalent damping at one amplitude, rad, each with its uncertainty budget. The
+    scatter is that of the single ``repeats``. Damping in N m s needs the inertia, kg m^2; without dimension it needs
+    mass and size too.
     """
     unit = particulars.damping_unit(axis)
     # powers of the sources in the damping

@@ -21,10 +21,8 @@ MODEL = IdentifiedManoeuvringModel(OLD, (), np.zeros((0, 0)), NOISE, REGION)
 
 def identified(model=OLD):
     """A model of which two derivatives are uncertain."""
-    covariance = np.array([[1.0, 0.1], [0.1, 4.0]])
-    return IdentifiedManoeuvringModel(
-        model, ('Xu', 'Nr'), covariance, NOISE, REGION, {'r2': 0.99}, {'software': 'test'}
-    )
+    spread = np.array([[1.0, 0.1], [0.1, 4.0]])
+    return IdentifiedManoeuvringModel(model, ('Xu', 'Nr'), spread, NOISE, REGION, {'r2': 0.99}, {'software': 'test'})
 
 
 def trial_of(m, name, thrust_input='force'):

@@ -17,12 +17,8 @@ from swath_sysid.manoeuvring.identification import held_out
 from swath_sysid.manoeuvring.identification.assembly import assemble, moving_runs, seen_region
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring, split
 from swath_sysid.manoeuvring.identification.least_squares import minimise
-from swath_sysid.manoeuvring.identification.refit import (
-    ManoeuvreRefitRequest,
-    ManoeuvreRefitter,
-    pieces,
-    refit_manoeuvring,
-)
+from swath_sysid.manoeuvring.identification.refit import ManoeuvreRefitRequest as Request
+from swath_sysid.manoeuvring.identification.refit import ManoeuvreRefitter, pieces, refit_manoeuvring
 from swath_sysid.manoeuvring.identification.selection import shooting_of
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings, cut
 from swath_sysid.manoeuvring.identification.shooting import jacobian, residuals
@@ -181,10 +177,8 @@ def test_a_straight_run_validates_no_turns(force_runs):
     turning = identify_manoeuvring([runs['turns_fast'], runs['speed_up']], settings, [runs['mixed']])
     assert turning.verdict.code != 'not-validated'
     away = replace(settings, fixed={'N0': 40.0})
-    assert (
-        identify_manoeuvring([runs['turns_fast'], runs['mixed']], away, [runs['speed_up']]).validation.r2['yaw_rate']
-        < 0
-    )
+    found = identify_manoeuvring([runs['turns_fast'], runs['mixed']], away, [runs['speed_up']])
+    assert found.validation.r2['yaw_rate'] < 0
 
 
 def test_values_on_which_runs_differ_have_their_scatter(monkeypatch):
@@ -303,10 +297,8 @@ def test_same_seed_same_numbers_and_cancel(force_runs):
 
 
 def test_wrong_settings_and_mixed_inputs_are_refused(force_runs):
-    nan = float('nan')
-    for name, value in dict(
-        mass=-1.0, terms=('Zw',), current='strong', generations=-1, population=3, lever=nan
-    ).items():
+    wrong = dict(mass=-1.0, terms=('Zw',), current='strong', generations=-1, population=3, lever=float('nan'))
+    for name, value in wrong.items():
         with pytest.raises(InputError):
             ManoeuvringSettings(**{name: value})
     with pytest.raises(InputError, match='separately'):
@@ -352,7 +344,7 @@ def thrusts(window, port, starboard):
 
 @pytest.fixture(scope='module')
 def outcome(window):
-    return refit_manoeuvring(ManoeuvreRefitRequest(window.trial(), None, ManoeuvringSettings(**QUICK)))
+    return refit_manoeuvring(Request(window.trial(), None, ManoeuvringSettings(**QUICK)))
 
 
 def test_the_window_keeps_what_came_and_its_pieces_do_not_span_gaps(window):
@@ -455,10 +447,10 @@ def test_a_refit_finds_the_craft_and_there_is_a_way_back(outcome):
 def test_only_a_better_model_replaces_the_current_one(window, outcome):
     good = outcome.model
     settings = ManoeuvringSettings(**QUICK)
-    again = refit_manoeuvring(ManoeuvreRefitRequest(window.trial(), good, settings))
+    again = refit_manoeuvring(Request(window.trial(), good, settings))
     assert again.model is None
     assert 'as well' in again.message
     wrong = replace(good, model=good.model.with_values(Xuu=-150.0, Nr=-800.0))
-    better = refit_manoeuvring(ManoeuvreRefitRequest(window.trial(), wrong, settings))
+    better = refit_manoeuvring(Request(window.trial(), wrong, settings))
     assert better.model is not None
     assert better.misfit < 0.8 * better.current_misfit

@@ -148,11 +148,10 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     options = ('-r', '__ns:=/wamv')
     given = settings(f'leads_s:=[{LEAD}]', 'forecast_rate_hz:=1.0', 'horizon_s:=2.0')
     predictor = start_node('manoeuvring_predictor', *given, *options)
-    parameters = tmp_path / 'parameters.yaml'
-    parameters.write_text('/**/manoeuvring_identifier: {ros__parameters: {mass_kg: 180.0, lever_m: 1.027135}}')
-    identifier = start_node(
-        'manoeuvring_identifier', '--params-file', str(parameters), '-p', f'model_path:={path}', *options
-    )
+    file = tmp_path / 'parameters.yaml'
+    file.write_text('/**/manoeuvring_identifier: {ros__parameters: {mass_kg: 180.0, lever_m: 1.027135}}')
+    given = '--params-file', str(file), '-p', f'model_path:={path}'
+    identifier = start_node('manoeuvring_identifier', *given, *options)
     bench = Bench('wamv')
     forecasts, models, progress = [], [], []
     try:

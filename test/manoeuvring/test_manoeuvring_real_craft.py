@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from manoeuvring_runs import MODEL, codes
 
+from swath_sysid.common.advice import with_flags
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.sentences import with_flags
 from swath_sysid.manoeuvring.formats.model_file import manoeuvring_from_yaml, manoeuvring_to_yaml
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.identification.assembly import assemble
@@ -109,9 +109,7 @@ def found(runs, craft_and_trials):
 
 
 @pytest.mark.long
-def test_a_craft_with_vices_is_identified_and_its_forecasts_know_how_good_they_are(
-    found, craft_and_trials, truth, runs
-):
+def test_a_craft_with_vices_is_identified_and_its_forecasts_know_how_good_they_are(found, truth, runs):
     assert found.validation.diverged == 0
     assert found.validation.r2['surge'] >= 0.97
     assert found.validation.r2['sway'] >= 0.60
@@ -259,9 +257,8 @@ def test_a_share_of_motion_of_its_own_below_fifteen_percent_is_too_little():
 
 def test_a_model_file_holds_the_noise_of_forecasts(runs, truth):
     noise = forecast_noise(truth, runs[2:4])
-    identified = replace(
-        MODEL, model=truth, names=('deviation_B', 'Nuur'), covariance=np.diag([1e-4, 0.01]), forecast=noise
-    )
+    names, spread = ('deviation_B', 'Nuur'), np.diag([1e-4, 0.01])
+    identified = replace(MODEL, model=truth, names=names, covariance=spread, forecast=noise)
     back = manoeuvring_from_yaml(manoeuvring_to_yaml(identified))
     assert np.array_equal(back.model.values, truth.values)
     for name, value in vars(noise).items():

@@ -12,10 +12,9 @@ from swath_sysid.manoeuvring.cli import manoeuvre
 from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv
 from swath_sysid.manoeuvring.formats.model_file import read_manoeuvring_model
 from swath_sysid.manoeuvring.hull.identified_model import StabilityCheck
-from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
+from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring, judge
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import Scores
-from swath_sysid.manoeuvring.identification.verdict import judge
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
 
 NOISE = np.array([0.01, 0.01, 0.001])

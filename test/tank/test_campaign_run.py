@@ -6,7 +6,6 @@ import json
 import math
 import os
 import pickle
-import re
 import signal
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_report_html_page import assert_holds_together
 
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
 from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
@@ -35,7 +35,7 @@ from swath_sysid.tank.campaign.manifest import read_manifest
 from swath_sysid.tank.campaign.run import run_campaign
 from swath_sysid.tank.campaign.work import ResultStore, executor_of
 from swath_sysid.tank.cli import campaign
-from swath_sysid.tank.report.campaign_report import campaign_tables, write_report
+from swath_sysid.tank.report.campaign_report import every_table, write_report
 
 ROOT = Path(__file__).resolve().parents[2]
 HULL = hull_named('swath-pitch').model
@@ -92,7 +92,7 @@ def rows_of(path):
 
 
 def tables_of(outcome):
-    return {table.name: table_as_csv(table) for table in campaign_tables(outcome)}
+    return {table.name: table_as_csv(table) for table in every_table(outcome)}
 
 
 @pytest.fixture(scope='module')
@@ -270,7 +270,7 @@ def test_drafts_are_converted_where_the_craft_is_known(trials, tmp_path):
 def test_the_files_that_are_written(done):
     outcome, output = done
     names = {path.name for path in (output / 'tables').iterdir()}
-    assert names == {f'{table.name}.csv' for table in campaign_tables(outcome)}
+    assert names == {f'{table.name}.csv' for table in every_table(outcome)}
     assert names >= {'trials.csv', 'fits.csv', 'coefficients.csv', 'ranking_pitch.csv', 'objective_pitch_one-step.csv'}
     rows = rows_of(output / 'tables' / 'objective_pitch_simulation.csv')
     axis = outcome.axes[0]
@@ -285,10 +285,7 @@ def test_the_files_that_are_written(done):
 
 def test_the_page_needs_nothing_else_and_holds_together(done):
     page = (done[1] / 'report.html').read_text()
-    ids = re.findall(r'\sid="([^"]*)"', page)
-    references = set(re.findall(r'\s(?:src|href|xlink:href|data)="([^"]*)"', page)) - {'data:,'}
-    assert len(ids) == len(set(ids)) and references <= {f'#{each}' for each in ids}
-    assert '<script' not in page and '@import' not in page and 'url(http' not in page
+    assert_holds_together(page)
     for words in ('A &lt;small&gt; campaign', 'Repeats agree to', 'No equation fits worse'):
         assert words in page
     (axis,) = done[0].axes

@@ -7,12 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.identification.forecast_check import forecast_errors, measured_states, next_step
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
@@ -20,7 +18,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
 from swath_sysid.tank.campaign import evaluation
 from swath_sysid.tank.campaign.evaluation import Condition, Judgement, Record
-from swath_sysid.tank.report.campaign_figures import decay_drawings
+from swath_sysid.tank.report.campaign_report import decay_drawings
 
 HULL = hull_named('swath-pitch').model
 NAMES = ('linear', 'swath-pitch-2', 'swath-pitch-1')
@@ -106,43 +104,6 @@ def test_judging_knows_the_truth_from_a_wrong_hull(records, fits):
     # a record without a repeat is judged on its second half
     (found,) = judged(fits[2][:1], None)
     assert 0.0 < found.held_out < 1.0
-
-
-def test_next_step_is_the_papers_formula():
-    motion = trial(6, 1).axis('pitch')
-    found = next_step(HULL, motion)
-    k = 37
-    step = motion.time[k + 1] - motion.time[k]
-    expected = motion.rate[k] + step * HULL.acceleration(motion.angle[k], motion.rate[k])
-    assert found.predicted[k] == pytest.approx(expected) and found.measured[k] == motion.rate[k + 1]
-    assert found.error[k] == pytest.approx(expected - motion.rate[k + 1])
-
-
-def test_forecasts_against_another_integrator():
-    motion = trial(9, 1, QUIET).axis('pitch')
-    model = DecayModel.from_terms(HULL.equation, HULL.terms | {'r1': 12.0}, axis='pitch')
-    period = HULL.natural_period
-    (found,) = forecast_errors(model, motion, period, leads=(0.5,))
-    angle, rate, first = measured_states(motion, period)
-    errors = []
-    for k in np.unique(np.linspace(first, motion.size - 1, 200).astype(int)):
-        due = motion.time[k] + 0.5 * period
-        if due <= motion.time[-1]:
-            start, span = (angle[k], rate[k]), (0, 0.5 * period)
-            solved = solve_ivp(lambda _, y: (y[1], model.acceleration(*y)), span, start, rtol=1e-9, atol=1e-12)
-            errors.append(solved.y[0, -1] - np.interp(due, motion.time, motion.angle))
-    assert found == pytest.approx(np.sqrt(np.mean(np.square(errors))) / np.std(motion.angle), rel=1e-4)
-    short = motion.between(None, 1.2 * period)
-    assert math.isnan(forecast_errors(HULL, short, 1.15 * period)[-1])
-
-
-def test_measured_states_use_the_past_alone():
-    motion = trial(6, 1).axis('pitch')
-    angle, rate, first = measured_states(motion, 2.0)
-    cut = motion.only(slice(0, 200))
-    assert np.array_equal(measured_states(cut, 2.0)[0][first:], angle[first:200])
-    truth = trial(6, 1, QUIET).axis('pitch')
-    assert np.std((rate - truth.rate)[first:]) < np.std(motion.rate - truth.rate)
 
 
 def test_the_best_repeat_is_the_best_explained(records, fits):

@@ -13,8 +13,7 @@ from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.report.html_page import escaped
 from swath_sysid.report.published import citation
-from swath_sysid.tank.papers.decay_study import hull_at, study_record
-from swath_sysid.tank.papers.publication import DECAY_STUDIES, decay_publication
+from swath_sysid.tank.papers.decay_study import DECAY_STUDIES, decay_publication, hull_at, study_record
 from swath_sysid.tank.report.paper_decay_claims import trend_of
 
 

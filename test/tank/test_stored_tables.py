@@ -15,7 +15,7 @@ from swath_sysid.report.tables import table_as_csv
 from swath_sysid.tank.campaign.manifest import read_manifest
 from swath_sysid.tank.campaign.run import run_campaign
 from swath_sysid.tank.campaign.work import ResultStore
-from swath_sysid.tank.report.campaign_report import campaign_tables
+from swath_sysid.tank.report.campaign_report import every_table
 
 TRACES_OF_FILES = ('trials',)
 """Tables that hold hashes: a simulated record may differ in its last digit from one machine to the next."""
@@ -39,7 +39,7 @@ def tables_of_a_campaign(folder):
     outcome = run_campaign(read_manifest(folder / 'campaign.yaml'), ResultStore(folder / 'results'), SerialExecutor())
     return {
         table.name: list(csv.reader(io.StringIO(table_as_csv(table))))
-        for table in campaign_tables(outcome)
+        for table in every_table(outcome)
         if table.name not in TRACES_OF_FILES
     }
 

@@ -43,9 +43,8 @@ _AXIS_EQUATIONS = {axis: tuple(n for n in PUBLISHED_EQUATIONS if axis in n) for 
 
 
 def equation_named(name: str) -> Equation:
-    """The equation of a catalogue name, with ``+friction`` for dry friction, or composed from term names.
-
-    A composition (damping | restoring) is ``b1,b2|r1,r3`` or, in words, ``linear,quadratic|linear,cubic``.
+    """The equation of a catalogue name, with ``+friction`` for dry friction, or composed from term names. A composition
+    (damping | restoring) is ``b1,b2|r1,r3`` or, in words, ``linear,quadratic|linear,cubic``.
     """
     if name in EQUATIONS:
         return EQUATIONS[name]

@@ -149,11 +149,10 @@ class ScheduledModel:
         return self.models[len(self.models) // 2]
 
     def at(self, loading: float) -> tuple[IdentifiedModel, tuple[Advice, ...]]:
-        """The model at a loading, in the unit of `quantity`, and what to know of it.
-
-        Between two identified loadings ratios, trim and amplitude range are interpolated linearly and covariances
-        combined by the squared weights. The curvature f[a, b, c] (t - a)(t - b) over the three nearest loadings is
-        added as one standard deviation. Beyond the identified loadings the nearest model is used.
+        """The model at a loading, in the unit of `quantity`, and what to know of it. Between two identified loadings
+        ratios, trim and amplitude range are interpolated linearly and covariances combined by the squared weights. The
+        curvature f[a, b, c] (t - a)(t - b) over the three nearest loadings is added as one standard deviation. Beyond
+        the identified loadings the nearest model is used.
         """
         loading = float(loading)
         if not (np.isfinite(loading) and loading > 0.0):

@@ -68,9 +68,8 @@ def runge_kutta_population(
     step: float,
     steps: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Integrate P free decays from x, rad from trim, and rate, rad/s, with the classical Runge-Kutta scheme.
-
-    ``ratios`` has shape (9, P). Returns angles, rates and accelerations (steps + 1, P), not finite after a divergence.
+    """Integrate P free decays from x, rad from trim, and rate, rad/s, with the classical Runge-Kutta scheme. ``ratios``
+    has shape (9, P). Returns angles, rates and accelerations (steps + 1, P), not finite after a divergence.
     """
     motion = np.empty((steps + 1, 3, x.size))
     if has_numba():

@@ -70,7 +70,6 @@ AT: Any = namedtuple('At', TERM_NAMES)(*range(len(TERMS)))
 
 def damping_moment(rate: Value, ratios: Value, active: Sequence[bool], friction_rate: float) -> Value:
     """Damping moment over inertia, rad/s^2, of the sign of the rate, a float or (P,), rad/s; ratios (9,) or (9, P).
-
     Inactive terms are not read, except b1; ``friction_rate``, rad/s, smooths the sign of the dry friction.
     """
     slope = ratios[AT.b1]

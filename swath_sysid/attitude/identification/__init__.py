@@ -1,4 +1,3 @@
-"""From measured motion to a model: objectives, refinement, uncertainty, selection, waves.
-
-Works on values alone; the searches themselves are in common.
+"""From measured motion to a model: objectives, refinement, uncertainty, selection, waves. Works on values alone; the
+searches themselves are in common.
 """

@@ -57,7 +57,6 @@ MISSING_TOGETHER = 12  #: Neighbouring bands whose misfits may be correlated.
 
 def excitation_spectrum(frequency: np.ndarray, peak: Any, peakedness: Any, tail: Any) -> np.ndarray:
     """JONSWAP (Hasselmann et al. 1973) with a tail frequency^-tail, one at its peak; frequency (B,) and peak in rad/s.
-
     The tail is 5 where the moment follows wave height, 1 where it follows wave slope in deep water.
     """
     u = frequency / peak
@@ -68,7 +67,6 @@ def excitation_spectrum(frequency: np.ndarray, peak: Any, peakedness: Any, tail:
 
 class SeaPosterior(LogPosterior):
     """Whittle's likelihood of one record in waves: in a JONSWAP sea, or one as the vertical acceleration shows it.
-
     ``shown`` is the spectrum of that acceleration at the bands, (B,), or None. Parameters (p,) are those of
     `HULL_PRIORS` and of the sea's shape, the floor last.
     """
@@ -179,10 +177,9 @@ class SeaPosterior(LogPosterior):
         return float(total / max(1, ratio.size - point.z.size))
 
     def inflation(self, point: Evaluation) -> float:
-        """Variance of the parameters over that of a perfect fit, at least one.
-
-        The deviance times the summed autocorrelation of neighbouring bands' residuals (as Newey and West 1987): where
-        the sea has another shape, neighbouring bands miss together.
+        """Variance of the parameters over that of a perfect fit, at least one. The deviance times the summed
+        autocorrelation of neighbouring bands' residuals (as Newey and West 1987): where the sea has another shape,
+        neighbouring bands miss together.
         """
         residual = np.sqrt(self.spectra.counts) * (self._ratio(point) - 1.0).clip(-1.0, 3.0)
         residual = residual - residual.mean()
@@ -272,7 +269,6 @@ class AtSeaIdentification:
 
     def gain_over(self, model: DecayModel) -> float:
         """Rise of the log-likelihood from a linear model to this one, to second order in the logarithms of the ratios.
-
         Twice that is chi-squared with two degrees of freedom if the model is true (Wald 1943).
         """
         # half and twice are equally far away
@@ -319,7 +315,6 @@ def identify_at_sea(
     should_cancel: ShouldCancel | None = None,
 ) -> AtSeaIdentification:
     """Natural period and equivalent linear damping from a record in waves, used from ``start`` to ``end``, s.
-
     ``searched`` says that the record is known to hold no free decay. Raises `InputError` where the record is too short
     or cannot be used, and `Cancelled`.
     """

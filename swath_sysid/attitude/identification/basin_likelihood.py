@@ -81,7 +81,6 @@ class BasinFit:
 
 class BasinLikelihood(LogPosterior):
     """Negative log posterior of an equation's dimensionless ratios and the basin's parameters on a problem's records.
-
     On their undisturbed motion; the first estimates of their states are the same for every equation that is compared.
     ``ratio_prior`` (n,) are the standard deviations of the dimensionless ratios before the record is seen.
     """
@@ -118,11 +117,10 @@ class BasinLikelihood(LogPosterior):
         self._others = np.ix_(others, others)
 
     def start(self, ratios: np.ndarray, level: float, states: Sequence[InitialState] | None = None) -> np.ndarray:
-        """Parameters (n + 11 + 3 M,) of given ratios (9,), the rest at its prior mean.
-
-        ``level`` is that of the disturbance over its unit; ``states`` are those at the first sample of each record.
-        The disturbance begins at the frequency of those ratios, where it does most: from elsewhere its motion is taken
-        for coloured noise of the sensors.
+        """Parameters (n + 11 + 3 M,) of given ratios (9,), the rest at its prior mean. ``level`` is that of the
+        disturbance over its unit; ``states`` are those at the first sample of each record. The disturbance begins at
+        the frequency of those ratios, where it does most: from elsewhere its motion is taken for coloured noise of the
+        sensors.
         """
         n = self._terms.size
         z = self.mean.copy()
@@ -193,11 +191,10 @@ class BasinLikelihood(LogPosterior):
         return starts
 
     def described(self, optima: Sequence[Evaluation]) -> BasinFit:
-        """The likeliest of some optima, which is the first, and the spread of the whole posterior about it.
-
-        The posterior is skewed: where the basin moves much, its mean is of larger coefficients than are likely. It is a
-        mixture over levels and frequencies of the disturbance: few records determine both, and what the ratios are
-        and how well they are known changes with them, since a moment at resonance moves the craft as another stiffness
+        """The likeliest of some optima, which is the first, and the spread of the whole posterior about it. The
+        posterior is skewed: where the basin moves much, its mean is of larger coefficients than are likely. It is a
+        mixture over levels and frequencies of the disturbance: few records determine both, and what the ratios are and
+        how well they are known changes with them, since a moment at resonance moves the craft as another stiffness
         would. For each pair the other parameters have the probability of a Gaussian of its height and covariance (Rue,
         Martino and Chopin 2009).
         """

@@ -74,7 +74,6 @@ def amplitude_bands(
     model: DecayModel, covariance: np.ndarray, amplitude: np.ndarray, posterior: HullPosterior | None = None
 ) -> AmplitudeBands:
     """Curves against amplitude (A,), rad, with standard deviations by the covariance (n, n) of the model's ratios.
-
     Those of a pruned hull come from the posterior of every term, about which its own curves are off by what was pruned.
     """
 
@@ -96,7 +95,6 @@ def amplitude_bands(
 
 def release_error(model: DecayModel, posterior: HullPosterior, trim_std: float, start: float, scales: Scales) -> float:
     """Error of the next release, from ``start``, rad from trim, that posterior and trim leave, a share of its motion.
-
     `UPPER_PART` of hulls drawn from the posterior, without those of negative damping, are nearer to the model. A NaN
     ``trim_std``, rad, is ignored. Infinite where most hulls do not return, or the posterior is not finite.
     """
@@ -111,9 +109,8 @@ def release_error(model: DecayModel, posterior: HullPosterior, trim_std: float, 
 def drawn_releases(
     model: DecayModel, posterior: HullPosterior, trim_std: float, start: float, scales: Scales
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times (T,), s, and angles (T, up to `DRAWS` + 1), rad from trim, of the next release; the model's last.
-
-    The others are of hulls drawn from the posterior; arguments as of `release_error`.
+    """Times (T,), s, and angles (T, up to `DRAWS` + 1), rad from trim, of the next release; the model's last. The
+    others are of hulls drawn from the posterior; arguments as of `release_error`.
     """
     active = tuple(a or b for a, b in zip(posterior.equation.active, model.equation.active, strict=True))
     hulls, trim = _drawn(posterior, active, model.friction_rate, scales.rate)
@@ -299,7 +296,6 @@ def sides(found: DecayFit) -> tuple[str, str]:
 
 def largest_releases(found: DecayFit) -> tuple[float, float]:
     """The largest amplitude seen, rad from trim, to the side on which that record begins, and that of the other side.
-
     The same amplitude where none does.
     """
     begun = [float(r.state.x) for r in found.records]
@@ -308,10 +304,9 @@ def largest_releases(found: DecayFit) -> tuple[float, float]:
 
 
 def angle_within_reach(found: DecayFit, error: float) -> float | None:
-    """Angle, rad, at which the restoring moment vanishes to the other side, if a release may come there.
-
-    Its motion is forecast with an error of this share. None where it does not come that far, or the record does not
-    show the moment there.
+    """Angle, rad, at which the restoring moment vanishes to the other side, if a release may come there. Its motion is
+    forecast with an error of this share. None where it does not come that far, or the record does not show the moment
+    there.
     """
     _, opposite = largest_releases(found)
     limit = vanishing_angle(found.model, opposite)
@@ -341,9 +336,8 @@ def posterior_errors(found: DecayFit) -> tuple[float, float]:
 
 
 def unexplained_share(found: DecayFit, quantity: str) -> float:
-    """Residual of angle or rate that is not white noise, over the motion; zero where not measured.
-
-    From the products of neighbouring residuals, in which white noise has no part, less what chance leaves.
+    """Residual of angle or rate that is not white noise, over the motion; zero where not measured. From the products of
+    neighbouring residuals, in which white noise has no part, less what chance leaves.
     """
     error = motion = 0.0
     for record in found.records:
@@ -359,9 +353,8 @@ def unexplained_share(found: DecayFit, quantity: str) -> float:
 
 
 def rate_mismatch(motion: AxisMotion, period: float) -> float:
-    """Rms difference of the rate and the angle's slope over a sixth of a period, over the rate; zero without both.
-
-    The contributions of the angle's white noise and of an uncalibrated gyroscope's offset are subtracted.
+    """Rms difference of the rate and the angle's slope over a sixth of a period, over the rate; zero without both. The
+    contributions of the angle's white noise and of an uncalibrated gyroscope's offset are subtracted.
     """
     span = max(1, round(period / 6.0 / motion.sample_interval))
     if motion.angle is None or motion.rate is None or motion.size < 8 * span:

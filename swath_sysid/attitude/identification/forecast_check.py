@@ -102,9 +102,8 @@ def next_step(model: DecayModel, motion: AxisMotion) -> NextStep:
 
 
 def simulation_error(model: DecayModel, state: InitialState, motion: AxisMotion) -> float:
-    """Error of the simulated angle, or rate without an angle, over the standard deviation of the measured one.
-
-    Model at the trim of the record; state at the first sample. Infinite where the motion diverges.
+    """Error of the simulated angle, or rate without an angle, over the standard deviation of the measured one. Model at
+    the trim of the record; state at the first sample. Infinite where the motion diverges.
     """
     angle, rate = simulate(model, state.x + model.trim, state.rate, motion.time)
     return _relative((rate if motion.angle is None else angle) - motion.primary, motion.primary)
@@ -113,9 +112,8 @@ def simulation_error(model: DecayModel, state: InitialState, motion: AxisMotion)
 def forecast_errors(
     model: DecayModel, motion: AxisMotion, period: float, leads: Sequence[float] = LEADS
 ) -> tuple[float, ...]:
-    """Error at each lead, in periods, of forecasts started along a record, over the motion's standard deviation.
-
-    NaN where the record is too short for ten starts, infinite where the model diverges; the period is in s.
+    """Error at each lead, in periods, of forecasts started along a record, over the motion's standard deviation. NaN
+    where the record is too short for ten starts, infinite where the model diverges; the period is in s.
     """
     angle, rate, first = measured_states(motion, period)
     step = period / STEPS_PER_PERIOD

@@ -43,22 +43,20 @@ class FittedHull:
 
 
 def suits_likelihood(problem: Problem, equation: Equation) -> bool:
-    """Whether coefficients come from the likelihood of a basin that moves: with angle and rate in each record.
-
-    The likelihood takes the two to differ by noise and a bias only, and so separates the craft's motion from the
-    sensor's. An angle alone mostly comes filtered or rounded, from optical tracking, and is trusted far beyond what it
-    is worth; dry friction is not smooth enough for the filter.
+    """Whether coefficients come from the likelihood of a basin that moves: with angle and rate in each record. The
+    likelihood takes the two to differ by noise and a bias only, and so separates the craft's motion from the sensor's.
+    An angle alone mostly comes filtered or rounded, from optical tracking, and is trusted far beyond what it is worth;
+    dry friction is not smooth enough for the filter.
     """
     both = all(m.angle is not None and m.rate is not None for m in problem.motions)
     return both and 'b0' not in equation.terms
 
 
 class ResidualPosterior(LogPosterior):
-    """Negative log posterior of an equation's dimensionless ratios and the initial states of records.
-
-    Parameters are those of `MotionFit.pack`. The noise is that of the residuals at parameters ``about``, of which N are
-    equivalent to n independent ones and weighted by n / N. States have the prior of a linear term: rates alone say
-    nothing of the trim.
+    """Negative log posterior of an equation's dimensionless ratios and the initial states of records. Parameters are
+    those of `MotionFit.pack`. The noise is that of the residuals at parameters ``about``, of which N are equivalent to
+    n independent ones and weighted by n / N. States have the prior of a linear term: rates alone say nothing of the
+    trim.
     """
 
     def __init__(self, problem: Problem, equation: Equation, about: np.ndarray) -> None:
@@ -81,10 +79,9 @@ class ResidualPosterior(LogPosterior):
             yield 0.5 * float(e @ e) / self._variance, slopes.T @ e / self._variance, slopes.T @ slopes / self._variance
 
     def spread(self, fit: MotionFit, optimum: Evaluation, known: np.ndarray) -> np.ndarray:
-        """Covariance (k, k) of the ``known`` parameters, mask (p,), about an optimum: those of ``fit``.
-
-        The estimate lies between the least-squares estimate, which has its own covariance under correlated noise, and
-        the prior: the mean square of its error is that of both, each by its share.
+        """Covariance (k, k) of the ``known`` parameters, mask (p,), about an optimum: those of ``fit``. The estimate
+        lies between the least-squares estimate, which has its own covariance under correlated noise, and the prior: the
+        mean square of its error is that of both, each by its share.
         """
         inverse, weight = np.linalg.inv(optimum.information[np.ix_(known, known)]), np.diag(self._weight[known])
         share = np.eye(len(inverse)) - inverse @ weight
@@ -123,9 +120,8 @@ def absent_by_residuals(
 def basin_fit(
     problem: Problem, equation: Equation, ratios: np.ndarray, states: Sequence[InitialState]
 ) -> BasinFit | AbsentTerm | None:
-    """The likelihood's optimum, started from ratios (9,) and states, or the term whose absence it shows.
-
-    The equation has no dry friction. None where the motion diverges.
+    """The likelihood's optimum, started from ratios (9,) and states, or the term whose absence it shows. The equation
+    has no dry friction. None where the motion diverges.
     """
     likelihood, added = BasinLikelihood(problem, equation), lacking(equation, SMOOTH_TERMS)
     optima, absent = likelihood.minimise(likelihood.starts(ratios, states)), None

@@ -130,10 +130,9 @@ def refit_from(
 
 
 def refined_in_basin(found: Identification) -> Identification:
-    """A least-squares identification refined, where it suits, by the likelihood that includes the basin's motion.
-
-    Least squares stays where the equation lacks a term, whose effect the likelihood would attribute to basin motion,
-    and where the simulated motion diverges.
+    """A least-squares identification refined, where it suits, by the likelihood that includes the basin's motion. Least
+    squares stays where the equation lacks a term, whose effect the likelihood would attribute to basin motion, and
+    where the simulated motion diverges.
     """
     problem, equation, start = found.problem, found.model.equation, (found.model.ratios, found.states)
     if found.objective == 'one-step':

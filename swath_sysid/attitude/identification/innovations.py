@@ -72,10 +72,9 @@ class Filters(NamedTuple):
 def disturbance(
     frequency: np.ndarray, damping: np.ndarray, spread: np.ndarray, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Exact transition over a step, s, and covariance for unit variance of d, each (B, 6, 6).
-
-    Of d, its slope and the same of its drives. Frequency in rad/s, damping over critical, spread of the resonators' log
-    frequencies, each (B,). The covariance solves Lyapunov's equation.
+    """Exact transition over a step, s, and covariance for unit variance of d, each (B, 6, 6). Of d, its slope and the
+    same of its drives. Frequency in rad/s, damping over critical, spread of the resonators' log frequencies, each (B,).
+    The covariance solves Lyapunov's equation.
     """
     from scipy.linalg import expm
 
@@ -209,18 +208,14 @@ def run_each(hulls: Hulls, record: BlockedRecord, filters: Filters) -> None:
         mean, covariance = f.mean[:, b].copy(), f.covariance[:, :, b].copy()
         transition, driven = f.transition[:, :, b].copy(), f.driven[:, :, b].copy()
         readings = f.noise[:, :, b], f.innovation[:, :, b], f.variance[:, :, b]
-        run_filter(
-            Hulls(column(hulls.ratios, b), hulls.active, hulls.friction_rate),
-            record,
-            Filters(mean, covariance, transition, driven, *readings),
-        )
+        hull = Hulls(column(hulls.ratios, b), hulls.active, hulls.friction_rate)
+        run_filter(hull, record, Filters(mean, covariance, transition, driven, *readings))
 
 
 def innovations(
     hulls: Hulls, basin: np.ndarray, initial: np.ndarray, bias_std: float, floor: np.ndarray, record: BlockedRecord
 ) -> np.ndarray:
     """Innovations and their variances under B sets of parameters, (2, N, 2, B); zero and one where nothing was read.
-
     Ratios (9, B); basin (11, B) in the order of ``LEVEL`` to ``DRIFT``; initial angle from trim, rate and trim (3, B);
     ``floor`` (2,): std of a block's mean that no model explains. Filters run one after the other if compiled, else all
     at once: numpy takes as long for 20 as for 2.

@@ -84,9 +84,8 @@ def checked_trial(table: MotionTable) -> Trial:
 
 
 def decays_in(table: MotionTable, trial: Trial, axis: str, source: dict) -> tuple[LiveDecay, ...]:
-    """The decays to be fitted in a window.
-
-    Raises `InputError` where angle and rate contradict each other, or neither was measured.
+    """The decays to be fitted in a window. Raises `InputError` where angle and rate contradict each other, or neither
+    was measured.
     """
     refuse_contradictions(trial, axis)
     motion = trial.axis(axis)

@@ -45,10 +45,8 @@ class Evaluation:
 
 
 class LogPosterior(ABC):
-    """A negative log posterior whose first parameters are the dimensionless ratios of an equation's terms.
-
-    The prior is Gaussian, with ``mean`` and ``std`` (p,); ``bounded`` are those of the first parameters that are not
-    negative.
+    """A negative log posterior whose first parameters are the dimensionless ratios of an equation's terms. The prior is
+    Gaussian, with ``mean`` and ``std`` (p,); ``bounded`` are those of the first parameters that are not negative.
     """
 
     def __init__(self, equation: Equation, mean: np.ndarray, std: np.ndarray, bounded: Sequence[bool] = ()) -> None:
@@ -80,11 +78,10 @@ class LogPosterior(ABC):
         return np.isfinite(point.cost)
 
     def minimise(self, starts: Sequence[np.ndarray]) -> list[Evaluation]:
-        """The optima found from some parameters (p,), side by side, the most likely first.
-
-        A search ends where it comes to an optimum that another has found. Empty where the motion runs away from each
-        start. Without those whose upright position is unstable, if there are others: a craft at rest some way from a
-        position that throws it off oscillates as likely.
+        """The optima found from some parameters (p,), side by side, the most likely first. A search ends where it comes
+        to an optimum that another has found. Empty where the motion runs away from each start. Without those whose
+        upright position is unstable, if there are others: a craft at rest some way from a position that throws it off
+        oscillates as likely.
         """
         nothing = np.zeros(self.lowest.size, dtype=bool)
         optima = self.search_each(starts, [nothing] * len(starts), self._is_at)
@@ -97,10 +94,9 @@ class LogPosterior(ABC):
         held: Sequence[np.ndarray],
         is_at: Callable[[Evaluation, Evaluation], bool] = lambda point, optimum: False,
     ) -> list[Evaluation]:
-        """The optimum found from each start (p,), by searches that share the passes of what is evaluated.
-
-        ``held`` are masks (p,) of the parameters that stay as each search starts. A search that ``is_at`` the optimum
-        of another is left out.
+        """The optimum found from each start (p,), by searches that share the passes of what is evaluated. ``held`` are
+        masks (p,) of the parameters that stay as each search starts. A search that ``is_at`` the optimum of another is
+        left out.
         """
         searches = [
             scoring(np.clip(z, self.lowest, np.inf), np.where(stays, z, self.lowest), np.where(stays, z, np.inf))
@@ -130,9 +126,8 @@ class LogPosterior(ABC):
 
 
 def scoring(z: np.ndarray, low: np.ndarray, high: np.ndarray) -> Generator[np.ndarray, Evaluation, Evaluation]:
-    """Fisher's scoring with Levenberg's damping, within bounds: yields points, is sent the `Evaluation` of each.
-
-    Near the optimum it learns from the gradients what of the curvature is not expected of the model but of this record
+    """Fisher's scoring with Levenberg's damping, within bounds: yields points, is sent the `Evaluation` of each. Near
+    the optimum it learns from the gradients what of the curvature is not expected of the model but of this record
     (Dennis, Gay and Welsch 1981): without that its steps overshoot there, and it ends slowly. Begins at ``z`` (p,) and
     returns the best.
     """
@@ -222,7 +217,6 @@ class Pruned:
 
 def weak_prior(equation: Equation, decayed_to: float) -> np.ndarray:
     """Standard deviations (n,) of the dimensionless ratios of an equation's terms before the record is seen.
-
     ``decayed_to`` is the smallest amplitude seen over the largest. Critical damping makes twice the restoring moment.
     """
     special = {'b0': decayed_to, 'b1': LINEAR_PRIOR, 'r1': LINEAR_PRIOR}

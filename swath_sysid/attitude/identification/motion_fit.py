@@ -41,10 +41,8 @@ class InitialState:
 
 
 class MotionFit:
-    """Residuals, Jacobian and least-squares refinement of an equation on records.
-
-    Simulated with ``steps_per_period`` Runge-Kutta steps per period of ``scales.frequency``; ``friction_rate`` in
-    rad/s.
+    """Residuals, Jacobian and least-squares refinement of an equation on records. Simulated with ``steps_per_period``
+    Runge-Kutta steps per period of ``scales.frequency``; ``friction_rate`` in rad/s.
     """
 
     def __init__(
@@ -97,9 +95,8 @@ class MotionFit:
         return np.where(np.isfinite(values), values, np.inf)
 
     def residuals_and_jacobian(self, parameters: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Weighted residuals (N_k,) per record and channel, angle before rate, and Jacobians (N_k, n + 3 M).
-
-        By forward differences in one simulation, at dimensionless parameters (n + 3 M,) of `pack`.
+        """Weighted residuals (N_k,) per record and channel, angle before rate, and Jacobians (N_k, n + 3 M). By forward
+        differences in one simulation, at dimensionless parameters (n + 3 M,) of `pack`.
         """
         n, records = len(self._terms), len(self._motions)
         copies = n + 3
@@ -133,9 +130,8 @@ class MotionFit:
     def refine(
         self, parameters: np.ndarray, lower: np.ndarray, upper: np.ndarray, tolerance: float = TOLERANCE
     ) -> tuple[np.ndarray, float]:
-        """Least-squares parameters (n + 3 M,) and the rms of their weighted residuals.
-
-        Bounds (n,) are of the dimensionless ratios; states are free. ``tolerance`` is relative.
+        """Least-squares parameters (n + 3 M,) and the rms of their weighted residuals. Bounds (n,) are of the
+        dimensionless ratios; states are free. ``tolerance`` is relative.
         """
         free = np.full(parameters.size - len(self._terms), np.inf)
         bounds = (np.concatenate([lower, -free]), np.concatenate([upper, free]))
@@ -175,9 +171,8 @@ class MotionFit:
         return self.refine_states(parameters) if np.isfinite(simulated).all() else None
 
     def _least_squares(self, parameters: np.ndarray, chosen: np.ndarray, bounds: tuple, tolerance: float):
-        """scipy's least squares over the chosen parameters; one simulation gives residuals and Jacobian.
-
-        From where the motion runs away there is no step: the start is returned, at an infinite cost.
+        """scipy's least squares over the chosen parameters; one simulation gives residuals and Jacobian. From where the
+        motion runs away there is no step: the start is returned, at an infinite cost.
         """
         held = {}
 

@@ -60,9 +60,8 @@ class Peaks:
 
 
 def measured_peaks(motion: AxisMotion, period: float) -> Peaks:
-    """Turning points of a decay of the given period, s, each from a parabola through the samples around it.
-
-    Where no angle was measured the angle is the integral of the rate.
+    """Turning points of a decay of the given period, s, each from a parabola through the samples around it. Where no
+    angle was measured the angle is the integral of the rate.
     """
     angle, _ = with_angle_and_rate(motion)
     rough = find_turning_points(motion, period)

@@ -59,9 +59,8 @@ class Problem:
 
     @property
     def own_motion(self) -> list[np.ndarray]:
-        """Autocorrelation (N_k,) of the motion after a disturbance, for each record and channel: the craft's decay.
-
-        It is taken to fall to 1/e within the record at least: a record shows nothing that lasts longer.
+        """Autocorrelation (N_k,) of the motion after a disturbance, for each record and channel: the craft's decay. It
+        is taken to fall to 1/e within the record at least: a record shows nothing that lasts longer.
         """
         found = []
         for motion, segment in zip(self.motions, self.segments, strict=True):
@@ -92,9 +91,8 @@ class Problem:
 
 
 def prepare(motions: Sequence[AxisMotion], start: float | None = None, end: float | None = None) -> Problem:
-    """Find the free decays of one axis, unless bounded by ``start`` and ``end``, s, and first estimates.
-
-    Raises `InputError` without a record, with different axes, or without a free decay in a record.
+    """Find the free decays of one axis, unless bounded by ``start`` and ``end``, s, and first estimates. Raises
+    `InputError` without a record, with different axes, or without a free decay in a record.
     """
     return _joint_problem(motions, [decays_or_absence(m, start, end) for m in motions])
 
@@ -231,7 +229,6 @@ def _initial_state(motion: AxisMotion, segment: DecaySegment, noise: Noise):
 
 def _frequency(motion: AxisMotion, segment: DecaySegment):
     """Natural frequency to scale by, rad/s: of the oscillation or, with few cycles, of the first return to the trim.
-
     The return obeys the integrated linear equation, rate = -b1 angle - r1 (integral of the angle) + a + b t, which is
     free of gyro bias and trim; later oscillations of a strongly damped craft are mostly the basin's.
     """
@@ -274,11 +271,10 @@ def motion_fit(
 
 
 def residual_covariance(problem: Problem, fit: MotionFit, parameters: np.ndarray) -> ParameterCovariance:
-    """Covariance of least-squares parameters, dimensionless, by the residuals they leave.
-
-    A disturbance makes the craft oscillate at its natural frequency for as long as its decay lasts. The fit absorbs
-    most of this motion, so the residuals alone understate it. Where angle and rate were measured, the
-    likelihood of a basin that moves allows for it.
+    """Covariance of least-squares parameters, dimensionless, by the residuals they leave. A disturbance makes the craft
+    oscillate at its natural frequency for as long as its decay lasts. The fit absorbs most of this motion, so the
+    residuals alone understate it. Where angle and rate were measured, the likelihood of a basin that moves allows for
+    it.
     """
     found = fit.residuals_and_jacobian(parameters)
     if all(m.angle is not None and m.rate is not None for m in problem.motions):

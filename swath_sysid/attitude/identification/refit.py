@@ -69,7 +69,6 @@ def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayM
 
 def has_changed(problem: Problem, before: DecayModel, of_new: Identification, new: Sequence[int]) -> bool:
     """Whether new decays contradict the others by more than matters; ``new`` are their places in the problem.
-
     ``before`` is fitted to the others, ``of_new`` to the new ones. One hull for all against one for each part: the sums
     of squares differ by a chi-squared variable (Wilks 1938). The excess matters where it exceeds the new fit's motion
     error.
@@ -100,9 +99,8 @@ def _measured(problem: Problem) -> list[np.ndarray]:
 
 
 def explains_better(found: Identification, held: DecayModel) -> bool:
-    """Whether a fit explains its decays better than a model fitted to others, beyond chance.
-
-    Twice the variable of `has_changed`, because both are uncertain.
+    """Whether a fit explains its decays better than a model fitted to others, beyond chance. Twice the variable of
+    `has_changed`, because both are uncertain.
     """
     terms = len(found.model.equation.terms)
     excess = 2.0 * float(chdtri(terms, CHANCE)) / found.effective_samples
@@ -116,10 +114,9 @@ def motion_error(model: IdentifiedModel) -> float:
 
 
 def reason_to_keep(current: IdentifiedModel | None, new: IdentifiedModel, is_contradicted: bool) -> str:
-    """Why a model of free decays does not replace the current one; empty where it does.
-
-    A rejected model replaces nothing, and none replaces a better verdict. Among equals a contradiction of the current
-    model decides, otherwise the smaller motion error.
+    """Why a model of free decays does not replace the current one; empty where it does. A rejected model replaces
+    nothing, and none replaces a better verdict. Among equals a contradiction of the current model decides, otherwise
+    the smaller motion error.
     """
     level = new.metrics['verdict']
     if level == REJECTED or not np.isfinite(new.model.natural_period):
@@ -224,9 +221,8 @@ class RefitOutcome:
 def refit(
     request: RefitRequest, *, progress: Progress | None = None, should_cancel: ShouldCancel | None = None
 ) -> RefitOutcome:
-    """Fit the decays held and those of the windows, and compare with the current models.
-
-    What cannot be fitted is reported in its verdict. Raises `InputError` for an empty window, and `Cancelled`.
+    """Fit the decays held and those of the windows, and compare with the current models. What cannot be fitted is
+    reported in its verdict. Raises `InputError` for an empty window, and `Cancelled`.
     """
     trials = [checked_trial(table) for table in request.windows]
     noticed = {table.noticed.axis for table in request.windows if table.noticed is not None}

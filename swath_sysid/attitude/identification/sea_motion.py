@@ -59,10 +59,8 @@ class SeaMotion:
 
 @dataclass(frozen=True)
 class TermSpectra:
-    """Cross spectra of `TERMS`, averaged over bands.
-
-    Nonlinear terms are orthogonal to their linear part in a Gaussian motion (x, w of standard deviations s, q): |w| w /
-    q - sqrt(8 / pi) w, x^2 / s, x^3 / s^2 - 3 x.
+    """Cross spectra of `TERMS`, averaged over bands. Nonlinear terms are orthogonal to their linear part in a Gaussian
+    motion (x, w of standard deviations s, q): |w| w / q - sqrt(8 / pi) w, x^2 / s, x^3 / s^2 - 3 x.
     """
 
     frequency: np.ndarray  #: (B,); rad/s.
@@ -97,9 +95,8 @@ def heave_of(trial: Trial) -> Heave | None:
 
 
 def sea_motion(motion: AxisMotion) -> SeaMotion:
-    """Angle, rate and acceleration of the longest stretch without a pause.
-
-    Raises `InputError` where the axis does not move, or is sampled too slowly for its motion.
+    """Angle, rate and acceleration of the longest stretch without a pause. Raises `InputError` where the axis does not
+    move, or is sampled too slowly for its motion.
     """
     piece = motion if motion.size < 64 else max(split_at_pauses(motion), key=lambda part: part.duration)
     if piece.size < 64:
@@ -244,10 +241,9 @@ def term_spectra(sea: SeaMotion) -> TermSpectra:
 
 
 def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) -> np.ndarray | None:
-    """Spectrum of the vertical acceleration at the bands of a motion, shape (B,), (m/s^2)^2 s.
-
-    In deep water that of the wave slope times g^2, for a craft that follows the waves. None where heave is not clear of
-    its noise wherever the axis moves.
+    """Spectrum of the vertical acceleration at the bands of a motion, shape (B,), (m/s^2)^2 s. In deep water that of
+    the wave slope times g^2, for a craft that follows the waves. None where heave is not clear of its noise wherever
+    the axis moves.
     """
     if heave is None:
         return None

@@ -56,9 +56,8 @@ def dimensionless_space(equation: Equation) -> SearchSpace:
 
 
 def published_space(equation: Equation, preset: Preset, scales: Scales) -> SearchSpace:
-    """The published variables I', N, W, x, C1, C2, C3, in the published ranges, the inertia included.
-
-    Raises `InputError` for an equation with a term that no paper has, such as friction.
+    """The published variables I', N, W, x, C1, C2, C3, in the published ranges, the inertia included. Raises
+    `InputError` for an equation with a term that no paper has, such as friction.
     """
     terms = [TERMS[name] for name in equation.terms]
     unknown = [term.word for term in terms if not term.symbol]
@@ -143,10 +142,9 @@ def run_search(
     progress: Progress | None = None,
     should_cancel: ShouldCancel | None = None,
 ) -> SearchResult:
-    """Minimise an objective, dimensionless ratios (P, terms) to values (P,), over a space.
-
-    ``first`` (k, n) are candidates to start with. ``progress`` gets the share of the budget spent and ``should_cancel``
-    is asked after each generation; raises `Cancelled`.
+    """Minimise an objective, dimensionless ratios (P, terms) to values (P,), over a space. ``first`` (k, n) are
+    candidates to start with. ``progress`` gets the share of the budget spent and ``should_cancel`` is asked after each
+    generation; raises `Cancelled`.
     """
     budget = settings.budget
     search = OPTIMISERS[settings.algorithm](space.lower, space.upper, budget, settings.seed, first)

@@ -58,11 +58,9 @@ def compare(
     jobs: int = 1,
     progress: Callable[[int, str], None] | None = None,
 ) -> Comparison:
-    """Fit equations, at least one and none twice, on the same records and rank them, with ``jobs`` processes.
-
-    A model that contains another never ends with a worse objective: it is refined again from the smaller model's
-    optimum. ``progress`` gets the number done and the last name. Raises `InputError` without an equation, or with one
-    twice.
+    """Fit equations, at least one and none twice, on the same records and rank them, with ``jobs`` processes. A model
+    that contains another never ends with a worse objective: it is refined again from the smaller model's optimum.
+    ``progress`` gets the number done and the last name. Raises `InputError` without an equation, or with one twice.
     """
     names = [e.name for e in equations]
     if not names or len(set(names)) < len(names):
@@ -95,7 +93,6 @@ def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Compariso
 
 def simplest_adequate(ranked: Sequence[Ranked], criterion: str = 'criterion') -> tuple[Ranked, str]:
     """The equation with the fewest terms that criterion and held-out motion do not exclude, and the reason, a sentence.
-
     Ranked best first, each with ``name``, ``term_count``, ``criterion`` and ``held_out``; ``criterion`` is its name.
     """
     likely = [r for r in ranked if r.criterion <= ranked[0].criterion + CRITERION_MARGIN]

@@ -67,9 +67,8 @@ def _is_unit(x: Value, y: Value, z: Value, w: Value) -> Value:
 
 
 def euler_angles(x: Value, y: Value, z: Value, w: Value) -> tuple[Value, Value, Value]:
-    """Roll, pitch and yaw of a quaternion, NaN where it is invalid; roll is zero where the x axis is vertical.
-
-    [1], section 2.2.2, but with pitch by arctangent, which stays accurate near the vertical and needs no unit norm.
+    """Roll, pitch and yaw of a quaternion, NaN where it is invalid; roll is zero where the x axis is vertical. [1],
+    section 2.2.2, but with pitch by arctangent, which stays accurate near the vertical and needs no unit norm.
     """
     if type(x) is type(y) is type(z) is type(w) is float:
         return _euler_angles(_Floats, x, y, z, w) if _is_unit(x, y, z, w) else (math.nan, math.nan, math.nan)
@@ -145,10 +144,8 @@ def swap_body_axes(x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
 
 
 def swap_frames(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
-    """An orientation from FRD in NED to FLU in ENU (REP-103), or back.
-
-    The product ``n q f`` with ``n = (1, 1, 0, 0) / sqrt(2)`` and ``f = (1, 0, 0, 0)``. Roll stays, pitch changes its
-    sign, yaw becomes pi/2 - yaw.
+    """An orientation from FRD in NED to FLU in ENU (REP-103), or back. The product ``n q f`` with ``n = (1, 1, 0, 0) /
+    sqrt(2)`` and ``f = (1, 0, 0, 0)``. Roll stays, pitch changes its sign, yaw becomes pi/2 - yaw.
     """
     half = math.sqrt(0.5)
     return half * (x + y), half * (x - y), half * (w - z), half * (w + z)

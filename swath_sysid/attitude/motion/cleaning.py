@@ -27,10 +27,9 @@ Channels = dict[str, np.ndarray]
 def clean(
     time: np.ndarray, channels: Channels, source: str = 'the record'
 ) -> tuple[np.ndarray, Channels, tuple[Advice, ...]]:
-    """Clean a record, time (N,) in s and channels (N,) in SI units: increasing stamps, NaN for missing values.
-
-    The longest increasing sequence of stamps is kept. Rows that share rounded stamps are spread evenly, impossible
-    values (`limit_of`) become NaN, channels without a finite value are left out; gaps are only reported.
+    """Clean a record, time (N,) in s and channels (N,) in SI units: increasing stamps, NaN for missing values. The
+    longest increasing sequence of stamps is kept. Rows that share rounded stamps are spread evenly, impossible values
+    (`limit_of`) become NaN, channels without a finite value are left out; gaps are only reported.
     """
     time = np.asarray(time, dtype=float)
     channels = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
@@ -114,9 +113,8 @@ def _copies(rows: np.ndarray, repeats: np.ndarray, channels: Channels) -> np.nda
 
 
 def _spread_evenly(time: np.ndarray) -> tuple[np.ndarray | None, float]:
-    """Even stamps of which those given are roundings, or None, and the step of the rounding, s.
-
-    Between gaps the rows are placed on a least-squares line, which must be within one step of every stamp.
+    """Even stamps of which those given are roundings, or None, and the step of the rounding, s. Between gaps the rows
+    are placed on a least-squares line, which must be within one step of every stamp.
     """
     steps = np.diff(time)
     if np.any(steps < 0.0) or not np.any(steps > 0.0):
@@ -225,7 +223,6 @@ def assemble_trial(
     advice: Sequence[Advice] = (),
 ) -> Trial:
     """A trial from the readings of a sensor, (N,) each, in SI units: cleaned, in the craft's axes, with Euler rates.
-
     Readings are any of ``roll``, ``pitch``, ``yaw`` or ``quaternion_x`` ... ``_w``; ``heading``, clockwise from north;
     Euler rates ``roll_rate`` ... or body rates ``gyro_x`` ...; specific force ``accel_x`` ...; ``heave`` along the
     frame's vertical.

@@ -81,10 +81,9 @@ def _saturation(motion: AxisMotion, period: float) -> Iterator[Advice]:
 
 
 def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
-    """Count the half-cycles cut off at the largest or smallest value, and the largest magnitude of these levels.
-
-    In a clipped half-cycle up to ``longest`` samples equal the extreme and the sample before was moving by more than
-    three steps of the resolution.
+    """Count the half-cycles cut off at the largest or smallest value, and the largest magnitude of these levels. In a
+    clipped half-cycle up to ``longest`` samples equal the extreme and the sample before was moving by more than three
+    steps of the resolution.
     """
     count, level = 0, 0.0
     fast = 3.0 * quantum(value)

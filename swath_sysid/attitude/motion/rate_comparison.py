@@ -59,11 +59,10 @@ def agreement(slopes: Iterable[Slope], arrangement: np.ndarray) -> float:
 
 
 def compare_rates(step: float, angles: np.ndarray, rates: np.ndarray) -> tuple[Slope, ...]:
-    """Compare rates (N, 3) with the slopes of roll and pitch (N, 2) at even steps, s; a column of NaN is unknown.
-
-    Angle differences are compared with mean rates over the same steps, both limited to the band of the angle's power,
-    so that noise is not amplified. Gain, delay and its deviation are those of the cross-spectrum: J. S. Bendat, A. G.
-    Piersol, Random Data, 4th edition, Wiley, 2010, chapters 5 and 6.
+    """Compare rates (N, 3) with the slopes of roll and pitch (N, 2) at even steps, s; a column of NaN is unknown. Angle
+    differences are compared with mean rates over the same steps, both limited to the band of the angle's power, so that
+    noise is not amplified. Gain, delay and its deviation are those of the cross-spectrum: J. S. Bendat, A. G. Piersol,
+    Random Data, 4th edition, Wiley, 2010, chapters 5 and 6.
     """
     differences, means = np.diff(angles, axis=0) / step, 0.5 * (rates[1:] + rates[:-1])
     known = np.isfinite(differences).all(axis=0) & np.isfinite(means[:, :2]).all(axis=0)

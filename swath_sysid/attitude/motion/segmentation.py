@@ -94,9 +94,8 @@ def _is_ended_by_the_next(segment: DecaySegment, others: Sequence[DecaySegment])
 
 
 def find_decay(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment:
-    """Find the best free decay of a record, or measure the one between given bounds, s of record time.
-
-    A missing bound is found: the end of the first decay after ``start``, the start of the last before ``end``.
+    """Find the best free decay of a record, or measure the one between given bounds, s of record time. A missing bound
+    is found: the end of the first decay after ``start``, the start of the last before ``end``.
     """
     found = decays_or_absence(motion, start, end)
     if isinstance(found, Advice):
@@ -253,7 +252,6 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
 
 def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float, held: float) -> float:
     """The expected time, s, between two, at which a craft was let go, given its natural period, s, and the angle held.
-
     Until then a polynomial of a hand's size follows the motion, from then on one of the hull's with the same value and
     slope. Each time tried has the likelihood of that Gaussian process, the mean over all sizes: C. E. Rasmussen, C. K.
     I. Williams, Gaussian Processes for Machine Learning, MIT Press, 2006, section 2.7.
@@ -288,9 +286,8 @@ def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float,
 
 
 def _log_evidence(normal: np.ndarray, common: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Log evidence of T linear models with unit noise, up to a common constant, shape (T,).
-
-    From their normal matrices (T, n, n) and right-hand sides (T, n); coefficients are zero within ``scale`` (n,).
+    """Log evidence of T linear models with unit noise, up to a common constant, shape (T,). From their normal matrices
+    (T, n, n) and right-hand sides (T, n); coefficients are zero within ``scale`` (n,).
     """
     scaled = np.eye(scale.size) + scale[:, None] * normal * scale
     explained = np.linalg.solve(scaled, (scale * common)[:, :, None])[:, :, 0]
@@ -362,9 +359,8 @@ def _measured(motion: AxisMotion, start: float, end: float) -> DecaySegment:
 
 
 def _period_of_relaxation(signal: EvenSignal, centre: float) -> float:
-    """Natural period guessed from a motion that turns at most once, s.
-
-    A critically damped hull returns to 10 % of its angle in 0.62 periods: (1 + w0 t) exp(-w0 t) = 0.1 at w0 t = 3.89.
+    """Natural period guessed from a motion that turns at most once, s. A critically damped hull returns to 10 % of its
+    angle in 0.62 periods: (1 + w0 t) exp(-w0 t) = 0.1 at w0 t = 3.89.
     """
     away = np.abs(signal.value - centre)
     far = np.flatnonzero(away > 0.1 * away.max())

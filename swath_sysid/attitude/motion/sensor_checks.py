@@ -24,10 +24,9 @@ from swath_sysid.attitude.motion.rate_comparison import (
     is_near,
 )
 from swath_sysid.attitude.motion.trial import AXES, Trial
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.advice import SENTENCES, Advice
 from swath_sysid.common.conventions import SIGNIFICANT
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.sentences import SENTENCES
 
 WINDOW = 30.0  #: s over which the accelerations of waves average out.
 #: Bins of a window of a sensor so slow that `WINDOW` holds fewer; samples of a fast one are averaged to twice as many.
@@ -109,9 +108,8 @@ def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
 def contradictions_in(
     time: np.ndarray, channels: dict[str, np.ndarray], installation: Installation
 ) -> tuple[Contradiction, ...]:
-    """Faults of the sensor in a whole record: channels (N,) by name, as the installation makes them.
-
-    A contradiction must show in most stretches that can show it; a frozen sensor, in any.
+    """Faults of the sensor in a whole record: channels (N,) by name, as the installation makes them. A contradiction
+    must show in most stretches that can show it; a frozen sensor, in any.
     """
     if time.size < MIN_BINS:
         return ()
@@ -146,7 +144,6 @@ def judge(
     interval: float,
 ) -> Judgement:
     """Judge one stretch of data: roll, pitch and yaw, rad, their rates, rad/s, and specific force, m/s^2, each (N, 3).
-
     All are in the axes of the craft as the installation makes them, NaN where unknown; the interval is the sensor's, s.
     """
     repeated = None if time.size < MIN_BINS else _repeats(time, angles, rates, force)

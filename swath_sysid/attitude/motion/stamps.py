@@ -52,10 +52,8 @@ FOLLOWS = Placed(True)
 
 
 class StampOrder:
-    """Orders the stamps of one sensor.
-
-    A stamp that is far back or far ahead is held as suspect until the next one shows whether it was a stray packet or
-    the clock has jumped.
+    """Orders the stamps of one sensor. A stamp that is far back or far ahead is held as suspect until the next one
+    shows whether it was a stray packet or the clock has jumped.
     """
 
     def __init__(self, settings: StampSettings | None = None) -> None:
@@ -170,9 +168,8 @@ def check_time_base(
 
 
 def motion_period(time: np.ndarray, motion: np.ndarray) -> float | None:
-    """Mean period, s, of a motion (N,), by its way up from a standard deviation below the median to one above.
-
-    None with less than a cycle.
+    """Mean period, s, of a motion (N,), by its way up from a standard deviation below the median to one above. None
+    with less than a cycle.
     """
     known = np.isfinite(motion)
     if not known.any():

@@ -107,9 +107,8 @@ def mean_period(points: TurningPoints) -> float:
 
 
 def centre_of_decay(value: np.ndarray) -> float:
-    """Value about which a decay oscillates, from its successive turning points, shape (M,), M >= 1.
-
-    Median, weighted by double amplitude, of Aitken's delta-squared limits of three terms; exact for linear damping.
+    """Value about which a decay oscillates, from its successive turning points, shape (M,), M >= 1. Median, weighted by
+    double amplitude, of Aitken's delta-squared limits of three terms; exact for linear damping.
     """
     value = np.asarray(value, dtype=float)
     if value.size < 3:

@@ -20,9 +20,8 @@ def vertical_acceleration(roll: Value, pitch: Value, specific_force: np.ndarray)
 
 
 def zero_phase_integral(signal: np.ndarray, step: float, times: int, delay: float = 0.0) -> np.ndarray:
-    """A signal (N,) at even steps, s, integrated ``times`` times over `BAND_HZ` without phase error.
-
-    Negative times differentiate; a ``delay`` of the signal, s, is undone. Valid from `EDGE` to `EDGE` before the end.
+    """A signal (N,) at even steps, s, integrated ``times`` times over `BAND_HZ` without phase error. Negative times
+    differentiate; a ``delay`` of the signal, s, is undone. Valid from `EDGE` to `EDGE` before the end.
     """
     size = fft.next_fast_len(signal.size, real=True)
     frequency = fft.rfftfreq(size, step)

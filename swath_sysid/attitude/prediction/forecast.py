@@ -21,7 +21,7 @@ class Forecast:
     stamp_ns: int  #: When issued, by the sensor's clock; entry i is for ``leads[i]`` later.
     leads: np.ndarray  #: (L,); s.
     mean: np.ndarray  #: (L, 4); roll, pitch and their rates, rad and rad/s; NaN for an axis that is not measured.
-    covariance: np.ndarray  #: (L, 4, 4); Of these.
+    covariance: np.ndarray  #: (L, 4, 4); Of these, NaN likewise.
     heading: tuple[float, float] = (0.0, 0.0)  #: Yaw, rad, and yaw rate, rad/s, as last measured: they are held.
     #: Vertical motion at the configured points; empty until it is learnt.
     points: dict[str, PointMotion] = field(default_factory=dict)

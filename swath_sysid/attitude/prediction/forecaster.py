@@ -414,14 +414,14 @@ class Forecaster:
 
     def _ahead(self, stamp_ns: int) -> Forecast:
         """One sample ahead, by the hulls' filters alone."""
-        lead, mean = self._clock.interval, np.full((1, len(ATTITUDE)), math.nan)
-        covariance = np.zeros((1, len(ATTITUDE), len(ATTITUDE)))
+        lead, size = self._clock.interval, len(ATTITUDE)
+        mean, covariance = np.zeros((1, size)), np.zeros((1, size, size))
         for place, axis in enumerate(self._axes.values()):
             of_axis = slice(place, None, len(AXES))
             if axis.hull.is_started:
                 mean[0, of_axis], covariance[0, of_axis, of_axis] = axis.hull.ahead(lead)
             else:
-                covariance[0, of_axis] = covariance[0, :, of_axis] = math.nan
+                mean[0, of_axis] = covariance[0, of_axis] = covariance[0, :, of_axis] = math.nan
         return self._issued(Forecast(stamp_ns, np.array([lead]), mean, covariance), {})
 
     def _issued(self, attitude: Forecast, points: dict[str, PointMotion]) -> Forecast:

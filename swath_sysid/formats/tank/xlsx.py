@@ -12,32 +12,23 @@ from typing import Any
 
 import numpy as np
 
+from swath_sysid.formats import text_tables
 from swath_sysid.formats.columns import UNITS
-from swath_sysid.formats.text_tables import (
-    NamedColumns,
-    Progress,
-    Read,
-    check_size,
-    is_date,
-    numbers_of,
-    plain_name,
-    with_unit,
-)
 
 
-def tables(path: str | Path) -> list[NamedColumns]:
+def tables(path: str | Path) -> list[text_tables.NamedColumns]:
     """The sheets that hold numbers under names."""
     from openpyxl import load_workbook
 
     with zipfile.ZipFile(path) as archive:
-        check_size(path, sum(member.file_size for member in archive.infolist()))
+        text_tables.check_size(path, sum(member.file_size for member in archive.infolist()))
     book = load_workbook(path, read_only=True, data_only=True)
     found = [_table(path, sheet) for sheet in book.worksheets]
     book.close()
     return [table for table in found if table is not None]
 
 
-def _table(path: str | Path, sheet: Any) -> NamedColumns | None:
+def _table(path: str | Path, sheet: Any) -> text_tables.NamedColumns | None:
     above: list[tuple] = []
     for row in sheet.iter_rows(values_only=True):
         if sum(map(_is_number, row)) > sum(map(_is_text, row)):
@@ -51,22 +42,24 @@ def _table(path: str | Path, sheet: Any) -> NamedColumns | None:
     names = [str(cell or '') for cell in above[at]]
     # a unit that is not known may belong to a column that is not read; a title has fewer cells
     filled = [sum(bool(cell) for cell in line) for line in (above[at - 1], names)]
-    if at and filled[0] >= filled[1] and any(unit and plain_name(unit) in UNITS for unit in names):
-        names = [with_unit(str(name or ''), unit) for name, unit in zip(above[at - 1], names, strict=False)]
+    if at and filled[0] >= filled[1] and any(unit and text_tables.plain_name(unit) in UNITS for unit in names):
+        names = [text_tables.with_unit(str(name or ''), unit) for name, unit in zip(above[at - 1], names, strict=False)]
     remarks = {}
     for cells in ([cell for cell in line if cell is not None] for line in above[:at]):
         key, colon, value = str(cells[0] if cells else '').lstrip('#% ').partition(':')
         remarks[key.strip().lower()] = value.strip() if colon and value.strip() else str(cells[1]) if cells[1:] else ''
-    dates = frozenset(place for place, cell in enumerate(row) if is_date(cell))
-    return NamedColumns(tuple(names), _reader(path, sheet.title, len(above) + 1), remarks, dates, sheet.title)
+    dates = frozenset(place for place, cell in enumerate(row) if text_tables.is_date(cell))
+    return text_tables.NamedColumns(
+        tuple(names), _reader(path, sheet.title, len(above) + 1), remarks, dates, sheet.title
+    )
 
 
 def _is_number(cell: Any) -> bool:
-    return isinstance(cell, int | float | time | timedelta | datetime) or is_date(cell)
+    return isinstance(cell, int | float | time | timedelta | datetime) or text_tables.is_date(cell)
 
 
 def _is_text(cell: Any) -> bool:
-    return isinstance(cell, str) and not is_date(cell)
+    return isinstance(cell, str) and not text_tables.is_date(cell)
 
 
 def _texts(row: Sequence[Any]) -> bool:
@@ -74,8 +67,8 @@ def _texts(row: Sequence[Any]) -> bool:
     return bool(cells) and all(map(_is_text, cells))
 
 
-def _reader(path: str | Path, title: str, first: int) -> Read:
-    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[()]]:
+def _reader(path: str | Path, title: str, first: int) -> text_tables.Read:
+    def read(places: Sequence[int], progress: text_tables.Progress | None) -> tuple[np.ndarray, tuple[()]]:
         from openpyxl import load_workbook
 
         book = load_workbook(path, read_only=True, data_only=True)
@@ -86,6 +79,8 @@ def _reader(path: str | Path, title: str, first: int) -> Read:
             if progress is not None:
                 progress(min(1.0, count / (book[title].max_row or np.inf)))
         book.close()
-        return np.stack([numbers_of(np.array(column, dtype=object)) for column in zip(*rows, strict=True)]), ()
+        return np.stack(
+            [text_tables.numbers_of(np.array(column, dtype=object)) for column in zip(*rows, strict=True)]
+        ), ()
 
     return read

@@ -17,25 +17,12 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.files import existing
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.manoeuvring.formats.bags import (
-    play_manoeuvres,
-    read_manoeuvring_bag,
-    write_forecasts,
-    write_manoeuvring_bag,
-)
+from swath_sysid.manoeuvring.formats import bags
 from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.manoeuvring.formats.model_file import read_manoeuvring_model, write_manoeuvring_model
+from swath_sysid.manoeuvring.hull import standard_tests
 from swath_sysid.manoeuvring.hull.model import PRESETS, preset
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
-from swath_sysid.manoeuvring.hull.standard_tests import (
-    RECIPE,
-    TESTS,
-    DriveSettings,
-    SensorNoise,
-    run_test,
-    trial_programme,
-    with_noise,
-)
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
@@ -50,7 +37,7 @@ from swath_sysid.report.fit_summary import warnings_as_data
 
 PROGRAMME = 'programme'
 
-SIMULATED = (*TESTS, PROGRAMME)
+SIMULATED = (*standard_tests.TESTS, PROGRAMME)
 #: Fields of ``ManoeuvringSettings`` that are flags.
 FLAGS = ('inertia', 'thrust_per_command', 'length', 'window', 'generations', 'population', 'seed')
 
@@ -85,7 +72,7 @@ def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
 
 def _read(path: str | Path, arguments: Namespace):
     if is_bag(existing(path)):
-        trial = read_manoeuvring_bag(
+        trial = bags.read_manoeuvring_bag(
             path,
             arguments.odometry_topic,
             arguments.imu_topic,
@@ -160,7 +147,7 @@ def _recipe(arguments: Namespace) -> int:
     runs = read_runs(arguments.runs, arguments) if arguments.runs else []
     shares = excitation(runs) if runs else {}
     missing = lacking(shares)
-    recipe = [{'run': name, 'drive': what, 'duration_s': duration} for name, what, duration in RECIPE]
+    recipe = [{'run': name, 'drive': what, 'duration_s': duration} for name, what, duration in standard_tests.RECIPE]
     if runs:
         lines = [
             "Share of each derivative's motion that no other derivative explains, 0 to 1:",
@@ -178,7 +165,7 @@ def _recipe(arguments: Namespace) -> int:
     else:
         lines = [
             'Runs to drive, in calm water, clear of traffic; record thrust, speeds, yaw rate, heading, position:',
-            *(f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE),
+            *(f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in standard_tests.RECIPE),
         ]
     print_result(arguments.json, {'recipe': recipe, 'excitation': shares, 'lacking': missing}, lines)
     return 0
@@ -208,7 +195,7 @@ def _play_through(arguments: Namespace):
     identified = read_manoeuvring_model(arguments.model) if arguments.model else None
     silence = 0.5 if arguments.gap_means_zero else 0.0
     settings = ManoeuvreOutlookSettings(leads=arguments.leads, rate=arguments.rate, stop_after=silence)
-    count = write_forecasts(arguments.output, play_manoeuvres(trial, settings, identified), settings.leads)
+    count = bags.write_forecasts(arguments.output, bags.play_manoeuvres(trial, settings, identified), settings.leads)
     show_advice(summary.condensed(trial.advice))
     print(f'{arguments.output}: {count} forecasts')
     return 0
@@ -232,11 +219,17 @@ def _simulate(arguments: Namespace):
     for option in ('current', 'command'):
         if getattr(arguments, option) is not None:
             raise InputError(f'--{option} is for the programme: standard tests take still water and the model as it is')
-    settings = DriveSettings(arguments.base, arguments.difference, float(np.radians(arguments.angle_deg)))
-    report = run_test(arguments.test, model, settings)
+    settings = standard_tests.DriveSettings(
+        arguments.base, arguments.difference, float(np.radians(arguments.angle_deg))
+    )
+    report = standard_tests.run_test(arguments.test, model, settings)
     if arguments.output:
-        noise = SensorNoise(*arguments.noise) if arguments.noise else SensorNoise(0.0, 0.0, 0.0, 0.0)
-        _write(arguments.output, with_noise(report.manoeuvre, noise, arguments.seed), model)
+        noise = (
+            standard_tests.SensorNoise(*arguments.noise)
+            if arguments.noise
+            else standard_tests.SensorNoise(0.0, 0.0, 0.0, 0.0)
+        )
+        _write(arguments.output, standard_tests.with_noise(report.manoeuvre, noise, arguments.seed), model)
     if arguments.plot:
         save_figure(test_figure(report, model), arguments.plot)
     data = {'test': report.name, 'model': model.name, 'numbers': report.numbers, 'curve': report.curve}
@@ -255,13 +248,13 @@ def _programme(model: Any, arguments: Namespace):
         model = replace(model.with_values(**values), thrust_input=COMMAND, largest_input=1.0)
     if arguments.current is not None:
         model = replace(model, current=tuple(arguments.current))
-    noise = SensorNoise(*arguments.noise) if arguments.noise else SensorNoise()
+    noise = standard_tests.SensorNoise(*arguments.noise) if arguments.noise else standard_tests.SensorNoise()
     folder = Path(arguments.output)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for number, (name, manoeuvre) in enumerate(trial_programme(model).items()):
+    for number, (name, manoeuvre) in enumerate(standard_tests.trial_programme(model).items()):
         path = folder / f'{name}.{arguments.format}'
-        _write(path, with_noise(manoeuvre, noise, 100 * arguments.seed + number), model)
+        _write(path, standard_tests.with_noise(manoeuvre, noise, 100 * arguments.seed + number), model)
         written.append({'file': str(path), 'duration_s': float(manoeuvre.time[-1])})
     lines = [f'{row["file"]}: {row["duration_s"]:.0f} s' for row in written]
     print_result(arguments.json, {'model': model.name, 'runs': written}, lines)
@@ -273,6 +266,6 @@ def _write(path: str | Path, manoeuvre: Manoeuvre, model: Any) -> None:
     if ending == '.csv':
         write_manoeuvring_csv(path, manoeuvre, model)
     elif ending in ('.mcap', '.db3', ''):
-        write_manoeuvring_bag(path, manoeuvre)
+        bags.write_manoeuvring_bag(path, manoeuvre)
     else:
         raise InputError(f"'{path}' is neither .csv nor a bag (.mcap, .db3, or a folder name): choose one of these")

@@ -53,9 +53,8 @@ def read_manoeuvring_bag(
     starboard: str | None = None,
     thrust_input: str | None = None,
 ) -> ManoeuvringTrial:
-    """Read a manoeuvre from a bag folder or a single .mcap or .db3 file; topics may be named where several fit.
-
-    Pose and twist come from nav_msgs/Odometry (pose in ENU, twist in body axes x forward, y to port), yaw rate from
+    """Read a manoeuvre from a bag folder or a single .mcap or .db3 file; topics may be named where several fit. Pose
+    and twist come from nav_msgs/Odometry (pose in ENU, twist in body axes x forward, y to port), yaw rate from
     sensor_msgs/Imu where there is one, thrust from two std_msgs/Float64 (or Float32) topics with left or port, right or
     starboard in their names, or from a sensor_msgs/JointState with two such joints (effort, else velocity). Values
     within -1 and 1 are commands unless ``thrust_input`` is given.

@@ -14,11 +14,9 @@ CURVE = tuple(terms.INDEX[name] for name in _NAMES.split())
 
 
 def thrust_curve(inputs: Numbers | Sequence[float], p: np.ndarray) -> np.ndarray:
-    """Thrust of one thruster, N, under held commands (-1 to 1) or forces (N); parameters ``p`` are (n,).
-
-    ``gain full ((|c| / full - dead_band) / (1 - dead_band))^exponent`` beyond the dead band; ``full`` is 1 for
-    commands, the largest force for forces. Astern ``reverse_ratio`` multiplies it, ``reverse_exponent_ratio`` its
-    exponent.
+    """Thrust of one thruster, N, under held commands (-1 to 1) or forces (N); parameters ``p`` are (n,). ``gain full
+    ((|c| / full - dead_band) / (1 - dead_band))^exponent`` beyond the dead band; ``full`` is 1 for commands, the
+    largest force for forces. Astern ``reverse_ratio`` multiplies it, ``reverse_exponent_ratio`` its exponent.
     """
     inputs = np.asarray(inputs)
     astern = inputs < 0.0

@@ -49,7 +49,6 @@ def information_at(
 
 def values_without_each_part(shooting: Shooting, values: np.ndarray, told: Information) -> np.ndarray:
     """Values fitted without each part, shape (K, n): the share of a Gauss-Newton step that suits the others best.
-
     Regularisation, the demand of stable straight courses, and active bounds stay in force, as otherwise unstable models
     would judge a marginally course-stable hull.
     """
@@ -92,11 +91,9 @@ def helps(costs: np.ndarray, costs_before: np.ndarray) -> bool:
 
 
 def covariance_over_runs(told: Information, matrix: np.ndarray) -> np.ndarray:
-    """A covariance (n, n) with variances of at least the scatter of the runs' shares in the values.
-
-    The scatter is the jackknife (a sandwich over clusters corrected for leverage: Bell and McCaffrey 2002, CR3) where
-    the other runs determine a direction better than the run, else CR2 scaled to meet it: what one run alone determines
-    has no scatter.
+    """A covariance (n, n) with variances of at least the scatter of the runs' shares in the values. The scatter is the
+    jackknife (a sandwich over clusters corrected for leverage: Bell and McCaffrey 2002, CR3) where the other runs
+    determine a direction better than the run, else CR2 scaled to meet it: what one run alone determines has no scatter.
     """
     if len(told.parts) < 2:
         return matrix

@@ -5,18 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid.manoeuvring.hull import terms
 from swath_sysid.manoeuvring.hull.model import PARAMETER_RANGES
-from swath_sysid.manoeuvring.hull.terms import (
-    CROSS,
-    DAMPING,
-    INDEX,
-    INERTIA,
-    OFFSET,
-    PARAMETERS,
-    SENSOR,
-    THRUST,
-    unit_of,
-)
 from swath_sysid.manoeuvring.motion.polarity import USUAL_DEVIATION
 
 RESPONSE = 3.0  #: s, time within which a craft responds to its thrusters.
@@ -31,9 +21,9 @@ _RANGES = {
     'Yv_dot': (-2.0, 0.3, 1.0),
     'Nr_dot': (-3.0, 0.6, 1.0),
     **dict.fromkeys(('Xu', 'Yv', 'Nr'), (-50.0, -0.01, 10.0)),
-    INERTIA: (-0.5, 0.5, 0.2),
-    DAMPING: (-50.0, 0.0, 10.0),
-    **dict.fromkeys((CROSS, OFFSET), (-50.0, 50.0, 10.0)),
+    terms.INERTIA: (-0.5, 0.5, 0.2),
+    terms.DAMPING: (-50.0, 0.0, 10.0),
+    **dict.fromkeys((terms.CROSS, terms.OFFSET), (-50.0, 50.0, 10.0)),
 }
 
 #: The same regularisation of thrusters and sensors, but in their own units.
@@ -55,21 +45,21 @@ class Scales:
 
     def unit(self, name: str) -> float:
         """The size of a parameter that is one in natural units."""
-        parameter = PARAMETERS[INDEX[name]]
+        parameter = terms.PARAMETERS[terms.INDEX[name]]
         if name == 'gain':
             return self.mass * self.speed / RESPONSE
         if name == 'advance':
             return 1.0 / self.speed
         if name.startswith('deviation'):
             return 0.1
-        if parameter.kind in (THRUST, SENSOR):
+        if parameter.kind in (terms.THRUST, terms.SENSOR):
             return 1.0
         motion = {'u': self.speed, 'v': SWAY_SHARE * self.speed, 'r': self.yaw_rate}
-        return unit_of(parameter, self.mass, math.sqrt(self.inertia / self.mass), motion, RESPONSE)
+        return terms.unit_of(parameter, self.mass, math.sqrt(self.inertia / self.mass), motion, RESPONSE)
 
     def limits(self, name: str) -> tuple[float, float, float]:
         """Range of a parameter, and standard deviation of its regularisation; infinite for none."""
-        kind = PARAMETERS[INDEX[name]].kind
+        kind = terms.PARAMETERS[terms.INDEX[name]].kind
         if name not in _RANGES and kind not in _RANGES:
             low, high = PARAMETER_RANGES[name]
             return low, min(high, 0.6 / self.speed) if name == 'advance' else high, _SPREADS.get(name, 2.0)

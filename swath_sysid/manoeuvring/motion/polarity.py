@@ -30,10 +30,9 @@ REMEMBERED = 10.0  #: Half seconds of correlated sway, which count as one sample
 
 
 def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[ManoeuvringTrial]:
-    """The trials with heading and speeds turned by the misalignment of the compass, where it is significant.
-
-    The sway is regressed on its causes: misalignment times speed, deviation times speed and sine and cosine of the
-    course, the current by course, and turns by the yaw rate.
+    """The trials with heading and speeds turned by the misalignment of the compass, where it is significant. The sway
+    is regressed on its causes: misalignment times speed, deviation times speed and sine and cosine of the course, the
+    current by course, and turns by the yaw rate.
     """
     rows = [_sway_by_cause(t) for t in trials]
     usable = [r for r in rows if r is not None]

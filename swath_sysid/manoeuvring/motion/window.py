@@ -18,10 +18,9 @@ NOT_FINITE, LATE, JUMPED_BACK, NO_THRUST = 'not-finite', 'late', 'jumped-back', 
 
 
 class ManoeuvringWindow:
-    """Odometry of the last ``duration`` s with the thrust held at each message.
-
-    The thrust counts as zero ``stop_after`` s after the last thruster message (0: it holds), and a stamp more than
-    ``backward_jump`` s back restarts the window. ``counts`` holds rejected messages by reason.
+    """Odometry of the last ``duration`` s with the thrust held at each message. The thrust counts as zero
+    ``stop_after`` s after the last thruster message (0: it holds), and a stamp more than ``backward_jump`` s back
+    restarts the window. ``counts`` holds rejected messages by reason.
     """
 
     def __init__(self, duration: float = 900.0, stop_after: float = 0.0, backward_jump: float = 1.0):

@@ -17,8 +17,7 @@ from swath_sysid.manoeuvring.formats.model_file import manoeuvring_from_yaml, re
 from swath_sysid.manoeuvring.formats.topics import LEADS, PATH_TOPIC
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.nodes.settings import manoeuvring_pipeline_settings
-from swath_sysid.manoeuvring.prediction.health import ManoeuvringHealth
-from swath_sysid.manoeuvring.prediction.pipeline import NOT_FINITE, ManoeuvreOutlook
+from swath_sysid.manoeuvring.prediction.pipeline import NOT_FINITE, ManoeuvreOutlook, ManoeuvringHealth
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.model_intake import ModelIntake

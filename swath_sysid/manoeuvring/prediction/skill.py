@@ -83,11 +83,9 @@ def score_forecasts(
     truth: Sequence[Run] | None = None,
     held: bool = False,
 ) -> ForecastScores:
-    """Forecast runs once a second as a live filter would have, and compare.
-
-    The ARX learns from ``training``, or the other runs, or the first half of a single one. Inputs are held at their
-    last value unless ``supplied``; ``held`` scores only leads over which they did hold. Errors are against ``truth``
-    where given.
+    """Forecast runs once a second as a live filter would have, and compare. The ARX learns from ``training``, or the
+    other runs, or the first half of a single one. Inputs are held at their last value unless ``supplied``; ``held``
+    scores only leads over which they did hold. Errors are against ``truth`` where given.
     """
     errors, inside = [], []
     for index, run in enumerate(runs):

@@ -6,17 +6,7 @@ import numpy as np
 
 from swath_sysid.common.conventions import digits
 from swath_sysid.manoeuvring.paper.study import ManoeuvringStudy, track_error
-from swath_sysid.report.figures import (
-    LINE_STYLES,
-    MEASURED,
-    MODEL,
-    RESIDUAL,
-    SERIES,
-    legend_below,
-    new_figure,
-    panel,
-    quiet,
-)
+from swath_sysid.report import figures as plots
 from swath_sysid.report.html_page import Drawing, bullets, figures, page, page_style, paragraph, table_as_html
 from swath_sysid.report.published import BY_CONSTRUCTION, PARTICULARS, citation, verdict_mark
 from swath_sysid.report.tables import Column, Table, columns_of
@@ -140,27 +130,27 @@ def _derivatives(study: ManoeuvringStudy):
 
 def _models(study: ManoeuvringStudy, run: str):
     return [
-        (study.runs[run][1], 'simulated run, with noise', dict(color=MEASURED, linewidth=0.7, alpha=0.8)),
-        (study.simulated(study.estimated, run), "model by the study's method", dict(color=MODEL, linestyle='--')),
-        (study.simulated(study.ours.model, run), 'model by ours', dict(color=RESIDUAL)),
+        (study.runs[run][1], 'simulated run, with noise', dict(color=plots.MEASURED, linewidth=0.7, alpha=0.8)),
+        (study.simulated(study.estimated, run), "model by the study's method", dict(color=plots.MODEL, linestyle='--')),
+        (study.simulated(study.ours.model, run), 'model by ours', dict(color=plots.RESIDUAL)),
     ]
 
 
 def _trajectories(study: ManoeuvringStudy):
     for run, number in FIGURE_OF_RUN.items():
         title = f'{run}, {study.content["runs"][run][1]:g} N starboard'
-        figure, axes = panel(title=title, xlabel='east [m]', ylabel='north [m]')
+        figure, axes = plots.panel(title=title, xlabel='east [m]', ylabel='north [m]')
         for motion, label, style in _models(study, run):
             axes.plot(motion.x, motion.y, label=label, **style)
         axes.set_aspect('equal', 'datalim')
-        legend_below(axes)
+        plots.legend_below(axes)
         yield Drawing(f'track_{run}', f'As figure {number}: simulated and identified trajectory, {run}', figure)
 
 
 def _turns(study: ManoeuvringStudy):
     for run in FIGURE_OF_RUN:
-        figure = new_figure()
-        above, below = (quiet(a) for a in figure.subplots(2, 1, sharex=True))
+        figure = plots.new_figure()
+        above, below = (plots.quiet(a) for a in figure.subplots(2, 1, sharex=True))
         for motion, label, style in _models(study, run):
             above.plot(motion.time, np.hypot(motion.surge, motion.sway), label=label, **style)
             below.plot(motion.time, np.degrees(motion.yaw_rate), **style)
@@ -174,13 +164,13 @@ def _turns(study: ManoeuvringStudy):
 def _iterations(study: ManoeuvringStudy):
     for row in ('Y', 'N'):
         labels = {'title': f'{row} derivatives', 'xlabel': 'iteration', 'ylabel': 'over its simulated value'}
-        figure, axes = panel(**labels)
+        figure, axes = plots.panel(**labels)
         names = [name for name in study.free if name.startswith(row)]
-        for name, (style, colour) in zip(names, product(LINE_STYLES, SERIES), strict=False):
+        for name, (style, colour) in zip(names, product(plots.LINE_STYLES, plots.SERIES), strict=False):
             values = study.iterations[:, study.free.index(name)]
             axes.plot(values, style, color=colour, marker='o', markersize=3, label=name)
-        axes.axhline(1.0, color=MEASURED, linewidth=0.6)
-        legend_below(axes)
+        axes.axhline(1.0, color=plots.MEASURED, linewidth=0.6)
+        plots.legend_below(axes)
         caption = f'As figure 6: parameters of {row} against iteration, in shares of what was simulated'
         yield Drawing(f'iterations_{row}', caption, figure)
 

@@ -2,9 +2,8 @@
 
 from collections.abc import Callable, Iterable
 
-from swath_sysid.common.advice import Advice, counted
+from swath_sysid.common.advice import Advice, counted, with_flags
 from swath_sysid.common.plain import as_plain, finite_or_none
-from swath_sysid.common.sentences import with_flags
 from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
 from swath_sysid.manoeuvring.hull.terms import PARAMETERS, Parameter
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification

@@ -9,15 +9,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.parameters.table import (
-    NODES,
-    POSITION,
-    NodeParameter,
-    Values,
-    check_points,
-    parameters_of,
-    table_of,
-)
+from swath_sysid.nodes.parameters import table
 
 
 class NodeParameters:
@@ -29,21 +21,21 @@ class NodeParameters:
         self,
         node: Node,
         node_name: str,
-        settings_of: Callable[[Values], Any],
+        settings_of: Callable[[table.Values], Any],
         on_change: Callable[[Any], None] | None = None,
     ):
         self._settings_of = settings_of
         self._on_change = on_change
-        self.values: Values = {}
+        self.values: table.Values = {}
         # twice: the first values may name points, which have a parameter each
         for _ in range(2):
-            new = [p for p in parameters_of(node_name, self.values) if p.name not in self.values]
+            new = [p for p in table.parameters_of(node_name, self.values) if p.name not in self.values]
             self.values |= {
                 p.name: _plain(node.declare_parameter(p.name, p.default, _descriptor(p)).value) for p in new
             }
         self._names = set(self.values)
         _warn_of_unknown(node, self._names)
-        check_points(self.values, node._parameter_overrides)
+        table.check_points(self.values, node._parameter_overrides)
         self.settings = settings_of(self.values)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
@@ -51,7 +43,7 @@ class NodeParameters:
     def __getitem__(self, name: str) -> Any:
         return self.values[name]
 
-    def _changed(self, parameters: list[Parameter]) -> Values:
+    def _changed(self, parameters: list[Parameter]) -> table.Values:
         ours = {p.name: _plain(p.value) for p in parameters if p.name in self._names}
         return {**self.values, **ours}
 
@@ -73,9 +65,9 @@ class NodeParameters:
 
 def _warn_of_unknown(node: Node, names: set[str]) -> None:
     """Of what was given at the start and is a parameter of none of the nodes: one file often serves them all."""
-    known = names.union(*({p.name for p in table_of(each)} for each in NODES))
+    known = names.union(*({p.name for p in table.table_of(each)} for each in table.NODES))
     for name in node._parameter_overrides:
-        if name in known or node.has_parameter(name) or name.startswith((POSITION, 'qos_overrides.')):
+        if name in known or node.has_parameter(name) or name.startswith((table.POSITION, 'qos_overrides.')):
             continue
         meant = get_close_matches(name, sorted(known), 1)
         hint = f'did you mean {meant[0]}?' if meant else 'see `ros2 param list`'
@@ -87,7 +79,7 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, bool | int | float | str) else list(value)
 
 
-def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
+def _descriptor(parameter: table.NodeParameter) -> ParameterDescriptor:
     unit = f' [{parameter.unit}]' if parameter.unit else ''
     descriptor = ParameterDescriptor(
         description=f'{parameter.meaning}{unit}',

@@ -21,22 +21,9 @@ from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.advice import counted
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats import schema
 from swath_sysid.formats.files import existing, shown, write_text
 from swath_sysid.formats.registry import ENDINGS
-from swath_sysid.formats.schema import (
-    anything,
-    built,
-    mapping,
-    named,
-    number,
-    one_of,
-    one_or_more,
-    plain_content,
-    record,
-    text,
-    text_of,
-    whole,
-)
 from swath_sysid.formats.text_tables import listed_names
 from swath_sysid.tank.extinction import TypeB
 
@@ -57,9 +44,9 @@ LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 #: Given beside a trial; the craft's own values hold at the design draft alone.
 OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
 
-_NAME = text(1000)
-_NUMBER = number(-LARGEST, LARGEST)
-_POSITIVE = number(above=0.0, highest=LARGEST)
+_NAME = schema.text(1000)
+_NUMBER = schema.number(-LARGEST, LARGEST)
+_POSITIVE = schema.number(above=0.0, highest=LARGEST)
 Name = Annotated[str, _NAME]
 Positive = Annotated[float, _POSITIVE]
 
@@ -67,24 +54,24 @@ Positive = Annotated[float, _POSITIVE]
 def _columns(value: Any, where: str) -> tuple[tuple[str, str], ...]:
     """Columns by the quantity that they hold, as pairs, which can be compared."""
     return tuple(
-        (quantity, _NAME(column, f'{where}, {quantity}')) for quantity, column in mapping(value, where).items()
+        (quantity, _NAME(column, f'{where}, {quantity}')) for quantity, column in schema.mapping(value, where).items()
     )
 
 
 #: What an entry may say.
-_TRIAL = named(
+_TRIAL = schema.named(
     {
         'file': _NAME,
         'pattern': _NAME,
-        'axis': one_of(AXES, 'axis'),
+        'axis': schema.one_of(AXES, 'axis'),
         **dict.fromkeys(QUANTITIES, _POSITIVE),
         **dict.fromkeys(OF_CONDITION, _POSITIVE),
-        'speed_m_s': number(0.0, LARGEST),
+        'speed_m_s': schema.number(0.0, LARGEST),
         'initial_angle_deg': _NUMBER,
-        'repeat': whole(1),
+        'repeat': schema.whole(1),
         'start_s': _NUMBER,
         'end_s': _NUMBER,
-        'frame': one_of(('flu', 'frd'), 'frame'),
+        'frame': schema.one_of(('flu', 'frd'), 'frame'),
         'topic': _NAME,
         'columns': _columns,
     }
@@ -125,7 +112,7 @@ class PredictedDamping:
     damping_n_m_s: Positive | None = None
     damping_ratio: Positive | None = None
     loading: Positive | None = None
-    axis: Annotated[str, one_of(AXES, 'axis')] | None = None
+    axis: Annotated[str, schema.one_of(AXES, 'axis')] | None = None
 
     def __post_init__(self) -> None:
         if (self.damping_n_m_s is None) == (self.damping_ratio is None):
@@ -175,23 +162,23 @@ def _single(value: Any, where: str) -> Any:
 
 
 def _equation(value: Any, where: str) -> str:
-    built(lambda: equation_named(shown(value)), where)
+    schema.built(lambda: equation_named(shown(value)), where)
     return str(value)
 
 
 #: What a manifest may say beside its trials.
-_CAMPAIGN = named(
+_CAMPAIGN = schema.named(
     {
         'title': _NAME,
-        'craft': record(Craft),
-        'axis': one_of(AXES, 'axis'),
+        'craft': schema.record(Craft),
+        'axis': schema.one_of(AXES, 'axis'),
         'columns': _columns,
-        'equations': one_or_more(_equation),
-        'objectives': one_or_more(one_of(OBJECTIVES, 'objective')),
-        'search': record(SearchSettings, **{each.name: _single for each in fields(SearchSettings)}),
-        'trials': anything,
-        'uncertainty': record(TypeB, **{each.name: number(0.0, 1.0) for each in fields(TypeB)}),
-        'predictions': one_or_more(record(PredictedDamping)),
+        'equations': schema.one_or_more(_equation),
+        'objectives': schema.one_or_more(schema.one_of(OBJECTIVES, 'objective')),
+        'search': schema.record(SearchSettings, **{each.name: _single for each in fields(SearchSettings)}),
+        'trials': schema.anything,
+        'uncertainty': schema.record(TypeB, **{each.name: schema.number(0.0, 1.0) for each in fields(TypeB)}),
+        'predictions': schema.one_or_more(schema.record(PredictedDamping)),
     }
 )
 
@@ -199,7 +186,7 @@ _CAMPAIGN = named(
 def read_manifest(path: str | Path) -> Manifest:
     """Read a manifest, with the faults of what was left out; paths are relative to its folder."""
     path = Path(path)
-    content = plain_content(text_of(path, 'manifest'), str(path))
+    content = schema.plain_content(schema.text_of(path, 'manifest'), str(path))
     if not isinstance(content, dict):
         raise InputError(
             f"{path} is not a manifest: it must hold 'trials:'; begin with one that is made for a folder of trials",
@@ -249,10 +236,10 @@ def _trials_of(entry: Any, where: str, folder: Path, usual: dict, faults: list[s
         raise InputError(f'{where}: start_s must lie before end_s')
     if 'file' in given:
         name = given.pop('file')
-        path = built(lambda: existing(folder / name, f'{shown(name)}, relative to the manifest'), where)
+        path = schema.built(lambda: existing(folder / name, f'{shown(name)}, relative to the manifest'), where)
         return [_trial(path, usual | given, {}, where)]
     pattern, trials = given.pop('pattern'), []
-    for path, matched in built(lambda: _matches(pattern, folder), where):
+    for path, matched in schema.built(lambda: _matches(pattern, folder), where):
         try:
             trials.append(_trial(path, usual | given, matched, where))
         except InputError as error:
@@ -322,7 +309,9 @@ def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
     for path in candidates:
         if match := expression.fullmatch(Path(os.path.relpath(path, root)).as_posix()):
             said = match.groupdict().items()
-            values = {PLACEHOLDERS[name][0]: plain_content(text.replace(',', '.'), path.name) for name, text in said}
+            values = {
+                PLACEHOLDERS[name][0]: schema.plain_content(text.replace(',', '.'), path.name) for name, text in said
+            }
             found.append((path, values))
     if not found:
         parent = root / Path(glob).parent
