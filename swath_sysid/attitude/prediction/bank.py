@@ -144,6 +144,11 @@ class Bank:
         """
         return np.array([axis.reported for axis in self._axes]).T.ravel()
 
+    def set_period(self, period: float) -> None:
+        """Count memories in another period of the motion, s."""
+        self._period = period
+        self.blend.set_period(self._step, period)
+
     def use(self, name: str, model: InnovationsModel, past: np.ndarray) -> None:
         """Put a new model to use, after the newest rows (N, width)."""
         how = ATTITUDE, self._horizon, self._steps, STRAIN_TIME * self._period
