@@ -176,8 +176,8 @@ class RowClock:
         """Make the same rows of the sensor's present samples, where so many of them are as long."""
         samples = max(1, round(self.step / self.interval))
         if abs(samples * self.interval / self.step - 1.0) < _SAME_STEP:
-            ticks, self._lag = divmod(self.since_row, self.interval)
-            self._ticks, self.samples, self._tick = int(ticks), samples, self.interval
+            self._ticks, self._lag = min(round(self.since_row / self.interval), samples - 1), 0.0
+            self.samples, self._tick = samples, self.interval
             self._corrections = self.sensor.count
 
     def is_laid_out_for(self, period: float) -> bool:
