@@ -38,6 +38,7 @@ _IRREGULAR_SAMPLES = 10  #: In a row: then the sensor has another rate.
 _PHASE_GAIN = 0.1  #: Share of a stamp's deviation that is the clock's.
 _JITTER_GAIN = 0.02  #: Of the running mean of the deviations' size.
 _CLEAN, _DOUBT = 0.1, 3.0  #: Intervals; so many times the jitter beyond it, a stamp is off before it tells anything.
+_SOON = 0.1  #: Intervals; as much as passes between two samples of one jittery time.
 _INTERVALS = 51  #: Of which the first guess of the interval is the median.
 _OTHER_RATE = 0.3  #: Relative difference of an interval from the rows' from which samples are read between.
 #: Relative differences of a step: that begin rows anew, that are another one all the same, and that correct it.
@@ -89,13 +90,14 @@ class SampleClock:
         if self._has_another_rate(elapsed):
             return Sampled(elapsed, 1)
         if intervals == 0:
-            self._behind, self._told = since, self._told + elapsed
-            return Sampled(elapsed, 0)
+            passed = elapsed if doubt == 0.0 else _SOON * self.interval
+            self._behind, self._told = since, self._told + passed
+            return Sampled(passed, 0)
         told, self._told = self._told, 0.0
         self._jitter += _JITTER_GAIN * (min(abs(deviation), 0.5) - self._jitter)
         self.interval *= 1.0 + 0.25 * _PHASE_GAIN**2 * deviation / intervals
         self._behind = (1.0 - _PHASE_GAIN) * deviation * self.interval
-        return Sampled(since - self._behind - told, intervals)
+        return Sampled(max(since - self._behind - told, _SOON * self.interval), intervals)
 
     def _has_another_rate(self, elapsed: float) -> bool:
         """Whether the sensor has: so many intervals in a row are unusual, and alike; then begin with them."""
