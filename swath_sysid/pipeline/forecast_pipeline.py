@@ -8,10 +8,11 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion import intake
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Installation
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
-from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.stamps import JUMPED_BACK, OUT_OF_ORDER, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import (
     FORECASTER_REASONS,
+    LOST,
     Forecaster,
     ForecasterDiagnostics,
     ForecasterSettings,
@@ -125,6 +126,9 @@ class ForecastPipeline:
             step = step._replace(reasons=reasons + step.reasons)
         for reason in step.reasons:
             self.counts[reason] += 1
+        if OUT_OF_ORDER in reasons and self.counts[LOST]:
+            # it came after all
+            self.counts[LOST] -= 1
         return step
 
     def finish(self, step: ForecastStep) -> ForecastStep:

@@ -28,7 +28,8 @@ OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
 OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
 ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
-LONGEST_FILLED = 0.2  #: Periods; what is lost for longer is not known.
+#: Periods; what is lost for longer is not known, and of other channels than angles and rates what is longer than a line.
+LONGEST_FILLED, LONGEST_LINEAR = 0.2, 0.03
 
 #: Samples per row from which the rows hold filtered values: fewer cannot be smoothed without delay.
 SMOOTHED_FROM = 5
@@ -224,6 +225,9 @@ class RowClock:
             ]
         else:
             rows = []
+        if elapsed > LONGEST_LINEAR * self.period:
+            # the others have no slopes to be filled by
+            before[len(ATTITUDE) :] = self._values[len(ATTITUDE) :] = [math.nan] * (len(CHANNELS) - len(ATTITUDE))
         for share in shares:
             if share < 1.0:
                 values = _between(before, self._newest, share, elapsed, _OF_ATTITUDE)
