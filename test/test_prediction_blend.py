@@ -8,13 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.prediction.blend import Blend, error_weights, present_weights
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 
-STEP = 0.1
+STEP, PERIOD = 0.1, USUAL_PERIOD
 LEADS = np.array([0.1, 0.5, 1.0])
 
 
 def _blend(prior=(1.0, 1.0), axes=1):
-    return Blend(LEADS, STEP, axes, prior)
+    return Blend(LEADS, STEP, PERIOD, axes, prior)
 
 
 def _take(blend, errors, count, **further):
@@ -171,7 +172,7 @@ def test_errors_are_of_the_row_that_a_forecast_was_for_and_of_the_nearest_step()
         blend.take(reading, (row + blend.steps)[None, :, None].astype(float), np.ones((1, 3, 1)))
         row += 1
     assert (blend.mean_square == 0.0).all() and (blend.scale < 0.5).all()
-    between = Blend([0.02, 0.1, 0.26, 0.33, 1.0], STEP, 1, (1.0,))
+    between = Blend([0.02, 0.1, 0.26, 0.33, 1.0], STEP, PERIOD, 1, (1.0,))
     assert between.steps.tolist() == [1, 3, 10]
     told = between.combine(0, np.arange(5.0).reshape(1, 5, 1), np.ones((1, 5, 1, 1)), [0])
     assert told.mean[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]

@@ -9,8 +9,9 @@ from scipy.signal import lfilter
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.bank import CANDIDATES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
-from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UPSTREAM, UpstreamRows, needed_past
+from swath_sysid.attitude.prediction.upstream import LONGEST_PAST, NEW_UPSTREAM, UPSTREAM, UpstreamRows, needed_past
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.record_run import ArrivingSamples, UpstreamSeries, run_through, samples_of
@@ -86,7 +87,7 @@ def test_a_probe_that_is_stuck_or_lies_costs_little_and_serves_again(without, ki
 
 def test_gaps_repetitions_and_samples_out_of_order_are_lost():
     rows = UpstreamRows(('probe',), 400)
-    rows.begin(0.1, True)
+    rows.lay_out(0.1, math.nan)
     for number in range(300):
         t = 0.1 * number
         rows.append(t, 1)
@@ -104,7 +105,7 @@ def test_gaps_repetitions_and_samples_out_of_order_are_lost():
 def test_the_past_is_as_long_as_the_wave_travels(travel):
     trial, probe = craft_and_probe(travel=travel)
     rows = np.column_stack([trial.roll, np.full((probe.size, 3), math.nan), probe])
-    assert travel - 3.0 <= needed_past(rows, STEP, 3.0) <= travel + 3.0
+    assert travel - 3.0 <= needed_past(rows, STEP, 3.0, LONGEST_PAST * USUAL_PERIOD) <= travel + 3.0
 
 
 def test_channels_are_known_and_their_gain_is_told():
@@ -125,7 +126,7 @@ def test_channels_are_known_and_their_gain_is_told():
             pipeline.install(fit_sea(step.sea_request))
     found = pipeline.diagnostics()
     assert found.candidates == (*CANDIDATES, NEW_UPSTREAM, UPSTREAM, 'without-probe', 'without-noise')
-    assert found.weights.shape == (8, 2, len(LEADS))
+    assert found.weights.shape == (len(found.candidates), 2, len(LEADS))
     roll = {name: gain[0] for name, gain in found.upstream_gain.items()}
     assert (roll['probe'][:2] > 0.8).all() and (np.abs(roll['noise']) < 0.3).all()
     assert all(np.isnan(gain[1]).all() for gain in found.upstream_gain.values()), 'pitch is not measured'
