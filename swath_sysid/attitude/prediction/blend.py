@@ -9,8 +9,8 @@ from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES, F
 
 # s, and as many leads; errors are forgotten with this time constant: those at short leads are many
 _MEMORY, _MEMORY_LEADS = 4.7, 10.0
-# weights go with the mean square error to this power: 5 % less error is twice the weight
-_POWER = 8.0
+# weights go with the mean square error to this power: 3 % less error is nearly twice the weight
+_POWER = 12.0
 # s of errors that the candidates' common level, and their own variances, count for: luck in the first decides nothing
 _TRUST = 1.6
 #: A candidate without a forecast is taken to err as much more (mean square) than the blend: it must prove itself.

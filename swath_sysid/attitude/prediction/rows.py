@@ -53,7 +53,7 @@ class Sampled(NamedTuple):
     """When a sample was measured."""
 
     elapsed: float  #: s since the sample before, without the jitter of the stamps.
-    intervals: int  #: Usual intervals since then: more than one where samples were lost.
+    intervals: int  #: Usual ones since then: more than one where samples were lost, none where one comes early.
 
 
 class SampleClock:
@@ -63,12 +63,14 @@ class SampleClock:
         self.interval = math.nan  #: s; NaN while unknown.
         self.count = 0  #: Samples that it is known from.
         self._newest: deque[float] = deque(maxlen=_INTERVALS)
-        self._behind = self._jitter = 0.0
+        # s since the newest tick of the clock, and how much of that has been told
+        self._behind = self._told = 0.0
+        self._jitter = 0.0
         self._irregular = 0
 
     def restart(self) -> None:
         """Forget the time of the newest sample."""
-        self._behind = 0.0
+        self._behind = self._told = 0.0
 
     def follow(self, elapsed: float) -> Sampled:
         """Take the time, s, between the stamps of a sample and of the one before."""
@@ -79,28 +81,41 @@ class SampleClock:
             self.interval = float(np.median(self._newest))
         since = self._behind + elapsed
         relative = since / self.interval
-        intervals = max(1, round(relative - (2.0 * self._jitter if self._jitter > _CLEAN else 0.0)))
+        is_clean = self._jitter <= _CLEAN
+        # on a clean clock, one that comes early is of another rate
+        least = 0 if is_clean and self.count > _INTERVALS else 1
+        intervals = max(least, round(relative - (0.0 if is_clean else 2.0 * self._jitter)))
         deviation = relative - intervals
-        if abs(elapsed / self.interval - intervals) < _REGULAR * intervals:
-            self._irregular = 0
-        else:
-            self._irregular += 1
-            if self._irregular >= _IRREGULAR_SAMPLES:
-                self._begin_again()
-                return Sampled(elapsed, 1)
+        if self._has_another_rate(elapsed):
+            return Sampled(elapsed, 1)
+        if intervals == 0:
+            self._behind, self._told = since, self._told + elapsed
+            return Sampled(elapsed, 0)
+        told, self._told = self._told, 0.0
         self._jitter += _JITTER_GAIN * (min(abs(deviation), 0.5) - self._jitter)
         self.interval *= 1.0 + 0.25 * _PHASE_GAIN**2 * deviation / intervals
         self._behind = (1.0 - _PHASE_GAIN) * deviation * self.interval
-        return Sampled(since - self._behind, intervals)
+        return Sampled(since - self._behind - told, intervals)
 
-    def _begin_again(self):
-        """The sensor has another rate."""
+    def _has_another_rate(self, elapsed: float) -> bool:
+        """Whether the sensor has: so many intervals in a row are unusual, and alike; then begin with them."""
+        self._irregular = self._irregular + 1 if _differ(elapsed, self.interval) else 0
+        if self._irregular < _IRREGULAR_SAMPLES:
+            return False
         newest = list(self._newest)[-_IRREGULAR_SAMPLES:]
+        usual = float(np.median(newest))
+        if any(_differ(interval, usual) for interval in newest):
+            return False
         self._newest.clear()
         self._newest.extend(newest)
-        self.interval, self.count = float(np.median(newest)), len(newest)
-        self._behind = self._jitter = 0.0
+        self.interval, self.count = usual, len(newest)
+        self._behind = self._told = self._jitter = 0.0
         self._irregular = 0
+        return True
+
+
+def _differ(interval: float, usual: float) -> bool:
+    return abs(interval / usual - 1.0) >= _REGULAR
 
 
 class RowClock:

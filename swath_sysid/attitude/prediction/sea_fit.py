@@ -20,7 +20,7 @@ from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalFit
 WAVES, LONG_WAVES, NEW_WAVES = 'waves', 'waves-long', 'waves-new'
 SPARSE, ROWS_OF_SPARSE = 2, 20.0  #: Rows between those of a longer memory; least rows a period that allow it.
 
-SHORT = 7.0  #: Periods of the past that show a new sea.
+SHORT = 14.0  #: Periods of the past that show a new sea.
 
 LONGEST_FILLED = 0.6  #: Periods; the phase is lost in a longer gap.
 
@@ -84,6 +84,8 @@ def fit_sea(request: SeaRequest) -> SeaFit:
     }
     if period / step >= ROWS_OF_SPARSE:
         waves[LONG_WAVES] = identify(past[(len(past) - 1) % SPARSE :: SPARSE], names, SPARSE * step, period)
+    elif new is not None:
+        waves[LONG_WAVES] = identify_alone(past, names, step, period, AXES)
     excitations = {axis: fit_excitation(asked) for axis, asked in request.excitations.items()}
     vertical, model = None, waves[WAVES]
     if request.vertical is not None and model is not None:
