@@ -18,7 +18,7 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 
 ANGLE_NOISE, RATE_NOISE = 5e-4, 3e-3
 LEADS = (0.1, 0.5, 1.0, 2.0)
-SETTINGS = ForecasterSettings(leads=LEADS, horizon=2.0, horizon_step=0.5, forecast_rate=5.0, refit_interval=15.0)
+SETTINGS = ForecasterSettings(leads=LEADS, horizon=2.0, horizon_step=0.5, forecast_rate=5.0, refit_interval=4.7)
 
 
 class Sea:
@@ -30,6 +30,8 @@ class Sea:
         spectrum = self.frequency**-5 * np.exp(-1.25 * (1.9 / self.frequency) ** 4)
         self.amplitude = np.radians([[2.0], [1.0]]) * np.sqrt(2.0 * spectrum / spectrum.sum())
         self.phase = rng.uniform(0.0, 2.0 * math.pi, (2, 80))
+        square = self.amplitude**2
+        self.period = 2.0 * math.pi * math.sqrt(square.sum() / (square * self.frequency**2).sum())
 
     def motion(self, time, order=0):
         """Roll and pitch or, of order one, their rates, shape (2, N)."""
@@ -153,7 +155,7 @@ def test_diagnostics_say_so_until_the_waves_are_learnt():
         assert 'no-model' in codes and diagnostics.has_model == {'roll': False, 'pitch': False}
     assert without[0] and not without[-1] and without == sorted(without, reverse=True)
     # the first request, and the time that a fit has
-    assert without.index(False) >= 10.0 * (SETTINGS.first_refit + SETTINGS.refit_delay)
+    assert without.index(False) >= 10.0 * (SETTINGS.first_refit * SEA.period + SETTINGS.refit_delay)
     assert diagnostics.nrmse.shape == diagnostics.coverage.shape == (2, len(LEADS))
     assert diagnostics.weights.shape == diagnostics.candidate_nrmse.shape == (len(CANDIDATES), 2, len(LEADS))
     np.testing.assert_allclose(np.nansum(diagnostics.weights, axis=0), 1.0, atol=1e-9)

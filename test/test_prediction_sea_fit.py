@@ -74,7 +74,7 @@ def test_a_hull_is_asked_for_its_moment_and_gets_it():
     """The request of a forecaster that knows a hull; the axis without one is not asked for."""
     forecaster, request = Forecaster(ForecasterSettings(leads=(0.5,), horizon=0.5)), None
     forecaster.set_model('roll', IdentifiedModel.exactly(hull_named('swath-roll').model))
-    for number, row in enumerate(waves(400).tolist()):
+    for number, row in enumerate(waves(800).tolist()):
         sample = CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7)
         step = forecaster.observe(sample, STEP * number, STEP if number else None)
         request = forecaster.issue(step).sea_request or request
