@@ -40,7 +40,8 @@ _JITTER_GAIN = 0.02  #: Of the running mean of the deviations' size.
 _CLEAN = 0.1  #: Intervals; with more jitter, a stamp is as late by chance as after a loss.
 _INTERVALS = 51  #: Of which the first guess of the interval is the median.
 _OTHER_RATE = 0.3  #: Relative difference of an interval from the rows' from which samples are read between.
-_NEW_STEP, _INEXACT_STEP = 0.15, 2e-3  #: Relative differences of a step that begin rows anew, and correct it.
+#: Relative differences of a step: that begin rows anew, that are another one all the same, and that correct it.
+_NEW_STEP, _SAME_STEP, _INEXACT_STEP = 0.3, 0.02, 2e-3
 _SETTLING_SAMPLES = (5, 20, 60, 200)  #: After which the step is corrected.
 _UNKNOWN = (math.nan, math.nan)
 #: Places of angles and their rates, in a row and among filtered values.
@@ -162,12 +163,22 @@ class RowClock:
         """Lay out rows for a motion of this period, s; whether that gives another step."""
         self.period, self._laid_for = period, self.interval
         samples = max(1, round(period / ROWS_A_PERIOD / self.interval))
-        if abs(samples * self.interval / self.step - 1.0) < _NEW_STEP:
+        is_slower = self.interval > (1.0 + _SAME_STEP) * self.step
+        if not is_slower and abs(samples * self.interval / self.step - 1.0) < _NEW_STEP:
+            self._keep_step()
             return False
         self.samples, self._tick = samples, self.interval
         self.step, self._corrections = samples * self.interval, self.sensor.count
         self.restart()
         return True
+
+    def _keep_step(self):
+        """Make the same rows of the sensor's present samples, where so many of them are as long."""
+        samples = max(1, round(self.step / self.interval))
+        if abs(samples * self.interval / self.step - 1.0) < _SAME_STEP:
+            self._ticks, self._lag = min(round(self.since_row / self.interval), samples - 1), 0.0
+            self.samples, self._tick = samples, self.interval
+            self._corrections = self.sensor.count
 
     def is_laid_out_for(self, period: float) -> bool:
         """Whether the rows are those for a motion of this period, s, and for the sensor's present rate."""
