@@ -178,6 +178,37 @@ def test_errors_are_of_the_row_that_a_forecast_was_for_and_of_the_nearest_step()
     assert told.mean[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
+@given(factor=st.floats(0.1, 10.0), seed=st.integers(0, 50))
+def test_a_motion_stretched_in_time_is_blended_as_before(factor, seed):
+    blends = _blend(), Blend(factor * LEADS, factor * STEP, factor * PERIOD, 1, (1.0, 1.0))
+    later = _blend()
+    later.set_period(factor * STEP, factor * PERIOD)
+    for blend in (*blends, later):
+        _run(blend, np.array([1.0, 1.3])[:, None, None] * np.ones((2, 3, 1)), 1.0, 10.0, seed)
+    for blend in (blends[1], later):
+        for name in ('weights', 'mean_square', 'coverage', 'scale'):
+            np.testing.assert_allclose(getattr(blend, name), getattr(blends[0], name), rtol=1e-9)
+
+
+def test_what_was_learnt_of_the_errors_goes_over_to_other_rows_by_the_leads():
+    learnt = _blend(axes=2)
+    errors = np.array([[[1.0, 3.0], [1.0, 1.0], [2.0, 1.0]], [[3.0, 1.0], [1.0, 2.0], [1.0, 1.0]]])
+    _run(learnt, errors, 1.0)
+    for step in (0.05, 0.1, 0.2, 0.5):
+        blend = Blend(LEADS, step, PERIOD, 2, (1.0, 1.0))
+        blend.carry_over(learnt)
+        # of leads that fall on one row, the first
+        first = [place for place, lead in enumerate(blend.place_of_lead) if lead not in blend.place_of_lead[:place]]
+        assert blend.steps[blend.place_of_lead][first] == pytest.approx(np.maximum(np.round(LEADS / step), 1)[first])
+        for name in ('weights', 'mean_square', 'scale', 'coverage', 'blended_square'):
+            np.testing.assert_array_equal(getattr(blend, name), getattr(learnt, name)[..., first, :])
+        # and the first errors on the new rows change little of it
+        before = blend.weights.copy()
+        for _ in range(3):
+            blend.take(np.zeros(2), errors[:, first], np.ones_like(errors[:, first]))
+        np.testing.assert_allclose(blend.weights, before, atol=0.1)
+
+
 @given(st.lists(st.booleans(), min_size=3, max_size=3))
 def test_weights_of_those_present_add_up(present):
     weights = present_weights(np.array([0.2, 0.0, 0.8]), np.array(present))

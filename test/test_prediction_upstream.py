@@ -101,6 +101,36 @@ def test_gaps_repetitions_and_samples_out_of_order_are_lost():
     np.testing.assert_allclose(values[seen], np.sin(time[seen]), atol=0.02)
 
 
+@pytest.mark.parametrize('ratio', [0.5, 2.0, 3.0])
+def test_rows_at_another_step_go_on_with_the_samples_that_have_come(ratio):
+    rows = UpstreamRows(('probe', 'late'), 600)
+    rows.lay_out(0.1, math.nan)
+    stamps, count, step, sent = np.arange(0.0, 60.0, 0.05), 0, 0.1, 0
+    while count * 0.1 < 30.0:
+        rows.append(count * 0.1, 1)
+        for stamp in stamps[sent : sent + 2]:
+            rows.take('probe', stamp, math.sin(stamp))
+            rows.take('late', stamp - 1.0, math.cos(stamp - 1.0))
+        sent, count = sent + 2, count + 1
+    now = (count - 1) * 0.1
+    rows.lay_out(ratio * step, ratio)
+    for number in range(1, round(20.0 / (ratio * step)) + 1):
+        stamp = now + ratio * step * number
+        rows.append(stamp, 1)
+        for at in stamps[(stamps > stamp - ratio * step + 1e-9) & (stamps <= stamp + 1e-9)]:
+            rows.take('probe', at, math.sin(at))
+            rows.take('late', at - 1.0, math.cos(at - 1.0))
+    last = now + ratio * step * number
+    values = rows.request(400, 100, 1.0).values
+    time = last - ratio * step * np.arange(len(values))[::-1]
+    for channel, delay, truth in ((values[:, 0], 0.0, np.sin(time)), (values[:, 1], 1.0, np.cos(time))):
+        known = np.isfinite(channel)
+        np.testing.assert_allclose(channel[known], truth[known], atol=0.02)
+        # but for the rows beside those that were not known yet when the step changed
+        seen = (time > 1.0) & (time < last - 1.5) & (abs(time - now + delay) > 2.5 * ratio * step)
+        assert known[seen].all()
+
+
 @pytest.mark.parametrize('travel', [4.0, 14.0, 24.0])
 def test_the_past_is_as_long_as_the_wave_travels(travel):
     trial, probe = craft_and_probe(travel=travel)
