@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.motion.intake import NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.window import MotionWindow
+from swath_sysid.attitude.prediction.forecaster import LOST
 from swath_sysid.common.advice import CURES
 
 if TYPE_CHECKING:
@@ -41,7 +42,8 @@ CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory
 
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
 
-RECURRING = {PASSED_OVER}  #: Warned of from the second report in a row: a machine stalls once while programs start.
+#: Warned of from the second report in a row: a machine stalls once while programs start.
+RECURRING = {PASSED_OVER, LOST}
 
 LASTING = {NO_RATES}  #: Warned of when they begin; then reported while they last, without a warning.
 

@@ -190,15 +190,17 @@ class Intake:
 
     def take(self, reading: ImuReading) -> ConvertedReading:
         """Convert the next message; the reasons are of `STAMP_REASONS` also."""
-        placed, reasons = self._order.place(reading.stamp_ns)
+        placed, reasons, stamp_ns = self._order.place(reading.stamp_ns)
         if not placed:
             return ConvertedReading(None, reasons)
+        if stamp_ns != reading.stamp_ns:
+            reading = reading._replace(stamp_ns=stamp_ns)
         converted = convert(reading, self._installation)
         return ConvertedReading(converted.sample, reasons + converted.reasons) if reasons else converted
 
     def place(self, sample: CraftSample) -> ConvertedReading:
         """Place the next sample of a record, which was cleaned and turned as a whole; reasons of `STAMP_REASONS`."""
-        placed, reasons = self._order.place(sample.stamp_ns)
+        placed, reasons, stamp_ns = self._order.place(sample.stamp_ns)
         if placed and all(value != value for value in sample[1:5]):
             return ConvertedReading(None, (*reasons, EMPTY))
-        return ConvertedReading(sample if placed else None, reasons)
+        return ConvertedReading(sample._replace(stamp_ns=stamp_ns) if placed else None, reasons)

@@ -25,6 +25,8 @@ NANOSECOND = constants.nano  #: s.
 GAP_INTERVALS = 2.5
 FOLLOWING = {True: 0.02, False: 0.1}  #: Largest relative step per sample of the tracked interval, settled or not.
 SETTLING_SAMPLES = 50
+#: Of an interval, running mean over so many samples of a stamp's distance from the next whole interval: more is jitter.
+JITTER, JITTER_SAMPLES = 0.1, 50
 RATE_CHANGE = 1.4  #: Factor; the interval is settled when it has moved by less than its root over `SETTLING_SAMPLES`.
 
 
@@ -46,9 +48,7 @@ class Placed(NamedTuple):
 
     kept: bool
     reasons: tuple[str, ...] = ()
-
-
-FOLLOWS = Placed(True)
+    stamp_ns: int = 0  #: Of a sample that is kept; later than the one before also where jitter set it back.
 
 
 class StampOrder:
@@ -64,6 +64,7 @@ class StampOrder:
         self._settled_interval: float | None = None
         self._looked_at = 0.0
         self._until_look = SETTLING_SAMPLES
+        self._jitter = 0.0
 
     @property
     def interval(self) -> float | None:
@@ -74,10 +75,16 @@ class StampOrder:
         """Place the next stamp, ns."""
         if self._last is None:
             self._last = stamp_ns
-            return FOLLOWS
+            return Placed(True, (), stamp_ns)
         elapsed = (stamp_ns - self._last) * NANOSECOND
         if stamp_ns == self._last or stamp_ns == self._suspect:
             return Placed(False, (DUPLICATE,))
+        if self._interval is not None and abs(elapsed) < self._settings.backward_jump:
+            intervals = elapsed / self._interval
+            self._jitter += (abs(intervals - round(intervals)) - self._jitter) / JITTER_SAMPLES
+            if elapsed < 0.0 and intervals > -1.0 and self._jitter > JITTER:
+                self._last += 1
+                return Placed(True, (), self._last)
         if -self._settings.backward_jump <= elapsed < 0.0:
             return Placed(False, (OUT_OF_ORDER,))
         longest = inf if self._interval is None else max(self._settings.gap_limit, 2.0 * GAP_INTERVALS * self._interval)
@@ -87,12 +94,12 @@ class StampOrder:
         if self._suspect is not None:
             reasons = self._refuted() + reasons
         self._last = stamp_ns
-        return Placed(True, reasons) if reasons else FOLLOWS
+        return Placed(True, reasons, stamp_ns)
 
     def _doubt(self, stamp_ns: int, elapsed: float) -> Placed:
         if self._suspect is not None and stamp_ns > self._suspect:
             self._last, self._suspect = stamp_ns, None
-            return Placed(True, (JUMPED_BACK if elapsed < 0.0 else LONG_GAP,))
+            return Placed(True, (JUMPED_BACK if elapsed < 0.0 else LONG_GAP,), stamp_ns)
         reasons = self._refuted()
         self._suspect = stamp_ns
         return Placed(False, reasons)

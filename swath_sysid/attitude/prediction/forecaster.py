@@ -41,7 +41,8 @@ from swath_sysid.common.row_buffer import RowBuffer
 
 REJECTED = {axis: f'outlier-{axis}' for axis in AXES}
 RESTARTED = {axis: f'gate-restarted-{axis}' for axis in AXES}
-FORECASTER_REASONS = (*REJECTED.values(), *RESTARTED.values())
+LOST = 'lost-sample'
+FORECASTER_REASONS = (*REJECTED.values(), *RESTARTED.values(), LOST)
 
 #: Of a sample: angle, rate, and the variances of their noise.
 _OF_AXIS = {
@@ -250,7 +251,7 @@ class Forecaster:
 
     def _follow_axes(self, sample: CraftSample, sampled: Sampled, linked: bool):
         elapsed, even = sampled.elapsed, sampled.intervals == 1
-        reasons: tuple[str, ...] = ()
+        reasons: tuple[str, ...] = (LOST,) * (sampled.intervals - 1)
         for name, axis in self._axes.items():
             angle, rate, *reported = _OF_AXIS[name](sample)
             if axis.reach is not None:

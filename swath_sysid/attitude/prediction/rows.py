@@ -37,7 +37,7 @@ _REGULAR = 0.5  #: Relative difference of an interval from the usual one that is
 _IRREGULAR_SAMPLES = 10  #: In a row: then the sensor has another rate.
 _PHASE_GAIN = 0.1  #: Share of a stamp's deviation that is the clock's.
 _JITTER_GAIN = 0.02  #: Of the running mean of the deviations' size.
-_CLEAN = 0.1  #: Intervals; with more jitter, a stamp is as late by chance as after a loss.
+_CLEAN, _DOUBT = 0.1, 3.0  #: Intervals; so many times the jitter beyond it, a stamp is off before it tells anything.
 _INTERVALS = 51  #: Of which the first guess of the interval is the median.
 _OTHER_RATE = 0.3  #: Relative difference of an interval from the rows' from which samples are read between.
 #: Relative differences of a step: that begin rows anew, that are another one all the same, and that correct it.
@@ -82,10 +82,9 @@ class SampleClock:
             self.interval = float(np.median(self._newest))
         since = self._behind + elapsed
         relative = since / self.interval
-        is_clean = self._jitter <= _CLEAN
-        # on a clean clock, one that comes early is of another rate
-        least = 0 if is_clean and self.count > _INTERVALS else 1
-        intervals = max(least, round(relative - (0.0 if is_clean else 2.0 * self._jitter)))
+        doubt = _DOUBT * max(self._jitter - _CLEAN, 0.0)
+        more = math.copysign(max(round(abs(relative - 1.0) - doubt), 0), relative - 1.0)
+        intervals = max(1 + int(more), 0 if self.count > _INTERVALS else 1)
         deviation = relative - intervals
         if self._has_another_rate(elapsed):
             return Sampled(elapsed, 1)
