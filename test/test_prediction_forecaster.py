@@ -2,6 +2,7 @@
 
 import copy
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,10 +25,11 @@ SETTINGS = ForecasterSettings(leads=LEADS, horizon=2.0, horizon_step=0.5, foreca
 class Sea:
     """Roll, pitch and their rates as sums of sines, so that the truth is known at any time."""
 
-    def __init__(self):
+    def __init__(self, slower=1.0):
         rng = np.random.default_rng(0)
         self.frequency = np.sort(rng.uniform(1.2, 4.0, 80))
         spectrum = self.frequency**-5 * np.exp(-1.25 * (1.9 / self.frequency) ** 4)
+        self.frequency, self.rate_noise = self.frequency / slower, RATE_NOISE / slower
         self.amplitude = np.radians([[2.0], [1.0]]) * np.sqrt(2.0 * spectrum / spectrum.sum())
         self.phase = rng.uniform(0.0, 2.0 * math.pi, (2, 80))
         square = self.amplitude**2
@@ -43,10 +45,10 @@ class Sea:
         """What a sensor gives at these times, its clock showing ``stamps``."""
         rng = np.random.default_rng(1)
         angles = self.motion(time) + rng.normal(0.0, ANGLE_NOISE, (2, time.size))
-        rates = self.motion(time, 1) + rng.normal(0.0, RATE_NOISE, (2, time.size))
+        rates = self.motion(time, 1) + rng.normal(0.0, self.rate_noise, (2, time.size))
         nanoseconds = np.round((time if stamps is None else stamps) * 1e9).astype(np.int64).tolist()
         rows = zip(nanoseconds, np.vstack([angles, rates]).T.tolist(), strict=True)
-        noise = (ANGLE_NOISE**2,) * 2 + (RATE_NOISE**2,) * 2
+        noise = (ANGLE_NOISE**2,) * 2 + (self.rate_noise**2,) * 2
         return [CraftSample(stamp, *row, *(math.nan,) * 3, *noise) for stamp, row in rows]
 
 
@@ -68,15 +70,15 @@ def run(samples, models=None, late_by=0, pipeline=None):
     return pipeline, steps
 
 
-def error(steps, time, first, last):
-    """Root mean square error of roll at `LEADS` of the forecasts issued at true times from first to last."""
+def error(steps, time, first, last, sea=None, leads=LEADS):
+    """Root mean square error of roll at the leads of the forecasts issued at true times from first to last."""
     issued = [
         (now, step.forecast.angle('roll'))
         for now, step in zip(time, steps, strict=True)
         if step.forecast is not None and first <= now < last
     ]
     assert issued, 'none was issued'
-    truth = SEA.motion(np.array([now for now, _ in issued])[:, None] + np.array(LEADS))[0]
+    truth = (sea or SEA).motion(np.array([now for now, _ in issued])[:, None] + np.array(leads))[0]
     return np.sqrt(np.mean((np.array([angle for _, angle in issued]) - truth) ** 2, axis=0))
 
 
@@ -202,6 +204,24 @@ def test_a_sensor_that_changes_its_rate_is_followed(rates):
     assert pipeline.diagnostics().sample_interval == pytest.approx(1.0 / rates[1], rel=1e-3)
     relative = error(steps, time, 35.0, 60.0) / SEA.motion(time)[0].std()
     assert (relative[:3] < (0.05, 0.2, 0.4)).all(), relative
+
+
+@pytest.mark.parametrize('slower', [5.0, 0.2])
+def test_a_craft_and_a_sea_that_are_slower_by_a_factor_are_forecast_as_well_so_much_further_ahead(steady, slower):
+    sea, leads = Sea(slower), tuple(slower * np.array(LEADS))
+    settings = replace(
+        SETTINGS,
+        leads=leads,
+        horizon=slower * SETTINGS.horizon,
+        horizon_step=slower * SETTINGS.horizon_step,
+        forecast_rate=SETTINGS.forecast_rate / slower,
+        refit_delay=slower * SETTINGS.refit_delay,
+    )
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=settings))
+    _, steps = run(sea.samples(slower * TIME), pipeline=pipeline)
+    found = error(steps, slower * TIME, 50.0 * slower, 118.0 * slower, sea, leads)
+    # what is taken for the period at first is not the sea's
+    assert found == pytest.approx(error(steady, TIME, 50.0, 118.0), rel=0.06)
 
 
 def test_an_axis_without_angle_is_forecast_from_its_rate():
