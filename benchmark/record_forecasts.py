@@ -27,7 +27,7 @@ DATA = Path(os.environ.get('SWATH_SYSID_DATA', Path(__file__).resolve().parents[
 BUOY, SHIP = 'waves/morro_buoy.csv', 'waves/nbp1406_ship.csv'
 BUOY_LEADS, SHIP_LEADS = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0), (1.0, 2.0, 3.0, 5.0, 8.0, 10.0, 15.0)
 SIMPLE = ('persistence', 'constant_rate', 'mean')
-WARMUP, WINDOW = 600.0, 600.0
+WARMUP, WINDOW = 600.0, 190.0
 FIRST = ((0.0, 60.0), (0.0, 20.0), (20.0, 40.0), (40.0, 60.0))
 SPLICE = 900.0
 """s of the buoy before its sea changes."""

@@ -29,6 +29,7 @@ from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import InputError
@@ -38,7 +39,10 @@ from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import FORECAST, score_forecasts, score_valid_leads
 
 WINDOW = ForecasterSettings().window
-"""s of past that every row may learn from."""
+"""Periods of past that our rows may learn from."""
+
+PAST = WINDOW * USUAL_PERIOD
+"""s of past that all others may."""
 
 WARMUPS = (60.0, 300.0, 600.0)
 WAVE_LEADS, SHIP_LEADS, DECAY_LEADS = (0.5, 1.0, 2.0, 3.0, 5.0), (1.0, 2.0, 3.0, 5.0, 10.0), (0.5, 1.0, 2.0)
@@ -58,12 +62,12 @@ AGREEMENT = 1e-9
 
 def persistence(trial, axes, stamps, leads):
     """The last angle."""
-    return {axis: simple_forecasts(Record.of(trial), axis, stamps, leads, WINDOW)['persistence'] for axis in axes}
+    return {axis: simple_forecasts(Record.of(trial), axis, stamps, leads, PAST)['persistence'] for axis in axes}
 
 
 def constant_rate(trial, axes, stamps, leads):
     """The last angle and rate."""
-    return {axis: simple_forecasts(Record.of(trial), axis, stamps, leads, WINDOW)['constant_rate'] for axis in axes}
+    return {axis: simple_forecasts(Record.of(trial), axis, stamps, leads, PAST)['constant_rate'] for axis in axes}
 
 
 def autoregression(trial, axes, stamps, leads):
@@ -71,7 +75,7 @@ def autoregression(trial, axes, stamps, leads):
     record = Record.of(trial)
     places = {axis: [record.names.index(axis)] for axis in axes}
     return {
-        axis: running_regression(record, place, place, 40, stamps, leads, WINDOW)[..., 0]
+        axis: running_regression(record, place, place, 40, stamps, leads, PAST)[..., 0]
         for axis, place in places.items()
     }
 
@@ -80,7 +84,7 @@ def vector_autoregression(trial, axes, stamps, leads):
     """VAR(40) of every channel."""
     record = Record.of(trial)
     targets = [record.names.index(axis) for axis in axes]
-    found = running_regression(record, range(len(record.names)), targets, 40, stamps, leads, WINDOW)
+    found = running_regression(record, range(len(record.names)), targets, 40, stamps, leads, PAST)
     return {axis: found[..., k] for k, axis in enumerate(axes)}
 
 

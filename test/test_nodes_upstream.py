@@ -206,7 +206,7 @@ def test_a_leader_one_wavelength_ahead_halves_the_error(node, craft, tmp_path):
     node.create_subscription(Imu, 'forecast/lead_5_0s', take, QoSProfile(depth=1000))
     given = settings(
         "upstream:=['leader/imu/data:roll','leader/imu/data:pitch','leader/imu/data:vertical_acceleration']",
-        *('leads_s:=[1.0,5.0]', 'forecast_rate_hz:=1.0', 'waves_refit_interval_s:=20.0', 'in_step:=true'),
+        *('leads_s:=[1.0,5.0]', 'forecast_rate_hz:=1.0', 'waves_refit_interval_periods:=4.0', 'in_step:=true'),
     )
     process = start_node('predictor', *given)
     try:
@@ -217,7 +217,7 @@ def test_a_leader_one_wavelength_ahead_halves_the_error(node, craft, tmp_path):
         spin_until(node, lambda: max(heard, default=0.0) > DURATION - 3.0, 'the last forecast')
     finally:
         stop(process)
-    forecasts = ForecasterSettings(leads=(1.0, period), forecast_rate=1.0, refit_interval=20.0)
+    forecasts = ForecasterSettings(leads=(1.0, period), forecast_rate=1.0, refit_interval=4.0)
     alone = {step.stamp: float(step.forecast.angle('roll')[1]) for step in run_through(follower, forecasts).steps}
     (without, counted), (found, received) = error_at(follower, alone, period), error_at(follower, heard, period)
     # each is sent once, and the next replaces one that has not been taken

@@ -1,5 +1,7 @@
 """Baselines: against closed forms and plain least squares, and blind to the future."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +9,14 @@ from hypothesis import strategies as st
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
-from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, running_regression
+from swath_sysid.pipeline.baselines import (
+    BASELINES,
+    EVEN,
+    REFIT_INTERVAL,
+    Record,
+    baseline_forecasts,
+    running_regression,
+)
 
 LEADS = np.array([0.1, 0.5, 1.0])
 
@@ -82,10 +91,13 @@ def test_a_window_that_slid_on_gives_the_least_squares_of_its_own_rows():
     _, values = coupled_sea(3000, seed=3)
     values[1500:1505] = np.nan
     record = record_of(roll=values[:, 0], pitch=values[:, 1])
-    order, window, refit = 5, 100.0, 2000
+    order, window, between = 5, 100.0, REFIT_INTERVAL * record.period
+    refit_at = between * int(200.0 / between)
+    refit = math.ceil(10.0 * refit_at)
     stamp = record.time[[refit]]
     found = running_regression(record, (0, 1), (1,), order, stamp, np.array([0.1]), window)[0, 0, 0]
-    last = refit - 2
+    # a row may read the sample after it
+    last = int(10.0 * refit_at - EVEN)
     rows = range(last - 1000 + 1 + order, last + 1)
     design = np.array([np.append(values[k - order : k, :2][::-1].ravel(), 1.0) for k in rows])
     whole = np.isfinite(design).all(axis=1) & np.isfinite(values[list(rows), 1])

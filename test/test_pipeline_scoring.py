@@ -22,6 +22,7 @@ from swath_sysid.pipeline.scoring import METHODS, SENSOR, resampled, score, usua
 from swath_sysid.report.forecast_skill import skill_as_data
 
 LEADS = (0.1, 1.0)
+PAST = 25.0  # periods, of some 3 s
 NOTHING = Outlook(np.nan, None, {})
 
 
@@ -44,7 +45,7 @@ def forecasts_with_errors(trial, errors, deviation):
 def test_errors_of_known_size_are_scored_as_such_and_so_are_their_intervals():
     rng, trial, size = np.random.default_rng(5), rolling(900.0), 0.02
     errors = rng.normal(0.0, size, (trial.time.size, 2))
-    found = score(trial, forecasts_with_errors(trial, errors, size), LEADS, 300.0, 60.0).axes['roll']
+    found = score(trial, forecasts_with_errors(trial, errors, size), LEADS, 300.0, PAST).axes['roll']
     issued = np.flatnonzero(trial.time >= 300.0)
     deviation = trial.roll[issued].std()
     for i, ahead in enumerate((1, 10)):
@@ -66,7 +67,7 @@ def test_errors_of_known_size_are_scored_as_such_and_so_are_their_intervals():
     assert found.gap_share[0] == 0.0 and np.isnan(found.gap_nrmse['forecast']).all()
     # errors that come in groups widen the intervals
     together = np.repeat(rng.normal(0.0, size, trial.time.size // 100), 100)[:, None] * np.ones(2)
-    grouped = score(trial, forecasts_with_errors(trial, together, size), LEADS, 300.0, 60.0).axes['roll']
+    grouped = score(trial, forecasts_with_errors(trial, together, size), LEADS, 300.0, PAST).axes['roll']
     assert np.diff(grouped.interval[0]) > 4.0 * np.diff(found.interval[0])
 
 
@@ -74,7 +75,7 @@ def test_where_a_forecast_has_no_value_persistence_stands_in_and_it_is_said():
     trial = rolling(200.0)
     errors = np.zeros((trial.time.size, 2))
     errors[1200:1300] = np.nan
-    skill = score(trial, forecasts_with_errors(trial, errors, 0.02), LEADS, 100.0, 60.0)
+    skill = score(trial, forecasts_with_errors(trial, errors, 0.02), LEADS, 100.0, PAST)
     found, rest = skill.axes['roll'], trial.roll[1200:1300] - trial.roll[1210:1310]
     assert found.counted[1] == 990
     assert found.nrmse['forecast'][1] == pytest.approx(np.sqrt((rest**2).sum() / 990) / found.deviation)
@@ -87,7 +88,7 @@ def test_a_forecast_issued_after_a_gap_counts_and_has_a_score_of_its_own():
     whole = rolling(300.0)
     trial = only(whole, whole.time % 20.0 >= 0.5 - 1e-6)
     errors = np.where((trial.time % 20.0 < 4.55)[:, None], 0.03, 0.01) * np.ones(2)
-    found = score(trial, forecasts_with_errors(trial, errors, 0.02), LEADS, 100.0, 60.0).axes['roll']
+    found = score(trial, forecasts_with_errors(trial, errors, 0.02), LEADS, 100.0, PAST).axes['roll']
     assert found.gap_nrmse['forecast'] == pytest.approx(np.full(2, 0.03 / found.deviation))
     share = found.gap_share[0]
     assert share == pytest.approx(10 * 41 / found.counted[0])
@@ -101,13 +102,13 @@ def test_a_forecast_issued_after_a_gap_counts_and_has_a_score_of_its_own():
 
 def test_what_is_scored_and_what_is_learnt_from_are_chosen_apart():
     trial = sea(150.0)
-    run = run_through(trial, ForecasterSettings(leads=LEADS, window=60.0), {})
-    early, late = (score(trial, run, LEADS, warmup, 60.0).axes['roll'] for warmup in (60.0, 100.0))
-    both = score(trial, run, LEADS, 60.0, 60.0, until=100.0 - 0.05).axes['roll']
+    run = run_through(trial, ForecasterSettings(leads=LEADS, window=PAST), {})
+    early, late = (score(trial, run, LEADS, warmup, PAST).axes['roll'] for warmup in (60.0, 100.0))
+    both = score(trial, run, LEADS, 60.0, PAST, until=100.0 - 0.05).axes['roll']
     squares = [(s.nrmse['var_40'][0] * s.deviation) ** 2 * s.counted[0] for s in (both, late, early)]
     assert squares[0] + squares[1] == pytest.approx(squares[2])
     assert both.counted[0] == 400
-    short = score(trial, run, LEADS, 60.0, 20.0).axes['roll']
+    short = score(trial, run, LEADS, 60.0, PAST / 3.0).axes['roll']
     assert np.array_equal(short.nrmse['forecast'], early.nrmse['forecast'])
     assert not np.allclose(short.nrmse['var_40'], early.nrmse['var_40'])
 
@@ -118,11 +119,14 @@ def test_quiescence_is_scored_after_the_warm_up_by_limits_that_the_warm_up_sugge
     settings = ForecasterSettings(leads=LEADS, quiescence=QuiescenceLimits(duration=duration))
     limits = usual_limits(trial, settings.quiescence, 100.0)
     run = run_through(trial, settings, {}, limits_from=(100.0, limits))
-    told = skill_as_data(score(trial, run, LEADS, 100.0, 600.0))['quiescence']
+    told = skill_as_data(score(trial, run, LEADS, 100.0, 10.0 * PAST))['quiescence']
     warm = trial.roll[:1000]
     assert told['limits']['roll'] == pytest.approx(abs(warm.mean()) + 2.0 * warm.std())
     assert told['limits']['roll_rate'] is None and told['limits']['duration'] == duration
-    assert 90 <= sum(told['count']) <= 100
+    # as many as there are independent ones, about three in a period
+    squares = [np.var([trial.roll, trial.pitch]), np.var([trial.roll_rate, trial.pitch_rate])]
+    most = 100.0 / (0.31 * 2.0 * np.pi * np.sqrt(squares[0] / squares[1]))
+    assert 0.9 * most <= sum(told['count']) <= most
     assert told['brier'] < told['brier_of_climate']
     assert usual_limits(trial, settings.quiescence, 25.0) is None
     assert usual_limits(trial, settings.quiescence, 35.0) is not None
@@ -141,7 +145,9 @@ def test_the_verb_scores_the_first_minute_and_prints_one_json_object(tmp_path, c
     command = ['forecast', str(tmp_path / 'sea.csv'), '--leads', '0.5,1', '--warmup', '0', '--until', '60']
     assert main([*command, '--json', '--axis', 'roll', '--plot', str(picture)]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert (told['warmup_s'], told['until_s'], told['window_s']) == (0.0, 60.0, 1200.0)
+    assert (told['warmup_s'], told['until_s']) == (0.0, 60.0)
+    # 375 periods of sines between 1 and 3 rad/s
+    assert told['window_s'] == pytest.approx(375.0 * np.pi, rel=0.06)
     roll = told['axes'].pop('roll')
     assert told['axes'] == {} and roll['counted'] == [600, 600] and told['leads_s'] == [0.5, 1.0]
     assert set(roll['nrmse']) == set(METHODS) and roll['nrmse_interval'] == [[None, None]] * 2
@@ -152,7 +158,7 @@ def test_the_verb_scores_the_first_minute_and_prints_one_json_object(tmp_path, c
 def test_the_verb_prints_a_table_with_what_came_after_gaps(tmp_path, capsys):
     whole = sea(80.0)
     write_csv(tmp_path / 'sea.csv', only(whole, whole.time % 20.0 >= 0.5 - 1e-6))
-    assert main(['forecast', str(tmp_path / 'sea.csv'), '--leads', '0.5', '--warmup', '40', '--window', '30']) == 0
+    assert main(['forecast', str(tmp_path / 'sea.csv'), '--leads', '0.5', '--warmup', '40', '--window', '10']) == 0
     printed = capsys.readouterr().out
     rows = 'VAR(60)', 'past mean', 'forecast / best other', '90 % coverage, %', 'scored', '4 s after gaps, %', 'quiet'
     assert [row for row in rows if row not in printed] == []
@@ -162,11 +168,11 @@ def test_what_cannot_be_scored_is_refused():
     trial = sea(30.0)
     run = forecasts_with_errors(trial, np.zeros((trial.time.size, 2)), 0.1)
     for match, *given in (
-        ('warm-up', trial, run, LEADS, 60.0, 60.0),
-        ('warm-up', trial, run, LEADS, 10.0, 60.0, 5.0),
-        ('angles', replace(trial, roll=None, pitch=None), run, LEADS, 10.0, 60.0),
-        ('leads', trial, run, (0.3,), 10.0, 60.0),
-        ('no forecast', trial, Run(()), LEADS, 10.0, 60.0),
+        ('warm-up', trial, run, LEADS, 60.0, PAST),
+        ('warm-up', trial, run, LEADS, 10.0, PAST, 5.0),
+        ('angles', replace(trial, roll=None, pitch=None), run, LEADS, 10.0, PAST),
+        ('leads', trial, run, (0.3,), 10.0, PAST),
+        ('no forecast', trial, Run(()), LEADS, 10.0, PAST),
     ):
         with pytest.raises(InputError, match=match):
             score(*given)
@@ -175,7 +181,8 @@ def test_what_cannot_be_scored_is_refused():
 @pytest.mark.slow
 def test_a_ship_that_tells_angles_once_a_second_is_forecast_and_its_intervals_hold(data_folder):
     trial, leads = read_trial(data_folder / 'waves' / 'nbp1406_ship.csv'), (2.0, 5.0)
-    found = score(trial, run_through(trial, ForecasterSettings(leads=leads, window=240.0), {}), leads, 240.0, 240.0)
+    window = 240.0 / 8.5
+    found = score(trial, run_through(trial, ForecasterSettings(leads=leads, window=window), {}), leads, 240.0, window)
     for axis in ('roll', 'pitch'):
         assert np.all(found.axes[axis].nrmse['forecast'] < 0.85)
         assert np.all(np.abs(found.axes[axis].coverage[:, 1] - 0.9) < 0.03)
@@ -210,7 +217,7 @@ def forecasts_at_points(trial, motion, learnt=0.0):
 def test_errors_of_known_size_at_a_point_are_scored_as_such():
     trial, motion = swell(300.0)
     run = forecasts_at_points(trial, motion)
-    skill = score(trial, run, POINT_LEADS, 60.0, 60.0, points=(SENSOR, BOW))
+    skill = score(trial, run, POINT_LEADS, 60.0, PAST, points=(SENSOR, BOW))
     assert list(skill.points) == ['sensor', 'bow']
     for kinds in skill.points.values():
         for scores, deviation in zip(kinds.values(), DEVIATIONS, strict=True):
@@ -233,14 +240,14 @@ def test_errors_of_known_size_at_a_point_are_scored_as_such():
 def test_forecasts_before_vertical_motion_is_learnt_count_as_the_mean():
     trial, motion = swell(300.0)
     run = forecasts_at_points(trial, motion, 100.0)
-    before, late = (score(trial, run, POINT_LEADS, 60.0, 60.0, until=end, points=(SENSOR,)) for end in (99.95, 200.0))
+    before, late = (score(trial, run, POINT_LEADS, 60.0, PAST, until=end, points=(SENSOR,)) for end in (99.95, 200.0))
     for scores in before.points['sensor'].values():
         assert scores.nrmse['forecast'] == pytest.approx(scores.nrmse['mean'])
     for scores in late.points['sensor'].values():
         assert scores.replaced_share['forecast'] == pytest.approx([40.0 / 140.0] * 2, abs=0.01)
         assert (scores.coverage[:, 2] < 0.75).all()
     with pytest.raises(InputError, match='within 30 s of the ends'):
-        score(trial, run, POINT_LEADS, 275.0, 60.0, points=(SENSOR,))
+        score(trial, run, POINT_LEADS, 275.0, PAST, points=(SENSOR,))
 
 
 @pytest.fixture(scope='module')

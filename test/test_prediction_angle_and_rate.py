@@ -7,8 +7,9 @@ import pytest
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.prediction.axis_filter import AgreementMeter
+from swath_sysid.attitude.prediction.axis_filter import _SPAN, AgreementMeter
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
 
@@ -34,13 +35,13 @@ def excess(step, **how):
 
 @pytest.mark.parametrize('step', [0.01, 0.1])
 def test_a_lag_or_a_gain_is_noise_of_the_rate_that_departs_as_far(step):
-    (time, true, _), count = swing(step), round(0.5 / step)
+    (time, true, _), count = swing(step), math.ceil(_SPAN * USUAL_PERIOD / step)
     assert excess(step) == 0.0
     for how in ({'lag': 0.07}, {'gain': 0.9}):
-        # by hand: the mean square of what half a second adds to the difference between angle and integrated rate
+        # by hand: the mean square of what the span adds to the difference between angle and integrated rate
         apart = swing(step, **how)[1] - true
         added = (apart[count:] - apart[:-count])[time[count:] > 90.0]
-        assert excess(step, **how) == pytest.approx(np.mean(added**2) / (0.5 * step), rel=0.25)
+        assert excess(step, **how) == pytest.approx(np.mean(added**2) / (count * step**2), rel=0.25)
 
 
 def test_gaps_and_missing_values_say_nothing():

@@ -8,13 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.prediction.blend import Blend, error_weights, present_weights
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 
-STEP = 0.1
+STEP, PERIOD = 0.1, USUAL_PERIOD
 LEADS = np.array([0.1, 0.5, 1.0])
 
 
 def _blend(prior=(1.0, 1.0), axes=1):
-    return Blend(LEADS, STEP, axes, prior)
+    return Blend(LEADS, STEP, PERIOD, axes, prior)
 
 
 def _take(blend, errors, count, **further):
@@ -171,10 +172,41 @@ def test_errors_are_of_the_row_that_a_forecast_was_for_and_of_the_nearest_step()
         blend.take(reading, (row + blend.steps)[None, :, None].astype(float), np.ones((1, 3, 1)))
         row += 1
     assert (blend.mean_square == 0.0).all() and (blend.scale < 0.5).all()
-    between = Blend([0.02, 0.1, 0.26, 0.33, 1.0], STEP, 1, (1.0,))
+    between = Blend([0.02, 0.1, 0.26, 0.33, 1.0], STEP, PERIOD, 1, (1.0,))
     assert between.steps.tolist() == [1, 3, 10]
     told = between.combine(0, np.arange(5.0).reshape(1, 5, 1), np.ones((1, 5, 1, 1)), [0])
     assert told.mean[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+@given(factor=st.floats(0.1, 10.0), seed=st.integers(0, 50))
+def test_a_motion_stretched_in_time_is_blended_as_before(factor, seed):
+    blends = _blend(), Blend(factor * LEADS, factor * STEP, factor * PERIOD, 1, (1.0, 1.0))
+    later = _blend()
+    later.set_period(factor * STEP, factor * PERIOD)
+    for blend in (*blends, later):
+        _run(blend, np.array([1.0, 1.3])[:, None, None] * np.ones((2, 3, 1)), 1.0, 10.0, seed)
+    for blend in (blends[1], later):
+        for name in ('weights', 'mean_square', 'coverage', 'scale'):
+            np.testing.assert_allclose(getattr(blend, name), getattr(blends[0], name), rtol=1e-9)
+
+
+def test_what_was_learnt_of_the_errors_goes_over_to_other_rows_by_the_leads():
+    learnt = _blend(axes=2)
+    errors = np.array([[[1.0, 3.0], [1.0, 1.0], [2.0, 1.0]], [[3.0, 1.0], [1.0, 2.0], [1.0, 1.0]]])
+    _run(learnt, errors, 1.0)
+    for step in (0.05, 0.1, 0.2, 0.5):
+        blend = Blend(LEADS, step, PERIOD, 2, (1.0, 1.0))
+        blend.carry_over(learnt)
+        # of leads that fall on one row, the first
+        first = [place for place, lead in enumerate(blend.place_of_lead) if lead not in blend.place_of_lead[:place]]
+        assert blend.steps[blend.place_of_lead][first] == pytest.approx(np.maximum(np.round(LEADS / step), 1)[first])
+        for name in ('weights', 'mean_square', 'scale', 'coverage', 'blended_square'):
+            np.testing.assert_array_equal(getattr(blend, name), getattr(learnt, name)[..., first, :])
+        # and the first errors on the new rows change little of it
+        before = blend.weights.copy()
+        for _ in range(3):
+            blend.take(np.zeros(2), errors[:, first], np.ones_like(errors[:, first]))
+        np.testing.assert_allclose(blend.weights, before, atol=0.1)
 
 
 @given(st.lists(st.booleans(), min_size=3, max_size=3))

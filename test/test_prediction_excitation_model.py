@@ -12,13 +12,14 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulation import motion_step
 from swath_sysid.attitude.prediction import excitation_model as excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilter, HullPrior
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.hull_track import HULL_STATES
 
 HULL = hull_named('swath-roll').model
 EXACT = IdentifiedModel.exactly(HULL)
 KNOWN = HULL, HullPrior.of(EXACT), False
 NOISE = 5e-4, 3e-3
-STEP, SAMPLES, COUNT = 0.1, 10, 30_000
+STEP, PERIOD, SAMPLES, COUNT = 0.1, USUAL_PERIOD, 10, 30_000
 PEAK, WIDTH, SIZE = 2.2, 0.25, 0.06
 
 
@@ -53,7 +54,8 @@ def _blocks(seen):
 
 
 def _request(seen, hull=KNOWN):
-    return ExcitationRequest(*hull, STEP, *_blocks(seen).T.copy(), *(v / SAMPLES for v in VARIANCES), SAMPLES)
+    motion, noise = _blocks(seen).T.copy(), [v / SAMPLES for v in VARIANCES]
+    return ExcitationRequest(*hull, STEP, PERIOD, *motion, *noise, SAMPLES)
 
 
 def _fed(seen):

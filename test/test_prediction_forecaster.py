@@ -2,6 +2,7 @@
 
 import copy
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,18 +19,21 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 
 ANGLE_NOISE, RATE_NOISE = 5e-4, 3e-3
 LEADS = (0.1, 0.5, 1.0, 2.0)
-SETTINGS = ForecasterSettings(leads=LEADS, horizon=2.0, horizon_step=0.5, forecast_rate=5.0, refit_interval=15.0)
+SETTINGS = ForecasterSettings(leads=LEADS, horizon=2.0, horizon_step=0.5, forecast_rate=5.0, refit_interval=4.7)
 
 
 class Sea:
     """Roll, pitch and their rates as sums of sines, so that the truth is known at any time."""
 
-    def __init__(self):
+    def __init__(self, slower=1.0):
         rng = np.random.default_rng(0)
         self.frequency = np.sort(rng.uniform(1.2, 4.0, 80))
         spectrum = self.frequency**-5 * np.exp(-1.25 * (1.9 / self.frequency) ** 4)
+        self.frequency, self.rate_noise = self.frequency / slower, RATE_NOISE / slower
         self.amplitude = np.radians([[2.0], [1.0]]) * np.sqrt(2.0 * spectrum / spectrum.sum())
         self.phase = rng.uniform(0.0, 2.0 * math.pi, (2, 80))
+        square = self.amplitude**2
+        self.period = 2.0 * math.pi * math.sqrt(square.sum() / (square * self.frequency**2).sum())
 
     def motion(self, time, order=0):
         """Roll and pitch or, of order one, their rates, shape (2, N)."""
@@ -41,10 +45,10 @@ class Sea:
         """What a sensor gives at these times, its clock showing ``stamps``."""
         rng = np.random.default_rng(1)
         angles = self.motion(time) + rng.normal(0.0, ANGLE_NOISE, (2, time.size))
-        rates = self.motion(time, 1) + rng.normal(0.0, RATE_NOISE, (2, time.size))
+        rates = self.motion(time, 1) + rng.normal(0.0, self.rate_noise, (2, time.size))
         nanoseconds = np.round((time if stamps is None else stamps) * 1e9).astype(np.int64).tolist()
         rows = zip(nanoseconds, np.vstack([angles, rates]).T.tolist(), strict=True)
-        noise = (ANGLE_NOISE**2,) * 2 + (RATE_NOISE**2,) * 2
+        noise = (ANGLE_NOISE**2,) * 2 + (self.rate_noise**2,) * 2
         return [CraftSample(stamp, *row, *(math.nan,) * 3, *noise) for stamp, row in rows]
 
 
@@ -66,15 +70,15 @@ def run(samples, models=None, late_by=0, pipeline=None):
     return pipeline, steps
 
 
-def error(steps, time, first, last):
-    """Root mean square error of roll at `LEADS` of the forecasts issued at true times from first to last."""
+def error(steps, time, first, last, sea=None, leads=LEADS):
+    """Root mean square error of roll at the leads of the forecasts issued at true times from first to last."""
     issued = [
         (now, step.forecast.angle('roll'))
         for now, step in zip(time, steps, strict=True)
         if step.forecast is not None and first <= now < last
     ]
     assert issued, 'none was issued'
-    truth = SEA.motion(np.array([now for now, _ in issued])[:, None] + np.array(LEADS))[0]
+    truth = (sea or SEA).motion(np.array([now for now, _ in issued])[:, None] + np.array(leads))[0]
     return np.sqrt(np.mean((np.array([angle for _, angle in issued]) - truth) ** 2, axis=0))
 
 
@@ -153,7 +157,7 @@ def test_diagnostics_say_so_until_the_waves_are_learnt():
         assert 'no-model' in codes and diagnostics.has_model == {'roll': False, 'pitch': False}
     assert without[0] and not without[-1] and without == sorted(without, reverse=True)
     # the first request, and the time that a fit has
-    assert without.index(False) >= 10.0 * (SETTINGS.first_refit + SETTINGS.refit_delay)
+    assert without.index(False) >= 10.0 * (SETTINGS.first_refit * SEA.period + SETTINGS.refit_delay)
     assert diagnostics.nrmse.shape == diagnostics.coverage.shape == (2, len(LEADS))
     assert diagnostics.weights.shape == diagnostics.candidate_nrmse.shape == (len(CANDIDATES), 2, len(LEADS))
     np.testing.assert_allclose(np.nansum(diagnostics.weights, axis=0), 1.0, atol=1e-9)
@@ -200,6 +204,24 @@ def test_a_sensor_that_changes_its_rate_is_followed(rates):
     assert pipeline.diagnostics().sample_interval == pytest.approx(1.0 / rates[1], rel=1e-3)
     relative = error(steps, time, 35.0, 60.0) / SEA.motion(time)[0].std()
     assert (relative[:3] < (0.05, 0.2, 0.4)).all(), relative
+
+
+@pytest.mark.parametrize('slower', [5.0, 0.2])
+def test_a_craft_and_a_sea_that_are_slower_by_a_factor_are_forecast_as_well_so_much_further_ahead(steady, slower):
+    sea, leads = Sea(slower), tuple(slower * np.array(LEADS))
+    settings = replace(
+        SETTINGS,
+        leads=leads,
+        horizon=slower * SETTINGS.horizon,
+        horizon_step=slower * SETTINGS.horizon_step,
+        forecast_rate=SETTINGS.forecast_rate / slower,
+        refit_delay=slower * SETTINGS.refit_delay,
+    )
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=settings))
+    _, steps = run(sea.samples(slower * TIME), pipeline=pipeline)
+    found = error(steps, slower * TIME, 50.0 * slower, 118.0 * slower, sea, leads)
+    # what is taken for the period at first is not the sea's
+    assert found == pytest.approx(error(steady, TIME, 50.0, 118.0), rel=0.06)
 
 
 def test_an_axis_without_angle_is_forecast_from_its_rate():

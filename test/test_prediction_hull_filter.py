@@ -458,6 +458,30 @@ def test_spikes_are_refused_and_a_sensor_that_insists_is_followed():
     assert attitude.x[0] == pytest.approx(0.5) and attitude.x[2] == trim
 
 
+def test_a_moment_of_another_period_is_as_large_and_lasts_as_many_periods():
+    attitude = HullFilter()
+    attitude.set_hull(IdentifiedModel.exactly(hull_named('swath-roll').model))
+    attitude.start(0.1, 0.0, 1e-6, 1e-6)
+    for _ in range(50):
+        attitude.observe(0.02, 0.1, 0.0, 1e-6, 1e-6)
+
+    def memory():
+        """One over the corner frequency, s."""
+        return np.linalg.det(attitude.moments[0].generator) ** -0.5
+
+    size, lasts, motion = attitude.levels[0] * attitude.moments[0].variance, memory(), attitude.forecast(np.zeros(1))
+    for factor in (2.5, 0.4):
+        attitude.set_period(factor * attitude.period)
+        assert attitude.levels[0] * attitude.moments[0].variance == pytest.approx(size)
+        lasts *= factor
+        assert memory() == pytest.approx(lasts)
+        assert lasts == pytest.approx(hull_filter.MARKOV_TIME * attitude.period)
+        # what is known of the motion stays
+        for found, before in zip(attitude.forecast(np.zeros(1)), motion, strict=True):
+            np.testing.assert_allclose(found, before, atol=1e-12)
+        assert np.linalg.eigvalsh(attitude.P).min() > -1e-12
+
+
 @pytest.mark.parametrize(('measures_angle', 'bound'), [(True, 2e-3), (False, 8e-3)])
 def test_one_channel_alone_suffices(measures_angle, bound):
     craft, reading = _released(1)

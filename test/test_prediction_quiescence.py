@@ -201,8 +201,8 @@ def test_the_message_names_its_values():
 
 
 def test_the_error_at_the_valid_lead_is_the_limit():
-    settings, waves = ForecasterSettings(leads=(1.0,), horizon=8.0, forecast_rate=5.0, window=120.0), sea(300.0)
-    skill = score(waves, run_through(waves, settings, {}), (1.0,), 120.0, 120.0)
+    settings, waves = ForecasterSettings(leads=(1.0,), horizon=8.0, forecast_rate=5.0, window=40.0), sea(300.0)
+    skill = score(waves, run_through(waves, settings, {}), (1.0,), 120.0, 40.0)
     for axis, scores in skill.axes.items():
         found = scores.valid_lead
         assert found.counted > 400 and found.error_over_limit == pytest.approx(1.0, abs=0.2), axis

@@ -12,9 +12,11 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.prediction.forecaster import Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
-from swath_sysid.attitude.prediction.rows import CHANNELS
+from swath_sysid.attitude.prediction.rows import CHANNELS, ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.sea_fit import (
+    LONG_WAVES,
     LONGEST_FILLED,
     NEW_WAVES,
     WAVES,
@@ -25,7 +27,7 @@ from swath_sysid.attitude.prediction.sea_fit import (
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalForecaster, VerticalRequest
 
-STEP = 0.1
+STEP, PERIOD = 0.1, USUAL_PERIOD
 
 
 def waves(count):
@@ -48,23 +50,23 @@ def test_what_cannot_be_learnt_is_left_out_and_the_rest_is_sound(count, absent, 
     values[:, absent] = math.nan
     values[np.random.default_rng(1).uniform(size=count) < missing] = math.nan
     before = values.copy()
-    fit = fit_sea(SeaRequest(12.5, STEP, CHANNELS, values))
+    fit = fit_sea(SeaRequest(12.5, STEP, PERIOD, CHANNELS, values))
     np.testing.assert_array_equal(values, before)
     assert fit.time == 12.5 and fit.excitations == {}
-    assert set(fit.waves) <= {WAVES, NEW_WAVES} and None not in fit.waves.values()
+    assert set(fit.waves) <= {WAVES, LONG_WAVES, NEW_WAVES} and None not in fit.waves.values()
     for model in fit.waves.values():
         assert all(np.isfinite(np.asarray(part)).all() for part in (model.a, model.k, model.c))
         assert not {CHANNELS[place] for place in absent} & set(model.channels)
         assert abs(np.linalg.eigvals(model.a)).max() <= 1.0 + 1e-9
     if count >= 900 and len(absent) < len(CHANNELS) and missing < 0.5:
-        assert set(fit.waves) == {WAVES, NEW_WAVES}
+        assert set(fit.waves) == {WAVES, LONG_WAVES, NEW_WAVES}
     if count < 2 or len(absent) == len(CHANNELS):
         assert fit.waves == {}
 
 
 def test_values_that_do_not_change_teach_nothing_and_break_nothing():
     for values in (np.zeros((900, len(CHANNELS))), np.ones((900, len(CHANNELS)))):
-        fit = fit_sea(SeaRequest(1.0, STEP, CHANNELS, values))
+        fit = fit_sea(SeaRequest(1.0, STEP, PERIOD, CHANNELS, values))
         assert all(np.isfinite(np.asarray(model.a)).all() for model in fit.waves.values())
 
 
@@ -72,12 +74,13 @@ def test_a_hull_is_asked_for_its_moment_and_gets_it():
     """The request of a forecaster that knows a hull; the axis without one is not asked for."""
     forecaster, request = Forecaster(ForecasterSettings(leads=(0.5,), horizon=0.5)), None
     forecaster.set_model('roll', IdentifiedModel.exactly(hull_named('swath-roll').model))
-    for number, row in enumerate(waves(400).tolist()):
+    for number, row in enumerate(waves(800).tolist()):
         sample = CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7)
         step = forecaster.observe(sample, STEP * number, STEP if number else None)
         request = forecaster.issue(step).sea_request or request
     assert set(request.excitations) == {'roll'} and request.names == CHANNELS
-    assert request.step == pytest.approx(STEP) and request.values.shape[1] == len(CHANNELS)
+    samples = round(request.period / ROWS_A_PERIOD / STEP)
+    assert request.step == pytest.approx(samples * STEP) and request.values.shape[1] == len(CHANNELS)
     fit = fit_sea(request)
     assert set(fit.excitations) == {'roll'} and fit.excitations['roll'] is not None
 
@@ -89,7 +92,7 @@ def stretch_of(channels, step):
     for number in reversed(range(len(channels[0]) if used else 0)):
         if any(math.isnan(channel[number]) for channel in used):
             continue
-        if stretch and (stretch[0] - number) * step > LONGEST_FILLED:
+        if stretch and (stretch[0] - number) * step > LONGEST_FILLED * PERIOD:
             break
         stretch.insert(0, number)
     rows = np.arange(stretch[0], stretch[-1] + 1) if stretch else np.empty(0)
@@ -103,8 +106,9 @@ def two_channels(count):
 
 @given(st.integers(0, 40).flatmap(two_channels))
 def test_the_newest_stretch_is_that_of_looking_backwards(channels):
-    step = LONGEST_FILLED / 4.5
-    found, wanted = newest_stretch(np.array(channels, dtype=float), step), np.array(stretch_of(channels, step))
+    step = LONGEST_FILLED * PERIOD / 4.5
+    found = newest_stretch(np.array(channels, dtype=float), step, PERIOD)
+    wanted = np.array(stretch_of(channels, step))
     assert found.shape == wanted.shape
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
 
@@ -123,10 +127,10 @@ def test_a_craft_that_only_heaves_is_forecast_vertically(roll, sensor):
     steps = 0.01 * (rng.uniform(size=count) < 0.03)
     measured['roll'][:] = steps if roll == 'coarse' else rng.normal(0.0, roll, count)
     measured['accel_z'][:] = STANDARD_GRAVITY - heave[:count] @ frequency**2 + rng.normal(0.0, sensor, count)
-    fit = fit_sea(SeaRequest(1.0, STEP, CHANNELS, values, vertical=VerticalRequest(ahead + 2, 0.0, row)))
+    fit = fit_sea(SeaRequest(1.0, STEP, PERIOD, CHANNELS, values, vertical=VerticalRequest(ahead + 2, 0.0, row)))
     waves = InnovationsFilter(fit.waves[WAVES], ATTITUDE, 3.0, np.arange(1, 4))
     waves.seed(values[-600:])
-    forecaster = VerticalForecaster(STEP, ahead + 2)
+    forecaster = VerticalForecaster(STEP, PERIOD, ahead + 2)
     for sample in values[:, [CHANNELS.index(name) for name in ('roll', 'pitch', *FORCE)]]:
         forecaster.take(sample, None)
     forecaster.install(fit.vertical, row, waves)

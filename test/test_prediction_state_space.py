@@ -11,6 +11,7 @@ from swath_sysid.attitude.prediction.state_space import (
     BREAK,
     InnovationsFilter,
     InnovationsModel,
+    SparseFilter,
     cubic_weights,
     side_by_side,
 )
@@ -162,6 +163,34 @@ def test_age_is_added_to_the_lead_and_a_rate_is_the_difference_of_an_angle_that_
     assert mean[:, 1] == pytest.approx(w * np.cos(w * then), abs=0.04 * w)
     assert np.isnan(mean[:, 2]).all()
     assert np.isnan(covariance[:, 2]).all() and np.isfinite(covariance[:, :2, :2]).all()
+
+
+@settings(max_examples=20)
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=12), st.integers(2, 4))
+def test_a_filter_on_every_so_many_rows_is_one_of_these_rows_alone(gaps, every):
+    """Whichever rows are missing, and between the rows that it uses too."""
+    model = _model()
+    rows, steps = _rows(model, 200), np.array([1, 3, 8])
+    ours = SparseFilter(model, model.channels, 2.0, steps, 1.0, every)
+    plain = InnovationsFilter(model, model.channels, 2.0, (), 1.0)
+    ours.seed(rows[:100])
+    plain.seed(rows[99 % every : 100 : every])
+    number = used = 99
+    for gap in gaps:
+        ours.skip(gap - 1)
+        ours.step(rows[number + gap])
+        # rows before this one, counted from the newest of the seed
+        for place in range(number + 1, number + gap + 1):
+            if (place - 99) % every == 0:
+                plain.step(rows[place]) if place == number + gap else plain.skip(1)
+                used = place
+        number += gap
+        late = (number - used) * STEP / every
+        for leads in (np.array([0.1, 0.33, 0.8]), None):
+            asked = STEP / every * steps if leads is None else leads
+            for found, wanted in zip(ours.forecast(leads), plain.forecast(asked + late), strict=True):
+                np.testing.assert_allclose(found, wanted, rtol=1e-7, atol=1e-9)
+        assert ours.strain == plain.strain
 
 
 def test_the_rates_covariance_is_that_of_the_difference():

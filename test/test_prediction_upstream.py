@@ -9,8 +9,9 @@ from scipy.signal import lfilter
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.bank import CANDIDATES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
-from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UPSTREAM, UpstreamRows, needed_past
+from swath_sysid.attitude.prediction.upstream import LONGEST_PAST, NEW_UPSTREAM, UPSTREAM, UpstreamRows, needed_past
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.record_run import ArrivingSamples, UpstreamSeries, run_through, samples_of
@@ -86,7 +87,7 @@ def test_a_probe_that_is_stuck_or_lies_costs_little_and_serves_again(without, ki
 
 def test_gaps_repetitions_and_samples_out_of_order_are_lost():
     rows = UpstreamRows(('probe',), 400)
-    rows.begin(0.1, True)
+    rows.lay_out(0.1, math.nan)
     for number in range(300):
         t = 0.1 * number
         rows.append(t, 1)
@@ -100,11 +101,41 @@ def test_gaps_repetitions_and_samples_out_of_order_are_lost():
     np.testing.assert_allclose(values[seen], np.sin(time[seen]), atol=0.02)
 
 
+@pytest.mark.parametrize('ratio', [0.5, 2.0, 3.0])
+def test_rows_at_another_step_go_on_with_the_samples_that_have_come(ratio):
+    rows = UpstreamRows(('probe', 'late'), 600)
+    rows.lay_out(0.1, math.nan)
+    stamps, count, step, sent = np.arange(0.0, 60.0, 0.05), 0, 0.1, 0
+    while count * 0.1 < 30.0:
+        rows.append(count * 0.1, 1)
+        for stamp in stamps[sent : sent + 2]:
+            rows.take('probe', stamp, math.sin(stamp))
+            rows.take('late', stamp - 1.0, math.cos(stamp - 1.0))
+        sent, count = sent + 2, count + 1
+    now = (count - 1) * 0.1
+    rows.lay_out(ratio * step, ratio)
+    for number in range(1, round(20.0 / (ratio * step)) + 1):
+        stamp = now + ratio * step * number
+        rows.append(stamp, 1)
+        for at in stamps[(stamps > stamp - ratio * step + 1e-9) & (stamps <= stamp + 1e-9)]:
+            rows.take('probe', at, math.sin(at))
+            rows.take('late', at - 1.0, math.cos(at - 1.0))
+    last = now + ratio * step * number
+    values = rows.request(400, 100, 1.0).values
+    time = last - ratio * step * np.arange(len(values))[::-1]
+    for channel, delay, truth in ((values[:, 0], 0.0, np.sin(time)), (values[:, 1], 1.0, np.cos(time))):
+        known = np.isfinite(channel)
+        np.testing.assert_allclose(channel[known], truth[known], atol=0.02)
+        # but for the rows beside those that were not known yet when the step changed
+        seen = (time > 1.0) & (time < last - 1.5) & (abs(time - now + delay) > 2.5 * ratio * step)
+        assert known[seen].all()
+
+
 @pytest.mark.parametrize('travel', [4.0, 14.0, 24.0])
 def test_the_past_is_as_long_as_the_wave_travels(travel):
     trial, probe = craft_and_probe(travel=travel)
     rows = np.column_stack([trial.roll, np.full((probe.size, 3), math.nan), probe])
-    assert travel - 3.0 <= needed_past(rows, STEP, 3.0) <= travel + 3.0
+    assert travel - 3.0 <= needed_past(rows, STEP, 3.0, LONGEST_PAST * USUAL_PERIOD) <= travel + 3.0
 
 
 def test_channels_are_known_and_their_gain_is_told():
@@ -125,7 +156,7 @@ def test_channels_are_known_and_their_gain_is_told():
             pipeline.install(fit_sea(step.sea_request))
     found = pipeline.diagnostics()
     assert found.candidates == (*CANDIDATES, NEW_UPSTREAM, UPSTREAM, 'without-probe', 'without-noise')
-    assert found.weights.shape == (8, 2, len(LEADS))
+    assert found.weights.shape == (len(found.candidates), 2, len(LEADS))
     roll = {name: gain[0] for name, gain in found.upstream_gain.items()}
     assert (roll['probe'][:2] > 0.8).all() and (np.abs(roll['noise']) < 0.3).all()
     assert all(np.isnan(gain[1]).all() for gain in found.upstream_gain.values()), 'pitch is not measured'

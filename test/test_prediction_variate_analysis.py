@@ -8,9 +8,11 @@ from scipy.linalg import expm
 
 from swath_sysid.attitude.prediction import variate_analysis as analysis
 from swath_sysid.attitude.prediction.bank import angle_statistics, oscillators
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
+from swath_sysid.attitude.prediction.time_scale import period_of
 
-STEP = 0.1
+STEP, PERIOD = 0.1, USUAL_PERIOD
 NAMES = ('roll', 'pitch')
 MEAN = np.array([3.0, -5.0])
 
@@ -48,7 +50,7 @@ def _filter(model, rows, names=NAMES, horizon=1.0):
 
 def test_a_known_system_is_forecast_as_well_as_can_be():
     y, e, first, second = _sea(9100)
-    model = analysis.identify(y[:6000], NAMES, STEP)
+    model = analysis.identify(y[:6000], NAMES, STEP, PERIOD)
     assert model.channels == NAMES
     assert model.scale[:, None] * model.s * model.scale == pytest.approx(np.eye(2), abs=0.06)
     ours = _filter(model, y[5500:6000])
@@ -67,7 +69,7 @@ def test_a_known_system_is_forecast_as_well_as_can_be():
 
 def test_the_state_from_lags_is_that_of_a_long_past():
     y, *_ = _sea(4100)
-    model = analysis.identify(y, NAMES, STEP)
+    model = analysis.identify(y, NAMES, STEP, PERIOD)
     (long, covariance), (short, _) = (_filter(model, y[-count:]).forecast([0.1]) for count in (1500, model.lags))
     assert np.abs(long - short).max() < 0.1 * np.sqrt(np.diagonal(covariance[0])).min()
 
@@ -77,13 +79,13 @@ def test_channels_that_say_nothing_are_left_out():
     rare = np.where(np.random.default_rng(0).uniform(size=y.shape[0]) < 0.3, y[:, 0], np.nan)
     values = np.column_stack([np.full(y.shape[0], 2.0), y[:, 0], rare, np.full(y.shape[0], np.nan), y[:, 1]])
     assert analysis.useful_channels(values) == [1, 4]
-    model = analysis.identify(values, ('draft', 'roll', 'heave', 'yaw', 'pitch'), STEP)
+    model = analysis.identify(values, ('draft', 'roll', 'heave', 'yaw', 'pitch'), STEP, PERIOD)
     assert (model.channels, model.places) == (('roll', 'pitch'), (1, 4))
     ours = _filter(model, values[-100:])
     assert ours.state_covariance is None and np.isfinite(ours.forecast([0.5])[0]).all()
     for values in (np.zeros((0, 2)), np.zeros((500, 2)), np.full((500, 2), np.nan), y[:8]):
-        assert analysis.identify(values, NAMES, STEP) is None
-        assert analysis.identify_alone(values, NAMES, STEP, NAMES) is None
+        assert analysis.identify(values, NAMES, STEP, PERIOD) is None
+        assert analysis.identify_alone(values, NAMES, STEP, PERIOD, NAMES) is None
 
 
 def _waves(seed, components, count):
@@ -125,7 +127,7 @@ def test_channels_that_follow_from_others_give_a_model_and_variances(kind, seed,
     angle = angle + noise * np.random.default_rng(seed).normal(size=count)
     names, values = _following(kind, angle, rate)
     values[60 : 60 + lost] = np.nan
-    model = analysis.identify(values, names, STEP)
+    model = analysis.identify(values, names, STEP, PERIOD)
     # of some hundred windows one gives a filter that is not stable; without any noise none would give a model
     assume(model is not None)
     assert np.linalg.eigvalsh(model.s).min() > 0.9e-8
@@ -143,7 +145,7 @@ def test_channels_that_follow_from_others_give_a_model_and_variances(kind, seed,
 @pytest.mark.parametrize('kind', ['a fifth', 'twice', 'reversed, no rates'])
 def test_what_follows_from_another_channel_is_forecast_with_it(kind):
     names, values = _following(kind, *_waves(4, 3, 1400))
-    ours, errors = _filter(analysis.identify(values[:1200], names, STEP), values[1000:1200], horizon=2.0), []
+    ours, errors = _filter(analysis.identify(values[:1200], names, STEP, PERIOD), values[1000:1200], horizon=2.0), []
     for t in range(1200, 1380):
         ours.step(values[t])
         errors.append(ours.forecast([1.0, 2.0])[0] - values[[t + 10, t + 20], :2])
@@ -154,7 +156,7 @@ def test_what_follows_from_another_channel_is_forecast_with_it(kind):
 def test_each_angle_alone_reads_only_itself_and_its_rate():
     y, *_ = _sea(3000)
     values = np.column_stack([y, np.gradient(y[:, 1]) / STEP + np.random.default_rng(1).normal(size=len(y))])
-    model = analysis.identify_alone(values, (*NAMES, 'pitch_rate'), STEP, NAMES)
+    model = analysis.identify_alone(values, (*NAMES, 'pitch_rate'), STEP, PERIOD, NAMES)
     assert model.places == (0, 1, 2) and model.channels == (*NAMES, 'pitch_rate')
     assert not model.k[model.c[0].nonzero()[0]][:, 1:].any()
     assert _filter(model, values[-400:]).state_covariance is None
@@ -164,12 +166,14 @@ def test_where_every_tenth_row_is_lost_there_is_still_a_model():
     y, *_ = _sea(6100)
     lost = y.copy()
     lost[::10] = np.nan
-    assert analysis.broken(lost, analysis.max_lags(STEP)) and not analysis.broken(y, analysis.max_lags(STEP))
+    assert analysis.broken(lost, analysis.max_lags(STEP, PERIOD)) and not analysis.broken(
+        y, analysis.max_lags(STEP, PERIOD)
+    )
     filled, inner = analysis.fill_short_gaps(lost - y.mean(axis=0)) + y.mean(axis=0), slice(10, -10, 10)
     # the best two-sided interpolation of this system leaves less than the innovations
     assert np.std(filled[inner] - y[inner], axis=0).max() < 0.8
-    model = analysis.identify(lost, NAMES, STEP)
-    assert model.lags == analysis.identify(y, NAMES, STEP).lags
+    model = analysis.identify(lost, NAMES, STEP, PERIOD)
+    assert model.lags == analysis.identify(y, NAMES, STEP, PERIOD).lags
     assert model.scale[:, None] * model.s * model.scale == pytest.approx(np.eye(2), abs=0.15)
 
 
@@ -188,11 +192,12 @@ def test_a_spike_and_a_join_are_missing_rows_and_the_steps_of_a_coarse_sensor_ar
 
 def _nrmse(values, names, start, stop, leads, step):
     """Identified on the past, once a minute, with forecasts at every row."""
-    errors = []
+    errors, angles = [], values[:start, :2]
+    period = period_of(angles, np.full_like(angles, np.nan), step, np.zeros(2), np.zeros(2))
     for t in range(start, stop):
         if (t - start) % round(60.0 / step) == 0:
             past = values[t - round(30.0 / step) : t]
-            ours = _filter(analysis.identify(values[:t], names, step), past, horizon=leads[-1])
+            ours = _filter(analysis.identify(values[:t], names, step, period), past, horizon=leads[-1])
         ours.step(values[t])
         errors.append(ours.forecast(leads)[0] - values[t + np.round(leads / step).astype(int), :2])
     return np.sqrt(np.nanmean(np.square(errors), axis=0)) / np.nanstd(values[start:, :2], axis=0)
@@ -219,9 +224,9 @@ def test_an_oscillator_forecasts_as_its_equation_says():
     """Against the matrix exponential of x'' = -w^2 x - 2 z w x', from the newest angle and rate."""
     w, time, both = 1.7, np.arange(0.0, 300.0, STEP), ('roll', 'roll_rate')
     values = np.column_stack([0.1 * np.sin(w * time) + 0.02, 0.1 * w * np.cos(w * time)])
-    mean, deviation, frequency = angle_statistics(*values.T, STEP)
+    mean, deviation, frequency = angle_statistics(*values.T, STEP, PERIOD)
     assert (mean, deviation, frequency) == pytest.approx((0.02, 0.1 / np.sqrt(2.0), w), rel=0.03)
-    ours = _filter(oscillators(values, both, STEP, NAMES), values, both, 5.0)
+    ours = _filter(oscillators(values, both, STEP, PERIOD, NAMES), values, both, 5.0)
     drift = np.array([[0.0, 1.0], [-(frequency**2), -0.8 * frequency]])
     for lead in (0.1, 1.0, 5.0):
         wanted = expm(drift * lead) @ (values[-1] - [mean, 0.0]) + [mean, 0.0]
@@ -232,7 +237,9 @@ def test_an_oscillator_forecasts_as_its_equation_says():
 def test_the_first_rows_are_enough_for_an_oscillator(count):
     values = np.column_stack([np.full(count, 0.1), np.full(count, np.nan)])
     for names in (NAMES, ('roll', 'roll_rate')):
-        mean, covariance = _filter(oscillators(values, names, 1.0, NAMES), values, horizon=5.0).forecast([1.0, 5.0])
+        mean, covariance = _filter(oscillators(values, names, 1.0, PERIOD, NAMES), values, horizon=5.0).forecast(
+            [1.0, 5.0]
+        )
         assert (np.abs(mean[:, 0]) <= 0.1).all() and (covariance[:, 0, 0] > 0.0).all()
         assert np.isnan(mean[:, 1]).all()
-    assert oscillators(np.full((3, 2), np.nan), NAMES, 1.0, NAMES) is None
+    assert oscillators(np.full((3, 2), np.nan), NAMES, 1.0, PERIOD, NAMES) is None

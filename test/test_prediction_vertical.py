@@ -118,7 +118,7 @@ def test_a_swell_of_few_waves_without_noise_is_not_weighed_by_what_rounding_left
     rates = [-0.05 * np.sin(angle + turn) @ (w * size) for turn in (0.4, -1.0)]
     along = np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)], axis=1)
     rows = np.column_stack([roll, pitch, *rates, along * (STANDARD_GRAVITY + acceleration)[:, None]])
-    model = identify(rows[:1900], names, STEP)
+    model = identify(rows[:1900], names, STEP, 2.0 * math.pi / w[0])
     fit = fit_vertical(rows[:1900], names, STEP, model, VerticalRequest(20))
     later = np.arange(1900, 2100)
     # what the filter's state differs from that of the lags by is a small part of each channel

@@ -1,0 +1,290 @@
+"""Rows of samples whose motion is known at any time: lost ones, late ones, and other rates and periods."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
+from swath_sysid.attitude.prediction.rows import (
+    _NEW_STEP,
+    CHANNELS,
+    LONGEST_FILLED,
+    OF_CHANNELS,
+    OF_MEANS,
+    OF_SAMPLE,
+    ROWS_A_PERIOD,
+    SMOOTHED_FROM,
+    RowClock,
+    SampleClock,
+    Sampled,
+    resampled,
+)
+
+SIZE = np.array([0.1, 0.05])
+PHASE = np.array([0.4, 1.9])
+
+
+def motion(time, period=USUAL_PERIOD):
+    """Roll, pitch and their rates, shape (..., 4), of sines with a period."""
+    w = 2.0 * math.pi / period
+    turn = w * np.asarray(time)[..., None] + PHASE
+    return np.concatenate([SIZE * np.sin(turn), SIZE * w * np.cos(turn)], axis=-1)
+
+
+def sample_at(time, period=USUAL_PERIOD):
+    """With an acceleration along x that grows by one a second."""
+    return CraftSample(round(1e9 * time), *motion(time, period).tolist(), time, 0.0, 9.8, *(math.nan,) * 4)
+
+
+def rows_of(clock, times, period=USUAL_PERIOD, stamps=None, filtered=(None, None), change=None):
+    """(time, row) of each, the rows laid out for the period, as the forecaster does; ``change``d samples if given."""
+    rows, stamps = [], times if stamps is None else stamps
+    for before, stamp, time in zip(stamps[:-1], stamps[1:], times[1:], strict=True):
+        sampled = clock.sensor.follow(stamp - before)
+        if clock.is_laid_out_for(period):
+            clock.corrected()
+        else:
+            clock.lay_out(period)
+        sample = sample_at(time, period)
+        found = clock.take(sample if change is None else change(sample), sampled, filtered)
+        rows += [(time - age, row) for age, row in found]
+    return rows
+
+
+def values_of(rows, columns):
+    return np.array([row[columns] for _, row in rows])
+
+
+def clock_ticks(rate, count):
+    return np.arange(count) / rate
+
+
+# -- whole records
+
+
+@pytest.mark.parametrize(('rate', 'period'), [(10.0, 3.2), (50.0, 3.2), (100.0, 3.2), (100.0, 12.0), (400.0, 1.0)])
+def test_so_many_samples_as_come_nearest_to_a_share_of_the_period_are_a_row(rate, period):
+    clock, times = RowClock(), clock_ticks(rate, 2000)
+    rows = rows_of(clock, times, period)
+    samples = round(period / ROWS_A_PERIOD * rate)
+    assert clock.samples == samples and clock.step == pytest.approx(samples / rate)
+    at = np.array([time for time, _ in rows])
+    assert np.diff(at) == pytest.approx(samples / rate) and len(rows) == 1 + (1998 // samples)
+    np.testing.assert_allclose(values_of(rows, OF_SAMPLE), motion(at, period), atol=1e-12)
+    means = motion(times[2:], period)[: samples * (len(rows) - 1)].reshape(-1, samples, 4).mean(axis=1)
+    np.testing.assert_allclose(values_of(rows[1:], OF_MEANS), means, atol=1e-12)
+    if samples < SMOOTHED_FROM:
+        np.testing.assert_array_equal(values_of(rows, OF_CHANNELS)[:, :4], values_of(rows, OF_SAMPLE))
+
+
+def test_a_slower_sensor_gives_one_row_per_sample():
+    clock, times = RowClock(), clock_ticks(4.0, 50)
+    assert USUAL_PERIOD / ROWS_A_PERIOD < 0.25
+    rows = rows_of(clock, times)
+    assert [time for time, _ in rows] == pytest.approx(times[1:]) and clock.step == pytest.approx(0.25)
+
+
+def test_filtered_motion_takes_the_part_of_a_smoothed_one_and_the_rest_is_smoothed():
+    clock = RowClock()
+    rows = rows_of(clock, clock_ticks(100.0, 500), filtered=((0.7, -0.3), None))
+    channels = values_of(rows, OF_CHANNELS)
+    assert clock.is_smoothed
+    for name, value in (('roll', 0.7), ('roll_rate', -0.3)):
+        assert (channels[:, CHANNELS.index(name)] == value).all()
+    # a mean that moves by 2 / n is (n - 2) / 2 samples late on a ramp
+    late = (clock.samples - 2) / 2.0 / 100.0
+    at = np.array([time for time, _ in rows])
+    ramp = channels[:, CHANNELS.index('accel_x')]
+    assert ramp[20:] == pytest.approx(at[20:] - late, abs=1e-6)
+    # no later than on average in the block: the phase of a pitch that is not filtered is as late
+    assert np.isnan(channels[:, CHANNELS.index('heave')]).all()
+
+
+# -- lost samples
+
+
+@pytest.mark.parametrize('lost', [1, 2, 4])
+def test_a_lost_sample_is_filled_as_a_cubic_does(lost):
+    """The error of Hermite's cubic is that of the fourth derivative: its theorem's bounds for angle and rate."""
+    times = clock_ticks(10.0, 120)
+    gaps = np.arange(20, 110, 10)
+    kept = np.delete(times, [place + k for place in gaps for k in range(lost)])
+    rows = rows_of(RowClock(), kept)
+    at = np.array([time for time, _ in rows])
+    assert at == pytest.approx(times[1:], abs=1e-9), 'no row is lost'
+    error = np.abs(values_of(rows, OF_SAMPLE) - motion(at)).max(axis=0)
+    h, w = 0.1 * (lost + 1), 2.0 * math.pi / USUAL_PERIOD
+    of_angle, of_rate = h**4 / 384.0 * w**4, math.sqrt(3.0) / 216.0 * h**3 * w**4
+    assert (error[:2] <= 1.001 * of_angle * SIZE).all() and (error[:2] > 0.5 * of_angle * SIZE).all()
+    assert (error[2:] <= 1.001 * of_rate * SIZE).all()
+    # what has no rate is filled by a line, here of a ramp
+    assert values_of(rows, OF_CHANNELS)[:, CHANNELS.index('accel_x')] == pytest.approx(at, abs=1e-9)
+
+
+@given(degree=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), lost=st.integers(1, 5))
+def test_a_motion_that_is_a_cubic_is_filled_without_error(degree, lost):
+    curve = np.polynomial.Polynomial(degree)
+    slope = curve.deriv()
+
+    def change(sample):
+        now = 1e-9 * sample.stamp_ns - 2.0
+        return sample._replace(roll=curve(now), roll_rate=slope(now))
+
+    kept = np.delete(clock_ticks(10.0, 40), np.arange(15, 15 + lost))
+    rows = rows_of(RowClock(), kept, change=change)
+    at = np.array([time for time, _ in rows]) - 2.0
+    found = values_of(rows, OF_SAMPLE)
+    np.testing.assert_allclose(found[:, 0], curve(at), atol=1e-9)
+    np.testing.assert_allclose(found[:, 2], slope(at), atol=1e-8)
+
+
+def test_an_angle_without_rate_is_filled_by_a_line():
+    kept = np.delete(clock_ticks(10.0, 40), 20)
+    rows = rows_of(RowClock(), kept, change=lambda sample: sample._replace(roll_rate=math.nan))
+    filled = next(row for time, row in rows if abs(time - 2.0) < 1e-6)
+    assert filled[OF_SAMPLE][0] == pytest.approx(motion(np.array([1.9, 2.1]))[:, 0].mean())
+
+
+@pytest.mark.parametrize('rate', [10.0, 100.0])
+def test_what_is_lost_for_longer_than_a_motion_needs_to_turn_is_not_known(rate):
+    longest = LONGEST_FILLED * USUAL_PERIOD
+    for seconds, is_filled in ((0.9 * longest, True), (1.2 * longest, False), (5.0, False)):
+        clock, times = RowClock(), clock_ticks(rate, round(12.0 * rate))
+        begin = round(6.0 * rate)
+        kept = np.delete(times, np.arange(begin, begin + math.floor(seconds * rate) - 1))
+        rows = rows_of(clock, kept)
+        empty = [time for time, row in rows if row is None]
+        assert (not empty) == is_filled
+        # known or not, there is a row for each step
+        steps = np.diff([time for time, _ in rows]) / clock.step
+        assert np.abs(steps - 1.0).max() < 0.5 + 1e-6, steps.max()
+        assert all(6.0 - clock.step <= time <= 6.0 + seconds for time in empty)
+        if not is_filled:
+            known = [(time, row) for time, row in rows if row is not None]
+            at = np.array([time for time, _ in known])
+            np.testing.assert_allclose(values_of(known, OF_SAMPLE), motion(at), atol=1e-9)
+
+
+@pytest.mark.parametrize('share', [0.01, 0.05, 0.2])
+@pytest.mark.parametrize('jitter', [0.0, 0.05, 0.1])
+def test_samples_lost_at_random_are_counted_exactly(share, jitter):
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        kept = np.flatnonzero(rng.uniform(size=6000) > share)
+        stamps = 0.02 * (kept + rng.uniform(-jitter, jitter, kept.size))
+        clock = SampleClock()
+        counted = [clock.follow(elapsed).intervals for elapsed in np.diff(stamps)]
+        # after the first, of which the median is made
+        np.testing.assert_array_equal(counted[60:], np.diff(kept)[60:])
+        assert clock.interval == pytest.approx(0.02, rel=2e-3)
+
+
+# -- stamps
+
+
+@pytest.mark.parametrize('kind', ['white', 'late'])
+def test_jitter_of_stamps_is_smoothed(kind):
+    """A loop of gain g leaves sqrt(g / (2 - g)) of white jitter: a quarter."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        true = 0.02 * np.arange(4000)
+        late = rng.uniform(-0.2, 0.2, true.size) if kind == 'white' else rng.exponential(0.05, true.size)
+        stamps = true + 0.02 * late
+        clock = SampleClock()
+        sampled = [clock.follow(elapsed) for elapsed in np.diff(stamps)]
+        told = np.cumsum([each.elapsed for each in sampled])
+        error = (told - true[1:])[500:]
+        assert error.std() < 0.3 * (0.02 * late).std()
+        # and the steps that filters take are even
+        steps = np.array([each.elapsed for each in sampled])[500:]
+        assert steps.std() < 0.15 * np.diff(stamps).std()
+        if kind == 'white':
+            assert {each.intervals for each in sampled} == {1}
+
+
+@pytest.mark.parametrize('drift', [-1e-2, 1e-3, 2e-2])
+def test_a_clock_that_drifts_is_followed_and_no_sample_taken_for_lost(drift):
+    time = 0.02 * np.arange(6000)
+    stamps = time + drift * time**2 / (2.0 * time[-1])
+    clock = SampleClock()
+    assert {clock.follow(elapsed).intervals for elapsed in np.diff(stamps)} == {1}
+    assert clock.interval == pytest.approx(0.02 * (1.0 + drift), rel=1e-3)
+
+
+# -- other rates and periods
+
+
+@pytest.mark.parametrize(
+    'rates', [(50.0, 10.0), (10.0, 50.0), (100.0, 40.0), (40.0, 100.0), (10.0, 100.0), (50.0, 12.0)]
+)
+def test_another_rate_is_followed_and_rows_stay_on_the_motion(rates):
+    times = np.concatenate([clock_ticks(rates[0], round(30.0 * rates[0])), 30.0 + clock_ticks(rates[1], 1000)])
+    clock = RowClock()
+    rows = rows_of(clock, times)
+    assert clock.interval == pytest.approx(1.0 / rates[1], rel=1e-3)
+    samples = max(1, round(USUAL_PERIOD / ROWS_A_PERIOD * rates[1]))
+    assert clock.step == pytest.approx(samples / rates[1], rel=_NEW_STEP)
+    known = [(time, row) for time, row in rows if row is not None]
+    at = np.array([time for time, _ in known])
+    # within what a cubic over the longer interval leaves and, until the new rate shows, half an interval's motion
+    h, w = 1.0 / min(rates), 2.0 * math.pi / USUAL_PERIOD
+    error = np.abs(values_of(known, OF_SAMPLE)[:, :2] - motion(at)[:, :2])
+    is_new = (at > 29.99) & (at < 30.0 + 15.0 / rates[1])
+    limit = 1.001 * h**4 / 384.0 * w**4 + np.where(is_new, 0.5 / rates[0] * w, 0.0)[:, None]
+    assert (error <= limit * SIZE + 1e-9).all()
+    after = at[at > times[-500]]
+    assert np.diff(after) == pytest.approx(clock.step, rel=0.02)
+
+
+def test_another_period_gives_another_step_and_one_hardly_different_none():
+    clock, times = RowClock(), clock_ticks(100.0, 300)
+    rows_of(clock, times)
+    assert clock.step == pytest.approx(0.1)
+    assert not clock.lay_out(1.1 * USUAL_PERIOD) and clock.step == pytest.approx(0.1)
+    assert clock.is_laid_out_for(1.1 * USUAL_PERIOD) and not clock.is_laid_out_for(USUAL_PERIOD)
+    for factor in (2.0, 0.5, 4.0):
+        assert clock.lay_out(factor * USUAL_PERIOD) and clock.step == pytest.approx(0.1 * factor)
+        # the next sample is a row
+        assert len(clock.take(sample_at(3.0), Sampled(0.01, 1), (None, None))) == 1
+
+
+def test_after_a_restart_the_next_sample_is_a_row():
+    clock = RowClock()
+    rows_of(clock, clock_ticks(100.0, 204))
+    assert 0.0 < clock.since_row < clock.step
+    clock.restart()
+    ((age, row),) = clock.take(sample_at(5.0), Sampled(0.0, 1), (None, None))
+    assert age == 0.0 and clock.since_row == 0.0
+    np.testing.assert_allclose(row[OF_MEANS], motion(5.0))
+
+
+# -- rows at another step
+
+
+@pytest.mark.parametrize('ratio', [0.5, 0.7, 1.3, 2.0, 3.7])
+def test_rows_at_another_step_end_with_the_newest_and_lie_on_the_motion(ratio):
+    time = 0.1 * np.arange(200)
+    found = resampled(motion(time), ratio)
+    at = time[-1] - 0.1 * ratio * np.arange(len(found))[::-1]
+    assert at[0] >= -1e-9 and at[0] < 0.1 * ratio
+    np.testing.assert_allclose(found[-1], motion(time[-1]), atol=1e-12)
+    # a cubic through four: 9 / 16 / 24 of the fourth derivative amid them, and one at the edges
+    w = 2.0 * math.pi / USUAL_PERIOD
+    bound = (0.1 * w) ** 4 / 24.0 * np.concatenate([SIZE, w * SIZE])
+    error = np.abs(found - motion(at))
+    assert (error[4:-4] <= 9.0 / 16.0 * 1.001 * bound).all() and (error <= 1.001 * bound).all()
+
+
+def test_rows_beside_a_missing_one_are_missing_and_few_rows_are_taken_as_they_are():
+    rows = motion(0.1 * np.arange(50))
+    rows[25] = math.nan
+    missing = np.flatnonzero(np.isnan(resampled(rows, 2.0)).any(axis=1))
+    assert 0 < missing.size <= 2
+    assert np.isfinite(np.delete(resampled(rows, 2.0), missing, axis=0)).all()
+    for count in (0, 1, 2, 3):
+        few = resampled(rows[:count], 1.5)
+        assert few.shape[1] == 4 and (not count or (few[-1] == rows[count - 1]).all())
