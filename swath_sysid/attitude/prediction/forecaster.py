@@ -15,7 +15,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.bank import HULL, OSCILLATOR, Bank, ForecasterDiagnostics, diagnose, oscillators
+from swath_sysid.attitude.prediction.bank import HULL, Bank, ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
@@ -57,7 +57,7 @@ LONGEST_BRIDGE = 19.0  #: Periods; after a longer silence the motion is forgotte
 MOST_AHEAD = 2000  #: Rows that the longest lead may be.
 
 #: Of a past, after which what is learnt of it is learnt anew; periods at most and, for the first forecasts, at least.
-_REFIT_SHARE, _LONGEST_REFIT_INTERVAL, _FIRST_INTERVAL = 0.2, 6.2, 0.31
+_REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 6.2
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class Forecaster:
         self._valid_leads = ValidLeads(s.valid_error, axes, s.window * USUAL_PERIOD)
         self._time = self._rows_begun = self._stamp = self._elapsed = 0.0
         self._heading = 0.0, 0.0
-        self._due = self._oscillator_due = self._refit_due = self._sea_state_due = -math.inf
+        self._due = self._refit_due = self._sea_state_due = -math.inf
         self._is_linked = False
         self._has_waves = False
         self._bank: Bank | None = None
@@ -301,9 +301,8 @@ class Forecaster:
             self._bank.blend.carry_over(before.blend)
         self._points.begin(step, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting = False, None
-        self._oscillator_due = self._refit_due = -math.inf
-        if len(self._rows):
-            self._follow_oscillator(self._bank)
+        self._refit_due = -math.inf
+        self._bank.begin(self._newest(2 * MAX_LAGS))
 
     def _take_row(self, bank: Bank, steps: int, stamp: float, row: list[float]):
         """Take the next row, the given number of steps after the one before."""
@@ -313,16 +312,7 @@ class Forecaster:
         channels = np.array(row[OF_CHANNELS])
         bank.step(channels)
         self._points.step(channels, bank.spaces.get(WAVES))
-        self._follow_oscillator(bank)
         bank.score(np.array(row[OF_SAMPLE][: len(AXES)]), steps)
-
-    def _follow_oscillator(self, bank: Bank):
-        """Fit it in the foreground, because it costs so little."""
-        if self._time >= self._oscillator_due:
-            self._oscillator_due = self._time + self._interval_of_refits(_FIRST_INTERVAL)
-            model = oscillators(self._past(), CHANNELS, self._clock.step, self._clock.period, AXES)
-            if model is not None:
-                bank.use(OSCILLATOR, model, self._newest(2 * MAX_LAGS))
 
     def _skip_rows(self, count: int):
         if count > 0 and self._bank is not None:
