@@ -61,6 +61,7 @@ setup(
         *installed('scripts', Path('lib', NAME)),
     ],
     install_requires=[
+        'argcomplete>=3.1',
         'filterpy>=1.4.5',
         'matplotlib>=3.6',
         'numpy>=1.26',
@@ -77,7 +78,7 @@ setup(
         'cluster': ['distributed'],
         'benchmark': ['scikit-learn'],
         'docs': ['furo>=2024.1', 'latex2mathml>=3.77', 'myst-parser>=2.0', 'sphinx>=7.0', 'sphinx-copybutton>=0.5'],
-        'page': ['nicegui>=3.0,<4'],
+        'page': ['fastapi>=0.109.1', 'nicegui>=3.0,<4', 'uvicorn>=0.22'],
         # each reads one format of data acquisition: .mat of version 7.3 and .h5, .tdms, .xlsx, .parquet
         'tank': TANK,
         'test': [

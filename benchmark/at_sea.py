@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 
 from craft_at_sea import known_sea  # noqa: E402
 
-from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named  # noqa: E402
+from swath_sysid.attitude.hull.catalogue import hull_named  # noqa: E402
 from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
 from swath_sysid.attitude.identification.at_sea import identify_at_sea  # noqa: E402
 from swath_sysid.attitude.motion.trial import AxisMotion  # noqa: E402
@@ -27,9 +27,7 @@ PERIOD_WITHIN, DAMPING_WITHIN = 0.03, 0.25
 HULLS = {
     'swath-roll': hull_named('swath-roll').model,
     # 3.2 s, light damping, softening: the hull for seas near resonance that roll it by 5 to 6 deg
-    'soft-roll': DecayModel.from_terms(
-        EQUATIONS['odd-cubic'], {'b1': 0.25, 'b2': 0.6, 'r1': 3.855, 'r3': -6.0}, trim=0.0, axis='roll'
-    ),
+    'soft-roll': DecayModel.of(b1=0.25, b2=0.6, r1=3.855, r3=-6.0, axis='roll'),
 }
 
 

@@ -21,7 +21,7 @@ NEXT_DEG, NEXT_S = 5.0, 12.0
 
 def judged(hull, angle_deg, seed):
     """Error of the next release, the equation, the verdict, and the processor time, s, of one default fit."""
-    from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
+    from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
     from swath_sysid.attitude.hull.simulation import simulate
     from swath_sysid.attitude.identification.identify import identify
 

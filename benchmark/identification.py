@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import LOWER, UPPER
 from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.identify import _search_objective, identify_problem
@@ -25,7 +25,7 @@ from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.accelerator import has_numba
-from swath_sysid.common.search import GeneticSearch, GeneticSettings
+from swath_sysid.common.optimisers import GeneticSearch, GeneticSettings
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
 LOWER_7, UPPER_7 = np.zeros(7), np.array([1.0, 50.0, 50.0, 50.0, 50.0, 200.0, 1000.0])
@@ -75,10 +75,11 @@ def one_step():
     """The published search against its exact optimum and against pymoo."""
     full = OneStepObjective.of([trial()], [0.0], 0.006)
     equation = EQUATIONS['swath-pitch-1'].with_friction()
-    exact = full(full.minimum(equation, np.zeros(9), np.r_[UPPER_7, 1.0, 1.0])[None])[0]
+    places = np.eye(HULL.ratios.size)[equation.indices]
+    exact = full(full.minimum(equation, 0.0 * HULL.ratios, UPPER_7 @ places)[None])[0]
 
     def objective(candidates):
-        return full(np.pad(candidates, ((0, 0), (0, 2))))
+        return full(candidates @ places)
 
     ours, value = median_time(lambda: published_search(objective))
     print(f'one-step, 200 x 2000, seven variables: {ours:.2f} s, F above the exact optimum by {value / exact - 1:.1e}')
@@ -140,7 +141,7 @@ def evolution_only(objective, bounds, target):
 
 def long_record():
     """A lightly damped record of 17000 samples and 70 cycles, as a towing tank gives it."""
-    model = HULL.from_terms(EQUATIONS['odd-cubic'], {'b1': 0.0144, 'b2': 0.0607, 'r1': 6.065, 'r3': 3.84}, axis='roll')
+    model = HULL.of(b1=0.0144, b2=0.0607, r1=6.065, r3=3.84, axis='roll')
     record = simulated_trial(model, np.radians(10), 170.0, 100.0, SensorNoise(1e-4, 0.0), seed=1).axis('roll')
     angles = AxisMotion('roll', record.time, record.angle, None)
     problem = prepare([angles], 0.0, 170.0)

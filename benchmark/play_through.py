@@ -25,7 +25,7 @@ for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS'):
 import numpy as np  # noqa: E402 - after the limits on threads
 
 from swath_sysid.attitude.hull.catalogue import hull_named  # noqa: E402
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft  # noqa: E402
+from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SimulatedCraft  # noqa: E402
 from swath_sysid.attitude.motion.trial import Trial  # noqa: E402
 from swath_sysid.attitude.prediction.forecaster import Forecaster  # noqa: E402
 from swath_sysid.cli.main import main  # noqa: E402

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 from craft_at_sea import driven, jonswap, scale_for  # noqa: E402
 
 from swath_sysid.attitude.hull.catalogue import hull_named  # noqa: E402
-from swath_sysid.attitude.hull.terms import TERM_NAMES  # noqa: E402
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES  # noqa: E402
 from swath_sysid.attitude.identification.at_sea import identify_at_sea  # noqa: E402
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilityWatch  # noqa: E402
 from swath_sysid.attitude.motion.trial import AxisMotion  # noqa: E402
@@ -33,12 +33,7 @@ NOISE = 2e-4, 2e-3
 
 def with_height(share):
     """The hull with so much of its metacentric height."""
-    return replace(
-        HULL,
-        ratios=np.array(
-            [value * (share if name[0] in 'rs' else 1.0) for name, value in zip(TERM_NAMES, HULL.ratios, strict=True)]
-        ),
-    )
+    return replace(HULL, ratios=HULL.ratios * [1.0 if name in DAMPING_NAMES else share for name in TERM_NAMES])
 
 
 def sea_moments(seeds, duration):

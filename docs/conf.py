@@ -6,6 +6,7 @@ Nothing of it is loaded from another host: fonts are the reader's own, and formu
 import os
 import re
 import sys
+from importlib import import_module
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -15,7 +16,8 @@ os.environ['COLUMNS'] = '100'
 import swath_sysid  # noqa: E402
 from swath_sysid.cli.main import VERBS, build_parser  # noqa: E402
 from swath_sysid.common.sentences import FLAGS, REASONS, SENTENCES  # noqa: E402
-from swath_sysid.nodes.parameters.files import yaml_value  # noqa: E402
+from swath_sysid.formats.registry import TANK  # noqa: E402
+from swath_sysid.nodes.parameters.parameter_files import yaml_value  # noqa: E402
 from swath_sysid.nodes.parameters.table import NODES, table_of  # noqa: E402
 
 project = 'swath_sysid'
@@ -116,6 +118,16 @@ def reasons_table():
     return '\n'.join(['| counted as | what it means, and what to do |', '|---|---|', *rows]) + '\n'
 
 
+def tank_formats():
+    """How each format of data acquisition is read, as its reader says, as a Markdown table."""
+    rows = ['| file | library | how it is read |', '|---|---|---|']
+    for each in TANK:
+        _, said = import_module(f'swath_sysid.formats.tank.{each.module}').__doc__.split('\n\n')
+        how = ' '.join(said.replace('``', '`').split())
+        rows.append(f'| `{each.ending}`, {each.what} | {each.library} | {how} |')
+    return '\n'.join(rows) + '\n'
+
+
 def warnings_table():
     """Every warning with its sentences and flags, as a Markdown table; values are in italics by name."""
     sentences: dict[str, list[str]] = {}
@@ -139,4 +151,5 @@ def all_warnings():
 write('commands.md', commands())
 write('parameters.md', parameters())
 write('parts/counted.md', reasons_table())
+write('parts/tank_formats.md', tank_formats())
 write('warnings.md', all_warnings())

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.attitude.hull.catalogue import composed
 from swath_sysid.attitude.hull.decay_model import DecayModel, amplitude_curves
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.report.figures import SERIES, new_figure, quiet, save_figure
@@ -30,7 +29,7 @@ def draw(panels, terms_of, period_of_curves):
     moment, decay, curve = (quiet(panel) for panel in panels)
     time, amplitude = np.linspace(0.0, 12.0, 400), np.radians(np.linspace(1.0, 15.0, 60))
     for (label, terms), colour in zip(terms_of.items(), SERIES, strict=False):
-        model = DecayModel.from_terms(composed(tuple(terms)), terms, axis='roll')
+        model = DecayModel.of(**terms, axis='roll')
         given = np.linspace(-0.7, 0.7, 200) if not period_of_curves else np.linspace(-RELEASE, RELEASE, 200)
         restored = -model.acceleration(given, np.zeros_like(given))
         damped = -model.acceleration(np.zeros_like(given), given)

@@ -16,7 +16,7 @@ from swath_sysid.cli.progress import progress_of
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_trial
-from swath_sysid.formats.upstream import read_upstream
+from swath_sysid.formats.upstream_channels import read_upstream
 from swath_sysid.pipeline.baselines import vertical_record
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import SENSOR

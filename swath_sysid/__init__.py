@@ -8,8 +8,8 @@ __version__ = '1.0.0'
 TYPE_CHECKING = False  # typing's own is true for type checkers alone, too, but costs an import
 if TYPE_CHECKING:
     from swath_sysid.attitude.hull.catalogue import hull_named as hull_named
+    from swath_sysid.attitude.hull.craft_simulator import simulated_trial as simulated_trial
     from swath_sysid.attitude.hull.identified_model import IdentifiedModel as IdentifiedModel
-    from swath_sysid.attitude.hull.simulated_craft import simulated_trial as simulated_trial
     from swath_sysid.attitude.hull.simulation import simulate as simulate
     from swath_sysid.attitude.identification.fit_quality import Verdict as Verdict
     from swath_sysid.attitude.identification.identify import identify as identify
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from swath_sysid.formats.model_file import read_model as read_model
     from swath_sysid.formats.model_file import write_model as write_model
     from swath_sysid.formats.reading import read_trial as read_trial
-    from swath_sysid.formats.upstream import read_upstream as read_upstream
+    from swath_sysid.formats.upstream_channels import read_upstream as read_upstream
     from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv as read_manoeuvring_csv
     from swath_sysid.manoeuvring.formats.export.fossen import fossen as fossen
     from swath_sysid.manoeuvring.formats.export.gazebo import gazebo as gazebo
@@ -43,11 +43,11 @@ if TYPE_CHECKING:
 
 _HOMES = {
     'formats.reading': ('read_trial',),
-    'formats.upstream': ('read_upstream',),
+    'formats.upstream_channels': ('read_upstream',),
     'attitude.motion.trial': ('Trial',),
     'attitude.hull.catalogue': ('hull_named',),
     'attitude.hull.simulation': ('simulate',),
-    'attitude.hull.simulated_craft': ('simulated_trial',),
+    'attitude.hull.craft_simulator': ('simulated_trial',),
     'attitude.identification.identify': ('identify',),
     'attitude.identification.result': ('IdentificationSettings', 'Identification'),
     'attitude.identification.fit_quality': ('Verdict',),

@@ -1,4 +1,4 @@
-"""What a bag holds, read by rosbags alone."""
+"""What a bag holds, read by rosbags alone, and damage to one."""
 
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.formats.messages import typestore
@@ -23,3 +23,12 @@ def decoded(path, topic):
 
 def stamp_of(message):
     return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def break_a_chunk(folder):
+    """Zeros in the middle of the only file of a bag."""
+    file = folder / f'{folder.name}.mcap'
+    broken = bytearray(file.read_bytes())
+    middle = len(broken) // 2
+    broken[middle : middle + 4096] = bytes(4096)
+    file.write_bytes(broken)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from swath_sysid.attitude.motion.sensor_checks import Contradiction
+from swath_sysid.cli.main import main
 from swath_sysid.common.advice import Advice
 
 # rclpy from PyPI looks for its middleware under this prefix and refuses to start without it
@@ -23,6 +24,17 @@ def data_folder():
     folder = Path(os.environ.get('SWATH_SYSID_DATA', default))
     if not folder.is_dir():
         pytest.skip(f'no measured records at {folder}: set SWATH_SYSID_DATA to their folder')
+    return folder
+
+
+@pytest.fixture(scope='session')
+def measured(tmp_path_factory):
+    """A folder with a decay as a table, a bag file and a bag folder, and the model of it."""
+    folder = tmp_path_factory.mktemp('measured')
+    for name in ('trial.csv', 'trial.mcap', 'bag'):
+        command = ['simulate', '--hull', 'swath-pitch', '--initial-angle-deg', '6', '--output', str(folder / name)]
+        assert main(command) == 0
+    assert main(['identify', str(folder / 'trial.csv'), '--output', str(folder / 'model.yaml')]) == 0
     return folder
 
 

@@ -1,12 +1,24 @@
 """Texts that are not models, made from one that is: what a broken stick, a wrong tool or a stranger might publish."""
 
+import os
 import re
 
 import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.cli.main import main
+from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import model_to_yaml
+from swath_sysid.formats.schema import LARGEST_TEXT
+
+#: characters; a sentence may list the names there are, and shows at most 80 of a value
+LONGEST_SENTENCE = 600
+EVERY_TEXT = settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
 
 DEEPER = [f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, 12)]
 ALIASES = '\n'.join(['a0: &a0 [x, x, x, x, x, x, x, x, x]', *DEEPER])
@@ -89,3 +101,98 @@ def attitude_texts():
         'provenance a text': (edited(r'provenance: .*', 'provenance: none known'), 'provenance'),
         'friction rate zero': (edited(r'friction_rate_rad_s: .*', 'friction_rate_rad_s: 0.0'), 'friction_rate'),
     }
+
+
+def refusal(read, text):
+    with pytest.raises(InputError) as caught:
+        read(text, 'the model')
+    sentence = str(caught.value)
+    assert '\n' not in sentence and len(sentence) < LONGEST_SENTENCE
+    return sentence
+
+
+def assert_a_deep_file_is_refused(words, folder, capsys):
+    """By a verb that is given the file, and an output and a record in its folder."""
+    (folder / 'file.yaml').write_text('a: ' + '[' * 100_000)
+    (folder / 'trial.csv').write_text('time_s,pitch_deg\n' + ''.join(f'{k / 10},{k % 7}\n' for k in range(200)))
+    assert main(words.format(folder).split()) == 2
+    sentence = capsys.readouterr().err
+    assert 'more than 20 deep' in sentence and sentence.count('\n') == 1 and 'Traceback' not in sentence
+    assert not [*folder.glob('out*')]
+
+
+def assert_files_that_are_none_are_refused(folder, *readers):
+    (folder / 'large.yaml').write_text('# ' * LARGEST_TEXT)
+    (folder / 'binary.yaml').write_bytes(b'\xff\xfe\x00')
+    os.mkfifo(folder / 'pipe.yaml')
+    for path, words in (
+        (folder / 'large.yaml', 'larger than 256 kB'),
+        (folder / 'binary.yaml', 'not text in UTF-8'),
+        (folder, 'is a folder'),
+        ('/dev/zero', 'a special file'),
+        (folder / 'pipe.yaml', 'a special file'),
+        (folder / ('x' * 300), 'cannot read'),
+        (folder / 'a\0b', 'no file has such a name'),
+        (folder / 'absent', 'cannot read'),
+    ):
+        for read in readers:
+            with pytest.raises(InputError, match=words):
+                read(path)
+
+
+SCALARS = st.one_of(
+    st.none() | st.booleans() | st.text(max_size=30) | st.dates() | st.binary(max_size=20),
+    st.floats() | st.integers(-(10**50), 10**50) | st.sampled_from(['1e999', '-0', '1_0', '0x10', '.5', '12:30:00']),
+    st.sampled_from(['.nan', '-.inf', '!!int x', '&a b', '*a', '~', '<<', '2024-13-45', "'", '"', '{', '[', '%']),
+)
+
+
+@st.composite
+def mutated(draw, text):
+    """A model file with something cut off, flipped, replaced, doubled or left out."""
+    how = draw(st.sampled_from(['cut', 'flip', 'scalar', 'scalar', 'scalar', 'line', 'lines', 'insert']))
+    place = draw(st.integers(0, len(text) - 1))
+    if how == 'cut':
+        return text[:place]
+    if how == 'flip':
+        return text[:place] + chr(ord(text[place]) ^ 2 ** draw(st.integers(0, 6))) + text[place + 1 :]
+    if how == 'insert':
+        return text[:place] + draw(st.text(max_size=5)) + text[place:]
+    lines = text.splitlines()
+    if how == 'line':
+        del lines[place % len(lines)]
+    elif how == 'lines':
+        lines.insert(place % len(lines), lines[draw(st.integers(0, len(lines) - 1))])
+    else:
+        scalars = list(re.finditer(r'(?<=[:\[,-] )[^,:{}\[\]\n]+', text))
+        match = scalars[place % len(scalars)]
+        return text[: match.start()] + str(draw(SCALARS)) + text[match.end() :]
+    return '\n'.join(lines)
+
+
+def structures():
+    names = st.one_of(st.sampled_from(['format', 'axes', 'pitch', 'ratios', 'b1', 'value']), st.text(max_size=5))
+    plain = st.recursive(
+        st.one_of(st.floats(), st.integers(), st.none(), st.booleans(), st.text(max_size=10), st.dates()),
+        lambda inner: st.one_of(st.lists(inner, max_size=5), st.dictionaries(names, inner, max_size=5)),
+        max_leaves=30,
+    )
+    headed = plain.map(lambda content: {'format': 'swath_sysid decay model', 'version': 1, 'axes': content})
+    return st.one_of(plain, headed).map(lambda content: yaml.safe_dump(content, allow_unicode=True))
+
+
+def texts_like(valid):
+    """Texts near one that is valid, and others."""
+    marks = st.text(alphabet='[]{}:,-&*!|>%@`"\' \n#?a1')
+    return st.one_of(mutated(valid), mutated(valid), structures(), st.text(), marks)
+
+
+def assert_a_model_or_one_sentence(text, read, write):
+    """What is accepted is a model that can be written, and read again as the same."""
+    try:
+        found = read(text, 'the model')
+    except InputError as error:
+        assert '\n' not in str(error) and len(str(error)) < LONGEST_SENTENCE
+    else:
+        again = write(found)
+        assert again is None or write(read(again, 'the model')) == again

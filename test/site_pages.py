@@ -1,12 +1,15 @@
 """The pages that a visitor reads, and the blocks in them."""
 
 import re
+import shlex
 from dataclasses import dataclass
-from pathlib import Path
 
 from markdown_it import MarkdownIt
+from repository import ABSENT, ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
+from swath_sysid.cli.main import build_parser
+from swath_sysid.common.errors import InputError
+
 #: text by name; what is written when the site is built is not among them
 PAGES = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding='utf-8')
@@ -32,10 +35,29 @@ def blocks_of(page):
     return [Block(language, manner.strip(), text) for (language, _, manner), text in words if '{' not in language]
 
 
+def commands_of(page):
+    """The ``swath-sysid`` commands of a page, in a block or in a sentence, as a shell would hand them over."""
+    scripts = '\n'.join(block.text.replace('\\\n', ' ') for block in blocks_of(page))
+    lines = re.findall(r'^\s*(swath-sysid .*)$', scripts, flags=re.MULTILINE)
+    lines += re.findall(r'`(swath-sysid [a-z-]+\s[^`]+)`', PAGES[page])
+    return {' '.join(line.split(' #')[0].split('--ros-args')[0].split()) for line in lines if not EXAMPLE.search(line)}
+
+
+def parse(line):
+    """Raise `InputError` unless a command is one."""
+    words = shlex.split(line.removesuffix('&'))[1:]
+    build_parser(words[0]).parse_args(words)
+
+
+def is_left_over(line):
+    """Whether a command is that of an absent wing: while one is absent, there is no such verb or flag."""
+    try:
+        parse(line)
+    except InputError:
+        return bool(ABSENT)
+    return False
+
+
 def command_lines():
-    """Every ``swath-sysid`` command of the pages, in a block or in a sentence, as a shell would hand it over."""
-    scripts = [block.text.replace('\\\n', ' ') for page in PAGES for block in blocks_of(page)]
-    lines = re.findall(r'^\s*(swath-sysid .*)$', '\n'.join(scripts), flags=re.MULTILINE)
-    lines += re.findall(r'`(swath-sysid [a-z-]+\s[^`]+)`', '\n'.join(PAGES.values()))
-    lines = {' '.join(line.split(' #')[0].split('--ros-args')[0].split()) for line in lines if not EXAMPLE.search(line)}
-    return sorted(lines)
+    """Every command of the pages."""
+    return sorted(line for line in set().union(*map(commands_of, PAGES)) if not is_left_over(line))

@@ -47,7 +47,6 @@ def rows_of(table):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_the_table_of_the_ship_is_what_the_code_gives(records, data_folder):
     """Anew, to a unit of the last digit that is printed; other rows may come from libraries that are not here."""
     case = records.CASES['ship']
@@ -131,7 +130,6 @@ def test_the_oracle_is_an_extended_kalman_filter_on_hull_and_autoregression(sea_
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_forecasts_in_a_sea_come_near_those_of_the_filter_that_knows_everything(sea_forecasts):
     sea, nrmse, coverage = sea_forecasts.compare(2, 200.0, 100.0, (0.5, 2.0, 5.0))
     ours, best = nrmse['10 Hz'], nrmse['oracle']

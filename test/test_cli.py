@@ -1,16 +1,19 @@
 """The command line: what it prints, what it writes, its help, and how it answers bad input."""
 
 import json
+import os
 import re
 import shlex
+import shutil
 import subprocess
+import sys
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.simulated_craft import simulated_trial
+from swath_sysid.attitude.hull.craft_simulator import simulated_trial
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.flags import table_of_verbs
@@ -189,9 +192,10 @@ def test_bad_options_are_answered_with_one_sentence(words, sentence, trial_file,
 
 
 def test_flags_that_advice_is_given_exist(capsys):
-    for words in (['identify'], ['simulate'], ['manoeuvre', 'identify'], ['export'], ['campaign'], ['forecast']):
-        with pytest.raises(SystemExit):
-            main([*words, '--help'])
+    for verb in VERBS:
+        for task in table_of_verbs()[verb].get('tasks', ['--help']):
+            with pytest.raises(SystemExit):
+                main([verb, task, '--help'])
     known = capsys.readouterr().out
     for code, flags in FLAGS.items():
         assert with_flags(code, 'look again') == f'look again ({flags})'
@@ -267,12 +271,10 @@ def test_the_examples_of_a_verb_are_in_its_help_and_are_accepted(verb, capsys):
     ('words', 'said'),
     [
         ('identfy x.csv', "there is no verb 'identfy' (did you mean identify?)"),
-        ('manoeuvre simulat', "there is no task 'simulat' (did you mean simulate?)"),
         ('identify x.csv --axs roll', "there is no argument '--axs' (did you mean --axis?)"),
         ('forecast x.csv --axis rol', "there is no --axis 'rol' (did you mean roll?): choose from roll, pitch"),
         ('forecast x.csv --leads -1,2', '--leads: cannot be -1'),
         ('simulate --hull swath-roll --output', '--output needs a value'),
-        ('manoeuvre simulate --hull wamv-vrx-old --test turning-circle --noise 1', '--noise needs 2 values'),
         ('identify', 'these are missing: TRIAL'),
     ],
 )
@@ -282,21 +284,43 @@ def test_a_slip_is_one_sentence_that_says_what_is_meant(words, said, capsys):
     assert said in told and told.count('\n') == 1
 
 
-def test_bash_completes_verbs_flags_choices_and_leaves_files_to_the_shell(tmp_path, capsys):
-    assert main(['--completion']) == 0
-    (tmp_path / 'script').write_text(capsys.readouterr().out)
-    for line, completed in (
-        ('swath-sysid ide', ['identify']),
-        ('swath-sysid identify --ob', ['--objective']),
-        ('swath-sysid identify --objective one', ['one-step']),
-        ('swath-sysid manoeuvre sim', ['simulate']),
-        ('swath-sysid identify record', []),
-    ):
-        words = line.split()
-        set_up = f'. ./script; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _swath_sysid; '
-        ask = set_up + 'printf "%s\\n" "${COMPREPLY[@]}"'
-        done = subprocess.run(['bash', '-c', ask], cwd=tmp_path, capture_output=True, text=True, check=True)
-        assert done.stdout.split() == completed and not done.stderr
+def completed(line, folder, shell='bash'):
+    """What a shell would make of the last word of a line."""
+    if not shutil.which(shell):
+        pytest.skip(f'there is no {shell}')
+    command = folder / 'swath-sysid'
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m swath_sysid.start "$@"\n')
+    command.chmod(0o755)
+    path = os.pathsep.join([str(folder), os.environ['PATH']])
+    places = os.pathsep.join([str(share_folder()), os.environ.get('PYTHONPATH', '')])
+    ask = {
+        'bash': 'COMP_LINE=$1 COMP_POINT=${#1}; _python_argcomplete swath-sysid; printf "%s\\n" "${COMPREPLY[@]}"',
+        'zsh': '_describe() { print -l -- ${(P)2} }; BUFFER=$1 CURSOR=${#1} words=(swath-sysid); _python_argcomplete',
+    }
+    done = subprocess.run(
+        [shell, '-c', f'eval "$(swath-sysid --completion)"; {ask[shell]}', shell, line],
+        env={**os.environ, 'PATH': path, 'PYTHONPATH': places},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+    )
+    # zsh shows what a verb does behind a colon
+    return [word.partition(':')[0].strip() for word in done.stdout.splitlines()]
+
+
+@pytest.mark.parametrize('shell', ['bash', 'zsh'])
+def test_a_shell_completes_verbs_flags_choices_and_files(shell, tmp_path):
+    (tmp_path / 'record.csv').touch()
+    assert completed('swath-sysid ide', tmp_path, shell) == ['identify']
+    assert completed('swath-sysid identify --ob', tmp_path, shell) == ['--objective']
+    assert completed('swath-sysid identify --objective one', tmp_path, shell) == ['one-step']
+    assert completed('swath-sysid inspect rec', tmp_path, shell) == ['record.csv']
+
+
+def test_completion_without_its_library_is_one_sentence(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'argcomplete', None)
+    assert main(['--completion']) == 2
+    assert 'which is not installed: pip install argcomplete' in capsys.readouterr().err
 
 
 def test_run_lists_every_topic_and_service_of_the_policy_with_its_type(capsys):

@@ -34,8 +34,9 @@ def test_what_is_asked_for_is_handed_on_and_nothing_else(tmp_path, monkeypatch):
     given = '-p seed:=2 --log-level warn'
     assert run.ros_arguments(parsed(*f'{words} --ros-args {given}'.split())) == f'{ros} {given}'.split()
     # ROS takes values for YAML: 12 would be a number, and what follows a # a comment
-    arguments = parsed('--only', 'manoeuvring_predictor', '--model', "o'brien's boat #2.yaml")
-    assert run.ros_arguments(arguments) == ['-p', "model_file:='o''brien''s boat #2.yaml'"]
+    for node, parameter in run.MODEL_PARAMETERS.items():
+        arguments = parsed('--only', node, '--model', "o'brien's boat #2.yaml")
+        assert run.ros_arguments(arguments) == ['-p', f"{parameter}:='o''brien''s boat #2.yaml'"]
     with pytest.raises(InputError, match='predictor reads no model file'):
         run.ros_arguments(parsed('--only', 'predictor', '--model', 'm.yaml'))
 
@@ -109,7 +110,7 @@ def test_without_a_folder_for_the_log_of_ros_it_says_which_variable_names_one(mo
     assert capfd.readouterr().err.rstrip().endswith('set ROS_LOG_DIR to a writable folder')
 
 
-@pytest.mark.parametrize('node', [(), ('--only', 'manoeuvring_predictor')])
+@pytest.mark.parametrize('node', [(), *(('--only', node) for node in run.MODEL_PARAMETERS)])
 def test_files_that_are_none_are_refused_before_anything_starts(node, tmp_path):
     (tmp_path / 'none.yaml').write_text('imu_buffer: [oops')
     for flag, name in (
@@ -176,11 +177,11 @@ def started(*arguments):
 @pytest.mark.parametrize(
     ('words', 'number', 'after'),
     [
-        ('campaign missing.yaml --output .', signal.SIGINT, 0.02),
-        ('campaign missing.yaml --output .', signal.SIGINT, 0.3),
-        ('campaign missing.yaml --output .', signal.SIGINT, 1.0),
-        ('campaign missing.yaml --output .', signal.SIGTERM, 0.1),
-        ('campaign missing.yaml --output .', signal.SIGTERM, 0.6),
+        ('compare missing.csv', signal.SIGINT, 0.02),
+        ('compare missing.csv', signal.SIGINT, 0.3),
+        ('compare missing.csv', signal.SIGINT, 1.0),
+        ('compare missing.csv', signal.SIGTERM, 0.1),
+        ('compare missing.csv', signal.SIGTERM, 0.6),
         ('run --only predictor --ros-args -r __ns:=/early', signal.SIGINT, 0.02),
         ('run --only predictor --ros-args -r __ns:=/early', signal.SIGINT, 0.8),
         ('run --namespace early', signal.SIGTERM, 0.02),
@@ -201,7 +202,7 @@ def test_a_tool_interrupted_at_its_start_ends_with_130_and_nodes_with_0(words, n
         process.kill()
     assert 'Traceback' not in told and 'Exception ignored' not in told
     # a tool may have come to its own end before, and said so; the interpreter's very last moments know no handlers
-    ended = process.returncode in (2, -number) and 'cannot read the manifest' in told
+    ended = process.returncode in (2, -number) and 'file not found' in told
     assert process.returncode == (0 if words.startswith('run') else 130) or ended, told
     assert process.returncode != 130 or told.startswith('stopped before anything was done: '), told
 

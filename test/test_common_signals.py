@@ -11,8 +11,8 @@ from scipy.signal import find_peaks
 from scipy.stats import qmc
 
 from swath_sysid.common.conventions import digits, percent
+from swath_sysid.common.optimisers import latin_hypercube
 from swath_sysid.common.row_buffer import RowBuffer
-from swath_sysid.common.search import latin_hypercube
 from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, running_integral, white_noise
 
 

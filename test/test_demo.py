@@ -15,7 +15,7 @@ from matplotlib.image import imread
 from package_process import command_line
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SensorNoise, SimulatedCraft, returns
+from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise, SimulatedCraft, returns
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError

@@ -16,10 +16,11 @@ from pathlib import Path
 import pytest
 import yaml
 from package_process import wait_for
-from site_pages import PAGES, ROOT, blocks_of
+from repository import ROOT
+from site_pages import PAGES, blocks_of, commands_of, is_left_over
 
 from swath_sysid.cli.main import main
-from swath_sysid.tank.campaign.manifest import read_manifest
+from swath_sysid.common.wings import offered
 
 #: s; only a failure waits for it
 PATIENCE = 600.0
@@ -65,6 +66,11 @@ LANGUAGES = {'bash', 'text', 'yaml', 'python'}
 NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 
 
+def is_of_an_absent_wing(page):
+    """Whether a page, or the one that it needs, has a command that is left over."""
+    return any(map(is_left_over, commands_of(page))) or page in NEEDS and is_of_an_absent_wing(NEEDS[page])
+
+
 def is_run(page, block):
     return block.language in ('bash', 'python') and not block.text.startswith(tuple(NOT_RUN.get(page, ())))
 
@@ -73,7 +79,7 @@ def blocks_run(page):
     return [block for block in blocks_of(page) if is_run(page, block)]
 
 
-PAGES_RUN = [page for page in PAGES if blocks_run(page) and page != 'README.md']
+PAGES_RUN = [page for page in PAGES if blocks_run(page) and page != 'README.md' and not is_of_an_absent_wing(page)]
 #: guides that begin with no file from another page: test_docs_guides.py runs them in another process
 GUIDES = [page for page in PAGES_RUN if page.startswith('docs/howto/') and page not in NEEDS]
 QUICK = ('docs/howto/identify.md', 'docs/howto/waves.md')
@@ -194,7 +200,7 @@ test_the_commands_of_a_page_run = running(page for page in PAGES_RUN if page not
 def test_the_commands_of_the_readme_are_run_by_other_pages():
     elsewhere = {line for page in PAGES_RUN for block in blocks_run(page) for line in block.text.splitlines()}
     lines = [line for block in blocks_run('README.md') for line in block.text.splitlines()]
-    assert lines and [line for line in lines if line not in elsewhere] == []
+    assert lines and [line for line in lines if line not in elsewhere and not is_left_over(line)] == []
 
 
 def test_every_block_says_what_it_is_and_the_list_of_those_left_out_is_true():
@@ -210,8 +216,9 @@ def is_a_manifest(text, folder):
     for name in ('pitch_8deg_1.0T_repeat1.csv', 'roll_8deg_1.5ms_repeat1.csv'):
         (folder / name).write_text('time_s,roll_deg\n0,0\n')
     (folder / 'campaign.yaml').write_text(text)
-    manifest = read_manifest(folder / 'campaign.yaml')
-    assert len(manifest.trials) == 1 and not manifest.faults
+    (trials_of,) = offered('trials_shown')
+    trials, missing = trials_of(folder / 'campaign.yaml')
+    assert len(trials) == 1 and not missing
 
 
 def is_a_sea_state(text, _):
@@ -232,7 +239,7 @@ READERS = {
 }
 
 
-@pytest.mark.parametrize('page', READERS)
+@pytest.mark.parametrize('page', [page for page in READERS if not is_of_an_absent_wing(page)])
 def test_yaml_is_read_by_what_reads_it(page, tmp_path):
     for block in blocks_of(page):
         if block.language == 'yaml':

@@ -7,7 +7,7 @@ import pytest
 
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats import tables
+from swath_sysid.formats import text_tables
 from swath_sysid.formats.columns import agree, plain_name
 from swath_sysid.formats.csv_trials import read_csv, write_csv
 
@@ -105,7 +105,7 @@ def test_cut_off_last_line_and_repeated_head(tmp_path):
 
 
 def test_line_numbers_hold_across_blocks(tmp_path, monkeypatch):
-    monkeypatch.setattr(tables, 'BLOCK_BYTES', 64)
+    monkeypatch.setattr(text_tables, 'BLOCK_BYTES', 64)
     rows = lines('time_s,roll_rad', TIME, ROLL).splitlines()
     rows[15] = f'{TIME[14]},broken'
     trial = read_csv(written(tmp_path, '\n\n'.join(rows)))

@@ -12,18 +12,6 @@ from swath_sysid.formats.files import replacing
 from swath_sysid.formats.outputs import Output, check_outputs
 
 
-@pytest.fixture(scope='module')
-def measured(tmp_path_factory):
-    folder = tmp_path_factory.mktemp('measured')
-    for name in ('trial.csv', 'trial.mcap', 'bag'):
-        command = ['simulate', '--hull', 'swath-pitch', '--initial-angle-deg', '6', '--output', str(folder / name)]
-        assert main(command) == 0
-    assert main(['identify', str(folder / 'trial.csv'), '--output', str(folder / 'model.yaml')]) == 0
-    circle = ['--hull', 'wamv-vrx-old', '--test', 'turning-circle', '--output', str(folder / 'run.csv')]
-    assert main(['manoeuvre', 'simulate', *circle]) == 0
-    return folder
-
-
 def contents(folder):
     return {path: path.read_bytes() for path in Path(folder).rglob('*') if path.is_file()}
 
@@ -44,50 +32,39 @@ COMMANDS = [
     'identify {0}/trial.csv --plot fit.bmp',
     'identify {0}/trial.csv --output model.txt',
     'identify {0}/trial.csv --output model',
-    'scale {0}/model.yaml --ratio 4 --output scaled.txt',
     'simulate --hull swath-roll --initial-angle-deg 3 --output trial.foo',
     'compare {0}/trial.csv --output {0}/trial.csv',
     'inspect {0}/trial.csv --plot {0}/trial.csv',
     'forecast {0}/trial.csv --plot {0}/absent/a.png',
     'forecast {0}/trial.csv --model {0}/model.yaml --plot {0}/model.yaml',
     'simulate --model {0}/model.yaml --initial-angle-deg 3 --output {0}/model.yaml',
-    'scale {0}/model.yaml --ratio 4 --output {0}/model.yaml',
     'play-through {0}/trial.mcap --output {0}/trial.mcap',
     'play-through {0}/bag --output {0}/bag/bag.mcap',
-    'campaign --new {0} --output {0}/trial.csv',
-    'campaign {0}/trial.csv --output {0}/trial.csv',
-    'manoeuvre identify {0}/run.csv --output {0}/run.csv',
-    'manoeuvre identify {0}/run.csv --plot {0}/trial.csv',
-    'manoeuvre simulate --hull wamv-vrx-old --test turning-circle --output a.csv --plot a.csv',
-    'manoeuvre simulate --hull wamv-vrx-old --test programme --output {0}/trial.csv',
-    'manoeuvre play-through {0}/trial.mcap --output {0}/trial.mcap',
 ]
 
 
-@pytest.mark.parametrize('command', COMMANDS)
-def test_harmful_outputs_are_refused_and_nothing_changes(command, measured, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    os.symlink(measured / 'trial.csv', 'link.csv')
-    os.symlink('loop', 'loop')
-    os.mkfifo('pipe')
-    os.mkdir('b')
-    words = [w.format(measured, measured.name, long='x' * 300) for w in command.split(' ')]
-    before, here = contents(measured), sorted(os.listdir())
-    assert main(words) == 2
-    error = capsys.readouterr().err.strip()
-    assert '\n' not in error.partition('swath-sysid ')[2] and 'Traceback' not in error
-    assert contents(measured) == before
-    assert sorted(os.listdir()) == here
+def refusing(commands):
+    """A test that these are refused; {0} stands for the folder ``measured``."""
+
+    @pytest.mark.parametrize('command', commands)
+    def refused(command, measured, tmp_path, monkeypatch, capsys):
+        monkeypatch.chdir(tmp_path)
+        os.symlink(measured / 'trial.csv', 'link.csv')
+        os.symlink('loop', 'loop')
+        os.mkfifo('pipe')
+        os.mkdir('b')
+        words = [w.format(measured, measured.name, long='x' * 300) for w in command.split(' ')]
+        before, here = contents(measured), sorted(os.listdir())
+        assert main(words) == 2
+        error = capsys.readouterr().err.strip()
+        assert '\n' not in error.partition('swath-sysid ')[2] and 'Traceback' not in error
+        assert contents(measured) == before
+        assert sorted(os.listdir()) == here
+
+    return refused
 
 
-def test_campaign_does_not_write_over_its_trials(measured, tmp_path, capsys):
-    trial = tmp_path / 'tables' / 'fits.csv'
-    trial.parent.mkdir()
-    trial.write_bytes((measured / 'trial.csv').read_bytes())
-    (tmp_path / 'c.yaml').write_text('axis: pitch\ntrials:\n  - file: tables/fits.csv\n')
-    assert main(['campaign', str(tmp_path / 'c.yaml'), '--output', str(tmp_path), '--jobs', '1']) == 2
-    assert 'is to be written' in capsys.readouterr().err
-    assert trial.read_bytes() == (measured / 'trial.csv').read_bytes()
+test_harmful_outputs_are_refused_and_nothing_changes = refusing(COMMANDS)
 
 
 def test_symbolic_links_are_followed_and_a_file_takes_its_name_only_when_whole(tmp_path):

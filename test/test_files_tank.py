@@ -11,10 +11,8 @@ from scipy.io import savemat
 
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats import tables as named_columns
+from swath_sysid.formats import text_tables as named_columns
 from swath_sysid.formats.reading import read_trial
-from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv
-from swath_sysid.tank.campaign.manifest import read_manifest
 
 STEP = 0.05
 TIME = STEP * np.arange(400)
@@ -216,7 +214,7 @@ def test_dates_and_units_in_a_row_of_their_own(tmp_path):
     assert trial.time == pytest.approx(TIME, abs=1e-6) and np.degrees(trial.roll) == pytest.approx(ROLL)
 
 
-def test_assigned_columns_on_the_command_line_and_in_a_manifest(tmp_path, capsys):
+def test_assigned_columns_on_the_command_line(tmp_path, capsys):
     path = tmp_path / 'a.mat'
     savemat(path, {'t': TIME, 'Phi': ROLL, 'data': np.column_stack([TIME, ROLL, ROLL / 2]), 'roll_deg': 0 * ROLL})
     assert main(['inspect', str(path)]) == 2
@@ -236,18 +234,6 @@ def test_assigned_columns_on_the_command_line_and_in_a_manifest(tmp_path, capsys
             read_trial(path, columns={'time': 't:s', **assigned})
     assert main(['inspect', str(path), '--column', 'Phi']) == 2
     assert "'Phi' is not QUANTITY=NAME:UNIT" in capsys.readouterr().err
-    manifest = "axis: roll\ncolumns: {time: 't:s', roll: 'Phi:deg'}\ntrials:\n- file: a.mat\n- file: b.mat\n"
-    (tmp_path / 'b.mat').write_bytes(path.read_bytes())
-    (tmp_path / 'campaign.yaml').write_text(manifest + "  columns: {roll: 'x'}\n")
-    first, second = read_manifest(tmp_path / 'campaign.yaml').trials
-    assert dict(first.columns) == {'time': 't:s', 'roll': 'Phi:deg'} and second.columns == (('roll', 'x'),)
-
-
-def test_a_manoeuvre_is_read_from_a_table(tmp_path):
-    columns = {name: np.cos(TIME) for name in ('port_command', 'starboard_command', 'yaw_rate_rad_s', 'V')}
-    savemat(tmp_path / 'a.mat', {'dt': STEP, **columns})
-    trial = read_manoeuvring_csv(tmp_path / 'a.mat', columns={'surge': 'V:kn'})
-    assert trial.surge == pytest.approx(1852 / 3600 * np.cos(TIME)) and trial.time == pytest.approx(TIME)
 
 
 def test_what_is_missing_or_too_large_is_one_sentence(tmp_path, monkeypatch):

@@ -16,8 +16,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.forecast_output import ForecastMessages
 from swath_sysid.formats.messages import typestore
 from swath_sysid.formats.topics import type_of
-from swath_sysid.nodes.parameters.files import values_from_file
-from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.parameters.parameter_files import values_from_file
+from swath_sysid.nodes.parameters.settings import pipeline_settings
 
 LEADS = np.array([0.5, 2.0])
 PLACE = (2.5, -0.5, 1.0)

@@ -14,9 +14,9 @@ from swath_sysid.formats.bag_replay import ReplaySettings, Timeline
 from swath_sysid.formats.bags import imu_values
 from swath_sysid.formats.messages import ImuMessage, header, make, serialised
 from swath_sysid.formats.output_bag import is_ours, writing_bag
-from swath_sysid.formats.tables import write_table
+from swath_sysid.formats.text_tables import write_table
 from swath_sysid.formats.topics import IMU
-from swath_sysid.formats.upstream import channels_of, field_value, kind_of, read_upstream
+from swath_sysid.formats.upstream_channels import channels_of, field_value, kind_of, read_upstream
 
 FLOAT, RANGE, POINT = 'std_msgs/msg/Float64', 'sensor_msgs/msg/Range', 'geometry_msgs/msg/PointStamped'
 TIME = 100.0 + 0.1 * np.arange(1200)

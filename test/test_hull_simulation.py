@@ -17,6 +17,13 @@ from swath_sysid.attitude.hull.catalogue import (
     equation_named,
     hull_named,
 )
+from swath_sysid.attitude.hull.craft_simulator import (
+    CraftSettings,
+    SensorNoise,
+    SimulatedCraft,
+    release_angle,
+    simulated_trial,
+)
 from swath_sysid.attitude.hull.decay_model import (
     DecayModel,
     Equation,
@@ -26,20 +33,11 @@ from swath_sysid.attitude.hull.decay_model import (
     orbit_centre,
     to_published,
 )
-from swath_sysid.attitude.hull.simulated_craft import (
-    CraftSettings,
-    SensorNoise,
-    SimulatedCraft,
-    release_angle,
-    simulated_trial,
-)
 from swath_sysid.attitude.hull.simulation import runge_kutta_population, simulate
 from swath_sysid.attitude.hull.terms import TERM_NAMES, restoring_energy, term_moments
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
-
-ALL_TERMS = Equation('all', TERM_NAMES)
 
 
 def exact(model, angle, rate, time):
@@ -68,28 +66,23 @@ def test_simulation_against_scipy(name, start, time, tolerance):
 
 
 def test_a_capsizing_candidate_does_not_spoil_its_neighbours():
-    ratios = np.zeros((9, 2))
-    ratios[4] = 9.0, 9.0
-    ratios[6] = 0.0, -1e4
+    hulls = [DecayModel.of(b1=0.0, r1=9.0, r3=r3) for r3 in (0.0, -1e4)]
+    ratios, active = np.column_stack([hull.ratios for hull in hulls]), hulls[0].equation.active
     with np.errstate(over='ignore', invalid='ignore'):
-        angles, _, _ = runge_kutta_population(
-            np.full(2, 0.2), np.zeros(2), ratios, EQUATIONS['odd-cubic'].active, 0.01, 0.05, 400
-        )
+        angles, _, _ = runge_kutta_population(np.full(2, 0.2), np.zeros(2), ratios, active, 0.01, 0.05, 400)
     assert np.isfinite(angles[:, 0]).all()
     assert not np.isfinite(angles[:, 1]).all()
 
 
 def test_amplitude_curves_of_closed_forms_and_where_the_hull_would_capsize():
-    ratios = np.zeros(9)
-    ratios[TERM_NAMES.index('s1')] = 4.0
     amplitude = np.array([0.01, 0.5, 2.0, 3.13])
-    curves = amplitude_curves(ratios, amplitude, 0.01)
+    curves = amplitude_curves(DecayModel.of(b1=0.0, s1=4.0).ratios, amplitude, 0.01)
     assert 2 * np.pi / curves.frequency == pytest.approx(4 * ellipk(np.sin(amplitude / 2) ** 2) / 2.0, rel=1e-9)
     curves = amplitude_curves(PUBLISHED_HULLS['swath-roll'].model.ratios, np.radians([6.0, 12.0]), 0.01)
     assert np.isnan([curves.frequency, curves.damping_ratio]).all()
     b0, b1, b2, b3, w = 0.02, 0.3, 0.4, 0.5, 3.0
     amplitude = np.array([0.05, 0.1, 0.3])
-    curves = amplitude_curves(np.array([b0, b1, b2, b3, w * w, 0, 0, 0, 0]), amplitude, 1e-5)
+    curves = amplitude_curves(DecayModel.of(b0=b0, b1=b1, b2=b2, b3=b3, r1=w * w).ratios, amplitude, 1e-5)
     speed = w * amplitude
     expected = b1 + 8 / (3 * np.pi) * b2 * speed + 0.75 * b3 * speed**2 + 4 * b0 / (np.pi * speed)
     assert curves.damping_ratio == pytest.approx(expected / (2 * w), rel=1e-4)
@@ -102,7 +95,7 @@ def test_asymmetric_orbits_join_equal_energies_and_have_the_simulated_period():
     assert restoring_energy(centre + amplitude, model.ratios) == pytest.approx(
         restoring_energy(centre - amplitude, model.ratios), rel=1e-9
     )
-    free = DecayModel(model.equation, np.where(np.arange(9) < 4, 0.0, model.ratios))
+    free = DecayModel.of(**model.terms | dict.fromkeys(('b1', 'b2', 'b3'), 0.0))
     period = 2 * np.pi / amplitude_curves(model.ratios, amplitude, 0.01).frequency[1]
     angle, rate = exact(free, (centre + amplitude)[1], 0.0, np.array([0.0, period]))[:, -1]
     assert (angle, rate) == pytest.approx(((centre + amplitude)[1], 0.0), abs=1e-8)
@@ -226,7 +219,8 @@ PUBLISHED_TERMS = {
     'hydrofoil-pitch': 'b1 b2 b3 r1 r2 r3, b1 b2 b3 s1, b1 b2 b3 r1 r3',
     'swath-usv-pitch': 'b1 b2 b3 r1 r2 r3, b1 b2 b3 r1, b1 b2 b3 s1 s2',
 }
-ratio_lists = st.lists(st.floats(-5, 5), min_size=9, max_size=9)
+RESTORING = st.fixed_dictionaries(dict.fromkeys(('r1', 'r2', 'r3', 's1', 's2'), st.floats(-5, 5)))
+DAMPING = st.fixed_dictionaries(dict.fromkeys(('b0', 'b1', 'b2', 'b3'), st.floats(-5, 5)))
 angles, rates = st.floats(-1.2, 1.2), st.floats(-3, 3)
 
 
@@ -253,21 +247,21 @@ def test_catalogue_holds_the_published_equations_and_composes_others():
     assert not EQUATIONS['swath-pitch-6'].contains(EQUATIONS['odd-cubic'])
 
 
-@given(ratio_lists, angles, rates)
-def test_acceleration_is_the_sum_of_the_terms(ratios, angle, rate):
-    model = DecayModel(ALL_TERMS, ratios, trim=0.1, friction_rate=0.05)
-    (b0, b1, b2, b3, r1, r2, r3, s1, s2), x = ratios, angle - 0.1
-    damping = b0 * np.tanh(rate / 0.05) + b1 * rate + b2 * abs(rate) * rate + b3 * rate**3
-    expected = -damping - (r1 * x + r2 * x**2 + r3 * x**3 + s1 * np.sin(x) + s2 * np.sin(x) ** 2)
+@given(DAMPING, RESTORING, angles, rates)
+def test_acceleration_is_the_sum_of_the_terms(b, r, angle, rate):
+    model, x = DecayModel.of(trim=0.1, friction_rate=0.05, **b, **r), angle - 0.1
+    damping = b['b0'] * np.tanh(rate / 0.05) + b['b1'] * rate + b['b2'] * abs(rate) * rate + b['b3'] * rate**3
+    powers = r['r1'] * x + r['r2'] * x**2 + r['r3'] * x**3
+    expected = -damping - (powers + r['s1'] * np.sin(x) + r['s2'] * np.sin(x) ** 2)
     assert model.acceleration(angle, rate) == pytest.approx(expected, abs=1e-9)
     moments = term_moments(np.array([angle - 0.1]), np.array([rate]), 0.05)
     assert -(model.ratios @ moments)[0] == pytest.approx(expected, abs=1e-9)
 
 
-@given(ratio_lists, angles, rates)
+@given(st.lists(st.floats(-5, 5), min_size=len(TERM_NAMES), max_size=len(TERM_NAMES)), angles, rates)
 @settings(max_examples=200)
 def test_jacobian_against_finite_differences(ratios, angle, rate):
-    model = DecayModel(ALL_TERMS, ratios, trim=-0.05, friction_rate=0.3)
+    model = DecayModel(Equation('all', TERM_NAMES), ratios, trim=-0.05, friction_rate=0.3)
     if abs(rate) < 1e-3:
         rate = 1e-3
     h = 1e-6
@@ -276,10 +270,9 @@ def test_jacobian_against_finite_differences(ratios, angle, rate):
     assert model.jacobian(angle, rate) == pytest.approx((by_angle, by_rate), abs=2e-5)
 
 
-@given(ratio_lists, st.floats(-1, 1))
-def test_restoring_energy_is_the_integral_of_the_moment(ratios, x):
-    model = DecayModel(ALL_TERMS, [0, 0, 0, 0, *ratios[4:]])
-    h = 1e-5
+@given(RESTORING, st.floats(-1, 1))
+def test_restoring_energy_is_the_integral_of_the_moment(restoring, x):
+    model, h = DecayModel.of(b1=0.0, **restoring), 1e-5
     slope = (restoring_energy(x + h, model.ratios) - restoring_energy(x - h, model.ratios)) / (2 * h)
     assert slope == pytest.approx(-model.acceleration(x, 0.0), abs=1e-6)
 
@@ -291,13 +284,14 @@ def test_restoring_energy_is_the_integral_of_the_moment(ratios, x):
         (lambda: equation_named('b1|r9'), "unknown term 'r9'"),
         (lambda: Equation('x', ('b1',)), 'one restoring'),
         (lambda: hull_named('titanic'), "no hull 'titanic'"),
-        (lambda: DecayModel(EQUATIONS['linear'], np.ones(9)), "no term 'b0'"),
-        (lambda: DecayModel(EQUATIONS['linear'], np.full(9, np.nan)), 'finite'),
-        (lambda: DecayModel(EQUATIONS['linear'], np.zeros(9), friction_rate=0.0), 'friction_rate'),
+        (lambda: DecayModel.from_terms(EQUATIONS['linear'], {'b0': 1.0}), "no term 'b0'"),
+        (lambda: DecayModel(EQUATIONS['linear'], np.ones(2)), 'finite'),
+        (lambda: DecayModel.of(b1=np.nan, r1=1.0), 'finite'),
+        (lambda: DecayModel.of(b1=0.1, r1=1.0, friction_rate=0.0), 'friction_rate'),
         (lambda: DecayModel.from_terms(EQUATIONS['linear'], {'q1': 1.0}), "no ratio 'q1'"),
         (lambda: PublishedForm(inertia=0.0), 'greater than zero'),
         (lambda: simulated_trial(hull_named('swath-roll').model, 0.1, 1e9), '8 to 20,000,000 samples'),
-        (lambda: to_published(DecayModel(ALL_TERMS, np.ones(9)), 1.0), 'mixes polynomial and sine'),
+        (lambda: to_published(DecayModel.of(b1=1.0, r1=1.0, s1=1.0), 1.0), 'mixes polynomial and sine'),
         (lambda: to_published(PUBLISHED_HULLS['swath-roll'].model, -1.0), 'greater than zero'),
     ],
 )

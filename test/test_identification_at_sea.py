@@ -17,14 +17,14 @@ from swath_sysid.attitude.identification.sea_motion import Heave, heave_of, sea_
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
 from swath_sysid.cli.main import main
+from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model
 from swath_sysid.formats.reading import read_trial
 
 ROLL = hull_named('swath-roll').model
 ROLL_ONLY = RefitSettings(axes=('roll',))
-LINEAR = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.5, 'r1': 6.25}, axis='roll')
+LINEAR = DecayModel.of(b1=0.5, r1=6.25, axis='roll')
 
 
 def measured(sea):
@@ -178,7 +178,7 @@ def test_a_refit_on_waves_believes_what_is_better(linear_motion):
     assert 'at sea, equivalent linear at 2' in first.message and '\n' not in first.message
     again = refit(refitter.request(table(measured(known_sea(LINEAR, [9], 1.2, np.radians(2.0), 300.0)))))
     assert not again.succeeded and 'explains the window as well' in again.message
-    slower = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.5, 'r1': 4.0}, axis='roll')
+    slower = DecayModel.of(b1=0.5, r1=4.0, axis='roll')
     changed = refit(refitter.request(table(measured(known_sea(slower, [9], 1.2, np.radians(2.0), 300.0)))))
     assert refitter.take(changed) and 'log-likelihood' in changed.message
     assert refitter.models['roll'].model.natural_period == pytest.approx(slower.natural_period, rel=0.04)

@@ -12,14 +12,15 @@ from scipy.optimize import approx_fprime
 from scipy.stats import norm, truncnorm
 
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
-from swath_sysid.attitude.hull.terms import TERM_NAMES, Scales
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.terms import Scales
 from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, interval
 from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, disturbance, innovations
+from swath_sysid.attitude.identification.log_posterior import Evaluation, clipped_step, scoring
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.result import IdentificationSettings
-from swath_sysid.attitude.identification.scoring import Evaluation, clipped_step, scoring
 from swath_sysid.attitude.motion.segmentation import find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion
 
@@ -78,11 +79,11 @@ def linear_parts(basin, step):
     return drift, start, noise
 
 
-def plain_filter(ratios, basin, step, bend, counts, readings):
+def plain_filter(hull, basin, step, bend, counts, readings):
     """Innovations and variances, slopes of the readings by finite differences, the motion by scipy."""
     drift, spread, noise = linear_parts(basin, step)
     mean, found = np.r_[0.1, -0.05, 0.01, np.zeros(9)], []
-    damping, restoring = np.poly1d([*ratios[3:0:-1], 0.0]), np.poly1d([*ratios[6:3:-1], 0.0])
+    damping, restoring = (np.poly1d([*(hull.terms[f'{side}{power}'] for power in (3, 2, 1)), 0.0]) for side in 'br')
 
     def motion(t, state, moment, slope):
         x, w = state
@@ -120,8 +121,8 @@ def test_filter_and_its_slopes_by_every_coefficient_are_those_of_a_plain_one_ove
     basin, step = np.array([0.02, 3.0, 0.3, 0.1, 2e-3, 1e-2, 3e-3, 0.4, 5e-3, 0.2, 1e-3]), 0.02
     readings, counts = 0.02 * np.random.default_rng(1).normal(size=(2, 25)), np.ones((25, 2))
     counts[7, 0] = counts[11, 1] = 0.0
-    ratios = np.array([0.0, 0.8, 2.0, 1.5, 9.0, 20.0, 50.0, 0.0, 0.0])
-    hulls = ratios + np.vstack([np.zeros(9), 0.01 * np.diag(ratios)[[1, 2, 3, 4, 5, 6]]])
+    terms = {'b1': 0.8, 'b2': 2.0, 'b3': 1.5, 'r1': 9.0, 'r2': 20.0, 'r3': 50.0}
+    hulls = [DecayModel.of(**terms | {name: 1.01 * terms[name]} if name else terms) for name in ('', *terms)]
     each = np.ones(len(hulls))
 
     def cost(found):
@@ -130,7 +131,7 @@ def test_filter_and_its_slopes_by_every_coefficient_are_those_of_a_plain_one_ove
 
     for bend in (0.0, 0.004):
         found = innovations(
-            Hulls(hulls.T, tuple(ratios != 0.0), 0.01),
+            Hulls(np.column_stack([hull.ratios for hull in hulls]), hulls[0].equation.active, 0.01),
             np.outer(basin, each),
             np.outer([0.1, -0.05, 0.01], each),
             0.03,
@@ -156,15 +157,15 @@ def test_gradient_is_that_of_finite_differences(bench):
     state = InitialState(float(motion.angle[:5].mean()), 0.0, 0.0)
     equation, scales = equation_named(bench.equation_of(made.truth)), Scales(state.x, np.sqrt(made.truth['r1']))
     likelihood = BasinLikelihood(problem_of([motion], [state], scales), equation)
-    ratios = 1.2 * np.array([made.truth.get(name, 0.0) for name in TERM_NAMES])
+    ratios = 1.2 * DecayModel.of(**made.truth).ratios
     z = likelihood.start(ratios, 0.02)
     (found,) = likelihood.evaluate([z])
     numeric = approx_fprime(z, lambda v: likelihood.evaluate([v])[0].cost, 1e-6)
     assert found.gradient == pytest.approx(numeric, rel=2e-3, abs=0.05)
     assert np.linalg.eigvalsh(found.information).min() > 0.0
     # where the motion runs away there is no fit
-    ratios[4] = -1e4 * made.truth['r1']
-    assert likelihood.minimise([likelihood.start(ratios, 0.003)]) == []
+    wild = DecayModel.of(**made.truth | {'r1': -1e4 * made.truth['r1']})
+    assert likelihood.minimise([likelihood.start(wild.ratios, 0.003)]) == []
 
 
 def test_a_basin_may_move_as_much_as_the_craft(bench):
@@ -174,7 +175,7 @@ def test_a_basin_may_move_as_much_as_the_craft(bench):
     state, frequency = InitialState(float(motion.angle[:5].mean()), 0.0, 0.0), np.sqrt(made.truth['r1'])
     problem = problem_of([motion], [state], Scales(state.x, frequency))
     likelihood = BasinLikelihood(problem, equation_named(bench.equation_of(made.truth)))
-    ratios = np.array([made.truth.get(name, 0.0) for name in TERM_NAMES])
+    ratios = DecayModel.of(**made.truth).ratios
     for level in (0.003, 0.3):
         _, basin, _ = likelihood.unpack(likelihood.start(ratios, level))
         assert basin[0] == pytest.approx(level * frequency**2 * state.x, rel=0.25)

@@ -7,25 +7,25 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
-from swath_sysid.attitude.hull.terms import Scales, term_moments
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.terms import TERM_NAMES, Scales, term_moments
 from swath_sysid.attitude.identification.fit_quality import known_together
 from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
 from swath_sysid.attitude.identification.search import (
-    ALGORITHMS,
     PRESETS,
     SearchSettings,
     dimensionless_space,
     published_space,
     run_search,
 )
+from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled, GeneticSearch, GeneticSettings, ParticleSwarm, SwarmSettings
+from swath_sysid.common.optimisers import OPTIMISERS
 from swath_sysid.common.signals import autocovariance, correlated, weighting_noise
 
-SEARCHES = [(GeneticSearch, GeneticSettings), (ParticleSwarm, SwarmSettings)]
 EQUATION = EQUATIONS['odd-cubic']
 
 
@@ -41,23 +41,23 @@ def run(search, objective):
     return search
 
 
-@pytest.mark.parametrize(('kind', 'options'), SEARCHES)
-def test_finds_the_global_one_of_many_minima(kind, options):
+@pytest.mark.parametrize('kind', OPTIMISERS.values())
+def test_finds_the_global_one_of_many_minima(kind):
     def rastrigin(c):
         return 30 + (c**2 - 10 * np.cos(2 * np.pi * c)).sum(axis=1)
 
-    search = run(kind(np.full(3, -4.0), np.full(3, 5.0), options(generations=400, patience=0), seed=2), rastrigin)
+    search = run(kind(np.full(3, -4.0), np.full(3, 5.0), kind.Settings(generations=400, patience=0), seed=2), rastrigin)
     assert search.best == pytest.approx(np.zeros(3), abs=1e-3)
 
 
-@pytest.mark.parametrize(('kind', 'options'), SEARCHES)
+@pytest.mark.parametrize('kind', OPTIMISERS.values())
 @given(seed=st.integers(0, 10_000), size=st.integers(1, 8), noise=st.booleans())
 @settings(max_examples=25, deadline=None)
-def test_candidates_stay_within_bounds_whatever_it_is_told(kind, options, seed, size, noise):
+def test_candidates_stay_within_bounds_whatever_it_is_told(kind, seed, size, noise):
     rng = np.random.default_rng(seed)
     lower = rng.uniform(-5, 0, size)
     upper = lower + rng.uniform(1e-3, 5, size)
-    search = kind(lower, upper, options(generations=12, population=20), seed, first=[upper + 1.0])
+    search = kind(lower, upper, kind.Settings(generations=12, population=20), seed, first=[upper + 1.0])
     while not search.should_stop():
         candidates = search.ask()
         assert ((candidates >= lower) & (candidates <= upper)).all()
@@ -67,11 +67,11 @@ def test_candidates_stay_within_bounds_whatever_it_is_told(kind, options, seed, 
     assert ((search.best >= lower) & (search.best <= upper)).all()
 
 
-@pytest.mark.parametrize(('kind', 'options'), SEARCHES)
-def test_best_never_gets_worse_and_the_seed_repeats_the_run(kind, options):
+@pytest.mark.parametrize('kind', OPTIMISERS.values())
+def test_best_never_gets_worse_and_the_seed_repeats_the_run(kind):
     histories = []
     for _ in range(2):
-        search = kind(-np.ones(4), np.ones(4), options(generations=40, patience=0), seed=5)
+        search = kind(-np.ones(4), np.ones(4), kind.Settings(generations=40, patience=0), seed=5)
         history = []
         while not search.should_stop():
             search.tell(rotated_valley(search.ask(), np.zeros(4)))
@@ -81,17 +81,17 @@ def test_best_never_gets_worse_and_the_seed_repeats_the_run(kind, options):
     assert histories[0] == histories[1]
 
 
-@pytest.mark.parametrize(('kind', 'options'), SEARCHES)
-def test_stop_rules_by_name(kind, options):
+@pytest.mark.parametrize('kind', OPTIMISERS.values())
+def test_stop_rules_by_name(kind):
     def stop(objective, **changes):
-        return run(kind(-np.ones(2), np.ones(2), options(**changes), seed=1), objective).should_stop()
+        return run(kind(-np.ones(2), np.ones(2), kind.Settings(**changes), seed=1), objective).should_stop()
 
     assert stop(lambda c: -np.arange(len(c)), generations=5) == 'generations'
     assert stop(lambda c: np.ones(len(c)), patience=6, spread_tolerance=0.0) == 'stagnation'
     assert stop(lambda c: (c**2).sum(axis=1), patience=0, spread_tolerance=1e-3) == 'convergence'
 
 
-@pytest.mark.parametrize('algorithm', ALGORITHMS)
+@pytest.mark.parametrize('algorithm', OPTIMISERS)
 def test_run_search_reports_progress_and_can_be_cancelled(algorithm):
     space = dimensionless_space(EQUATION)
     target = 0.5 * (space.lower + space.upper)
@@ -162,7 +162,7 @@ def direct_one_step(motion, ratios, trim):
 def test_one_step_objective_is_the_published_sum_and_takes_no_step_over_a_gap():
     motion = decay(samples=300)
     uneven = motion.only(np.arange(300) % 3 != 1)
-    ratios = np.random.default_rng(2).uniform(0, 5, (4, 9))
+    ratios = np.random.default_rng(2).uniform(0, 5, (4, len(TERM_NAMES)))
     for record in (motion, uneven):
         found = OneStepObjective.of([record], [0.01], FRICTION_RATE)(ratios)
         assert found == pytest.approx([direct_one_step(record, r, 0.01) for r in ratios], rel=1e-10)
@@ -180,7 +180,7 @@ def test_one_step_objective_is_the_published_sum_and_takes_no_step_over_a_gap():
 def test_one_step_minimum_is_scipys_on_the_whole_record(name):
     motion, equation = decay(), EQUATIONS[name]
     objective = OneStepObjective.of([motion], [0.0], FRICTION_RATE)
-    ratios = objective.minimum(equation, np.zeros(9), np.full(9, 1e4))
+    ratios = objective.minimum(equation, np.zeros(len(TERM_NAMES)), np.full(len(TERM_NAMES), 1e4))
     moments = term_moments(motion.angle[:-1], motion.rate[:-1], FRICTION_RATE)[equation.indices]
     rows = (moments * np.diff(motion.time)).T
     expected = lsq_linear(rows, -np.diff(motion.rate), (0, np.inf), tol=1e-14)
@@ -203,7 +203,7 @@ def test_jacobian_of_the_simulation_objective_against_central_differences():
     motions = [decay(1, 300), decay(2, 200)]
     fit = MotionFit(motions, EQUATIONS['swath-pitch-1'].with_friction(), SCALES, Noise(0.001, 0.0165), FRICTION_RATE)
     states = [InitialState(0.1, 0.05, 0.002), InitialState(0.09, -0.02, -0.001)]
-    parameters = fit.pack(HULL.ratios + np.r_[0.02, 0, 0, 0.1, np.zeros(5)], states)
+    parameters = fit.pack(DecayModel.of(**HULL.terms | {'b0': 0.02, 'b3': 0.1}).ratios, states)
     _, jacobians = fit.residuals_and_jacobian(parameters)
     found = np.concatenate(jacobians)
     for k in range(parameters.size):

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from swath_sysid.common.wings import wings
+
+ROOT = Path(__file__).resolve().parents[1]
 HEAVY = {'filterpy', 'matplotlib', 'numba', 'rich', 'rosbags', 'scipy.signal', 'scipy.stats'}
 
 
@@ -20,10 +23,17 @@ def loaded_by(modules):
     return set(done.stdout.split())
 
 
-def test_verbs_begin_without_what_they_may_not_need_and_a_fit_without_campaigns():
-    verbs = ('identify', 'compare', 'inspect', 'simulate', 'scale', 'run', 'record', 'replay')
+def strangers_of(module, *rooms):
+    """What a module loads of these rooms, and of wings beyond what they hand in."""
+    beginnings = tuple(f'swath_sysid.{room}.' for room in (*rooms, *(wing.name for wing in wings())))
+    loaded = loaded_by(module) - loaded_by('swath_sysid.common.wings as work; work.wings()')
+    return {name for name in loaded if f'{name}.'.startswith(beginnings)}
+
+
+def test_verbs_begin_without_what_they_may_not_need_and_a_fit_without_wings():
+    verbs = ('identify', 'compare', 'inspect', 'simulate', 'run', 'record', 'replay')
     assert loaded_by(', '.join(f'swath_sysid.cli.{verb}' for verb in verbs)) & HEAVY == set()
-    assert {name for name in loaded_by('swath_sysid.cli.identify') if name.startswith('swath_sysid.campaign')} == set()
+    assert strangers_of('swath_sysid.cli.identify') == set()
     # the help loads no library but the reader of the table of flags
     assert loaded_by('swath_sysid.cli.main') & (HEAVY | {'numpy', 'scipy'}) == set()
 
@@ -31,35 +41,25 @@ def test_verbs_begin_without_what_they_may_not_need_and_a_fit_without_campaigns(
 @pytest.mark.parametrize(
     ('node', 'foreign'),
     [
-        ('imu_buffer', ('attitude.identification', 'attitude.prediction.forecaster', 'manoeuvring')),
-        ('identifier', ('attitude.prediction.forecaster', 'manoeuvring')),
-        ('predictor', ('attitude.identification', 'manoeuvring')),
-        ('all_in_one', ('manoeuvring',)),
-        ('manoeuvring_identifier', ('attitude.identification', 'attitude.prediction.forecaster')),
-        ('manoeuvring_predictor', ('attitude.identification', 'attitude.prediction.forecaster')),
+        ('imu_buffer', ('attitude.identification', 'attitude.prediction.forecaster')),
+        ('identifier', ('attitude.prediction.forecaster',)),
+        ('predictor', ('attitude.identification',)),
+        ('all_in_one', ()),
     ],
 )
 def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
     pytest.importorskip('rclpy')
-    loaded = loaded_by(f'swath_sysid.nodes.{node}')
-    strange = {name for name in loaded for room in foreign if f'{name}.'.startswith(f'swath_sysid.{room}.')}
-    assert strange == set()
-    if node.startswith('manoeuvring'):
-        assert loaded & HEAVY == set()
-    else:
-        assert loaded & (HEAVY | {'scipy.optimize'}) == set()
+    module = f'swath_sysid.nodes.{node}'
+    assert strangers_of(module, *foreign) == set()
+    assert loaded_by(module) & (HEAVY | {'scipy.optimize'}) == set()
 
 
 def test_filterpy_is_loaded_by_what_forecasts_and_by_nothing_else():
     """With scipy.stats, which it imports, it takes 30 MB in every process."""
-    modules = 'attitude.prediction.sea_fit', 'attitude.identification.refit', 'manoeuvring.identification.refit'
-    for module in modules:
+    for module in ('attitude.prediction.sea_fit', 'attitude.identification.refit'):
         assert 'filterpy' not in loaded_by(f'swath_sysid.{module} as work; work.warm_up()')
-    assert 'filterpy' not in loaded_by(
-        'swath_sysid.cli.page, swath_sysid.page.live_view, swath_sysid.manoeuvring.cli.manoeuvre'
-    )
+    assert 'filterpy' not in loaded_by('swath_sysid.cli.page, swath_sysid.page.live_view')
     assert 'filterpy' in loaded_by('swath_sysid.pipeline.forecast_pipeline as work; work.warm_up()')
-    assert 'filterpy' in loaded_by('swath_sysid.manoeuvring.prediction.predictor')
 
 
 @pytest.mark.parametrize('module', ['attitude.prediction.sea_fit', 'attitude.identification.refit'])
@@ -68,7 +68,6 @@ def test_the_workers_learn_without_libraries_of_which_they_need_a_line(module):
     assert loaded_by(f'swath_sysid.{module} as work; work.warm_up()') & unneeded == set()
 
 
-ROOT = Path(__file__).resolve().parents[1]
 FIT = """
 import json, sys
 import swath_sysid.attitude.identification.refit

@@ -9,9 +9,9 @@ from craft_at_sea import jonswap
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise, SimulatedCraft, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SensorNoise, SimulatedCraft, simulated_trial
 from swath_sysid.attitude.motion.decay_candidates import bridged_half_cycles
 from swath_sysid.attitude.motion.quality import check_decay, check_motion, clipped_extremes, without_spikes
 from swath_sysid.attitude.motion.segmentation import (
@@ -407,7 +407,7 @@ def test_measured_decays_in_tanks(data_folder):
         assert check_motion(motion) == check_decay(motion, decay) == ()
 
 
-HULL = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.25, 'r1': 9.0}, axis='roll')
+HULL = DecayModel.of(b1=0.25, r1=9.0, axis='roll')
 
 
 def quality_decay(rate_hz=100.0, angle_deg=8.0, angle_noise=0.0005):

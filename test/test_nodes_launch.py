@@ -14,32 +14,19 @@ from package_process import ROOT, is_alive, wait_for
 
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, table_of
 
-ARGUMENTS = {
-    'swath_sysid': 'namespace params_file model_file use_sim_time imu_topic simulate sea_deg',
-    'manoeuvring': 'namespace model_file use_sim_time odometry_topic imu_topic port_topic starboard_topic '
-    'forecast_rate_hz stop_after_s identify model_path mass_kg lever_m',
-}
-NODES = {
-    'swath_sysid': {'imu_buffer', 'predictor', 'identifier', 'simulated_craft'},
-    'manoeuvring': {'manoeuvring_predictor', 'manoeuvring_identifier'},
-}
+NODES = {'imu_buffer', 'predictor', 'identifier', 'simulated_craft'}
 TYPES = {'str': str, 'float': float, 'bool': bool}
 
 
-@pytest.fixture(params=sorted(ARGUMENTS))
-def name(request):
-    return request.param
-
-
-@pytest.fixture
-def launch(name):
+def launch_file(name):
     return ElementTree.parse(ROOT / 'launch' / f'{name}.launch.xml').getroot()
 
 
-def test_every_argument_is_described_and_used(name, launch):
+def assert_arguments_are_described_and_used(name, expected):
+    launch = launch_file(name)
     text = ElementTree.tostring(launch, encoding='unicode')
     arguments = {argument.get('name'): argument for argument in launch.findall('arg')}
-    assert set(arguments) == set(ARGUMENTS[name].split())
+    assert set(arguments) == set(expected.split())
     for argument in arguments.values():
         assert argument.get('description') and argument.get('default') is not None
     assert set(re.findall(r'\$\(var (\w+)\)', text)) == set(arguments)
@@ -47,10 +34,12 @@ def test_every_argument_is_described_and_used(name, launch):
     assert set(re.findall(r'\$\(([\w-]+)', text)) <= {'var', 'find-pkg-share', 'file-content', 'not-equals'}
 
 
-def test_every_node_is_started_once_with_parameters_of_its_types(name, launch):
+def assert_nodes_start_once(name, expected):
+    """Each with parameters of its types."""
+    launch = launch_file(name)
     nodes = launch.findall('group/node')
-    assert {node.get('exec') for node in nodes} == NODES[name] and len(list(launch.iter('node'))) == len(nodes)
-    for kind in NODES[name]:
+    assert {node.get('exec') for node in nodes} == set(expected) and len(list(launch.iter('node'))) == len(nodes)
+    for kind in expected:
         conditions = [(node.get('if'), node.get('unless')) for node in nodes if node.get('exec') == kind]
         if len(conditions) > 1:
             (first, _), (_, last) = conditions
@@ -64,18 +53,22 @@ def test_every_node_is_started_once_with_parameters_of_its_types(name, launch):
             assert isinstance(defaults[parameter.get('name')], TYPES[parameter.get('type')])
 
 
-def test_topics_are_remapped_from_what_the_nodes_hear(name, launch):
-    hears = {node.get('exec'): {remap.get('from') for remap in node.findall('remap')} for node in launch.iter('node')}
-    thrusters = {'odometry', 'thrusters/left/thrust', 'thrusters/right/thrust'}
-    manoeuvring = {'manoeuvring_predictor': {'imu/data'} | thrusters, 'manoeuvring_identifier': thrusters}
-    attitude = dict.fromkeys(NODES['swath_sysid'], {'imu/data'}) | {'identifier': set()}
-    assert hears == {'swath_sysid': attitude, 'manoeuvring': manoeuvring}[name]
+def remapped(name):
+    nodes = launch_file(name).iter('node')
+    return {node.get('exec'): {remap.get('from') for remap in node.findall('remap')} for node in nodes}
+
+
+def test_arguments_are_described_nodes_started_once_and_topics_remapped_from_what_they_subscribe_to():
+    assert_arguments_are_described_and_used(
+        'swath_sysid', 'namespace params_file model_file use_sim_time imu_topic simulate sea_deg'
+    )
+    assert_nodes_start_once('swath_sysid', NODES)
+    assert remapped('swath_sysid') == dict.fromkeys(NODES, {'imu/data'}) | {'identifier': set()}
 
 
 def test_what_is_given_wins_over_the_parameter_file_and_that_over_defaults():
     """The last word on a command line wins: the file, then an argument, which is only there if it is given."""
-    assert {path.name for path in (ROOT / 'launch').iterdir()} == {f'{name}.launch.xml' for name in ARGUMENTS}
-    launch = ElementTree.parse(ROOT / 'launch' / 'swath_sysid.launch.xml').getroot()
+    launch = launch_file('swath_sysid')
     first = ['push-ros-namespace', 'set_parameters_from_file', 'set_parameter']
     assert [action.tag for action in launch.find('group')] == [*first, *['node'] * 5]
     given = launch.find('group/set_parameter')

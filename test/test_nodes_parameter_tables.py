@@ -1,45 +1,46 @@
 """The parameters: declared once, checked, and the same in table, file and settings."""
 
+from importlib.util import find_spec
 from math import radians
 from pathlib import Path
 
 import pytest
+from repository import ROOT, are_those
 
-import swath_sysid.nodes
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.refit import RefitSettings
 from swath_sysid.attitude.identification.result import OBJECTIVES
-from swath_sysid.attitude.identification.search import ALGORITHMS
 from swath_sysid.attitude.motion.attitude import FRAMES
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.motion.window import THRUST_INPUTS
-from swath_sysid.manoeuvring.nodes.settings import manoeuvring_pipeline_settings, manoeuvring_settings
-from swath_sysid.nodes.parameters.files import configuration_file, values_from_file
-from swath_sysid.nodes.parameters.identifier import refit_settings
-from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.parameters.predictor import pipeline_settings
-from swath_sysid.nodes.parameters.simulated_craft import craft_settings
-from swath_sysid.nodes.parameters.table import NODES, defaults, parameters_of, table_of
+from swath_sysid.common.optimisers import OPTIMISERS
+from swath_sysid.common.wings import handed_in
+from swath_sysid.nodes.parameters.parameter_files import configuration_file, values_from_file
+from swath_sysid.nodes.parameters.settings import craft_settings, pipeline_settings, refit_settings, window_settings
+from swath_sysid.nodes.parameters.table import NODES, defaults, node_module, parameters_of, table_of
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 
 SETTINGS_OF = {
     'imu_buffer': window_settings,
     'identifier': refit_settings,
     'predictor': pipeline_settings,
-    'manoeuvring_identifier': manoeuvring_settings,
-    'manoeuvring_predictor': manoeuvring_pipeline_settings,
     'simulated_craft': craft_settings,
 }
-ALL_TABLES = {node: table_of(node) for node in NODES}
-ROOT = Path(__file__).resolve().parents[1]
 
 
 def changed(node, **values):
     return {**defaults(node, values), **values}
+
+
+def choices_of(nodes):
+    return {(node, p.name): tuple(p.choices) for node in nodes for p in table_of(node) if p.choices}
+
+
+def test_every_node_has_its_settings():
+    assert {*SETTINGS_OF, *handed_in('nodes')} == set(NODES)
 
 
 def test_the_defaults_are_those_of_the_cores():
@@ -51,14 +52,12 @@ def test_the_defaults_are_those_of_the_cores():
 
 
 def test_choices_are_those_of_the_cores():
-    choices = {(node, p.name): tuple(p.choices) for node, table in ALL_TABLES.items() for p in table if p.choices}
-    assert choices == {
+    assert choices_of(SETTINGS_OF) == {
         ('imu_buffer', 'frame'): FRAMES,
         ('predictor', 'frame'): FRAMES,
         ('identifier', 'axes'): AXES,
         ('identifier', 'objective'): OBJECTIVES,
-        ('identifier', 'search'): ALGORITHMS,
-        ('manoeuvring_identifier', 'thrust_input'): THRUST_INPUTS,
+        ('identifier', 'search'): tuple(OPTIMISERS),
         ('simulated_craft', 'hull'): tuple(PUBLISHED_HULLS),
     }
 
@@ -98,10 +97,25 @@ def test_values_reach_the_settings_in_their_units():
     assert pipeline_settings(changed('predictor', leads_s=[2.5])).forecaster.leads == (2.5,)
 
 
-def test_every_parameter_matters():
+def assert_every_parameter_matters(node, settings, others, beside=None):
     """No option does nothing: a changed value changes the settings, or the node reads it by name."""
+    rooms = {Path(find_spec(module).origin).parent for module in (node_module(node), 'swath_sysid.nodes')}
+    source = ''.join(path.read_text() for room in rooms for path in room.glob('*.py'))
+    for parameter in parameters_of(node):
+        companions = (beside or {}).get(parameter.name, {})
+        before = settings(changed(node, **companions))
+        default, other = parameter.default, others.get(parameter.name, 'another')
+        if isinstance(default, bool):
+            other = not default
+        elif isinstance(default, int | float) and parameter.name not in others:
+            is_share = 1e-3 <= default < 1
+            other = type(default)(default / 2 if is_share else min(2 * default + 10, max(parameter.range)))
+        after = settings(changed(node, **{**companions, parameter.name: other}))
+        assert after != before or f"parameters['{parameter.name}']" in source, parameter.name
+
+
+def test_every_parameter_matters():
     others = {
-        'thrust_input': 'force',
         'frame': 'frd',
         'mounting_deg': [0.0, 0.0, 90.0],
         'axes': ['roll'],
@@ -117,25 +131,14 @@ def test_every_parameter_matters():
     }
     at_bow = {'points': ['bow'], 'points.bow': [1.0, 0.0, 0.0]}
     beside = {'quiet_heave_m': at_bow, 'quiet_vertical_velocity_m_s': at_bow, 'points': at_bow | {'points': []}}
-    for node in NODES:
-        source = ''.join(path.read_text() for path in Path(swath_sysid.nodes.__file__).parent.glob('*.py'))
-        for parameter in parameters_of(node):
-            companions = beside.get(parameter.name, {})
-            before = SETTINGS_OF[node](changed(node, **companions))
-            default, other = parameter.default, others.get(parameter.name, 'another')
-            if isinstance(default, bool):
-                other = not default
-            elif isinstance(default, int | float) and parameter.name not in others:
-                is_share = 1e-3 <= default < 1
-                other = type(default)(default / 2 if is_share else min(2 * default + 10, max(parameter.range)))
-            after = SETTINGS_OF[node](changed(node, **{**companions, parameter.name: other}))
-            assert after != before or f"parameters['{parameter.name}']" in source, parameter.name
+    for node, settings in SETTINGS_OF.items():
+        assert_every_parameter_matters(node, settings, others, beside)
 
 
 def test_the_configuration_file_holds_the_defaults():
     path = ROOT / 'config' / 'swath_sysid.yaml'
-    assert path.read_text(encoding='utf-8') == configuration_file(), (
-        'write it anew: python -c "from swath_sysid.nodes.parameters.files import configuration_file; '
+    assert are_those(path.read_text(encoding='utf-8').split('\n\n'), configuration_file().split('\n\n')), (
+        'write it anew: python -c "from swath_sysid.nodes.parameters.parameter_files import configuration_file; '
         "print(configuration_file(), end='')\" > config/swath_sysid.yaml"
     )
     for node in NODES:
@@ -180,10 +183,10 @@ def test_a_wrong_parameter_file_is_refused_by_a_sentence(tmp_path, text, sentenc
 
 def test_the_parameters_for_small_computers_are_known_and_cost_less():
     path = ROOT / 'config' / 'small.yaml'
-    values = {node: values_from_file(path, node) for node in ALL_TABLES}
+    values = {node: values_from_file(path, node) for node in NODES}
     for node in ('imu_buffer', 'identifier', 'predictor'):
         SETTINGS_OF[node](values[node])
     small, usual = values['predictor'], defaults('predictor')
     assert small['forecast_rate_hz'] < usual['forecast_rate_hz']
-    assert small['waves_refit_interval_s'] > usual['waves_refit_interval_s']
+    assert small['waves_refit_interval_periods'] > usual['waves_refit_interval_periods']
     assert values['imu_buffer']['max_rate_hz'] < defaults('imu_buffer')['max_rate_hz']

@@ -14,8 +14,8 @@ from package_process import PATIENCE, ROOT, command_line, environment, wait_for
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import read_imu, write_imu_bag

@@ -21,7 +21,7 @@ from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, euler_angles,
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.nodes.executor_loop import events_executor  # noqa: E402
-from swath_sysid.nodes.upstream import Upstream  # noqa: E402
+from swath_sysid.nodes.upstream_topics import Upstream  # noqa: E402
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings  # noqa: E402
 from swath_sysid.pipeline.health import BAD_UPSTREAM, OK, WARN, Reasons  # noqa: E402
 from swath_sysid.pipeline.record_run import run_through  # noqa: E402
@@ -157,7 +157,7 @@ def test_wrong_types_and_fields_are_errors(node, sensor):
 
 def test_a_sensor_that_is_off_needs_a_field(node, sensor, monkeypatch):
     """It may come later, and with another type."""
-    monkeypatch.setattr('swath_sysid.nodes.upstream.DISCOVERY', 0.3)
+    monkeypatch.setattr('swath_sysid.nodes.upstream_topics.DISCOVERY', 0.3)
     assert Upstream(node, [''], 10).reports() == []
     upstream, *_ = listening(node, ['buoy', 'sonar:range'])
     assert upstream.settings(PipelineSettings()).forecaster.upstream == ('sonar:range',)

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from package_process import PATIENCE, environment, is_alive, wait_for
 
+from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled
 from swath_sysid.nodes.worker import Worker, WorkerError
 
 

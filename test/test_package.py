@@ -18,33 +18,32 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
+from repository import ROOT, are_those
 
 import swath_sysid
 from swath_sysid.cli.main import build_parser
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.wings import wings
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, frame_at, lead_topic
-from swath_sysid.nodes.parameters.files import values_from_file
-from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.parameters.predictor import pipeline_settings
-from swath_sysid.nodes.parameters.table import NODES, defaults
+from swath_sysid.nodes.parameters.parameter_files import values_from_file
+from swath_sysid.nodes.parameters.settings import pipeline_settings, window_settings
+from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
 from swath_sysid.share import share_folder
 
-ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'swath_sysid'
 MODULES = sorted(PACKAGE.rglob('*.py'))
 
 #: of what is imported; every one exists on Ubuntu 24.04, where python3-rich brings markdown_it
-ROSDEP_KEYS = {name: f'python3-{name}' for name in ('matplotlib', 'numpy', 'rich', 'scipy', 'yaml')} | {
+ROSDEP_KEYS = {name: f'python3-{name}' for name in ('argcomplete', 'matplotlib', 'numpy', 'rich', 'scipy', 'yaml')} | {
     'filterpy': 'python3-filterpy-pip',
     'markdown_it': 'python3-rich',
     'rosbags': 'python3-rosbags-pip',
 }
 
-DISTRIBUTIONS = {'yaml': 'PyYAML'}
+DISTRIBUTIONS = {'nptdms': 'npTDMS', 'yaml': 'PyYAML'}
 #: imports that may fail, and the extra that installs them
 OPTIONAL = {
     'numba': 'fast',
-    'dask': 'cluster',
     'distributed': 'cluster',
     **dict.fromkeys(('h5py', 'nptdms', 'openpyxl', 'pyarrow'), 'tank'),
     **dict.fromkeys(('fastapi', 'nicegui', 'uvicorn'), 'page'),
@@ -55,30 +54,35 @@ ROS_PACKAGES = set(
 )
 
 NODE_VERBS = {'demo', 'page', 'record', 'replay', 'run'}
-WINGS = ('attitude', 'manoeuvring')
+WINGS = [wing.name for wing in wings()]
 INNER_ORDER = ('motion', 'hull', 'identification', 'prediction')
 ABOVE = {room: INNER_ORDER[:level] for level, room in enumerate(INNER_ORDER)}
-PURE_ROOMS = ('common', *(f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER), 'pipeline')
-FLAGLESS_ROOMS = ('common', *WINGS, 'pipeline', 'formats', 'campaign')
-OF_OTHER_COMMANDS = {
-    'table_files.py': 'rosbags-convert',
-    'manifest.py': 'the comment above a new manifest',
-}
+#: of a wing; the rest of it is pure and names no flag
+SHOWING_ROOMS = ('report', 'nodes', 'cli')
+PURE_ROOMS = {'common', 'pipeline', *WINGS, *(f'{one}/{room}' for one in ('attitude', *WINGS) for room in INNER_ORDER)}
+OF_OTHER_COMMANDS = {'registry.py': 'rosbags-convert', 'manifest.py': 'the comment above a new manifest'}
 BASE = {'common', 'share'}
-CORE = BASE | {f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER} | {'pipeline'}
+CORE = BASE | {f'attitude/{room}' for room in INNER_ORDER} | {'pipeline'}
 MAY_IMPORT = {
     'common': set(),
     'share': {'common'},
     'start': set(),
-    **{f'{wing}/{room}': BASE | {f'{wing}/{above}' for above in ABOVE[room]} for wing in WINGS for room in INNER_ORDER},
+    **{f'attitude/{room}': BASE | {f'attitude/{above}' for above in ABOVE[room]} for room in INNER_ORDER},
     'pipeline': CORE,
     'formats': CORE,
-    'campaign': CORE | {'formats'},
-    'report': CORE | {'formats', 'campaign'},
-    'page': CORE | {'formats', 'campaign', 'report'},
+    'report': CORE | {'formats'},
+    'page': CORE | {'formats', 'report'},
     'nodes': CORE | {'formats', 'page'},
-    'cli': CORE | {'formats', 'campaign', 'report', 'page', 'nodes'},
+    'cli': CORE | {'formats', 'report', 'page', 'nodes'},
 }
+for _wing in WINGS:
+    _found = {path.name for path in (PACKAGE / _wing).iterdir() if path.is_dir() and path.name != '__pycache__'}
+    _own = sorted(_found - {*INNER_ORDER, *MAY_IMPORT})
+    _order = [*INNER_ORDER, 'formats', *_own, *SHOWING_ROOMS]
+    MAY_IMPORT[_wing] = CORE | {'formats', f'{_wing}/formats'}
+    for _level, _room in enumerate(_order):
+        _of_core = BASE | {'pipeline'} if _room in ABOVE else MAY_IMPORT.get(_room, CORE | {'formats'}) | {_room}
+        MAY_IMPORT[f'{_wing}/{_room}'] = _of_core | {_wing, *(f'{_wing}/{above}' for above in _order[:_level])}
 IMPURE_MODULES = {'logging', 'random', 'rich', 'time'}
 #: compared with the end of the called name
 IMPURE_CALLS = set('print input warnings.warn datetime.now datetime.utcnow datetime.today date.today'.split())
@@ -95,7 +99,8 @@ def room_of(path):
 
 def room_at(parts):
     """The room of a module given by the parts of its name inside the package."""
-    return '/'.join(parts[:2]) if parts[0] in WINGS and len(parts) > 1 and parts[1] != '__init__' else parts[0]
+    is_inner = parts[0] in ('attitude', *WINGS) and len(parts) > 1 and PACKAGE.joinpath(*parts[:2]).is_dir()
+    return '/'.join(parts[:2]) if is_inner else parts[0]
 
 
 @functools.cache
@@ -170,12 +175,14 @@ def test_test_dependencies_are_declared(manifest, setup_arguments):
     extra = imported - set(ROSDEP_KEYS) - ROS_PACKAGES - set(OPTIONAL) - ours
     assert {f'python3-{name}' for name in extra} <= {element.text for element in manifest.findall('test_depend')}
     assert extra <= requirement_names(setup_arguments['extras_require']['test'])
-    assert set(OPTIONAL.values()) <= {extra for extra, needs in setup_arguments['extras_require'].items() if needs}
+    extras = {extra: requirement_names(needs) for extra, needs in setup_arguments['extras_require'].items()}
+    assert [name for name, extra in OPTIONAL.items() if DISTRIBUTIONS.get(name, name) not in extras[extra]] == []
 
 
 def without_ros():
     of_nodes = {f'cli/{verb}' for verb in NODE_VERBS}
-    return [path for path in MODULES if room_of(path) != 'nodes' and f'{path.parent.name}/{path.stem}' not in of_nodes]
+    others = (path for path in MODULES if room_of(path).rpartition('/')[2] != 'nodes')
+    return [path for path in others if f'{path.parent.name}/{path.stem}' not in of_nodes]
 
 
 def test_only_nodes_and_their_verbs_import_ros():
@@ -220,11 +227,16 @@ def test_the_core_is_pure():
     assert offenders == []
 
 
+def names_no_flag(room):
+    first, _, inner = room.partition('/')
+    return first in ('common', 'attitude', 'pipeline', 'formats') or first in WINGS and inner not in SHOWING_ROOMS
+
+
 def test_flags_of_the_command_line_stay_there():
     offenders = [
         (str(path.relative_to(PACKAGE)), node.value)
         for path in MODULES
-        if room_of(path).split('/')[0] in FLAGLESS_ROOMS and path.name not in OF_OTHER_COMMANDS
+        if names_no_flag(room_of(path)) and path.name not in OF_OTHER_COMMANDS
         for node in ast.walk(tree_of(path))
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
         if re.search(r'(?<![-\w])--[a-z]', node.value)
@@ -233,10 +245,11 @@ def test_flags_of_the_command_line_stay_there():
 
 
 def test_ros2_run_finds_every_node_after_pip_and_colcon():
-    texts = {path.stem: path.read_text(encoding='utf-8') for path in (PACKAGE / 'nodes').glob('*.py')}
-    assert {name for name, text in texts.items() if '\nPLAN: Plan = ' in text} == {*NODES, 'all_in_one'}
+    programs = {path for path in MODULES if '\nPLAN: Plan = ' in path.read_text(encoding='utf-8')}
+    modules = [f'{node_module(node)}.py' for node in (*NODES, 'all_in_one')]
+    assert programs == {ROOT / module.replace('.', '/', module.count('.') - 1) for module in modules}
     scripts = {path.name: path for path in (ROOT / 'scripts').iterdir()}
-    assert set(scripts) == {*NODES, 'swath-sysid'}
+    assert are_those(sorted(scripts), sorted([*NODES, 'swath-sysid']))
     assert all(os.access(path, os.X_OK) for path in scripts.values())
     assert scripts['swath-sysid'].read_text(encoding='utf-8').endswith('/../../bin/swath-sysid" "$@"\n')
     assert text_of('setup.cfg').count(f'$base/lib/{PACKAGE.name}\n') == 2

@@ -10,7 +10,7 @@ from imu_stream import EPOCH_NS, reading
 from scipy.stats import norm
 from tank_side import TankSide
 
-from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulation import simulate
@@ -20,7 +20,7 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
-from swath_sysid.formats.sea_state import sea_as_yaml, sea_from_yaml
+from swath_sysid.formats.sea_state_yaml import sea_as_yaml, sea_from_yaml
 from swath_sysid.page import live_view as view
 from swath_sysid.page.charts import curve_options, motion_changes, motion_options, motion_series, release_options
 from swath_sysid.page.live_record import LiveRecord, horizon_of
@@ -110,7 +110,7 @@ def test_a_chart_shows_half_a_minute_in_few_points_and_does_not_magnify_noise():
 
 
 def test_a_softening_decay_is_drawn_as_softening_with_the_model_over_it():
-    hull = DecayModel.from_terms(equation_named('odd-cubic'), {'b1': 0.1, 'b2': 0.1, 'r1': 5.8, 'r3': -120.0})
+    hull = DecayModel.of(b1=0.1, b2=0.1, r1=5.8, r3=-120.0)
     time, trim = np.arange(0.0, 25.0, 0.04), 0.02
     angle, rate = simulate(hull, 0.12, 0.0, time)
     release = Release(AxisMotion('roll', EPOCH_NS * 1e-9 + time, angle + trim, rate), 2.8, 9.0, 0.12, trim)
@@ -178,19 +178,6 @@ def test_the_sea_is_said_in_words_or_why_it_is_not_known(tank):
 def test_another_text_is_not_a_sea_state(text):
     with pytest.raises(InputError, match='sea/state'):
         sea_from_yaml(text)
-
-
-def test_a_campaign_lists_its_trials_and_what_is_missing(tmp_path):
-    angles = {'a1.csv': 5, 'a2.csv': 5, 'b1.csv': 8, 'later.csv': 8}
-    for name in list(angles)[:3]:
-        (tmp_path / name).write_text(f'# {name}\ntime_s,roll_deg\n0,1\n')
-    trials = ''.join(f'  - {{file: {name}, initial_angle_deg: {angle}}}\n' for name, angle in angles.items())
-    twice = trials + trials.splitlines()[0]
-    (tmp_path / 'campaign.yaml').write_text(f'axis: roll\ntrials:\n{twice}')
-    rows, missing = view.campaign_words(str(tmp_path / 'campaign.yaml'))
-    assert [row['file'] for row in rows] == ['a1.csv', 'a2.csv', 'b1.csv']
-    assert any('later.csv' in line for line in missing) and 'roll 8 deg: 1 of 2 repeats' in missing
-    assert view.campaign_words(str(tmp_path / 'none.yaml'))[0] == []
 
 
 def test_the_last_verdict_is_shown_once(monkeypatch, tmp_path):

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.refit import AxisVerdict, RefitOutcome
 from swath_sysid.attitude.motion.attitude import body_rates, euler_angles, quaternion
 from swath_sysid.attitude.motion.trial import AXES
@@ -99,14 +99,10 @@ def test_forecasts_are_those_of_the_predictor_core(bag, played):
         step = pipeline.add(reading)
         if step.sea_request is not None:
             pipeline.install(fit_sea(step.sea_request))
-        if reading.stamp_ns < model_time:
-            expected |= {(f'/{topic}', reading.stamp_ns): raw for topic, raw in (*sent.next_of(step), *sent.of(step))}
-    found = {
-        (topic, time): raw
-        for topic, _, time, raw in messages_of(played)
-        if topic.startswith('/forecast/') and time < model_time
-    }
-    assert len(expected) > 600 and found == expected
+        for _, raw in sent.next_of(step) if reading.stamp_ns < model_time else ():
+            expected[reading.stamp_ns] = raw
+    published = [(time, raw) for topic, _, time, raw in messages_of(played) if topic == '/forecast/next']
+    assert len(expected) > 300 and {time: raw for time, raw in published if time < model_time} == expected
 
 
 @pytest.mark.parametrize('hulls', [(), ('roll',), ('roll', 'pitch')])
@@ -143,7 +139,7 @@ def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
     assert set(rows[:, -1]) == {0.0, 1.0}
     ((_, numbers),) = decoded(played, '/model/coefficients')
     assert numbers.layout.dim[0].label == 'roll,roll_std'
-    assert numbers.data[4] == model.terms['r1']
+    assert numbers.data[numbers.layout.dim[1].label.split(',').index('r1')] == model.terms['r1']
 
 
 @pytest.mark.long
@@ -306,24 +302,18 @@ def test_templates_write_what_the_type_system_writes(frame_id):
         forecast = Forecast(-5, np.array([0.1, 1.1, 2.0]), mean, variance[:, :, None] * np.eye(4), (0.3, 0.1))
         step = ForecastStep(forecast=forecast, horizon=forecast, outlook=Outlook(np.nan, None, {}))
         found = {topic: STORE.deserialize_cdr(raw, type_of(topic)) for topic, raw in sent.of(step)}
-        leads_ns = 100_000_000, 1_100_000_000, 2_000_000_000
-        for row, name in enumerate(('0_1s', '1_1s', '2_0s')):
-            message = found[f'forecast/lead_{name}']
-            assert message.header.frame_id == frame_id
-            sender, values = imu_reading(message), np.nan_to_num(mean[row]).tolist()
-            assert sender.stamp_ns == leads_ns[row] - 5
-            assert sender.orientation == quaternion(*values[:2], 0.3) and sender.rates == body_rates(*values, 0.1)
-            shown = np.where(np.isfinite(mean[row]), variance[row], [np.pi**2, np.pi**2, 100.0, 100.0])
-            variances = [*sender.orientation_covariance[:5:4], *sender.rates_covariance[:5:4]]
-            assert variances == (shown.tolist() if axes else [-1.0, 0.0, -1.0, 0.0])
-            assert sender.force == (0.0, 0.0, 0.0) and sender.force_covariance[0] == -1.0
-        table = found['forecast/horizon']
+        message, table, values = found['forecast/lead_1_1s'], found['forecast/horizon'], np.nan_to_num(mean[1]).tolist()
+        imu, shown = imu_reading(message), np.where(np.isnan(mean[1]), [np.pi**2] * 2 + [100.0] * 2, variance[1])
+        assert message.header.frame_id == frame_id and imu.stamp_ns == 1_099_999_995
+        assert imu.orientation == quaternion(*values[:2], 0.3) and imu.rates == body_rates(*values, 0.1)
+        variances = [*imu.orientation_covariance[:5:4], *imu.rates_covariance[:5:4]]
+        assert variances == (shown.tolist() if axes else [-1.0, 0.0, -1.0, 0.0])
+        assert imu.force == (0.0, 0.0, 0.0) and imu.force_covariance[0] == -1.0
         assert table.joint_names == [f'{axis}{kind}' for axis in axes for kind in ('', '_std')]
-        assert [stamp_ns(point.time_from_start) for point in table.points] == list(leads_ns)
+        assert [stamp_ns(point.time_from_start) for point in table.points] == [10**8, 11 * 10**8, 20 * 10**8]
         for point, *row in zip(table.points, mean, np.sqrt(variance), strict=True):
-            for values, first in ((point.positions, 0), (point.velocities, 2)):
-                expected = np.column_stack(row)[first : first + len(axes)].ravel()
-                np.testing.assert_array_equal(values, expected)
+            pairs = np.column_stack(row)[np.isfinite(row[0])]
+            np.testing.assert_array_equal([*point.positions, *point.velocities], pairs.ravel())
 
 
 WORDS = st.text(max_size=9)

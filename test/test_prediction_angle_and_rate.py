@@ -54,11 +54,10 @@ def test_gaps_and_missing_values_say_nothing():
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_a_hull_does_not_spoil_the_forecast_of_a_buoy_whose_attitude_lags(data_folder):
     """Its angles are some 0.07 s behind its gyroscopes; the hull is what the first five minutes show of it."""
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd').between(None, 240.0)
-    hull = DecayModel.from_terms(LINEAR, {'b1': 0.945, 'r1': 6.776}, trim=0.042, axis='pitch')
+    hull = DecayModel.of(b1=0.945, r1=6.776, trim=0.042, axis='pitch')
     covariance = np.array([[0.0555, -0.0028], [-0.0028, 0.5406]])
     leads = np.array([0.5, 1.0, 2.0])
     error = {}

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise, SimulatedCraft
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SensorNoise, SimulatedCraft
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.bank import CANDIDATES

@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
 from scipy.stats import multivariate_normal
 
-from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise, SimulatedCraft
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SensorNoise, SimulatedCraft
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.prediction import hull_filter
@@ -34,7 +34,7 @@ from swath_sysid.common.errors import InputError
 
 NAN = math.nan
 ROLL = hull_named('swath-roll').model
-LINEAR = DecayModel.from_terms(equation_named('linear'), {'b1': 0.5, 'r1': 6.0}, trim=0.01, axis='roll')
+LINEAR = DecayModel.of(b1=0.5, r1=6.0, trim=0.01, axis='roll')
 ANGLE_NOISE, RATE_NOISE = 5e-4, 3e-3
 VARIANCES = ANGLE_NOISE**2, RATE_NOISE**2
 OF_HULL = slice(2, HULL_STATES)
@@ -98,7 +98,7 @@ def test_what_alternates_from_step_to_step_is_forgotten():
     assert np.abs(np.linalg.eigvals(expm(0.1 * moment.generator))).max() == pytest.approx(0.9)
 
 
-EVERY = dict(zip(TERM_NAMES, (0.02, 0.3, 2.0, 5.0, 5.0, 3.0, -20.0, 2.0, -4.0), strict=True))
+EVERY = {'b0': 0.02, 'b1': 0.3, 'b2': 2.0, 'b3': 5.0, 'r1': 5.0, 'r2': 3.0, 'r3': -20.0, 's1': 2.0, 's2': -4.0}
 GENERAL = DecayModel.from_terms(Equation('every', TERM_NAMES), EVERY, friction_rate=0.05)
 
 
@@ -142,7 +142,7 @@ def test_the_sparse_prediction_is_the_dense_one():
     root = 0.01 * rng.normal(size=(n, n))
     mean = np.concatenate([[0.1, 0.2, 0.01], ROLL.ratios, 0.1 * rng.normal(size=moment.size)])
     covariance = root @ root.T
-    hull, drift = (ROLL.equation.active, ROLL.friction_rate), np.diag(np.arange(10.0))
+    hull, drift = (ROLL.equation.active, ROLL.friction_rate), np.diag(np.arange(HULL_STATES - 2.0))
     z = mean[HULL_STATES:]
     angle, rate, slopes = hull_step(mean, 0.5 * h @ (z + f @ z), covariance[1, 1], step, hull)
     a, driven = np.eye(n), np.zeros((n, moment.size))

@@ -23,7 +23,7 @@ from swath_sysid.attitude.prediction.sea_fit import (
     newest_stretch,
 )
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
-from swath_sysid.attitude.prediction.vertical import FORCE, VerticalForecaster, VerticalRequest
+from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalForecaster, VerticalRequest
 
 STEP = 0.1
 

@@ -13,7 +13,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import Point, point_motion
 from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
 from swath_sysid.attitude.prediction.variate_analysis import identify
-from swath_sysid.attitude.prediction.vertical import VerticalRequest, fit_vertical, states_from_lags
+from swath_sysid.attitude.prediction.vertical_forecast import VerticalRequest, fit_vertical, states_from_lags
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
 
@@ -144,7 +144,6 @@ def test_windows_of_calm_are_calm(at_sea):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_a_buoy_at_sea(data_folder):
     """Vertical velocity of the Morro Bay buoy; the truth is the zero-phase integral of the whole record."""
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')

@@ -22,7 +22,7 @@ from rich.table import Column, Table
 
 import swath_sysid
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
-from swath_sysid.attitude.hull.simulated_craft import release_angle
+from swath_sysid.attitude.hull.craft_simulator import release_angle
 from swath_sysid.attitude.identification.refit import verdict_text
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings

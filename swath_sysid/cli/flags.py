@@ -84,7 +84,8 @@ def _add_flag(
     if names := entry.pop('names', None):
         found = named(names)
         found = [each.name for each in fields(found)] if is_dataclass(found) else found
-        help = str(help).format(names=', '.join(found) if isinstance(found, Iterable) else found)
+        is_list = isinstance(found, Iterable) and not isinstance(found, str)
+        help = str(help).format(names=', '.join(found) if is_list else found)
     if entry.get('default') is not None and type in ('number', 'count'):
         help = f'{help} (default: {entry["default"]})'
     if type:

@@ -21,7 +21,7 @@ from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import check_model_and_plot, columns_of, read_record
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
-from swath_sysid.formats.upstream import read_upstream
+from swath_sysid.formats.upstream_channels import read_upstream
 from swath_sysid.pipeline.baselines import even_stretches
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import (

@@ -10,19 +10,21 @@ import shutil
 import signal
 import sys
 import textwrap
-from argparse import Action, ArgumentParser, HelpFormatter, RawDescriptionHelpFormatter
+from argparse import Action, ArgumentParser, HelpFormatter, RawDescriptionHelpFormatter, _SubParsersAction
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from types import ModuleType
 from typing import Any, NoReturn
 
 from swath_sysid import __version__
-from swath_sysid.cli.completion import actions_of, completion_script
 from swath_sysid.cli.flags import SHARED, add_arguments, examples_of, table_of_verbs
 from swath_sysid.common.accelerator import why_uncached
 from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import DONE, NOTHING_DONE, PARTLY_DONE, InputError
 from swath_sysid.common.sentences import with_flags
+
+#: Before the script of argcomplete, for bash and zsh: what a zsh without completions of its own lacks.
+ZSH_READY = '[ -z "$ZSH_VERSION" ] || command -v compdef >/dev/null || { autoload -U compinit && compinit; }'
 
 VERBS = {verb: entry['summary'] for verb, entry in table_of_verbs().items() if verb != SHARED}
 
@@ -47,7 +49,7 @@ class OneSentenceParser(ArgumentParser):
         """Refuse what is unknown here, where the verb and its flags are known."""
         found, unknown = super().parse_known_args(*args, **options)
         if unknown:
-            flags = [flag for action in actions_of(self) for flag in action.option_strings]
+            flags = [flag for action in _actions_of(self) for flag in action.option_strings]
             self.error(f"there is no argument '{unknown[0]}'{did_you_mean(unknown[0].partition('=')[0], flags)}")
         return found, unknown
 
@@ -58,6 +60,15 @@ class OneSentenceParser(ArgumentParser):
             raise InputError(
                 f"there is no {of} '{value}'{did_you_mean(str(value), choices)}: choose from {', '.join(choices)}"
             )
+
+
+def _actions_of(parser: ArgumentParser) -> list[Action]:
+    """The arguments of a parser and of its sub-verbs."""
+    actions = list(parser._actions)
+    for action in parser._actions:
+        if isinstance(action, _SubParsersAction):
+            actions += [each for sub in action.choices.values() for each in _actions_of(sub)]
+    return actions
 
 
 def build_parser(verb: str | None) -> ArgumentParser:
@@ -138,14 +149,33 @@ def main(argv: list[str] | None = None, begin: Callable[[], None] = lambda: None
         return 128 + signal.SIGINT
 
 
-def _carried_out(argv: list[str], begin: Callable[[], None]) -> int:
-    verb = next((word for word in argv if not word.startswith('-')), None)
+def _argcomplete() -> ModuleType:
     try:
+        import argcomplete
+    except ImportError as error:
+        raise InputError(
+            'completion needs argcomplete, which is not installed: pip install argcomplete, or apt install '
+            'python3-argcomplete'
+        ) from error
+    return argcomplete
+
+
+def _complete(words: list[str]) -> None:
+    """Tell the shell what may come next, and end the process."""
+    _argcomplete().autocomplete(build_parser(_verb_of(words)))
+
+
+def _verb_of(words: list[str]) -> str | None:
+    return next((word for word in words if not word.startswith('-')), None)
+
+
+def _carried_out(argv: list[str], begin: Callable[[], None]) -> int:
+    verb = _verb_of(argv)
+    try:
+        if '_ARGCOMPLETE' in os.environ:  # by a shell, which asks what may come next on its line
+            _complete(os.environ['COMP_LINE'].split()[1:])
         if argv == ['--completion']:
-            verbs = {name: OneSentenceParser() for name in VERBS}
-            for name, parser in verbs.items():
-                add_arguments(parser, name)
-            print(completion_script(verbs))
+            print(f'{ZSH_READY}\n{_argcomplete().shellcode(["swath-sysid"])}')
             return DONE
         arguments = build_parser(verb).parse_args(argv or ['--help'])
         run = module_of(arguments.verb).run

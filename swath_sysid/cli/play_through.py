@@ -19,12 +19,15 @@ from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_readings
 from swath_sysid.formats.topics import IMU_TOPIC, WINDOW_TOPIC
-from swath_sysid.formats.upstream import read_upstream
-from swath_sysid.nodes.parameters.files import values_from_file
-from swath_sysid.nodes.parameters.identifier import refit_settings
-from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
-from swath_sysid.nodes.parameters.sensor import installation
+from swath_sysid.formats.upstream_channels import read_upstream
+from swath_sysid.nodes.parameters.parameter_files import values_from_file
+from swath_sysid.nodes.parameters.settings import (
+    frames_at,
+    installation,
+    pipeline_settings,
+    refit_settings,
+    window_settings,
+)
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, Values
 from swath_sysid.pipeline.play_through import PlayedHealth, PlayThrough, PlayThroughSettings
 from swath_sysid.pipeline.record_run import ArrivingSamples

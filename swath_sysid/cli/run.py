@@ -19,7 +19,7 @@ from swath_sysid.common.wings import handed_in, named, wings
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.schema import plain_content, text_of
 from swath_sysid.formats.topics import IMU_TOPIC
-from swath_sysid.nodes.parameters.simulated_craft import craft_settings
+from swath_sysid.nodes.parameters.settings import craft_settings
 from swath_sysid.nodes.parameters.table import defaults, node_module
 
 MODEL_PARAMETERS = {'identifier': 'model_path', **handed_in('model_parameters')}

@@ -5,7 +5,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from swath_sysid.attitude.hull.catalogue import hull_named, hull_of_family
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.cli.hulls import hull_of
 from swath_sysid.cli.progress import print_result
 from swath_sysid.formats.outputs import Output, check_outputs

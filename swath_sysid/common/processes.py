@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import swath_sysid
+from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled
 
 Task = TypeVar('Task')
 Result = TypeVar('Result')

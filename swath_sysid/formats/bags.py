@@ -19,15 +19,13 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import BLOCK_BYTES, existing, reading
-from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC
 from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
 from swath_sysid.formats.messages import IMU_PARTS, IMU_VALUES, SECOND_NS, ImuMessage
 from swath_sysid.formats.output_bag import STORAGES, writing_bag
+from swath_sysid.formats.registry import BAGS
 from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC
 
 METADATA_FILE = 'metadata.yaml'
-#: First bytes of a storage file, and the ending it should have.
-MAGIC = {MCAP_MAGIC: '.mcap', b'SQLite format 3\0': '.db3'}
 
 
 @dataclass(frozen=True)
@@ -287,7 +285,7 @@ def _storage_kind(path: Path) -> str | None:
     """The ending that a storage file with these first bytes should have, None for any other file."""
     with open(path, 'rb') as file:
         start = file.read(16)
-    return next((ending for magic, ending in MAGIC.items() if start.startswith(magic)), None)
+    return next((ending for ending, magic in BAGS.items() if start.startswith(magic)), None)
 
 
 def chosen_topic(path: str | Path, readers: Sequence[Any], kind: str, given: str | None, code: str = '') -> str:

@@ -13,7 +13,7 @@ from swath_sysid.common.advice import Advice, did_you_mean
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import reading, shown
 from swath_sysid.formats.table_files import known_by_name, tables_in
-from swath_sysid.formats.tables import NamedColumns, Progress, listed_names, plain_name
+from swath_sysid.formats.text_tables import NamedColumns, Progress, listed_names, plain_name
 
 #: Units as the names of columns end in them, with their size in SI.
 UNITS = {

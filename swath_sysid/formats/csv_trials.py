@@ -14,7 +14,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import MOTION_QUANTITIES, UNKNOWN, Table, agree, read_table
 from swath_sysid.formats.files import shown
-from swath_sysid.formats.tables import Progress, write_table
+from swath_sysid.formats.text_tables import Progress, write_table
 
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}  #: rad, with some rounding.
 BROKEN_SHARE = 0.01  #: Of values beyond all limits, which may be broken packets.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from math import isfinite
+from math import isfinite, isnan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.hull_state import LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE
 from swath_sysid.formats import messages, topics
 from swath_sysid.formats.messages import SECOND_NS, header, make, serialised
-from swath_sysid.formats.sea_state import sea_as_yaml
+from swath_sysid.formats.sea_state_yaml import sea_as_yaml
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.forecast import Forecast
@@ -26,7 +26,7 @@ UNKNOWN_PLACE_VARIANCE = 100.0  #: m^2 (and per s^2 and s^4); the horizontal mot
 
 _NO_FORCE = (0.0, 0.0, 0.0, *NOT_GIVEN)
 #: Of roll, pitch and their rates where they are not forecast.
-_LARGEST_VARIANCES = np.repeat((LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE), 2)
+_LARGEST_VARIANCES = LARGEST_ANGLE_VARIANCE, LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE, LARGEST_RATE_VARIANCE
 _UNKNOWN_POSE = np.diag([UNKNOWN_PLACE_VARIANCE] * 2 + [0.0] * 3 + [LARGEST_ANGLE_VARIANCE])
 _UNKNOWN_TWIST = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [0.0] * 2 + [LARGEST_RATE_VARIANCE])
 _UNKNOWN_ACCELERATION = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [LARGEST_RATE_VARIANCE] * 3)
@@ -59,15 +59,14 @@ class ForecastMessages:
     def next_of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
         """Topic and message of what a step of the pipeline has at once."""
         if step.next is not None:
-            for _, raw in self._attitudes(step.next):
-                yield topics.NEXT_TOPIC, raw
+            yield topics.NEXT_TOPIC, self._attitude(step.next, 0)
 
     def of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
         """Topic and message of all else that a finished step leads to."""
         forecast, horizon, outlook = step.forecast, step.horizon, step.outlook
         if forecast is not None and horizon is not None and outlook is not None:
-            for lead, raw in self._attitudes(forecast):
-                yield topics.lead_topic(lead), raw
+            for place, lead in enumerate(forecast.leads.tolist()):
+                yield topics.lead_topic(lead), self._attitude(forecast, place)
             yield topics.HORIZON_TOPIC, self._horizon(horizon)
             yield topics.VALID_LEAD_TOPIC, messages.named_numbers_message(outlook.valid_leads)
             if isfinite(outlook.quiescence):
@@ -83,19 +82,22 @@ class ForecastMessages:
             frames = list(self._transforms(forecast, step.next))
             yield topics.FRAMES_TOPIC, serialised(make(topics.TYPES[topics.FRAMES_TOPIC], frames))
 
-    def _attitudes(self, forecast: Forecast) -> Iterator[tuple[float, bytes]]:
-        """Each lead, s, and its sensor_msgs/Imu."""
-        (yaw, yaw_rate), is_known = forecast.heading, np.isfinite(forecast.mean)
-        means = np.where(is_known, forecast.mean, 0.0).tolist()
-        variances = np.where(is_known, np.diagonal(forecast.covariance, axis1=1, axis2=2), _LARGEST_VARIANCES).tolist()
-        for (lead, stamp_ns), mean, variance in zip(_stamps(forecast), means, variances, strict=True):
-            roll, pitch, roll_rate, pitch_rate = mean
-            turn, rates = quaternion(roll, pitch, yaw), body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
-            of_turn = of_rates = NOT_GIVEN
-            if forecast.axes:
-                of_turn = _diagonal(variance[0], variance[1], LARGEST_ANGLE_VARIANCE)
-                of_rates = _diagonal(variance[2], variance[3], LARGEST_RATE_VARIANCE)
-            yield lead, self.imu.of_values(stamp_ns, (*turn, *of_turn, *rates, *of_rates, *_NO_FORCE))
+    def _attitude(self, forecast: Forecast, place: int) -> bytes:
+        """The sensor_msgs/Imu of one lead, by its place; level about an axis that is not measured."""
+        mean, variance = forecast.mean[place].tolist(), forecast.covariance[place].diagonal().tolist()
+        is_known = not isnan(sum(mean))
+        if not is_known:
+            mean = [value if value == value else 0.0 for value in mean]
+            pairs = zip(variance, _LARGEST_VARIANCES, strict=True)
+            variance = [value if value == value else largest for value, largest in pairs]
+        (roll, pitch, roll_rate, pitch_rate), (yaw, yaw_rate) = mean, forecast.heading
+        of_turn = of_rates = NOT_GIVEN
+        if is_known or forecast.axes:
+            of_turn = _diagonal(variance[0], variance[1], LARGEST_ANGLE_VARIANCE)
+            of_rates = _diagonal(variance[2], variance[3], LARGEST_RATE_VARIANCE)
+        turn, rates = quaternion(roll, pitch, yaw), body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
+        stamp_ns = forecast.stamp_ns + round(forecast.leads.item(place) / NANOSECOND)
+        return self.imu.of_values(stamp_ns, (*turn, *of_turn, *rates, *of_rates, *_NO_FORCE))
 
     def _horizon(self, horizon: Forecast) -> bytes:
         """A column for each angle and for its standard deviation, with their rates as velocities."""
@@ -119,9 +121,11 @@ class ForecastMessages:
 
     def _at_points(self, forecast: Forecast) -> Iterator[tuple[str, bytes]]:
         """A nav_msgs/Odometry and an acceleration for each point at each lead."""
+        leads, attitudes = forecast.leads.tolist(), forecast.mean.tolist()
         for name, motion in forecast.points.items():
-            rows = zip(_stamps(forecast), forecast.mean.tolist(), motion.mean.tolist(), motion.covariance, strict=True)
-            for (lead, stamp_ns), attitude, vertical, covariance in rows:
+            rows = zip(leads, attitudes, motion.mean.tolist(), motion.covariance, strict=True)
+            for lead, attitude, vertical, covariance in rows:
+                stamp_ns = forecast.stamp_ns + round(lead / NANOSECOND)
                 values = odometry_values(motion.place, attitude, vertical, covariance)
                 yield topics.point_lead_topic(name, lead), self._filled(_odometry, self._level, name, stamp_ns, values)
                 spread = _UNKNOWN_ACCELERATION.copy()
@@ -150,11 +154,6 @@ class ForecastMessages:
             template = messages.Template(lambda v: message_of(v, frame_id, key), len(values))
             self._templates[message_of, frame_id, key] = template
         return self._templates[message_of, frame_id, key].filled(stamp_ns, values)
-
-
-def _stamps(forecast: Forecast) -> list[tuple[float, int]]:
-    """Each lead, s, and the time that it is for, ns."""
-    return [(lead, forecast.stamp_ns + round(lead / NANOSECOND)) for lead in forecast.leads.tolist()]
 
 
 def _times_ns(forecast: Forecast) -> tuple[int, ...]:
@@ -216,6 +215,6 @@ def _acceleration(v: np.ndarray, level: str, _: str) -> Any:
 def _trajectory(v: np.ndarray, frame_id: str, key: tuple[Sequence[str], Sequence[int]]) -> Any:
     """Values by time, then positions, velocities and accelerations as far as they go, then column."""
     columns, times_ns = key
-    rows = v.reshape(len(times_ns), -1, len(columns)) if v.size else len(times_ns) * [()]
+    rows: Any = v.reshape(len(times_ns), -1, len(columns)) if v.size else len(times_ns) * [()]
     points = [messages.trajectory_point(time, *row) for time, row in zip(times_ns, rows, strict=True)]
     return make(topics.TRAJECTORY, header(0, frame_id), list(columns), points)

@@ -14,8 +14,9 @@ from typing import BinaryIO
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 
 from swath_sysid.formats.files import BLOCK_BYTES
+from swath_sysid.formats.registry import BAGS
 
-MAGIC = b'\x89MCAP0\r\n'
+MAGIC = BAGS['.mcap']
 FOOTER, CHUNK, DATA_END = b'\x02', b'\x06', b'\x0f'
 HEAD = struct.Struct('<cQ')
 FOOTER_BYTES = HEAD.size + 20 + len(MAGIC)

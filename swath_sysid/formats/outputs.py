@@ -8,7 +8,7 @@ from typing import Any
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import refuse_no_file
-from swath_sysid.formats.tables import read_head
+from swath_sysid.formats.text_tables import read_head
 
 MODEL_ENDINGS = 'yaml', 'yml'  #: Of model files.
 #: A table with a column of which the name begins so is a recording.

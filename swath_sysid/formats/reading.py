@@ -15,8 +15,9 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.files import existing, reading
 from swath_sysid.formats.mti import is_mti, read_mti
+from swath_sysid.formats.registry import BAGS
 from swath_sysid.formats.table_files import kind_of, known_by_name
-from swath_sysid.formats.tables import Progress, read_head
+from swath_sysid.formats.text_tables import Progress, read_head
 
 if TYPE_CHECKING:
     from swath_sysid.formats.bags import ImuRecord
@@ -31,7 +32,7 @@ def read_trial(
     progress: Progress | None = None,
     columns: Mapping[str, str] | None = None,
 ) -> Trial:
-    """Read a trial from a rosbag2 bag, an MTi text export or a table: CSV, .mat, .tdms, .lvm, .xlsx, .parquet, .h5.
+    """Read a trial from a rosbag2 bag, an MTi text export or a table: CSV, or a format of data acquisition.
 
     The kind of file is found from its content, not from its name. Tables have their columns named as in CSV.
 
@@ -57,7 +58,7 @@ def read_trial(
         >>> trial.axes, trial.time.size
         (('roll', 'pitch'), 2501)
     """
-    from swath_sysid.formats.bags import MAGIC, is_bag, read_bag
+    from swath_sysid.formats.bags import is_bag, read_bag
 
     with reading(path):
         path = existing(path)
@@ -75,7 +76,7 @@ def read_trial(
                     return read_mti(path, frame, mounting, progress)
             return read_csv(path, frame, mounting, progress, columns)
         except InputError as error:
-            if path.suffix in MAGIC.values():
+            if path.suffix in BAGS:
                 raise InputError(
                     f'{path} is named as a bag but is none, and no trial as text either: copy or download it again (a '
                     'few lines of text may stand for a file that git lfs pull brings)'

@@ -3,7 +3,7 @@
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -13,48 +13,16 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import shown
-from swath_sysid.formats.tables import NamedColumns, Progress, Read, read_columns, read_head
-
-#: First bytes of files that are none of ours, and what to do with them.
-FOREIGN = {
-    b'#ROSBAG V': 'a ROS 1 bag: convert it with rosbags-convert --src OLD.bag --dst NEW',
-    b'PK\x03\x04': 'a zip archive: unpack it',
-    b'\x1f\x8b': 'compressed with gzip: unpack it first',
-    b'\x28\xb5\x2f\xfd': 'compressed with zstd: unpack it, or give its bag folder',
-    b'\xd0\xcf\x11\xe0': 'an old spreadsheet: save it as .xlsx or CSV',
-    b'\xfa\xff': 'a binary MTi log: export it as text in MT Manager',
-}
+from swath_sysid.formats.registry import FOREIGN, TANK, TANK_ENDINGS, TankFormat
+from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, read_columns, read_head
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A format of data acquisition."""
-
-    what: str
-    start: bytes  #: Its first bytes.
-    ending: str
-    module: str  #: In `swath_sysid.formats.tank`.
-    library: str  #: As pip names it.
-
-
-KINDS = (
-    Kind('a MATLAB file', b'MATLAB 5.0 MAT-f', '.mat', 'mat', 'scipy'),
-    Kind('a MATLAB file of version 7.3', b'MATLAB 7.3 MAT-f', '.mat', 'hdf5', 'h5py'),
-    Kind('an HDF5 file', b'\x89HDF\r\n\x1a\n', '.h5', 'hdf5', 'h5py'),
-    Kind('a LabVIEW TDMS file', b'TDSm', '.tdms', 'tdms', 'npTDMS'),
-    Kind('a LabVIEW measurement file', b'LabVIEW Measurem', '.lvm', 'lvm', 'numpy'),
-    Kind('a spreadsheet', b'PK\x03\x04', '.xlsx', 'xlsx', 'openpyxl'),
-    Kind('a Parquet table', b'PAR1', '.parquet', 'parquet', 'pyarrow'),
-)
-ENDINGS = tuple(dict.fromkeys(kind.ending for kind in KINDS))
-
-
-def kind_of(path: str | Path) -> Kind | None:
+def kind_of(path: str | Path) -> TankFormat | None:
     """The format of a file by its first bytes, None for a text; foreign files are refused."""
     with open(path, 'rb') as file:
         start = file.read(16)
-    for kind in KINDS:
-        if start.startswith(kind.start) and (kind.ending != '.xlsx' or _is_spreadsheet(path)):
+    for kind in TANK:
+        if start.startswith(kind.start) and (not kind.member or _is_archive_of(path, kind)):
             return kind
     for magic, what in FOREIGN.items():
         if start.startswith(magic):
@@ -81,7 +49,7 @@ def known_by_name(path: str | Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        if Path(path).suffix.lower() in ENDINGS and kind_of(path) is None:
+        if Path(path).suffix.lower() in TANK_ENDINGS and kind_of(path) is None:
             raise InputError(
                 f'{path} is named {Path(path).suffix} but is no such file, and no record as text either: copy or '
                 'export it again'
@@ -90,14 +58,14 @@ def known_by_name(path: str | Path) -> Iterator[None]:
 
 
 def _read(
-    path: str | Path, kind: Kind, read: Read, places: Sequence[int], progress: Progress | None
+    path: str | Path, kind: TankFormat, read: Read, places: Sequence[int], progress: Progress | None
 ) -> tuple[np.ndarray, tuple[Advice, ...]]:
     with _guarded(path, kind):
         return read(places, progress)
 
 
 @contextmanager
-def _guarded(path: str | Path, kind: Kind) -> Iterator[None]:
+def _guarded(path: str | Path, kind: TankFormat) -> Iterator[None]:
     """Whatever a library raises over a file becomes one sentence."""
     try:
         yield
@@ -111,11 +79,11 @@ def _guarded(path: str | Path, kind: Kind) -> Iterator[None]:
         raise InputError(f'{path} is {kind.what} that is damaged ({shown(error)}): copy or export it again') from error
 
 
-def _is_spreadsheet(path: str | Path) -> bool:
-    if Path(path).suffix.lower() == '.xlsx':
+def _is_archive_of(path: str | Path, kind: TankFormat) -> bool:
+    if Path(path).suffix.lower() == kind.ending:
         return True
     try:
         with zipfile.ZipFile(path) as archive:
-            return 'xl/workbook.xml' in archive.namelist()
+            return kind.member in archive.namelist()
     except zipfile.BadZipFile:
         return False

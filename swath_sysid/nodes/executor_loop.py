@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -144,9 +144,7 @@ def _spin_all(executors: list[Executor], stop: threading.Event) -> None:
 
 
 def _spin(executor: Executor, stop: threading.Event, period: float) -> None:
-    try:
+    # that someone shuts the context down is as good as a signal
+    with suppress(ExternalShutdownException):
         while not stop.is_set() and rclpy.ok():
             executor.spin_once(timeout_sec=period)
-    except ExternalShutdownException:
-        # someone shut the context down: as good as a signal
-        return

@@ -7,7 +7,7 @@ from swath_sysid.formats.forecast_output import ForecastMessages, forecast_topic
 from swath_sysid.formats.topics import FRAMES_TOPIC, LATCHED_TOPICS, TYPES, type_of
 from swath_sysid.nodes.message_types import message_class
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.predictor import frames_at
+from swath_sysid.nodes.parameters.settings import frames_at
 from swath_sysid.nodes.qos import LATCHED, NEWEST, watched_publisher
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 

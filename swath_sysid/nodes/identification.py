@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 
 from swath_sysid.common.accelerator import why_slower
 from swath_sysid.common.advice import counted
-from swath_sysid.common.search import Cancelled
+from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_slower
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.declared import NodeParameters

@@ -17,7 +17,7 @@ from swath_sysid.formats.topics import COEFFICIENTS_TOPIC, DESCRIPTION_TOPIC, WI
 from swath_sysid.nodes.executor_loop import Plan
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
-from swath_sysid.nodes.parameters.identifier import refit_settings
+from swath_sysid.nodes.parameters.settings import refit_settings
 from swath_sysid.nodes.qos import LATCHED, SERVICES, watched_publisher
 from swath_sysid.nodes.window_client import WindowClient
 from swath_sysid.pipeline.health import Report, stability_report, verdict_values

@@ -11,7 +11,7 @@ from swath_sysid.formats.messages import imu_reading, window_message
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.imu_buffer import window_settings
+from swath_sysid.nodes.parameters.settings import window_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, waiting, watched_publisher
 from swath_sysid.pipeline.health import BufferHealth, Report
 

@@ -19,7 +19,7 @@ from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading, raw_stamp_ns, trajectory_values
 from swath_sysid.formats.model_file import model_from_yaml
-from swath_sysid.formats.sea_state import sea_from_yaml
+from swath_sysid.formats.sea_state_yaml import sea_from_yaml
 from swath_sysid.formats.topics import (
     CALM_TOPIC,
     DESCRIPTION_TOPIC,
@@ -31,8 +31,7 @@ from swath_sysid.formats.topics import (
 )
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD
 from swath_sysid.nodes.page_requests import PageRequests
-from swath_sysid.nodes.parameters.predictor import quiescence_limits
-from swath_sysid.nodes.parameters.sensor import installation
+from swath_sysid.nodes.parameters.settings import installation, quiescence_limits
 from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.page.state import SELDOM

@@ -19,10 +19,10 @@ from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.forecast_publishers import forecast_publishers
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.parameters.settings import pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
 from swath_sysid.nodes.sea_fitting import SeaFitting
-from swath_sysid.nodes.upstream import Upstream
+from swath_sysid.nodes.upstream_topics import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report

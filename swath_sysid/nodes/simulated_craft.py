@@ -9,14 +9,14 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, SimulatedCraft
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, SimulatedCraft
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.message_types import time_message
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.simulated_craft import craft_settings
+from swath_sysid.nodes.parameters.settings import craft_settings
 
 LARGEST_LAG = 0.5  #: s; a machine that pauses for longer loses samples, as a sensor's driver would.
 

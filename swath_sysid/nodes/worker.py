@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import WorkerError, WorkerProcess
-from swath_sysid.common.search import Cancelled
 
 IDLE_PERIOD = 0.5
 

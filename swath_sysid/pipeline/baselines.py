@@ -7,8 +7,9 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.constants import day
+from scipy.signal import welch
 
-from swath_sysid.attitude.motion.trial import CHANNELS, Trial
+from swath_sysid.attitude.motion.trial import AXES, CHANNELS, Trial
 from swath_sysid.attitude.motion.vertical import (
     ACCELERATION,
     EDGE,
@@ -19,8 +20,6 @@ from swath_sysid.attitude.motion.vertical import (
 )
 from swath_sysid.attitude.prediction.point import Point, point_motion
 from swath_sysid.attitude.prediction.quiescence import quantity_at
-from swath_sysid.attitude.prediction.state_space import RIDGE
-from swath_sysid.attitude.prediction.variate_analysis import ROWS_A_COEFFICIENT, useful_channels
 from swath_sysid.common.errors import InputError
 
 #: Order of each regression, given enough past; ``ar`` reads its own angle, ``var`` every channel.
@@ -30,9 +29,12 @@ SIMPLE = ('persistence', 'constant_rate', 'mean')
 BASELINES = (*SIMPLE, *REGRESSIONS)
 
 ORDERS = (60, 40, 20, 10, 5, 2, 1)
-REFIT_INTERVAL = 10.0  #: s.
-ROW_RATE = 10.0  #: Hz.
+REFIT_INTERVAL = 3.0  #: Periods of the motion.
+ROWS_A_PERIOD = 30.0  #: A slower sensor gives one row per sample.
 EVEN = 1.5  #: Usual intervals between two samples from which one was lost.
+RIDGE = 1e-8  #: Of the coefficients, over the variance of each channel.
+ROWS_A_COEFFICIENT = 8.0
+LONGEST_SEGMENT = 1024  #: Samples that a spectrum is made of.
 LONGEST_PAUSE = day  #: s; a longer one within a record is an error of its stamps.
 ON_A_SAMPLE = 0.02  #: Usual intervals from a sample within which a time is the sample's.
 
@@ -56,6 +58,19 @@ class Record:
         intervals = np.diff(self.time)
         even = np.abs(intervals - np.median(intervals)) < 0.5 * np.median(intervals)
         return float(intervals[even].mean())
+
+    @cached_property
+    def period(self) -> float:
+        """Of the motion, s: one over the mean frequency of the spectra of the angles that it holds."""
+        grid = np.arange(self.time[0], self.time[-1], self.interval)
+        power = frequency = 0.0
+        for place in (self.names.index(axis) for axis in AXES if axis in self.names):
+            known = np.isfinite(self.values[:, place])
+            if known.any():
+                angle = np.interp(grid, self.time[known], self.values[known, place])
+                f, density = welch(angle, 1.0 / self.interval, nperseg=min(LONGEST_SEGMENT, angle.size))
+                power, frequency = power + density[1:].sum(), frequency + (f * density)[1:].sum()
+        return power / frequency if frequency else self.interval * ROWS_A_PERIOD
 
     def column(self, name: str) -> Any:
         """One channel, or None."""
@@ -150,20 +165,21 @@ def running_regression(
     It reads those channels that move and are mostly known; stamps, leads and window as in `baseline_forecasts`. NaN
     before the first fit and where a lag is missing.
     """
-    # lags as far apart as the forecaster's rows: forty of them reach a wave period back, whatever the sensor's rate
-    step = record.interval * max(1, round(1.0 / (ROW_RATE * record.interval)))
+    # forty lags reach more than a period back, whatever the sensor's rate
+    step = record.interval * max(1, round(record.period / (ROWS_A_PERIOD * record.interval)))
     start = float(record.time[0])
     grid = record.at(start + step * np.arange(int((record.time[-1] - start) / step) + 1))
     anchors = record.time[np.maximum(np.searchsorted(record.time, stamps, side='right') - 1, 0)]
     result = np.full((stamps.size, leads.size, len(targets)), np.nan)
     sums = None
-    refits = start + REFIT_INTERVAL * np.arange(1, int((record.time[-1] - start) / REFIT_INTERVAL) + 1)
+    between = REFIT_INTERVAL * record.period
+    refits = start + between * np.arange(1, int((record.time[-1] - start) / between) + 1)
     for refit in refits:
-        now = slice(*np.searchsorted(stamps, (refit, refit + REFIT_INTERVAL)))
+        now = slice(*np.searchsorted(stamps, (refit, refit + between)))
         # a row of the grid may read the sample after it, which must have come by then
         end = int((refit - start - EVEN * record.interval) / step) + 1
         begin = max(0, end - int(window / step))
-        useful = tuple(channel for channel in useful_channels(grid[begin:end]) if channel in channels)
+        useful = tuple(channel for channel in channels if _moves(grid[begin:end, channel]))
         fewest = ROWS_A_COEFFICIENT * len(useful)
         supported = next((o for o in ORDERS if o <= order and end - begin - o >= fewest * o), None)
         if now.start == now.stop or not set(targets) <= set(useful) or supported is None:
@@ -181,6 +197,12 @@ def running_regression(
         ahead = (lags @ matrix.reshape(-1, lags.shape[1]).T).reshape(-1, *constant.shape) + constant
         result[now] = ahead * sums.scale[places] + sums.centre[places]
     return result
+
+
+def _moves(values: np.ndarray):
+    """Whether a channel (N,) is present most of the time and varies."""
+    known = values[np.isfinite(values)]
+    return 2 * known.size > values.size and known.std() > RIDGE
 
 
 class _RunningSums:

@@ -6,7 +6,7 @@ from math import isfinite
 
 import numpy as np
 
-from swath_sysid.attitude.hull.simulated_craft import CraftSettings
+from swath_sysid.attitude.hull.craft_simulator import CraftSettings
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE_ERROR
 from swath_sysid.attitude.motion.attitude import euler_angles
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading

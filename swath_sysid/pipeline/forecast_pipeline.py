@@ -128,7 +128,8 @@ class ForecastPipeline:
             self.used += 1
             # seconds since the epoch would resolve 0.2 us only
             step = self.forecaster.observe(sample, (stamp_ns - self._first_ns) * NANOSECOND, elapsed)
-        step = step._replace(reasons=reasons + step.reasons)
+        if reasons:
+            step = step._replace(reasons=reasons + step.reasons)
         for reason in step.reasons:
             self.counts[reason] += 1
         return step

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import isnan
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.motion.intake import NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.window import MotionWindow
@@ -14,6 +14,7 @@ from swath_sysid.common.sentences import CURES
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.stability_watch import StabilityWatch
+    from swath_sysid.common.judgement import Judged
 
 OK, WARN, ERROR, STALE = range(4)  #: Levels of diagnostic_msgs/DiagnosticStatus.
 
@@ -343,18 +344,6 @@ class IdentifierHealth(Reasons):
             **self.counts,
         }
         return Report('identification', level, message, values)
-
-
-class Judged(Protocol):
-    """An identified model, of whatever kind."""
-
-    @property
-    def verdict(self) -> str:
-        """Its level; empty where it is not known."""
-
-    @property
-    def verdict_sentence(self) -> str:
-        """Cause and remedy; empty where they are not known."""
 
 
 def verdict_values(models: Mapping[str, Judged | None]) -> dict[str, object]:

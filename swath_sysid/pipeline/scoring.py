@@ -152,7 +152,7 @@ def score(
         run: Through that record.
         leads: s, of those that the forecasts are for; by default all.
         warmup: s from the record's start that are not scored; by default 600, or a third of a shorter record.
-        window: s of past that the baselines learn from.
+        window: Periods of past that the baselines learn from.
         until: s from the record's start; by default to its end.
         seed: Of the bootstrap.
         points: Of those whose vertical motion was forecast; it is scored by that of the whole record
@@ -187,7 +187,8 @@ def score(
     if not scored:
         raise InputError(f'no forecast of {name} was issued between {warmup:.0f} and {until:.0f} s: score more of it')
     record, stamps = Record.of(trial), np.array([s.stamp for s in scored])
-    baselines = baseline_forecasts(record, axes, stamps, leads, window)
+    past = window * record.period
+    baselines = baseline_forecasts(record, axes, stamps, leads, past)
     span = start + warmup, start + until + leads[-1]
     results, advice = {}, []
     for axis in axes:
@@ -213,14 +214,14 @@ def score(
         vertical[point.name] = {}
         for place, kind in enumerate(POINT_MOTION):
             quantity = quantity_at(point.name, kind)
-            methods = {FORECAST: mean[..., place], **simple_forecasts(truth, quantity, stamps, leads, window)}
+            methods = {FORECAST: mean[..., place], **simple_forecasts(truth, quantity, stamps, leads, past)}
             vertical[point.name][kind] = _score(truth, quantity, at, methods, half_widths[:, :, place], 'mean')
     return Skill(
         leads,
         results,
         warmup,
         until,
-        window,
+        past,
         _spread(run.step_times),
         _spread(run.refit_times),
         run.reliability,

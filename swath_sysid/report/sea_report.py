@@ -3,7 +3,7 @@
 import math
 
 from swath_sysid.attitude.prediction.sea_state import SeaState
-from swath_sysid.formats.sea_state import REMARKS
+from swath_sysid.formats.sea_state_yaml import REMARKS
 from swath_sysid.report.figures import BAND, MODEL, RESIDUAL, Figure, panel
 
 

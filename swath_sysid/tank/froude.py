@@ -11,15 +11,11 @@ from fractions import Fraction
 
 import numpy as np
 
-from swath_sysid.attitude.hull.catalogue import composed
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, composed
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel, ScheduledModel
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERMS
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-
-#: Power of the time unit in each ratio.
-TIME_POWERS = {name: DAMPING_NAMES.index(name) - 2 if name in DAMPING_NAMES else -2 for name in TERM_NAMES}
 
 #: Power of the length ratio in each loading, in water of the same density.
 LOADING_POWERS = {'draft_factor': 0, 'draft_m': 1, 'displacement_kg': 3}
@@ -114,10 +110,10 @@ def scaling_advice(model: DecayModel, ratio: Fraction) -> tuple[Advice, ...]:
 
 
 def _factors(ratio: float | Fraction) -> np.ndarray:
-    """What each ratio is multiplied by, shape (9,)."""
-    root = math.sqrt(ratio)
-    exact = {-2: 1.0 / float(ratio), -1: 1.0 / root, 0: 1.0, 1: root}
-    return np.array([exact[TIME_POWERS[name]] for name in TERM_NAMES])
+    """What each ratio is multiplied by, shape (9,): its power of time is one of the root, exact where it is whole."""
+    powers = np.array([term.time_power for term in TERMS.values()])
+    sizes = float(ratio) ** (abs(powers) // 2) * math.sqrt(ratio) ** (powers % 2)
+    return np.where(powers > 0, sizes, 1.0 / sizes)
 
 
 def _at_scale_of_trials(identified: IdentifiedModel) -> tuple[IdentifiedModel, Fraction]:

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+from bag_messages import STORE
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, Region
 from swath_sysid.manoeuvring.hull.model import preset
@@ -13,7 +13,6 @@ from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_progr
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 OLD = preset('wamv-vrx-old')
 NOISE = np.array([0.05, 0.05, 0.005])
 REGION = Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0)

@@ -5,10 +5,13 @@ import json
 
 import numpy as np
 import pytest
-from manoeuvring_runs import STORE, copy_bag
+from bag_messages import STORE
+from manoeuvring_runs import copy_bag
+from test_cli import completed
 
 from swath_sysid.cli import play_through
 from swath_sysid.cli.flags import add_arguments
+from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.manoeuvring.cli import manoeuvre
@@ -72,7 +75,6 @@ def test_identified_model_forecasts_and_simulates(folder, model, capsys):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_play_through_is_repeatable_and_right(folder, model, capsys):
     bag = folder / 'circle.mcap'
     swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'turning-circle', '--output', bag)
@@ -124,8 +126,18 @@ def test_one_clear_sentence(folder, words, match):
         swath(*(word.format(runs=folder / 'runs') for word in words))
 
 
+def test_a_slip_is_one_sentence_that_says_what_is_meant_and_tasks_are_completed(tmp_path, capsys):
+    for words, said in (
+        ('manoeuvre simulat', "there is no task 'simulat' (did you mean simulate?)"),
+        ('manoeuvre simulate --hull wamv-vrx-old --test turning-circle --noise 1', '--noise needs 2 values'),
+    ):
+        assert main(words.split()) == 2
+        told = capsys.readouterr().err
+        assert said in told and told.count('\n') == 1
+    assert completed('swath-sysid manoeuvre sim', tmp_path) == ['simulate']
+
+
 @pytest.mark.long
-@pytest.mark.slow
 def test_play_through_of_a_bag_without_imu_plays_the_manoeuvres(folder, tmp_path, capsys):
     bag = tmp_path / 'zigzag.mcap'
     assert swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--output', bag) == 0

@@ -8,8 +8,8 @@ import pytest
 from manoeuvring_runs import OLD, codes, runs_of, trial_of
 from scipy.optimize import approx_fprime, least_squares, lsq_linear
 
+from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled
 from swath_sysid.manoeuvring.hull.identified_model import check_stability
 from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, run_test, trial_programme, with_noise

@@ -1,5 +1,6 @@
 """Manoeuvring model, thrusters, simulation, prime system, standard tests."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +14,17 @@ from scipy.optimize import approx_fprime, fsolve
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import Region, check_stability
 from swath_sysid.manoeuvring.hull.measurement import deviation, recorded_heading, recorded_speeds, through_water
-from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, check_physical, parameter_values, preset
+from swath_sysid.manoeuvring.hull.model import (
+    PARAMETER_RANGES,
+    PRESETS,
+    ManoeuvringModel,
+    check_physical,
+    parameter_values,
+    preset,
+)
 from swath_sysid.manoeuvring.hull.simulation import SteeredCraft, simulate, steady_speed
 from swath_sysid.manoeuvring.hull.standard_tests import RECIPE, TESTS, DriveSettings, run_test, trial_programme
-from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, OFFSET, PARAMETERS, PrimeUnits
+from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, INDEX, NAMES, OFFSET, PARAMETERS, PrimeUnits
 from swath_sysid.manoeuvring.hull.thrust import delayed, lagged, thrust_curve
 
 RICH = dict(
@@ -256,3 +264,28 @@ def test_a_test_begins_at_the_steady_speed_and_ends_after_fifteen_minutes():
     run = run_test('turning-circle', OLD, DriveSettings(difference=1e-5)).manoeuvre
     assert run.time[-1] == pytest.approx(900.0, abs=0.2)
     assert run.u[50] == pytest.approx(run.u[0], rel=1e-6) and run.heading[1] != 0.0
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_every_parameter_has_both_ends(name):
+    for end, side in zip(PARAMETER_RANGES[name], (-1, 1), strict=True):
+        values = OLD.values.copy()
+        values[INDEX[name]] = math.nextafter(end, side * math.inf)
+        # past what the model itself refuses, such as a mass below zero
+        wrong = object.__new__(ManoeuvringModel)
+        object.__setattr__(wrong, 'values', values)
+        with pytest.raises(InputError, match=f'the parameter {name} '):
+            check_physical(wrong)
+
+
+def test_presets_are_craft_and_masses_that_are_not_positive_are_none():
+    for name in PRESETS:
+        check_physical(preset(name))
+    for coupling in (0.0, 100.0, 280.0, 290.0, 1e4):
+        matrix = np.array([[OLD['m'], -coupling], [-coupling, OLD['Iz']]])
+        coupled = OLD.with_values(Yr_dot=coupling, Nv_dot=coupling)
+        if np.linalg.eigvalsh(matrix)[0] > 0.0:
+            check_physical(coupled)
+        else:
+            with pytest.raises(InputError, match='Yr_dot'):
+                check_physical(coupled)

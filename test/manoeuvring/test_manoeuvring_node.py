@@ -2,12 +2,14 @@
 
 import math
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 pytest.importorskip('rclpy')
 
+from hostile_manoeuvring_models import manoeuvring_text, manoeuvring_texts  # noqa: E402
 from live_bench import Bench, settings, start_node, stop, wait_for  # noqa: E402
 from manoeuvring_runs import MODEL, OLD  # noqa: E402
 from nav_msgs.msg import Odometry, Path  # noqa: E402
@@ -15,6 +17,11 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 from std_msgs.msg import Float32, Float64, String  # noqa: E402
+from test_nodes_model_intake import (  # noqa: E402
+    Intake,
+    assert_a_bad_model_file_does_not_end,
+    assert_each_text_is_refused_while_forecasts_go_on,
+)
 
 from swath_sysid.formats.messages import stamp_ns  # noqa: E402
 from swath_sysid.manoeuvring.formats.model_file import (  # noqa: E402
@@ -191,3 +198,23 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         assert code == 0, output
     assert 'new model' in codes[0][1]
     assert 'began anew' not in codes[0][1]
+
+
+def test_each_text_that_is_no_model_is_refused_while_forecasts_go_on():
+    def refusals(bench):
+        return bench.statuses[status][2].get('bad_models', 0)
+
+    node, status = 'manoeuvring_predictor', 'manoeuvring_predictor: manoeuvre'
+    with closing(Intake('manoeuvring/model', manoeuvring_text(), status, refusals, node)) as intake:
+        assert_each_text_is_refused_while_forecasts_go_on(intake)
+
+
+def test_a_model_file_that_cannot_be_used_does_not_end_the_node(tmp_path):
+    path = tmp_path / 'model.yaml'
+    path.write_text(manoeuvring_texts()['mass NaN'][0])
+
+    def told(statuses):
+        _, _, values = statuses.get('refusing/manoeuvring_predictor: manoeuvre', (0, '', {}))
+        return str(path) in values.get('refused_model', '')
+
+    assert_a_bad_model_file_does_not_end('manoeuvring_predictor', 'model_file', path, told)

@@ -19,12 +19,7 @@ from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, acting_thrust
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlook, ManoeuvreOutlookSettings, OdometryReading
-from swath_sysid.manoeuvring.prediction.predictor import (
-    MEASURABLE,
-    STATES,
-    ManoeuvreFilter,
-    ManoeuvreFilterSettings,
-)
+from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, STATES, ManoeuvreFilter, ManoeuvreFilterSettings
 from swath_sysid.manoeuvring.prediction.skill import filtered, score_forecasts
 
 

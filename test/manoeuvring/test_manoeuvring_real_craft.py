@@ -109,7 +109,6 @@ def found(runs, craft_and_trials):
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_a_craft_with_vices_is_identified_and_its_forecasts_know_how_good_they_are(
     found, craft_and_trials, truth, runs
 ):

@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from manoeuvring_runs import OLD, STORE, codes, copy_bag, trial_of
+from bag_messages import STORE, break_a_chunk
+from manoeuvring_runs import OLD, codes, copy_bag, trial_of
+from scipy.io import savemat
 from scipy.signal import lfilter
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.formats.bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv, write_manoeuvring_csv
+from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
 from swath_sysid.manoeuvring.motion.polarity import mirrored
@@ -69,6 +72,22 @@ def test_bag_round_trip(tmp_path, manoeuvres, name):
     assert np.allclose(run.surge, m.surge, atol=1e-6)
     assert np.allclose(run.starboard, m.starboard)
     assert np.allclose(np.angle(np.exp(1j * (run.heading - m.heading))), 0.0, atol=1e-6)
+
+
+def test_a_broken_chunk_in_a_folder_costs_what_follows(tmp_path):
+    steps = np.full(2000, 100.0)
+    write_manoeuvring_bag(tmp_path / 'run', simulate(OLD, steps, steps, 0.1))
+    break_a_chunk(tmp_path / 'run')
+    trial = read_manoeuvring_bag(tmp_path / 'run')
+    assert trial.time.size > 500 and trial.advice[0].code == 'damaged-bag'
+
+
+def test_a_manoeuvre_is_read_from_a_table(tmp_path):
+    time = 0.05 * np.arange(400)
+    columns = {name: np.cos(time) for name in ('port_command', 'starboard_command', 'yaw_rate_rad_s', 'V')}
+    savemat(tmp_path / 'a.mat', {'dt': 0.05, **columns})
+    trial = read_manoeuvring_csv(tmp_path / 'a.mat', columns={'surge': 'V:kn'})
+    assert trial.surge == pytest.approx(1852 / 3600 * np.cos(time)) and trial.time == pytest.approx(time)
 
 
 def test_bag_with_joint_states_and_a_twist_in_world_axes(tmp_path, manoeuvres):

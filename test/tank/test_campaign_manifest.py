@@ -6,7 +6,8 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hostile_models import assert_a_deep_file_is_refused, assert_files_that_are_none_are_refused, mutated, structures
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath_sysid.cli.main import main
@@ -16,6 +17,7 @@ from swath_sysid.tank.campaign.manifest import (
     pattern_expression,
     pattern_of_name,
     read_manifest,
+    trials_in_words,
     write_new_manifest,
 )
 from swath_sysid.tank.campaign.work import ResultStore, key_of
@@ -120,6 +122,62 @@ def test_what_concerns_all_trials_stops_at_once_with_its_keys(folder, text, word
     with pytest.raises(InputError, match='campaign.yaml') as caught:
         read(folder, text)
     assert words in str(caught.value) and len(str(caught.value)) < 600 and '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    'words', ['campaign {0}/file.yaml --output {0}/out', 'scale {0}/file.yaml --ratio 2 --output {0}/out.yaml']
+)
+def test_files_that_are_none_or_deep_are_refused(words, tmp_path, capsys):
+    assert_a_deep_file_is_refused(words, tmp_path, capsys)
+    assert_files_that_are_none_are_refused(tmp_path, read_manifest)
+
+
+VALID = """\
+title: Pitch
+craft: {name: model, draft_m: 0.15, displacement_kg: 30}
+axis: pitch
+equations: [linear, odd-cubic]
+objectives: [simulation, one-step]
+search: {algorithm: ga, seed: 1, generations: 20, population: 50}
+trials:
+  - {file: pitch_3deg.csv, initial_angle_deg: 3, repeat: 1, start_s: 0.5, end_s: 9.0, frame: flu}
+  - {pattern: 'pitch_{angle}deg.csv', draft_factor: 0.9}
+"""
+
+
+@pytest.mark.long
+@settings(max_examples=200, deadline=None)
+@given(text=st.one_of(mutated(VALID), mutated(VALID), structures(), st.text()))
+def test_a_manifest_is_one_or_one_sentence(text, tmp_path_factory):
+    folder = tmp_path_factory.mktemp('manifest')
+    (folder / 'pitch_3deg.csv').write_text('')
+    path = folder / 'campaign.yaml'
+    path.write_bytes(text.encode('utf-8', 'surrogatepass'))
+    try:
+        found = read_manifest(path)
+    except InputError as error:
+        assert str(path) in str(error)
+    else:
+        assert found.trials
+
+
+def test_columns_are_assigned_for_all_trials_and_for_one(folder):
+    shared = "axis: roll\ncolumns: {time: 't:s', roll: 'Phi:deg'}\n"
+    found = read(folder, f"{shared}trials: [{{file: {NAMES[0]}}}, {{file: {NAMES[1]}, columns: {{roll: 'x'}}}}]")
+    first, second = found.trials
+    assert dict(first.columns) == {'time': 't:s', 'roll': 'Phi:deg'} and second.columns == (('roll', 'x'),)
+
+
+def test_the_page_lists_the_trials_and_what_is_missing(tmp_path):
+    angles = {'a1.csv': 5, 'a2.csv': 5, 'b1.csv': 8, 'later.csv': 8}
+    for name in list(angles)[:3]:
+        (tmp_path / name).write_text(f'# {name}\ntime_s,roll_deg\n0,1\n')
+    trials = ''.join(f'  - {{file: {name}, initial_angle_deg: {angle}}}\n' for name, angle in angles.items())
+    read(tmp_path, f'axis: roll\ntrials:\n{trials}{trials.splitlines()[0]}')
+    rows, missing = trials_in_words(str(tmp_path / 'campaign.yaml'))
+    assert [row['file'] for row in rows] == ['a1.csv', 'a2.csv', 'b1.csv']
+    assert any('later.csv' in line for line in missing) and 'roll 8 deg: 1 of 2 repeats' in missing
+    assert trials_in_words(str(tmp_path / 'none.yaml'))[0] == []
 
 
 def test_a_new_manifest_reads_back(folder):

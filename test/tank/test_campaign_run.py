@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import SerialExecutor
@@ -113,7 +113,8 @@ def test_every_record_with_every_equation(done):
         assert [[f.model.equation.name for f in fits] for fits in axis.fits[objective]] == [list(axis.names)] * 3
         assert [out_of_order(fits) for fits in axis.fits[objective]] == [()] * 3
     assert list(axis.by_draft) == [0.9, 1.1] and len(axis.best) == 2
-    np.testing.assert_allclose(axis.schedule.ratio('r1'), [hull_at(f).terms['r1'] for f in DRAFTS], rtol=0.02)
+    stiffness = [m.model.terms['r1'] for m in axis.schedule.models]
+    np.testing.assert_allclose(stiffness, [hull_at(f).terms['r1'] for f in DRAFTS], rtol=0.02)
 
 
 class Ending(Executor):
@@ -143,7 +144,6 @@ def test_interrupted_again_and_again_and_continued_gives_the_same_tables(trials,
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials, done, tmp_path):
     verb = [sys.executable, '-m', 'swath_sysid.start', 'campaign']
     command = [*verb, str(trials / 'campaign.yaml'), '--output', str(tmp_path), '--jobs', '2']
@@ -384,7 +384,6 @@ def test_on_a_dask_cluster_a_worker_that_dies_costs_nothing(trials, done, tmp_pa
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_measured_trials(data_folder, tmp_path):
     """The smallest and the largest angle of the measured platform: friction is found."""
     text = (
@@ -451,7 +450,7 @@ def test_each_speed_has_its_own_model_and_the_damping_its_dimensions(at_two_spee
     outcome, output = at_two_speeds
     assert [axis.axis for axis in outcome.axes] == ['pitch', 'pitch_2m_s']
     assert {path.name for path in output.glob('model*.yaml')} == {'model.yaml', 'model_2m_s.yaml'}
-    b1 = [axis.schedule.ratio('b1')[0] for axis in outcome.axes]
+    b1 = [axis.schedule.models[0].model.terms['b1'] for axis in outcome.axes]
     assert b1[0] == pytest.approx(0.5, abs=0.1) and b1[1] == pytest.approx(1.1, abs=0.15)
     speeds = [r['value'] for r in rows_of(output / 'tables/conditions.csv') if r['what'] == 'speed [m/s]']
     assert speeds[1] == f'2, Froude number {2.0 / math.sqrt(9.80665 * 1.2):.3g}'

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, measured_states, next_step
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings

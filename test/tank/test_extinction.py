@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.decay_model import AmplitudeCurves, DecayModel, Equation
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.decay_model import AmplitudeCurves, DecayModel
 from swath_sysid.attitude.identification.fit_quality import AmplitudeBands
 from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.peaks import Peaks, measured_peaks
@@ -22,12 +22,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.report.tables import Column
-from swath_sysid.tank.extinction import (
-    Particulars,
-    TypeB,
-    extinction_of,
-    tank_quantities,
-)
+from swath_sysid.tank.extinction import Particulars, TypeB, extinction_of, tank_quantities
 from swath_sysid.tank.report.extinction_tables import curve_rows, curve_table, tank_tables
 
 
@@ -103,7 +98,7 @@ def test_the_curve_of_a_noisy_record_holds_its_truth_within_its_standard_deviati
     assert np.abs(far).max() < 5.0
 
 
-MODEL = DecayModel.from_terms(Equation('test', ('b1', 'r1')), {'b1': 0.2, 'r1': 4.0}, axis='roll')
+MODEL = DecayModel.of(b1=0.2, r1=4.0, axis='roll')
 
 
 def bands(exponent=0.0, ratio=0.05):

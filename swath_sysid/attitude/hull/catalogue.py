@@ -6,41 +6,30 @@ that of a planing hydrofoil craft, ``swath-usv-pitch`` that of a SWATH-USV, whos
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, PublishedForm, from_published
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES, DAMPING_TERMS, RESTORING_NAMES, RESTORING_TERMS
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, PublishedForm, composed, from_published
+from swath_sysid.attitude.hull.terms import DAMPING_TERMS, RESTORING_TERMS, TERMS
 from swath_sysid.common.errors import InputError, check_choice
 
-_LIN, _QUAD, _CUB = ('linear',), ('linear', 'quadratic'), ('linear', 'quadratic', 'cubic')
-_SINE = ('sine', 'sine-squared')
-
-
-def _equation(name: str, damping: Sequence[str], restoring: Sequence[str]) -> Equation:
-    terms = tuple(DAMPING_TERMS[d] for d in damping) + tuple(RESTORING_TERMS[r] for r in restoring)
-    return Equation(name, terms)
-
-
-_POWERS = _CUB, _QUAD, _LIN
-_SIDES: dict[str, list[tuple[Sequence[str], Sequence[str]]]] = {
-    'swath-pitch': [(damping, restoring) for restoring in _POWERS for damping in _POWERS],
-    'swath-roll': [(_CUB, _CUB), (_CUB, _LIN), (_CUB, _SINE)],
-    'hydrofoil-pitch': [(_CUB, _CUB), (_CUB, ('sine',)), (_CUB, ('linear', 'cubic'))],
-    'swath-usv-pitch': [(_CUB, _CUB), (_CUB, _LIN), (_CUB, _SINE)],
+_TERMS = {
+    'swath-pitch': [f'{b} {r}' for r in ('r1 r2 r3', 'r1 r2', 'r1') for b in ('b1 b2 b3', 'b1 b2', 'b1')],
+    'swath-roll': [f'b1 b2 b3 {r}' for r in ('r1 r2 r3', 'r1', 's1 s2')],
+    'hydrofoil-pitch': [f'b1 b2 b3 {r}' for r in ('r1 r2 r3', 's1', 'r1 r3')],
+    'swath-usv-pitch': [f'b1 b2 b3 {r}' for r in ('r1 r2 r3', 'r1', 's1 s2')],
 }
 PUBLISHED_EQUATIONS = {
-    f'{study}-{number}': _equation(f'{study}-{number}', *sides)
-    for study, equations in _SIDES.items()
-    for number, sides in enumerate(equations, 1)
+    f'{study}-{number}': Equation(f'{study}-{number}', tuple(terms.split()))
+    for study, equations in _TERMS.items()
+    for number, terms in enumerate(equations, 1)
 }
 
 OWN_EQUATIONS = {
     equation.name: equation
     for equation in (
-        _equation('linear', _LIN, _LIN),
-        _equation('odd-cubic', _QUAD, ('linear', 'cubic')),
-        _equation('odd-cubic+friction', ('friction', *_QUAD), ('linear', 'cubic')),
+        Equation('linear', ('b1', 'r1')),
+        Equation('odd-cubic', ('b1', 'b2', 'r1', 'r3')),
+        Equation('odd-cubic+friction', ('b0', 'b1', 'b2', 'r1', 'r3')),
     )
 }
 
@@ -48,7 +37,7 @@ EQUATIONS = PUBLISHED_EQUATIONS | OWN_EQUATIONS
 
 AUTO = 'auto'  #: In place of a name: the general hull, pruned to the terms that a record shows.
 #: Every smooth term; at angles of release a sine cannot be distinguished from these.
-GENERAL_HULL = Equation('b1,b2,b3|r1,r2,r3', ('b1', 'b2', 'b3', 'r1', 'r2', 'r3'))
+GENERAL_HULL = composed([term.name for term in TERMS.values() if term.is_general])
 
 _AXIS_EQUATIONS = {axis: tuple(n for n in PUBLISHED_EQUATIONS if axis in n) for axis in ('pitch', 'roll')}
 
@@ -72,12 +61,6 @@ def equation_named(name: str) -> Equation:
         f"there is no equation '{name}': choose from {', '.join(EQUATIONS)}, add '+friction' to one, "
         "or compose one as 'damping|restoring', for example 'linear,quadratic|linear,cubic'"
     )
-
-
-def composed(terms: Sequence[str]) -> Equation:
-    """The equation of some terms, named by them as `equation_named` reads it."""
-    sides = ([name for name in side if name in terms] for side in (DAMPING_NAMES, RESTORING_NAMES))
-    return Equation('|'.join(','.join(side) for side in sides), tuple(terms))
 
 
 def published_alike(equation: Equation, axis: str) -> tuple[str, ...]:

@@ -6,13 +6,10 @@ restoring terms c is not the trim). By Gauss-Chebyshev quadrature over that orbi
     T = 2 int dx / w(x),   b_eq = oint D(w) dx / oint w dx,   zeta_eq = b_eq / (2 w0(a)),
 
 for harmonic motion b1 + 8/(3 pi) b2 w0 a + 3/4 b3 w0^2 a^2 + 4 b0 / (pi w0 a).
-
-b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
-s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -21,14 +18,18 @@ import numpy as np
 
 from swath_sysid.attitude.hull import terms
 from swath_sysid.attitude.hull.terms import (
-    DAMPING_TERMS,
-    R1,
-    RESTORING_TERMS,
-    S1,
-    TERM_INDEX,
+    ANGLE,
+    AT,
+    DAMPING_NAMES,
+    LINEAR_RESTORING,
+    RATE,
+    RESTORING_NAMES,
+    SINE,
     TERM_NAMES,
+    TERMS,
     UPPER,
     Scales,
+    Term,
     damping_moment,
     restoring_energy,
     restoring_moment,
@@ -50,19 +51,25 @@ class Equation:
         unknown = [t for t in self.terms if t not in TERM_NAMES]
         if unknown:
             raise InputError(f"equation {self.name}: unknown term '{unknown[0]}': choose from {', '.join(TERM_NAMES)}")
-        if not set(self.terms) & set(DAMPING_TERMS.values()) or not set(self.terms) & set(RESTORING_TERMS.values()):
+        if not set(self.terms) & set(DAMPING_NAMES) or not set(self.terms) & set(RESTORING_NAMES):
             raise InputError(f'equation {self.name}: name at least one damping and one restoring term')
         object.__setattr__(self, 'terms', tuple(t for t in TERM_NAMES if t in self.terms))
 
     @property
     def indices(self) -> np.ndarray:
-        """Places of the terms in the vector of nine ratios."""
-        return np.array([TERM_INDEX[t] for t in self.terms])
+        """Places of the terms in the vector of ratios."""
+        return np.array([TERM_NAMES.index(t) for t in self.terms])
 
     @property
     def active(self) -> tuple[bool, ...]:
-        """Nine flags, in the order of ``TERM_NAMES``."""
+        """Flags (9,) in the order of ``TERM_NAMES``."""
         return tuple(name in self.terms for name in TERM_NAMES)
+
+    def complete(self, values: np.ndarray) -> np.ndarray:
+        """Ratios (..., 9) of all terms from those (..., n) of the equation's own."""
+        ratios = np.zeros((*values.shape[:-1], len(TERM_NAMES)))
+        ratios[..., self.indices] = values
+        return ratios
 
     def contains(self, other: 'Equation') -> bool:
         """Whether every term of ``other`` is a term of this equation."""
@@ -71,6 +78,12 @@ class Equation:
     def with_friction(self) -> 'Equation':
         """The same equation with dry friction added."""
         return self if 'b0' in self.terms else Equation(f'{self.name}+friction', ('b0', *self.terms))
+
+
+def composed(terms: Collection[str]) -> Equation:
+    """The equation of some terms, named by them as `equation_named` reads it."""
+    sides = ([name for name in side if name in terms] for side in (DAMPING_NAMES, RESTORING_NAMES))
+    return Equation('|'.join(','.join(side) for side in sides), tuple(terms))
 
 
 @dataclass(frozen=True)
@@ -115,13 +128,20 @@ class DecayModel:
         ratios = np.zeros(len(TERM_NAMES))
         for name, value in values.items():
             check_choice(name, TERM_NAMES, 'ratio')
-            ratios[TERM_INDEX[name]] = value
+            ratios[TERM_NAMES.index(name)] = value
         return cls(equation, ratios, **fields)
+
+    @classmethod
+    def of(
+        cls, trim: float = 0.0, friction_rate: float = DEFAULT_FRICTION_RATE, axis: str = 'pitch', **ratios: float
+    ) -> 'DecayModel':
+        """A model of the ratios that are named, as in ``DecayModel.of(b1=0.3, r1=9.0, axis='roll')``."""
+        return cls.from_terms(composed(ratios), ratios, trim=trim, friction_rate=friction_rate, axis=axis)
 
     @property
     def terms(self) -> dict[str, float]:
         """Name to ratio of the terms in use."""
-        return {name: float(self.ratios[TERM_INDEX[name]]) for name in self.equation.terms}
+        return dict(zip(self.equation.terms, self.ratios[self.equation.indices].tolist(), strict=True))
 
     def with_trim(self, trim: float) -> 'DecayModel':
         """The same hull at another angle of rest."""
@@ -153,7 +173,7 @@ class DecayModel:
     @property
     def damping_ratio(self) -> float:
         """Linear damping over critical damping, for small motions and without friction."""
-        return self._row[1] / (2.0 * self.natural_frequency)
+        return self._row[AT.b1] / (2.0 * self.natural_frequency)
 
 
 PERIODS = 0.05, 1000.0  #: s; small models roll in tenths of a second, the largest ships within a minute.
@@ -163,8 +183,8 @@ FRICTION_RATES = (1e-6, 100.0)  #: rad/s; of the smoothing of dry friction.
 _LARGEST = UPPER * np.max([Scales(a, 2.0 * math.pi / t).ratio_units for a, t in product(AMPLITUDES, PERIODS)], axis=0)
 #: Least and largest ratio of each term, from those of a search; b0 and b1 are not negative: damping takes energy.
 RATIO_RANGES = {
-    name: (0.0 if name in ('b0', 'b1') else -largest, largest)
-    for name, largest in zip(TERM_NAMES, _LARGEST.tolist(), strict=True)
+    term.name: (0.0 if term.base == RATE and term.power < 2 else -largest, largest)
+    for term, largest in zip(TERMS.values(), _LARGEST.tolist(), strict=True)
 }
 
 
@@ -190,6 +210,8 @@ QUADRATURE_NODES = 96
 NEWTON_STEPS = 6  #: Each doubles the correct digits.
 
 _ALL_TERMS = (True,) * len(TERM_NAMES)
+#: Of the restoring terms that differ from side to side.
+_EVEN = [place for place, term in enumerate(TERMS.values()) if term.base != RATE and term.power % 2 == 0]
 
 
 @dataclass(frozen=True)
@@ -225,7 +247,7 @@ def amplitude_curves(ratios: np.ndarray, amplitude: np.ndarray, friction_rate: f
 def orbit_centre(ratios: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
     """Middle of the undamped orbit of each amplitude (A,), rad from trim, by Newton's method."""
     centre = np.zeros_like(amplitude)
-    if not (ratios[5] or ratios[8]):
+    if not ratios[_EVEN].any():
         return centre
     for _ in range(NEWTON_STEPS):
         upper, lower = centre + amplitude, centre - amplitude
@@ -253,54 +275,34 @@ class PublishedForm:
             raise InputError(f"the inertia I' must be greater than zero, not {self.inertia}")
 
 
-def _is_sine_form(equation: Equation) -> bool:
-    polynomial = {'r1', 'r2', 'r3'} & set(equation.terms)
-    sine = {'s1', 's2'} & set(equation.terms)
-    if polynomial and sine:
-        raise InputError(
-            f'equation {equation.name} mixes polynomial and sine restoring: the papers have no form for it, '
-            'use the ratios'
-        )
-    return bool(sine)
+def _published_terms(equation: Equation) -> list[Term]:
+    """Rows of an equation's terms, rejected if the papers have no form for it."""
+    found = [TERMS[name] for name in equation.terms]
+    unknown = [term.name for term in found if not term.published]
+    if unknown or {ANGLE, SINE} <= {term.base for term in found}:
+        what = f'has the term {unknown[0]}' if unknown else 'mixes polynomial and sine restoring'
+        raise InputError(f'equation {equation.name} {what}: the papers have no form for it, use the ratios')
+    return found
 
 
 def from_published(equation: Equation, form: PublishedForm, axis: str, trim: float = 0.0) -> DecayModel:
     """Decay model of coefficients named as in the publication; the equation says which are read, ``trim`` is in rad."""
-    moments = {
-        'b0': form.friction,
-        'b1': 2.0 * form.linear_damping,
-        'b2': form.quadratic_damping,
-        'b3': form.cubic_damping,
-    }
-    if _is_sine_form(equation):
-        moments |= {'s1': form.c2, 's2': form.c1}
-    else:
-        moments |= {'r1': form.c3, 'r2': form.c2, 'r3': form.c1}
-    values = {name: moments[name] / form.inertia for name in equation.terms}
+    found = _published_terms(equation)
+    values = {term.name: getattr(form, term.published) / term.factor / form.inertia for term in found}
     return DecayModel.from_terms(equation, values, trim=trim, axis=axis)
 
 
 def to_published(model: DecayModel, inertia: float) -> PublishedForm:
     """Coefficients in the published form for a given inertia, kg m^2."""
-    sine_form = _is_sine_form(model.equation)
+    found = _published_terms(model.equation)
     if not inertia > 0.0:
         raise InputError(f"the inertia I' must be greater than zero, not {inertia}")
-    moment = {name: inertia * ratio for name, ratio in model.terms.items()}
-    return PublishedForm(
-        inertia=inertia,
-        linear_damping=moment.get('b1', 0.0) / 2.0,
-        quadratic_damping=moment.get('b2', 0.0),
-        cubic_damping=moment.get('b3', 0.0),
-        c1=moment.get('s2' if sine_form else 'r3', 0.0),
-        c2=moment.get('s1' if sine_form else 'r2', 0.0),
-        c3=0.0 if sine_form else moment.get('r1', 0.0),
-        friction=moment.get('b0', 0.0),
-    )
+    return PublishedForm(inertia, **{t.published: inertia * model.terms[t.name] * t.factor for t in found})
 
 
 def inertia_from_metacentric_height(model: DecayModel, mass: float, metacentric_height: float) -> float:
     """Inertia with added inertia, kg m^2, from mass, kg, and GM of the axis, m: I' = m g GM / (r1 + s1)."""
-    stiffness = model.ratios[R1] + model.ratios[S1]
+    stiffness = sum(model.terms.get(name, 0.0) for name in LINEAR_RESTORING)
     if not (mass > 0.0 and metacentric_height > 0.0 and stiffness > 0.0):
         raise InputError('inertia from hydrostatics needs a positive mass, metacentric height and linear restoring')
     return float(mass * STANDARD_GRAVITY * metacentric_height / stiffness)

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.terms import TERM_INDEX, TERM_NAMES
+from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.judgement import Judged
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class HullPosterior:
 
 
 @dataclass(frozen=True)
-class IdentifiedModel:
+class IdentifiedModel(Judged):
     """An identified model, its uncertainty, where it is valid and where it came from.
 
     Raises:
@@ -86,16 +87,6 @@ class IdentifiedModel:
         """A model taken as exact: a published hull, or an assumption."""
         n = len(model.equation.terms)
         return cls(model, np.zeros((n, n)))
-
-    @property
-    def verdict(self) -> str:
-        """Of the fit: ``adequate`` or ``doubtful``; empty where it is not known."""
-        return str(self.metrics.get('verdict', ''))
-
-    @property
-    def verdict_sentence(self) -> str:
-        """Cause and cure; empty where they are not known."""
-        return str(self.metrics.get('verdict_sentence', ''))
 
     @property
     def std(self) -> dict[str, float]:
@@ -218,10 +209,6 @@ class ScheduledModel:
         found = [self._mixed(min(max(v, self.loadings[0]), self.loadings[-1])) for v in loadings]
         ratios = np.array([m.model.ratios[self.equation.indices] for m in found])
         return ratios, np.array([np.sqrt(np.diag(m.covariance)) for m in found])
-
-    def ratio(self, name: str) -> np.ndarray:
-        """The identified values of one ratio, shape (loadings,)."""
-        return np.array([m.model.ratios[TERM_INDEX[name]] for m in self.models])
 
 
 def models_at(

@@ -15,6 +15,8 @@ restoring_moment = accelerated(terms.restoring_moment)
 damping_slope = accelerated(terms.damping_slope)
 restoring_slope = accelerated(terms.restoring_slope)
 term_moments = accelerated(terms.term_moments)
+#: One of P columns of ratios (9, P) as a tuple, which numba cannot make; an array's values are not kept in registers.
+column = accelerated(eval(f'lambda ratios, p: ({", ".join(f"ratios[{k}, p]" for k in range(len(terms.TERMS)))})'))
 
 
 @accelerated
@@ -54,9 +56,7 @@ def _integrate_each(
 ) -> None:
     """P decays one after the other into (K, 3, P): compiled, without temporary arrays, twice as fast."""
     for p in range(x.size):
-        r = ratios[:, p]
-        one = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
-        _integrate(x[p], rate[p], one, active, friction_rate, step, motion[:, :, p])
+        _integrate(x[p], rate[p], column(ratios, p), active, friction_rate, step, motion[:, :, p])
 
 
 def runge_kutta_population(

@@ -16,9 +16,9 @@ import numpy as np
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel, amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.terms import TERM_INDEX, TERM_NAMES
+from swath_sysid.attitude.hull.terms import AT, TERM_NAMES
+from swath_sysid.attitude.identification.log_posterior import Evaluation, LogPosterior
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION
-from swath_sysid.attitude.identification.scoring import Evaluation, LogPosterior
 from swath_sysid.attitude.identification.sea_motion import (
     GAUSSIAN_RATE,
     Heave,
@@ -30,9 +30,9 @@ from swath_sysid.attitude.identification.sea_motion import (
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.cancelling import Progress, ShouldCancel, stop_if
 from swath_sysid.common.conventions import UNCERTAIN
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled, Progress, ShouldCancel
 
 #: Parameters of hull and level, with mean and standard deviation before the record is seen; those of the sea's shape
 #: follow. Frequency over that of the spectrum's peak; nonlinear terms as parts of the linear one.
@@ -110,8 +110,7 @@ class SeaPosterior(LogPosterior):
 
     def likelihoods(self, points: np.ndarray) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
         """Whittle's, at points (P, p), all at once."""
-        if self._should_cancel is not None and self._should_cancel():
-            raise Cancelled
+        stop_if(self._should_cancel)
         size, counts = self.mean.size, self.spectra.counts
         moved = points[:, None] + PERTURBATION * np.vstack([np.zeros(size), np.eye(size)])
         parts = (np.split(part, len(points)) for part in self.parts(moved.reshape(-1, size)))
@@ -156,9 +155,9 @@ class SeaPosterior(LogPosterior):
                 break
             rest -= restoring(rest) / slope
         ratios = np.zeros(len(TERM_NAMES))
-        ratios[TERM_INDEX['b1']], ratios[TERM_INDEX['b2']] = b - GAUSSIAN_RATE * quadratic, quadratic / q
-        for power, name in enumerate(('r1', 'r2', 'r3'), 1):
-            ratios[TERM_INDEX[name]] = restoring.deriv(power)(rest) / (1.0, 2.0, 6.0)[power - 1]
+        ratios[AT.b1], ratios[AT.b2] = b - GAUSSIAN_RATE * quadratic, quadratic / q
+        for power, place in enumerate((AT.r1, AT.r2, AT.r3), 1):
+            ratios[place] = restoring.deriv(power)(rest) / (1.0, 2.0, 6.0)[power - 1]
         return ratios
 
     def estimate(self, z: np.ndarray) -> np.ndarray:

@@ -12,11 +12,11 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring_slope
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, LINEAR_RESTORING, restoring_slope
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, innovations
+from swath_sysid.attitude.identification.log_posterior import LINEAR_PRIOR, Evaluation, LogPosterior
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD, InitialState
 from swath_sysid.attitude.identification.problem import Problem
-from swath_sysid.attitude.identification.scoring import LINEAR_PRIOR, Evaluation, LogPosterior
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.signals import MODEL_FLOOR, white_noise
@@ -103,7 +103,7 @@ class BasinLikelihood(LogPosterior):
         )
         self._state_units = np.array([amplitude, rate, amplitude])
         n, m = self._terms.size, len(self._records)
-        expected = np.array([1.0 if name in ('r1', 's1') else 0.0 for name in equation.terms])
+        expected = np.array([float(name in LINEAR_RESTORING) for name in equation.terms])
         _, means, stds = zip(*BASIN_PRIORS, strict=True)
         # states about the first estimates by the first amplitude: the same for every equation that is compared
         super().__init__(
@@ -147,8 +147,7 @@ class BasinLikelihood(LogPosterior):
     def unpack(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Ratios (9,), basin parameters (11,) and initial states (M, 3) of parameters, or of B of them."""
         n, shared = self._terms.size, self._shared
-        ratios = np.zeros((*z.shape[:-1], len(TERM_NAMES)))
-        ratios[..., self._terms] = z[..., :n] * self._ratio_units
+        ratios = self.equation.complete(z[..., :n] * self._ratio_units)
         mean, reach = self.mean[n:shared], FARTHEST * self._weight[n:shared] ** -0.5
         basin = np.exp(mean + reach * np.tanh((z[..., n:shared] - mean) / reach))
         shape = basin[..., 2:4]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -17,19 +17,17 @@ from swath_sysid.attitude.hull.terms import (
     damping_moment,
     term_moments,
 )
+from swath_sysid.attitude.identification.decay_fit import DecayFit
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.stamps import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, LEVELS, REJECTED, TWO_STD
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, TWO_STD
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
+from swath_sysid.common.judgement import Finding, Judgement
 from swath_sysid.common.signals import white_noise
-
-if TYPE_CHECKING:
-    from swath_sysid.attitude.identification.result import Identification
-
 
 UPPER_PART = 0.9  #: Share of the draws whose error is smaller than the stated error.
 DRAWS = 100  #: Hulls of the posterior that are simulated, of ten times as many that are drawn.
@@ -86,8 +84,7 @@ def amplitude_bands(
 
     curves, own = curves_of(model.ratios)
     known = posterior or HullPosterior(model.equation, model.ratios[model.equation.indices], covariance)
-    complete = np.zeros(len(TERM_NAMES))
-    complete[known.equation.indices] = known.ratios
+    complete = known.equation.complete(known.ratios)
     slopes = []
     for index, spread in zip(known.equation.indices, np.sqrt(np.diag(known.covariance)), strict=True):
         step = np.zeros(complete.size)
@@ -164,7 +161,7 @@ MAX_RATE_MISMATCH = 0.35  #: Of `rate_mismatch`: above, a unit, sign or delay is
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Judgement):
     """A judgement of a fit.
 
     Example:
@@ -173,78 +170,86 @@ class Verdict:
         ('adequate', True)
     """
 
-    level: str  #: ``adequate``, ``doubtful`` or ``rejected``.
-    code: str  #: The cause, kebab-case.
-    sentence: str  #: Cause and cure.
     #: Upper end (90 %) of the error of the next release, a share of its motion; may be infinite. The larger of both
     #: sides, or that of the records' side where the other one is above 0.1.
     motion_error: float
 
-    def __str__(self):
-        return f'{self.level}: {self.sentence}'
-
     @property
-    def warnings(self) -> tuple[Advice, ...]:
-        """The verdict as a warning; empty where the fit is adequate."""
-        return () if self.level == ADEQUATE else (Advice(self.code, str(self)),)
-
-    @property
-    def metrics(self) -> dict[str, float | str | None]:
+    def metrics(self) -> dict[str, Any]:
         """As model files hold it; None for an infinite error."""
         error = float(self.motion_error) if np.isfinite(self.motion_error) else None
-        words = {'verdict': self.level, 'verdict_code': self.code, 'verdict_sentence': self.sentence}
-        return {**words, 'motion_error': error}
+        return {**super().metrics, 'motion_error': error}
 
 
-def judge(found: 'Identification') -> Verdict:
-    """Judge a fit by its gravest cause."""
+@dataclass(frozen=True)
+class Errors:
+    """How far the next release may be off, shares of its motion."""
+
+    uncertain: float  #: What posterior and trim leave, to either side, or where `other_side` is large to its own.
+    other_side: float  #: From an angle to the side without a release, or with the smaller ones.
+    unexplained: float  #: What the fit leaves.
+
+    @property
+    def total(self) -> float:
+        """Of the next release."""
+        return float(np.hypot(self.uncertain, self.unexplained))
+
+
+def judge(found: DecayFit, objective: str) -> tuple[Verdict, tuple[Advice, ...]]:
+    """The verdict on a fit, by its gravest warning, and the warnings that leave the verdict as it is."""
     same_side, other_side = posterior_errors(found)
-    uncertain = max(same_side, other_side) if other_side <= ADEQUATE_ERROR else same_side
     angle, rate = (unexplained_share(found, quantity) for quantity in ('angle', 'rate'))
-    # a gyro may drift and an angle lag without a fault of the model, as long as little of the rate is left
-    unexplained = max(angle, rate) if found.rmse is None or not rate <= LARGEST_UNEXPLAINED else angle
-    error = float(np.hypot(uncertain, unexplained))
+    errors = Errors(
+        max(same_side, other_side) if other_side <= ADEQUATE_ERROR else same_side,
+        other_side,
+        # a gyro may drift and an angle lag without a fault of the model, as long as little of the rate is left
+        max(angle, rate) if found.rmse is None or not rate <= LARGEST_UNEXPLAINED else angle,
+    )
+    findings = list(warnings_of(found, objective, errors))
+    causes = [each for each in findings if each[0] != ADEQUATE]
+    good = ADEQUATE, Advice(ADEQUATE, _expected(found, errors))
+    remarks = tuple(advice for level, advice in findings if level == ADEQUATE)
+    return Verdict.by_gravest([*causes, good], errors.total), remarks
+
+
+def _expected(found: DecayFit, errors: Errors) -> str:
+    """What an adequate fit lets expect of the next release."""
     start, opposite = largest_releases(found)
     side, other = ', to either side,', ''
-    if other_side > ADEQUATE_ERROR:
+    if errors.other_side > ADEQUATE_ERROR:
         own, away = sides(found)
-        limit = angle_within_reach(found, other_side)
+        limit = angle_within_reach(found, errors.other_side)
         vanishing = (
             f', where its restoring moment vanishes at about {np.degrees(limit):.1f} deg' if limit is not None else ''
         )
-        side, other = f' from a {own} angle', f' ({other_side:.0%} from a {away} one{vanishing})'
+        side, other = f' from a {own} angle', f' ({errors.other_side:.0%} from a {away} one{vanishing})'
     elif opposite != -start:
         low, high = sorted(np.degrees([found.model.trim + start, found.model.trim + opposite]))
         side = f', from {low:.1f} to {high:.1f} deg,'
-    ahead = f'the next release{side} should be forecast to within {error:.1%} of its motion{other}'
-    left = f'{unexplained:.1%}' if unexplained >= 0.0005 else 'less than 0.1%'
-    good = Advice(ADEQUATE, f'{ahead}; the fit leaves {left} of the motion unexplained')
-    causes = [*_causes(found, uncertain, unexplained, other_side), (ADEQUATE, good)]
-    level, cause = min(causes, key=lambda each: LEVELS.index(each[0]))
-    return Verdict(level, cause.code, cause.message, error)
+    ahead = f'the next release{side} should be forecast to within {errors.total:.1%} of its motion{other}'
+    left = f'{errors.unexplained:.1%}' if errors.unexplained >= 0.0005 else 'less than 0.1%'
+    return f'{ahead}; the fit leaves {left} of the motion unexplained'
 
 
-def _causes(
-    found: 'Identification', uncertain: float, unexplained: float, other_side: float
-) -> Iterator[tuple[str, Advice]]:
-    """Level and sentence of each cause, first those that make the numbers wrong beyond doubt; NaN is one."""
+def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Finding]:
+    """Every warning of a fit, first those that make the numbers wrong beyond doubt; NaN is a cause of each."""
     mismatch = max(rate_mismatch(r.motion, r.segment.period) for r in found.records)
     if not mismatch <= MAX_RATE_MISMATCH:
         yield REJECTED, Advice.of('angle-against-rate', mismatch=mismatch)
-    poor_fit = Advice.of('poor-fit', left=min(unexplained, 1.0))
-    if not unexplained <= LARGEST_UNEXPLAINED:
+    poor_fit = Advice.of('poor-fit', left=min(errors.unexplained, 1.0))
+    if not errors.unexplained <= LARGEST_UNEXPLAINED:
         yield REJECTED, poor_fit
     period = found.model.natural_period
     if not np.isfinite(period):
         yield REJECTED, Advice.of('no-period')
     elif not period <= LONGEST_PERIOD:
         yield REJECTED, Advice.of('implausible-period', period=period, longest=LONGEST_PERIOD)
-    error = float(np.hypot(uncertain, unexplained))
+    error = errors.total
     if not error <= ADEQUATE_ERROR:
         # with more, a forecast of rest is as good
         level = DOUBTFUL if error <= 1.0 else REJECTED
         size = f'by {error:.0%} of its motion' if error < 1.0 else 'by more than its motion'
-        yield level, poor_fit if unexplained >= uncertain else Advice.of('motion-uncertain', size=size)
+        yield level, poor_fit if errors.unexplained >= errors.uncertain else Advice.of('motion-uncertain', size=size)
     usable = min(r.motion.usable_share for r in found.records)
     if not usable >= LEAST_USABLE:
         yield DOUBTFUL, Advice.of('few-samples', usable=usable)
@@ -261,6 +266,18 @@ def _causes(
     absent, equation = found.absent_term, found.model.equation.name
     if absent is not None:
         yield DOUBTFUL, Advice.of('absent-term', equation=equation, term=absent.name, stds=absent.significance)
+    yield from _one_sided(found, errors.other_side)
+    for advice in found.problem.advice:
+        # which damping terms few cycles show has been decided where the hull was pruned
+        if found.posterior is None or advice.code != 'too-few-cycles':
+            yield ADEQUATE, advice
+    if objective == 'one-step':
+        yield ADEQUATE, Advice.of('one-step-biased')
+
+
+def _one_sided(found: DecayFit, other_side: float) -> Iterator[Finding]:
+    """Whether the motion from angles to the other side is forecast too."""
+    start, opposite = largest_releases(found)
     # an adequate forecast may be off by this share of its motion, and one to a side without a release is not checked
     unseen = opposite == -start or other_side > ADEQUATE_ERROR
     is_lost = unseen and angle_within_reach(found, ADEQUATE_ERROR) is not None
@@ -275,12 +292,12 @@ def _causes(
         )
 
 
-def sides(found: 'Identification') -> tuple[str, str]:
+def sides(found: DecayFit) -> tuple[str, str]:
     """From which angles the largest release began, and those of the other side, in words."""
     return ('positive', 'negative') if largest_releases(found)[0] > 0.0 else ('negative', 'positive')
 
 
-def largest_releases(found: 'Identification') -> tuple[float, float]:
+def largest_releases(found: DecayFit) -> tuple[float, float]:
     """The largest amplitude seen, rad from trim, to the side on which that record begins, and that of the other side.
 
     The same amplitude where none does.
@@ -290,7 +307,7 @@ def largest_releases(found: 'Identification') -> tuple[float, float]:
     return start, max((x for x in begun if x * start < 0.0), key=abs, default=-start)
 
 
-def angle_within_reach(found: 'Identification', error: float) -> float | None:
+def angle_within_reach(found: DecayFit, error: float) -> float | None:
     """Angle, rad, at which the restoring moment vanishes to the other side, if a release may come there.
 
     Its motion is forecast with an error of this share. None where it does not come that far, or the record does not
@@ -313,7 +330,7 @@ def vanishing_angle(model: DecayModel, side: float) -> float:
     return float(lost[0]) if lost.size else float('nan')
 
 
-def posterior_errors(found: 'Identification') -> tuple[float, float]:
+def posterior_errors(found: DecayFit) -> tuple[float, float]:
     """The `release_error` of a fit from each of the `largest_releases`."""
     model, scales = found.model, found.problem.scales
     own = HullPosterior(model.equation, model.ratios[model.equation.indices], found.covariance)
@@ -323,7 +340,7 @@ def posterior_errors(found: 'Identification') -> tuple[float, float]:
     return same, other
 
 
-def unexplained_share(found: 'Identification', quantity: str) -> float:
+def unexplained_share(found: DecayFit, quantity: str) -> float:
     """Residual of angle or rate that is not white noise, over the motion; zero where not measured.
 
     From the products of neighbouring residuals, in which white noise has no part, less what chance leaves.

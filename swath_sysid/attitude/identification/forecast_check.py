@@ -54,9 +54,7 @@ class OneStepObjective:
         solved = lsq_linear(
             columns / scale, -self.triangle[:, -1], (lower[used] * scale, upper[used] * scale), method='bvls', tol=1e-15
         )
-        ratios = np.zeros(len(TERM_NAMES))
-        ratios[used] = solved.x / scale
-        return ratios
+        return equation.complete(solved.x / scale)
 
 
 def _steps(motion: AxisMotion, trim: float, friction_rate: float):

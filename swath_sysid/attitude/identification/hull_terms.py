@@ -10,17 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from swath_sysid.attitude.hull.catalogue import GENERAL_HULL, composed
-from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.hull.catalogue import GENERAL_HULL
+from swath_sysid.attitude.hull.decay_model import Equation, composed
 from swath_sysid.attitude.hull.identified_model import HullPosterior
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, LINEAR_RESTORING
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
+from swath_sysid.attitude.identification.log_posterior import LINEAR_PRIOR, Evaluation, LogPosterior, prune, weak_prior
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit
 from swath_sysid.attitude.identification.problem import Problem, motion_fit, residual_covariance
-from swath_sysid.attitude.identification.scoring import LINEAR_PRIOR, Evaluation, LogPosterior, prune, weak_prior
 
 CHANCE = 0.001  #: Probability that a likelihood ratio calls a complete equation incomplete, or the same hull changed.
-SMOOTH_TERMS = (*DAMPING_NAMES[1:], 'r2', 'r3')
+#: Looked for where an equation lacks them; linear restoring may be a sine's.
+SMOOTH_TERMS = tuple(name for name in GENERAL_HULL.terms if name not in LINEAR_RESTORING)
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class ResidualPosterior(LogPosterior):
         states = about.size - std.size
         super().__init__(
             equation,
-            np.r_[[float(name in ('r1', 's1')) for name in equation.terms], np.zeros(states)],
+            np.r_[[float(name in LINEAR_RESTORING) for name in equation.terms], np.zeros(states)],
             np.r_[std, np.full(states, LINEAR_PRIOR)],
             [name in DAMPING_NAMES for name in equation.terms],
         )

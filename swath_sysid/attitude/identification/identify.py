@@ -7,7 +7,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.terms import LOWER, TERM_INDEX, UPPER
+from swath_sysid.attitude.hull.terms import AT, LOWER, UPPER
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit
 from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.hull_terms import (
@@ -36,8 +36,8 @@ from swath_sysid.attitude.identification.search import (
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.cancelling import Progress, ShouldCancel, stop_if
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled, Progress, ShouldCancel
 
 #: Periods that the search uses: its basin of attraction narrows with every cycle. Refinement follows the rest.
 SEARCH_PERIODS = 6.0
@@ -174,8 +174,8 @@ def _linear_guess(problem: Problem, equation: Equation):
         [np.log(s.initial_amplitude / s.final_amplitude) / (2.0 * np.pi * max(s.cycles, 0.5)) for s in problem.segments]
     )
     guess = np.zeros(len(LOWER))
-    guess[TERM_INDEX['b1']] = np.clip(2.0 * decrement, 0.01, 2.0)
-    guess[TERM_INDEX['r1' if 'r1' in equation.terms else 's1']] = 1.0
+    guess[AT.b1] = np.clip(2.0 * decrement, 0.01, 2.0)
+    guess[AT.r1 if 'r1' in equation.terms else AT.s1] = 1.0
     return guess[equation.indices]
 
 
@@ -209,8 +209,7 @@ def _refine_outwards(
             runaway = Advice.of('runaway', axis=problem.axis, equation=equation.name, spans=spans)
             raise InputError(runaway.message, runaway.code)
         starts = [refined]
-        if should_cancel is not None and should_cancel():
-            raise Cancelled
+        stop_if(should_cancel)
         if horizon >= longest:
             return starts[0]
         horizon *= HORIZON_GROWTH

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.hull.simulation import (
+    column,
     damping_moment,
     damping_slope,
     motion_step,
@@ -41,7 +42,7 @@ ANGLE_COLOUR, ANGLE_MEMORY, RATE_COLOUR, RATE_MEMORY, DRIFT = range(6, 11)
 class Hulls(NamedTuple):
     """One hull, or B of them."""
 
-    ratios: Any  #: Nine floats, nine arrays (B,), or (9, B).
+    ratios: Any  #: A tuple of floats or of arrays (B,), or (9, B).
     active: tuple[bool, ...]
     friction_rate: float  #: rad/s.
 
@@ -205,13 +206,11 @@ def run_each(hulls: Hulls, record: BlockedRecord, filters: Filters) -> None:
     """`run_filter` for each of B filters, with ratios (9, B)."""
     f = filters
     for b in range(f.mean.shape[1]):
-        r = hulls.ratios[:, b]
-        ratios = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
         mean, covariance = f.mean[:, b].copy(), f.covariance[:, :, b].copy()
         transition, driven = f.transition[:, :, b].copy(), f.driven[:, :, b].copy()
         readings = f.noise[:, :, b], f.innovation[:, :, b], f.variance[:, :, b]
         run_filter(
-            Hulls(ratios, hulls.active, hulls.friction_rate),
+            Hulls(column(hulls.ratios, b), hulls.active, hulls.friction_rate),
             record,
             Filters(mean, covariance, transition, driven, *readings),
         )

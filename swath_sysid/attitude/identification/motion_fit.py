@@ -74,8 +74,7 @@ class MotionFit:
 
     def unpack(self, parameters: np.ndarray) -> tuple[np.ndarray, tuple[InitialState, ...]]:
         """Ratios (9,) and initial states of a parameter vector."""
-        ratios = np.zeros(len(TERM_NAMES))
-        ratios[self._terms] = parameters[: len(self._terms)] * self._units
+        ratios = self._equation.complete(parameters[: len(self._terms)] * self._units)
         own = parameters[len(self._terms) :].reshape(-1, 3) * self._state_units
         return ratios, tuple(InitialState(*row) for row in own.tolist())
 

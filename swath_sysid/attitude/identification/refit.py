@@ -37,9 +37,9 @@ from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, 
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, explain_absence
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.window import MotionTable
+from swath_sysid.common.cancelling import Progress, ShouldCancel
 from swath_sysid.common.conventions import ADEQUATE, LEVELS, LONGEST, REJECTED
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Progress, ShouldCancel
 
 
 def misfit(problem: Problem, model: DecayModel) -> float:

@@ -1,6 +1,5 @@
-"""What to fit, and what is known of the model that was fitted."""
+"""What to identify, and what is known of the model that was identified."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Self, get_type_hints
@@ -8,17 +7,14 @@ from typing import Self, get_type_hints
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES
+from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, LINEAR_RESTORING
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
+from swath_sysid.attitude.identification.decay_fit import DecayFit
 from swath_sysid.attitude.identification.fit_quality import AmplitudeBands, Verdict, amplitude_bands, judge
-from swath_sysid.attitude.identification.hull_terms import AbsentTerm
-from swath_sysid.attitude.identification.motion_fit import InitialState
-from swath_sysid.attitude.identification.problem import Problem, motion_fit
+from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.attitude.identification.search import SearchResult, SearchSettings
-from swath_sysid.attitude.motion.segmentation import DecaySegment
-from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.common.plain import as_plain, from_plain
@@ -62,24 +58,8 @@ class IdentificationSettings:
         return GENERAL_HULL if self.equation == AUTO else equation_named(self.equation)
 
 
-@dataclass(frozen=True)
-class RecordFit:
-    """Measured and simulated motion of one record."""
-
-    motion: AxisMotion  #: The free decay.
-    segment: DecaySegment
-    state: InitialState
-    angle: np.ndarray  #: (N,); Simulated, rad.
-    rate: np.ndarray  #: (N,); Simulated, rad/s.
-
-    @property
-    def residual(self) -> np.ndarray:
-        """Measured less simulated: of the angle, or of the rate where no angle was measured."""
-        return self.motion.primary - (self.rate if self.motion.angle is None else self.angle)
-
-
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, kw_only=True)
+class Identification(DecayFit):
     """An identified model and what must be known to use it.
 
     Example:
@@ -91,19 +71,12 @@ class Identification:
         True
     """
 
-    model: DecayModel
-    covariance: np.ndarray  #: (n, n); Of the ratios of the model's terms, in their order.
-    trim_std: float  #: rad; NaN where no angle was measured.
-    states: tuple[InitialState, ...]  #: Of each record.
     #: Root mean square of the weighted residuals (simulation), or F in rad/s (one-step), at its own optimum.
     objective_value: float
     effective_samples: float  #: Independent samples that would leave the same uncertainty.
     search: SearchResult
-    problem: Problem
     settings: IdentificationSettings
     basin: BasinFit | None = None  #: Fit of the likelihood; None where the ratios are those of least squares.
-    absent_term: AbsentTerm | None = None  #: That the equation lacks and the motion shows most.
-    posterior: HullPosterior | None = None  #: Of every term, those pruned included; None where the equation was named.
 
     @classmethod
     def restored(cls, plain: dict, problem: Problem, settings: IdentificationSettings) -> Self:
@@ -116,14 +89,6 @@ class Identification:
         """All that the problem and the settings do not give again: lists, numbers and texts."""
         return {name: as_plain(getattr(self, name)) for name in KEPT}
 
-    @cached_property
-    def records(self) -> tuple[RecordFit, ...]:
-        """Measured and simulated motion of each record."""
-        fit = motion_fit(self.problem, self.model.equation)
-        simulated = fit.simulated(fit.pack(self.model.ratios, self.states))
-        measured = zip(self.problem.motions, self.problem.segments, self.states, simulated, strict=True)
-        return tuple(RecordFit(motion, segment, state, *motions) for motion, segment, state, motions in measured)
-
     @property
     def objective(self) -> str:
         """``simulation`` or ``one-step``."""
@@ -131,33 +96,14 @@ class Identification:
 
     @property
     def advice(self) -> tuple[Advice, ...]:
-        """What the quality gates and the choice of the objective say."""
-        # which damping terms few cycles show has been decided where the hull was pruned
-        decided = () if self.posterior is None else ('too-few-cycles',)
-        found = tuple(each for each in self.problem.advice if each.code not in decided)
-        return (*found, Advice.of('one-step-biased')) if self.objective == 'one-step' else found
+        """The warnings that leave the verdict as it is."""
+        return self._judged[1]
 
     @cached_property
     def bands(self) -> AmplitudeBands:
         """Over the amplitudes seen."""
         amplitude = np.geomspace(*self.amplitude_range, CURVE_POINTS)
         return amplitude_bands(self.model, self.covariance, amplitude, self.posterior)
-
-    @property
-    def r2(self) -> float:
-        """Share of the variance of the measured motion that the simulated one explains, of each about its own mean."""
-        error = sum(float(np.sum(r.residual**2)) for r in self.records)
-        return 1.0 - error / sum(float(np.sum((r.motion.primary - r.motion.primary.mean()) ** 2)) for r in self.records)
-
-    @property
-    def rmse(self) -> float | None:
-        """Of the angle, rad; None where not measured."""
-        return _rms([r.motion.angle - r.angle for r in self.records if r.motion.angle is not None])
-
-    @property
-    def rate_rmse(self) -> float | None:
-        """Of the rate, rad/s; None where not measured."""
-        return _rms([r.motion.rate - r.rate for r in self.records if r.motion.rate is not None])
 
     @property
     def std(self) -> dict[str, float]:
@@ -179,10 +125,14 @@ class Identification:
         """Value and standard deviation of one ratio in use."""
         return self.model.terms[term], self.std[term]
 
-    @cached_property
+    @property
     def verdict(self) -> Verdict:
         """Whether the fit can be used."""
-        return judge(self)
+        return self._judged[0]
+
+    @cached_property
+    def _judged(self):
+        return judge(self, self.objective)
 
     @property
     def amplitude_range(self) -> tuple[float, float]:
@@ -192,7 +142,7 @@ class Identification:
     @property
     def natural_period_std(self) -> float:
         """Standard deviation of the natural period of small motions, s."""
-        linear = np.array([float(name in ('r1', 's1')) for name in self.model.equation.terms])
+        linear = np.array([float(name in LINEAR_RESTORING) for name in self.model.equation.terms])
         share = float(np.sqrt(linear @ self.covariance @ linear)) / self.model.natural_frequency**2
         return 0.5 * self.model.natural_period * share
 
@@ -243,7 +193,3 @@ class Identification:
 
 #: What an `Identification` holds beside its problem and settings.
 KEPT = tuple(each.name for each in fields(Identification) if each.name not in ('problem', 'settings', 'basin'))
-
-
-def _rms(parts: Sequence[np.ndarray]):
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else None

@@ -3,26 +3,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from numbers import Integral
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.terms import LOWER, TERM_NAMES, UPPER, Scales
+from swath_sysid.attitude.hull.terms import LOWER, TERMS, UPPER, Scales
+from swath_sysid.common.cancelling import Progress, ShouldCancel, stop_if
 from swath_sysid.common.errors import InputError, check_choice
-from swath_sysid.common.search import (
-    Cancelled,
-    GeneticSearch,
-    GeneticSettings,
-    ParticleSwarm,
-    Progress,
-    ShouldCancel,
-    SwarmSettings,
-)
-
-ALGORITHMS = ('ga', 'pso')
-Budget = TypeVar('Budget', GeneticSettings, SwarmSettings)
+from swath_sysid.common.optimisers import OPTIMISERS, GeneticSettings, SearchBudget
 
 
 @dataclass(frozen=True)
@@ -69,14 +58,15 @@ def dimensionless_space(equation: Equation) -> SearchSpace:
 def published_space(equation: Equation, preset: Preset, scales: Scales) -> SearchSpace:
     """The published variables I', N, W, x, C1, C2, C3, in the published ranges, the inertia included.
 
-    Raises `InputError` for an equation with friction, which no paper has.
+    Raises `InputError` for an equation with a term that no paper has, such as friction.
     """
-    if 'b0' in equation.terms:
+    terms = [TERMS[name] for name in equation.terms]
+    unknown = [term.word for term in terms if not term.symbol]
+    if unknown:
         raise InputError(
-            'the published ranges have none for friction: leave the preset out or choose an equation without'
+            f'the published ranges have none for {unknown[0]}: leave the preset out or choose an equation without'
         )
-    widths = {'b1': 2.0 * preset.damping, 'b2': preset.damping}
-    width = np.array([widths.get(name, preset.restoring) for name in equation.terms])
+    width = np.array([(preset.damping if t.symbol in 'NW' else preset.restoring) / t.factor for t in terms])
     units = scales.ratio_units[equation.indices]
     smallest = 1e-6 * preset.inertia
 
@@ -106,14 +96,14 @@ WHOLE_NUMBERS = {'generations': (1, 100_000), 'population': (8, 100_000), 'seed'
 class SearchSettings:
     """Which algorithm with which budget."""
 
-    algorithm: str = 'ga'  #: ``ga`` or ``pso``.
+    algorithm: str = 'ga'  #: A name in `OPTIMISERS`.
     preset: str | None = None  #: A name in ``PRESETS``: its parameters, and the published variables and ranges.
     generations: int | None = None  #: Overrides the preset's or the algorithm's default.
     population: int | None = None  #: Likewise.
     seed: int = 1  #: Ranges are in `WHOLE_NUMBERS`.
 
     def __post_init__(self):
-        check_choice(self.algorithm, ALGORITHMS, 'search algorithm')
+        check_choice(self.algorithm, OPTIMISERS, 'search algorithm')
         if self.preset is not None:
             check_choice(self.preset, PRESETS, 'preset')
         if self.preset is not None and self.algorithm != 'ga':
@@ -126,8 +116,10 @@ class SearchSettings:
             if isinstance(value, bool) or not isinstance(value, Integral) or not lowest <= int(value) <= highest:
                 raise InputError(f'{name} must be a whole number from {lowest} to {highest}, not {value}')
 
-    def budget(self, default: Budget) -> Budget:
-        """``default`` with the overrides of generations and population."""
+    @property
+    def budget(self) -> SearchBudget:
+        """That of the preset or the algorithm, with the overrides of generations and population."""
+        default = PRESETS[self.preset].genetic if self.preset else OPTIMISERS[self.algorithm].Settings()
         given = {k: v for k in ('generations', 'population') if (v := getattr(self, k)) is not None}
         return replace(default, **given)
 
@@ -156,24 +148,13 @@ def run_search(
     ``first`` (k, n) are candidates to start with. ``progress`` gets the share of the budget spent and ``should_cancel``
     is asked after each generation; raises `Cancelled`.
     """
-
-    def note(generation: int, budget: int):
-        if progress is not None:
-            progress(min(1.0, generation / budget))
-        if should_cancel is not None and should_cancel():
-            raise Cancelled
-
-    if settings.algorithm == 'pso':
-        swarm = settings.budget(SwarmSettings())
-        search: GeneticSearch | ParticleSwarm = ParticleSwarm(space.lower, space.upper, swarm, settings.seed, first)
-        generations = swarm.generations
-    else:
-        genetic = settings.budget(PRESETS[settings.preset].genetic if settings.preset else GeneticSettings())
-        search = GeneticSearch(space.lower, space.upper, genetic, settings.seed, first)
-        generations = genetic.generations
+    budget = settings.budget
+    search = OPTIMISERS[settings.algorithm](space.lower, space.upper, budget, settings.seed, first)
     while not search.should_stop():
         search.tell(objective(space.to_ratios(search.ask())))
-        note(search.generation, generations)
+        if progress is not None:
+            progress(min(1.0, search.generation / budget.generations))
+        stop_if(should_cancel)
     return SearchResult(
         search.best.copy(), search.best_value, search.generation, search.evaluations, search.should_stop() or ''
     )
@@ -181,6 +162,4 @@ def run_search(
 
 def full_ratios(dimensionless: np.ndarray, equation: Equation, scales: Scales) -> np.ndarray:
     """Dimensionless ratios of an equation's terms, (P, terms), to ratios of all terms, (P, 9)."""
-    ratios = np.zeros((len(dimensionless), len(TERM_NAMES)))
-    ratios[:, equation.indices] = dimensionless * scales.ratio_units[equation.indices]
-    return ratios
+    return equation.complete(dimensionless * scales.ratio_units[equation.indices])

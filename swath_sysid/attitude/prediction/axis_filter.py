@@ -7,6 +7,7 @@ from math import comb, degrees, inf
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.common.advice import Advice
 
 #: First guess, least and most noise of sensors that do not report theirs, rad and rad/s.
@@ -14,7 +15,7 @@ ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
 
 LEAST_SIZE = ANGLE_NOISE[1]  #: rad and rad/s; a craft that moves less is at rest.
 
-_ACTIVITY_TIME = 5.0  #: s; most of a period of a craft.
+_ACTIVITY_TIME = 1.6  #: Periods.
 
 _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over which the variance is averaged.
 
@@ -28,8 +29,8 @@ MEMORY_OF_SIZE = 19.0
 CREDIBLE = 9.0
 
 
-_SPAN = 0.5  #: s over which the rate is integrated: some tenths of a craft's period.
-_AGREEMENT_MEMORY = 30.0  #: s; averaging time.
+_SPAN = 0.16  #: Periods over which the rate is integrated.
+_AGREEMENT_MEMORY = 9.4  #: Periods; averaging time.
 
 #: Mean square disagreement over that of the noise, above which the channels contradict each other.
 _BEYOND_CHANCE = 2.0
@@ -64,6 +65,11 @@ class AxisFilter:
         self.identified = identified
         self.reach = None if identified is None else Reach(identified.model.natural_period)
         self.hull.set_hull(identified)
+
+    def set_period(self, period: float) -> None:
+        """Measure sizes and agreement in another period of the motion, s."""
+        self.hull.set_period(period)
+        self.size.period = self._agreement.period = period
 
     def follow(
         self, angle: float, rate: float, reported: Sequence[float], elapsed: float, linked: bool, even: bool
@@ -146,10 +152,11 @@ class Reach:
 
 
 class MotionSize:
-    """Running size of the motion about one axis over a memory, s."""
+    """Running size of the motion about one axis over a memory in periods."""
 
     def __init__(self, memory: float) -> None:
         self._memory = memory
+        self.period = USUAL_PERIOD  #: s.
         self._elapsed = 0.0
         self.mean = math.nan
         self._square = self._rate_square = self._recent = LEAST_SIZE**2
@@ -161,8 +168,8 @@ class MotionSize:
     def follow(self, angle: float, rate: float, elapsed: float) -> None:
         """Add the filtered motion, rad and rad/s, after the elapsed seconds."""
         self._elapsed += elapsed
-        slow = elapsed / min(self._memory, self._elapsed) if elapsed > 0.0 else 0.0
-        quick = min(1.0, elapsed / min(_ACTIVITY_TIME, max(self._elapsed, elapsed, 1e-9)))
+        slow = elapsed / min(self._memory * self.period, self._elapsed) if elapsed > 0.0 else 0.0
+        quick = min(1.0, elapsed / min(_ACTIVITY_TIME * self.period, max(self._elapsed, elapsed, 1e-9)))
         if self.mean != self.mean:
             self.mean = angle
         self.mean += slow * (angle - self.mean)
@@ -222,14 +229,19 @@ class NoiseMeter:
 class AgreementMeter:
     """Additional noise variance of a rate that a filter uses as the derivative of an angle.
 
-    Filtered attitude lags behind the gyroscopes, or has a gain, so that over half a second the angle's change differs
+    Filtered attitude lags behind the gyroscopes, or has a gain, so that over some tenths of a period the angle's change differs
     from the rate's integral by more than white noise explains.
     """
 
     def __init__(self) -> None:
+        self.period = USUAL_PERIOD  #: s; of the motion.
         self._seconds = self._square = self._chance = 0.0
         self._past: deque[tuple[float, float]] = deque()
         self.restart()
+
+    @property
+    def _span(self):
+        return _SPAN * self.period
 
     def restart(self) -> None:
         """Forget the neighbours (after a gap or a missing value), not what was learnt."""
@@ -254,11 +266,11 @@ class AgreementMeter:
         departure = angle - self._integral + elapsed / 12.0 * change
         past = self._past
         past.append((self._time, departure))
-        while len(past) > 1 and self._time - past[1][0] > _SPAN - 1e-6:
+        while len(past) > 1 and self._time - past[1][0] > self._span - 1e-6:
             past.popleft()
         span = self._time - past[0][0]
-        if span > _SPAN - 1e-6:
-            self._seconds = min(self._seconds + elapsed, _AGREEMENT_MEMORY)
+        if span > self._span - 1e-6:
+            self._seconds = min(self._seconds + elapsed, _AGREEMENT_MEMORY * self.period)
             gain = elapsed / self._seconds
             chance = 2.0 * angle_variance + rate_variance * elapsed * span
             square = (departure - past[0][1]) ** 2
@@ -267,6 +279,6 @@ class AgreementMeter:
         return self._excess(elapsed)
 
     def _excess(self, elapsed: float):
-        if self._seconds < 10.0 * _SPAN or self._square < _BEYOND_CHANCE * self._chance:
+        if self._seconds < 10.0 * self._span or self._square < _BEYOND_CHANCE * self._chance:
             return 0.0
-        return (self._square - self._chance) / (_SPAN * elapsed)
+        return (self._square - self._chance) / (self._span * elapsed)

@@ -13,13 +13,14 @@ from swath_sysid.attitude.prediction.blend import UNPROVEN, Blend
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
-from swath_sysid.attitude.prediction.sea_fit import NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.state_space import (
     BREAK,
     STRAIN_TIME,
     InnovationsFilter,
     InnovationsModel,
+    SparseFilter,
 )
 from swath_sysid.attitude.prediction.upstream import (
     NEW_UPSTREAM,
@@ -33,7 +34,7 @@ from swath_sysid.common.advice import Advice
 
 HULL, LIBRARY = 'hull-filter', 'sea-library'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
-CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, NEW_WAVES: 1.0, WAVES: 1.0}
+CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 
@@ -50,7 +51,7 @@ class Bank:
         self._place = {name: place for place, name in enumerate(self.names)}
         priors = [CANDIDATES.get(name, 1.0) for name in self.names]
         self.blend = Blend(leads, step, period, len(axes), priors)
-        self.spaces: dict[str, InnovationsFilter] = {}  #: Those on rows.
+        self.spaces: dict[str, Any] = {}  #: Those on rows.
         self._upstream: dict[str, UpstreamCandidate] = {}
         self._upstream_rows = upstream
         # when upstream channels last helped, s, and at which place of the scores; whether they contradict that since
@@ -85,9 +86,10 @@ class Bank:
 
     def use(self, name: str, model: InnovationsModel, past: np.ndarray) -> None:
         """Put a new model to use, after the newest rows (N, width)."""
-        self.spaces[name] = space = InnovationsFilter(
-            model, ATTITUDE, self._horizon, self._steps, STRAIN_TIME * self._period
-        )
+        how = ATTITUDE, self._horizon, self._steps, STRAIN_TIME * self._period
+        every = round(model.step / self._step)
+        space = InnovationsFilter(model, *how) if every == 1 else SparseFilter(model, *how, every)
+        self.spaces[name] = space
         space.seed(past)
 
     def use_upstream(self, fits: Mapping[str, UpstreamFit], past: np.ndarray, time: float, memory: float) -> None:

@@ -19,14 +19,14 @@ from swath_sysid.attitude.prediction.modal_moment import ModalMoment
 from swath_sysid.attitude.prediction.variate_analysis import LARGEST_RADIUS, spectral_radius
 from swath_sysid.common.signals import sine_tapers
 
-SMOOTHING = 0.04  #: rad/s; standard deviation of the spectrum's smoothing.
-HIGHEST_FREQUENCY = 20.0  #: rad/s; above, waves move no craft and the hull's inverse only amplifies noise.
+SMOOTHING = 0.02  #: Standard deviation of the spectrum's smoothing, over the motion's frequency.
+HIGHEST_FREQUENCY = 10.0  #: Over the motion's; above, waves move no craft and the hull's inverse only amplifies noise.
 MIN_SIGNAL = 1e-3  #: Least spectrum over that of the noise.
-AUTOREGRESSION_SPAN = 12.0  #: s of lags.
+AUTOREGRESSION_SPAN = 3.75  #: Periods of lags.
 
 STATES = 20
-#: s; forecasts up to there decide which states are kept; the new filter finds the phase of the waves in as much past.
-FORECAST_SPAN = 20.0
+#: Periods; forecasts up to there decide which states are kept; the new filter finds the phase of the waves in as much past.
+FORECAST_SPAN = 6.25
 DOUBLINGS = 11  #: The filter's covariance is steady after 2048 steps.
 
 MIN_SAMPLES = 300
@@ -71,7 +71,8 @@ def moment_spectrum(request: ExcitationRequest) -> Spectrum:
     kept = np.sinc(w * step / (2.0 * np.pi)) / np.sinc(w * step / (2.0 * np.pi * request.samples))
     best = (angle / request.angle_variance - 1j * w * rate / request.rate_variance) / precision / kept
     precision *= kept**2
-    best[w > HIGHEST_FREQUENCY] = 0.0
+    highest = HIGHEST_FREQUENCY * 2.0 * np.pi / request.period
+    best[w > highest] = 0.0
     parts = [irfft(factor * best, length)[ramp : n - ramp] for factor in (1.0, 1j * w, -w * w)]
     moment = parts[2] - request.model.acceleration(parts[0] + centre, parts[1])
     stiffness, damping = equivalent_hull(request.model, parts[1])
@@ -79,10 +80,10 @@ def moment_spectrum(request: ExcitationRequest) -> Spectrum:
     tapered = sine_tapers(moment.size) * (moment - moment.mean())
     length = next_fast_len(moment.size, real=True)
     f = 2.0 * np.pi * np.fft.rfftfreq(length, step)
-    keep = (f > 0.0) & (f < HIGHEST_FREQUENCY)
+    keep = (f > 0.0) & (f < highest)
     f, density = f[keep], (np.abs(rfft(tapered, length, axis=1)) ** 2).mean(axis=0)[keep] * step
     noise = np.interp(f, w, noise)
-    smooth = gaussian_filter1d(density, SMOOTHING / (f[1] - f[0]), mode='nearest')
+    smooth = gaussian_filter1d(density, SMOOTHING * 2.0 * np.pi / request.period / (f[1] - f[0]), mode='nearest')
     return Spectrum(f, np.maximum(smooth - noise, MIN_SIGNAL * noise))
 
 
@@ -103,7 +104,7 @@ def autocovariance(spectrum: Spectrum, step: float, lags: int) -> np.ndarray:
 def reduced_moment(spectrum: Spectrum, request: ExcitationRequest) -> ModalMoment:
     """The few states of the moment that forecasts of the angle need."""
     step = request.step
-    order = min(round(AUTOREGRESSION_SPAN / step), request.angle.size // 10)
+    order = min(round(AUTOREGRESSION_SPAN * request.period / step), request.angle.size // 10)
     covariance = autocovariance(spectrum, step, order + 1)
     coefficients, noise = autoregression(covariance)
     stiffness, damping = equivalent_hull(request.model, request.rate)
@@ -120,7 +121,7 @@ def reduced_moment(spectrum: Spectrum, request: ExcitationRequest) -> ModalMomen
     q[1, 1] += 1e-14
     known = _filtered_covariance(a, q, (request.angle_variance, request.rate_variance))
     at_rest = covariance[np.abs(np.subtract.outer(np.arange(p), np.arange(p)))]
-    rows = np.empty((1 + round(FORECAST_SPAN / step), p + 2))
+    rows = np.empty((1 + round(FORECAST_SPAN * request.period / step), p + 2))
     rows[0] = np.eye(1, p + 2)
     for k in range(1, len(rows)):
         rows[k] = rows[k - 1] @ a
@@ -160,7 +161,7 @@ def _state_at_end(request: ExcitationRequest, moment: ModalMoment):
     """Mean, covariance and sizes of a filter with that moment after it has run over the window's end."""
     r = request
     fitted = HullFilter.for_window(r, moment)
-    begin = max(0, r.angle.size - round(FORECAST_SPAN / r.step))
+    begin = max(0, r.angle.size - round(FORECAST_SPAN * r.period / r.step))
     fitted.start(float(r.angle[begin]), float(r.rate[begin]), r.angle_variance, r.rate_variance)
     for angle, rate in zip(r.angle[begin + 1 :].tolist(), r.rate[begin + 1 :].tolist(), strict=True):
         fitted.observe(r.step, angle, rate, r.angle_variance, r.rate_variance)

@@ -27,12 +27,11 @@ from swath_sysid.attitude.prediction.rows import (
     OF_MEANS,
     OF_SAMPLE,
     ROWS_A_PERIOD,
-    USUAL_PERIOD,
     RowClock,
     Sampled,
     resampled,
 )
-from swath_sysid.attitude.prediction.sea_fit import SHORT, WAVES, SeaFit, SeaRequest, newest_stretch
+from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SHORT, SPARSE, WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
 from swath_sysid.attitude.prediction.upstream import UpstreamRows
@@ -132,7 +131,7 @@ class Forecaster:
 
     def __init__(self, settings: ForecasterSettings | None = None) -> None:
         self.settings = s = settings or ForecasterSettings()
-        self._axes = {axis: AxisFilter(s.hull, s.window * USUAL_PERIOD) for axis in AXES}
+        self._axes = {axis: AxisFilter(s.hull, s.window) for axis in AXES}
         leads = np.array(s.leads)
         horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
         self._leads = np.unique(np.round(np.concatenate([leads, horizon]), 9))
@@ -147,7 +146,7 @@ class Forecaster:
         axes = tuple(self._axes.values())
         self._points = PointForecaster(s.points, axes, 2 * MOST_AHEAD)
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
-        self._valid_leads = ValidLeads(s.valid_error, axes, s.window * USUAL_PERIOD)
+        self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
         self._time = self._rows_begun = self._stamp = self._elapsed = 0.0
         self._heading = 0.0, 0.0
         self._due = self._refit_due = self._sea_state_due = -math.inf
@@ -219,7 +218,7 @@ class Forecaster:
         sample, bank = step.sample, self._bank
         if sample is None or bank is None:
             return step
-        step = step._replace(sea=self._take_over(bank))
+        sea = self._take_over(bank)
         filtered = [axis.motion if axis.hull.is_started else None for axis in self._axes.values()]
         steps = 0
         for age, row in self._clock.take(sample, self._sampled, filtered):
@@ -228,11 +227,12 @@ class Forecaster:
                 self._take_row(bank, steps, self._stamp - age, row)
                 steps = 0
         if self._time < self._due:
-            return step
+            return step if sea is None else step._replace(sea=sea)
         bank = self._look_at_period(bank)
         self._schedule()
         forecast, horizon, outlook = self._issue(bank, sample.stamp_ns)
-        return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=self._sea_request())
+        request = self._sea_request()
+        return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=request, sea=sea)
 
     def _break_off(self):
         """Forget the motion after a break; what is known of hull and sea stays."""
@@ -296,10 +296,12 @@ class Forecaster:
     def _begin_rows(self):
         """Begin with another step, which makes all that was learnt in rows invalid."""
         step, before = self._clock.step, self._bank
+        for axis in self._axes.values():
+            axis.set_period(self._clock.period)
         self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._clock.period, self._upstream)
         if before is not None:
             self._bank.blend.carry_over(before.blend)
-        self._points.begin(step, math.ceil(self._leads[-1] / step) + 2)
+        self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting = False, None
         self._refit_due = -math.inf
         self._bank.begin(self._newest(2 * MAX_LAGS))
@@ -367,7 +369,7 @@ class Forecaster:
             if known is not None and axis.hull.is_started:
                 angle, rate = newest_stretch(rows[:, place :: len(AXES)].T, step, self._clock.period)
                 of_angle, of_rate = (variance / samples for variance in axis.noise_to_hull)
-                yield name, ExcitationRequest(*known, step, angle, rate, of_angle, of_rate, samples)
+                yield name, ExcitationRequest(*known, step, self._clock.period, angle, rate, of_angle, of_rate, samples)
 
     def _take_over(self, bank: Bank) -> SeaReport | None:
         """Use a fit whose time has come; its report of the sea state."""
@@ -376,8 +378,10 @@ class Forecaster:
             return None
         self._waiting = None
         for name, model in fit.waves.items():
-            bank.use(name, model, self._newest(2 * MAX_LAGS))
-            bank.renew(name)
+            # what a longer memory errs by is known from its fit before, which is nearly the same
+            if name != LONG_WAVES or name not in bank.spaces:
+                bank.renew(name)
+            bank.use(name, model, self._newest(2 * SPARSE * MAX_LAGS))
             self._has_waves = True
         if fit.upstream:
             bank.use_upstream(fit.upstream, self._newest(), self._time, 0.5 * self.settings.window * self._clock.period)
@@ -400,8 +404,8 @@ class Forecaster:
 
     def _ahead(self, stamp_ns: int) -> Forecast:
         """One sample ahead, by the hulls' filters alone."""
-        lead, size = self._clock.interval, len(ATTITUDE)
-        mean, covariance = np.full((1, size), math.nan), np.zeros((1, size, size))
+        lead, mean = self._clock.interval, np.full((1, len(ATTITUDE)), math.nan)
+        covariance = np.zeros((1, len(ATTITUDE), len(ATTITUDE)))
         for place, axis in enumerate(self._axes.values()):
             of_axis = slice(place, None, len(AXES))
             if axis.hull.is_started:
@@ -411,7 +415,7 @@ class Forecaster:
         return self._issued(Forecast(stamp_ns, np.array([lead]), mean, covariance), {})
 
     def _issued(self, attitude: Forecast, points: dict[str, PointMotion]) -> Forecast:
-        """Complete a forecast of the attitude: every one that leaves passes here."""
+        """The forecast with heading and points: every one passes here."""
         return replace(attitude, heading=self._heading, points=points)
 
     def _issue(self, bank: Bank, stamp_ns: int) -> tuple[Forecast, Forecast, Outlook]:

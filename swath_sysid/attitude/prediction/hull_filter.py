@@ -23,15 +23,15 @@ from scipy.special import chdtri
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.simulation import term_moments
-from swath_sysid.attitude.hull.terms import B0, B3, R1, S2, TERM_NAMES
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
 from swath_sysid.attitude.prediction.hull_state import (
     ANGLE,
     HULL_STATES,
     LARGEST_JUMP,
-    LONGEST_STEP,
     OF_HULL,
     RATE,
     TRIM,
+    USUAL_PERIOD,
 )
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, markov_moment, sum_of_moments
 from swath_sysid.common.advice import Advice
@@ -40,7 +40,8 @@ from swath_sysid.common.errors import InputError
 if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.hull_track import HullTrack
 
-FACTORS = {'stiffness': slice(R1, S2 + 1), 'damping': slice(B0, B3 + 1)}  #: Places of their ratios.
+#: Places of their ratios.
+FACTORS = {'stiffness': slice(len(DAMPING_NAMES), None), 'damping': slice(len(DAMPING_NAMES))}
 
 TRIM_DRIFT = 3e-6**2  #: rad^2/s; 0.01 deg in an hour. Thirty times this would hide the slow part of the waves.
 RATIO_DRIFT = 1e-4**2  #: 1/s, relative; stiffness and damping move by 2 % in ten hours of a voyage.
@@ -54,19 +55,20 @@ ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
 #: rad; expected of a craft before it is known, and where a model does not state what it was identified on.
 USUAL_AMPLITUDE = 0.05
 
-INITIAL_STD = 0.3  #: rad and rad/s, where the first sample does not measure.
-MARKOV_TIME = 0.5  #: s; one over the corner frequency of the unknown moment.
-MARKOV_STD = 0.3  #: rad/s^2; its size at the start.
+INITIAL_STD = 0.3  #: rad, and rad times half the motion's frequency, where the first sample does not measure.
+MARKOV_TIME = 0.156  #: Periods of the motion; one over the corner frequency of the unknown moment.
+MARKOV_STD = 0.078  #: rad times the square of the motion's frequency; its size at the start.
 
 MIN_LEVEL = 1e-10  #: Of a moment's variance over the initial one.
 
 CHALLENGING_LEVEL = 0.01  #: Of the unknown moment in a restarted driven track.
-#: s between updates of the moments' sizes: with a hull, and without, where they only affect the filter's smoothness.
-LEVEL_INTERVALS = LONGEST_STEP, 1.0
+#: Periods between updates of the moments' sizes: with a hull, and without, where they only affect the filter's
+#: smoothness.
+LEVEL_INTERVALS = 0.016, 0.31
 
-#: s; time constants of the sizes of the unknown moment and of a learnt sea. Trim and ratios are learnt after an
+#: Periods; time constants of the sizes of the unknown moment and of a learnt sea. Trim and ratios are learnt after an
 #: insignificant unknown moment for the first of them.
-LEVEL_TIMES = 2.0, 60.0
+LEVEL_TIMES = 0.62, 19.0
 
 #: Log likelihood ratios at which the track not in use takes over, and restarts.
 CONVINCING, LOST = 10.0, 2.0
@@ -75,7 +77,7 @@ CONVINCING, LOST = 10.0, 2.0
 HEALTHY_STRAIN = 4.0
 
 RECENT = 400  #: Samples kept to be filtered again when a fit arrives.
-INSIGNIFICANT = 0.01  #: rad/s^2; a smaller unknown moment is ignored.
+INSIGNIFICANT = 0.035  #: Of the unknown moment's size at the start; a smaller one is ignored.
 CONTRADICTION = 3.0  #: Standard deviations.
 
 #: Relative changes that are reported whatever the prior uncertainty.
@@ -164,6 +166,7 @@ class ExcitationRequest:
     hull: HullPrior  #: The same, with its covariance.
     hull_is_learnt: bool  #: Whether the filter has already learnt them in this window.
     step: float  #: s between the samples.
+    period: float  #: s; of the motion.
     angle: np.ndarray  #: (N,); rad; means of the sensor's samples in a step.
     rate: np.ndarray  #: (N,); rad/s; likewise.
     angle_variance: float  #: Of the noise of these means, rad^2.
@@ -199,7 +202,8 @@ class HullFilter:
         self._quiet = self._evidence = self._since_level = 0.0
         self._gates = [math.inf, *(float(chdtri(m, s.gate_probability)) for m in (1, 2))]
         self._recent: deque = deque(maxlen=RECENT)
-        self._use_moments([markov_moment(MARKOV_STD**2, MARKOV_TIME)], [1.0])
+        self.period = USUAL_PERIOD  #: s; of the motion.
+        self._use_moments([unknown_moment(self.period)], [1.0])
         size = HULL_STATES + self.moments[0].size
         self.driven.set_state(np.zeros(size), np.eye(size))
         self.model: DecayModel | None = None
@@ -213,6 +217,7 @@ class HullFilter:
         twice.
         """
         made = cls()
+        made.set_period(request.period)
         made._set_hull(request.model, request.hull)
         hand = made.moments[0]
         made._use_moments([hand, moment], (MIN_LEVEL, 1.0))
@@ -232,7 +237,7 @@ class HullFilter:
 
     @property
     def x(self) -> np.ndarray:
-        """Mean of the state, shape (n,): angle, rate, trim, nine ratios, the moment's."""
+        """Mean of the state, shape (n,): angle, rate, trim, ratios, the moment's."""
         return self.active.x
 
     @property
@@ -248,7 +253,7 @@ class HullFilter:
     @property
     def learns_hull(self) -> bool:
         """Whether trim and ratios are learnt: not while an unknown moment may explain any motion."""
-        return self._may_learn and self._quiet > LEVEL_TIMES[0]
+        return self._may_learn and self._quiet > LEVEL_TIMES[0] * self.period
 
     def set_hull(self, identified: IdentifiedModel | None) -> None:
         """Swap the hull and keep motion and moment; None: a constant rate that the moment drives."""
@@ -269,6 +274,15 @@ class HullFilter:
             # the moment that stood for the hull's own has nothing to say of the one that is left
             self.levels[0] = 1.0
             self.start(*self.x[:2].tolist(), *np.diag(self.P)[:2].tolist())
+
+    def set_period(self, period: float) -> None:
+        """Expect an unknown moment that belongs to a motion of another period, s, and is of the same size as now."""
+        if period != self.period:
+            self.period, before = period, self.moments[0].variance
+            moments = [unknown_moment(period), *self.moments[1:]]
+            self._use_moments(moments, [self.levels[0] * before / moments[0].variance, *self.levels[1:]])
+            part = self._parts[0]
+            self.driven.set_part(part, 0.0, self.driven.moment[2][self._of_moment[0], self._of_moment[0]])
 
     def set_excitation(self, fit: ExcitationFit, age: float = 0.0) -> None:
         """Use a learnt moment in the driven hull, from the state at the end of its window.
@@ -308,12 +322,11 @@ class HullFilter:
         self._parts = [slice(HULL_STATES + part.start, HULL_STATES + part.stop) for part in self._of_moment]
         self._inverses = [np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments]
         whole = sum_of_moments(self.moments, self.levels)
-        self._insignificant = INSIGNIFICANT**2 / self.moments[0].variance
         self.driven.moment = np.ascontiguousarray(whole.blocks), whole.output, whole.stationary
 
     def _set_level(self, place: int, level: float):
         """Scale a moment's stationary covariance."""
-        self.levels[place] = level = min(max(level, MIN_LEVEL), (LARGEST_JUMP / MARKOV_STD) ** 2)
+        self.levels[place] = level = min(max(level, MIN_LEVEL), LARGEST_JUMP**2 / self.moments[0].variance)
         part = self._of_moment[place]
         np.multiply(self.moments[place].stationary, level, out=self.driven.moment[2][part, part])
         self.driven.foreseen = None
@@ -325,7 +338,10 @@ class HullFilter:
         has_angle, has_rate = angle == angle, rate == rate
         motion = [angle if has_angle else self.x[TRIM], rate if has_rate else 0.0]
         spread = np.diag(
-            [angle_variance if has_angle else INITIAL_STD**2, rate_variance if has_rate else INITIAL_STD**2]
+            [
+                angle_variance if has_angle else INITIAL_STD**2,
+                rate_variance if has_rate else (INITIAL_STD * math.pi / self.period) ** 2,
+            ]
         )
         if self.is_free:
             self.driven.set_part(OF_HULL, self.x[OF_HULL], self.P[OF_HULL, OF_HULL])
@@ -350,7 +366,7 @@ class HullFilter:
             return Observed()
         for track in tracks:
             track.update(values, variances, self.learns_hull and track is self.active)
-        if self.active.is_outlier(self._gates, elapsed, MARKOV_STD):
+        if self.active.is_outlier(self._gates, elapsed, math.sqrt(self.moments[0].variance)):
             for track in tracks:
                 track.undo_update()
             return self._refuse(angle, rate, angle_variance, rate_variance)
@@ -361,10 +377,10 @@ class HullFilter:
         if self.model is not None:
             for_free = free.log_likelihood - driven.log_likelihood
             surprised = self._weigh(for_free) or (surprised and not self.is_free)
-        is_quiet = self.is_free or self.levels[0] < self._insignificant
+        is_quiet = self.is_free or self.levels[0] < INSIGNIFICANT**2
         self._quiet = self._quiet + elapsed if is_quiet else 0.0
         self._since_level += elapsed
-        if self._since_level >= LEVEL_INTERVALS[self.model is None] - 1e-6:
+        if self._since_level >= LEVEL_INTERVALS[self.model is None] * self.period - 1e-6:
             if not self.is_free:
                 self._judge_levels(self._since_level)
             self._since_level = 0.0
@@ -436,7 +452,7 @@ class HullFilter:
             state, covariance = self.driven.x[part], self.driven.P[part, part]
             known = moment.size - float(np.vdot(inverse, covariance)) / level
             square = float(state @ inverse @ state) / level
-            gain = min(elapsed / LEVEL_TIMES[place], 1.0)
+            gain = min(elapsed / (LEVEL_TIMES[place] * self.period), 1.0)
             self._set_level(place, level * math.exp(gain * min(max((square - known) / moment.size, -1.0), 2.0)))
 
     def advice(self) -> tuple[Advice, ...]:
@@ -470,6 +486,12 @@ class HullFilter:
     def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (L, 2) and covariance (L, 2, 2) of angle and rate at increasing leads (L,), s; the state stays."""
         return self.active.forecast(leads)
+
+
+def unknown_moment(period: float) -> ModalMoment:
+    """What may act on a craft that moves with a period, s, before anything is known of it."""
+    frequency = 2.0 * math.pi / period
+    return markov_moment((MARKOV_STD * frequency**2) ** 2, MARKOV_TIME * period)
 
 
 def _hull_of(model: DecayModel, mean: np.ndarray):

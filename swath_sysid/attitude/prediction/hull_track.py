@@ -1,6 +1,6 @@
 """filterpy's extended Kalman filter of a hull under a moment; its prediction is compiled where numba is installed.
 
-The state is [angle, rate, trim, nine ratios, moment's states z]; a prediction changes mean (n,) and covariance (n, n)
+The state is [angle, rate, trim, ratios, moment's states z]; a prediction changes mean (n,) and covariance (n, n)
 in place.
 """
 
@@ -20,7 +20,7 @@ from swath_sysid.attitude.hull.simulation import (
     restoring_slope,
     term_moments,
 )
-from swath_sysid.attitude.hull.terms import B1, B2, B3
+from swath_sysid.attitude.hull.terms import AT
 from swath_sysid.attitude.prediction.hull_state import (
     ANGLE,
     HULL_STATES,
@@ -50,7 +50,7 @@ def hull_step(
 ) -> tuple[float, float, np.ndarray]:
     """Angle and rate after a short step, s, under a held moment, rad/s^2, and their slopes (2, 13).
 
-    Slopes by angle, rate, trim, nine ratios and moment: exponential of [[0, 1], [a, c]] and its integral to third
+    Slopes by angle, rate, trim, ratios and moment: exponential of [[0, 1], [a, c]] and its integral to third
     order, in the middle of the step. Mean damping over a normal rate: E[w^3] = m^3 + 3 m v, E[|w| w] near m sqrt(m^2 +
     8 v / pi) (Roberts and Spanos 1990, Random Vibration and Statistical Linearization).
     """
@@ -59,7 +59,7 @@ def hull_step(
     ratios = state[RATIOS:HULL_STATES].copy()
     of_quadratic = math.sqrt(rate * rate + 8.0 / math.pi * rate_variance) - abs(rate)
     of_cubic = 3.0 * rate_variance
-    ratios[B1] += ratios[B2] * of_quadratic + ratios[B3] * of_cubic
+    ratios[AT.b1] += ratios[AT.b2] * of_quadratic + ratios[AT.b3] * of_cubic
     half = 0.5 * step
     x = angle - trim
     start = moment - damping_moment(rate, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
@@ -68,8 +68,8 @@ def hull_step(
     c = -damping_slope(middle_rate, ratios, active, friction_rate)
     if abs(x) < 0.5 * math.pi and step * max(abs(c), math.sqrt(abs(a))) < 1.0:
         terms = term_moments(middle_x, middle_rate, friction_rate)
-        terms[B2] += of_quadratic * middle_rate
-        terms[B3] += of_cubic * middle_rate
+        terms[AT.b2] += of_quadratic * middle_rate
+        terms[AT.b3] += of_cubic * middle_rate
         _, x, new_rate = motion_step(x, rate, moment, step, ratios, active, friction_rate)
         angle, rate = x + trim, new_rate
     else:

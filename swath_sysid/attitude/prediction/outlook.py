@@ -13,7 +13,7 @@ from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, 
 from swath_sysid.attitude.prediction.quiescence import AT_A_POINT, CalmWindow, Quiescence, QuiescenceLimits, quantity_at
 from swath_sysid.attitude.prediction.rows import CHANNELS, OF_SAMPLE, RowClock
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
-from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalForecaster, VerticalRequest
+from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalFit, VerticalForecaster, VerticalRequest
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 
@@ -45,10 +45,10 @@ class PointForecaster:
         roll, pitch = self._axes
         return roll.size.mean, pitch.size.mean
 
-    def begin(self, step: float, ahead: int) -> None:
-        """Start with rows of another step, s, up to so many of them ahead."""
+    def begin(self, step: float, period: float, ahead: int) -> None:
+        """Start with rows of another step for a motion of another period, s, up to so many of them ahead."""
         if self.points:
-            self.vertical = VerticalForecaster(step, ahead)
+            self.vertical = VerticalForecaster(step, period, ahead)
             self._nowcasts.clear()
 
     def install(self, fit: VerticalFit | None, newest: int, waves: InnovationsFilter) -> None:
@@ -127,6 +127,7 @@ class CalmForecaster:
         activity = 2 * [axis.size.activity for axis in self._axes]
         activity += [max(abs(value), LEAST_SIZE) for value in whole[0, len(ATTITUDE) :].tolist()]
         trim = np.array([*self._points.trim, *[0.0] * (whole.shape[1] - len(AXES))])
+        self.quiescence.period = self._axes[0].size.period
         return self.quiescence.assess(time, whole, np.sqrt(np.hstack(variance)), np.array(activity), trim)
 
 
@@ -190,6 +191,7 @@ class ValidLeads:
         for name, motion in ahead.points.items():
             sizes = self._sizes.setdefault(name, tuple(MotionSize(self._memory) for _ in AT_A_POINT))
             for k, (kind, size) in enumerate(zip(AT_A_POINT, sizes, strict=True)):
+                size.period = self._axes[0].size.period
                 size.follow(float(motion.mean[0, k]), 0.0, elapsed)
                 limit = self.limit.share * size.deviation
                 self.newest[quantity_at(name, kind)] = valid_lead(ahead.leads, motion.covariance[:, k, k], limit)

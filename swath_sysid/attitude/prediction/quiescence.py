@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
 from swath_sysid.common.errors import InputError
 
@@ -135,9 +136,10 @@ class Quiescence:
         leads: np.ndarray,
         quantities: Sequence[str] = ATTITUDE,
         members: int = 300,
-        spacing: float = 1.0,
+        spacing: float = 0.31,
     ) -> None:
         self._leads = leads
+        self.period = USUAL_PERIOD  #: s; of the motion.
         self._within = int(np.sum(leads <= limits.duration + 1e-9))
         self._quantities = tuple(quantities)
         self._spacing = spacing
@@ -205,14 +207,15 @@ class Quiescence:
                 quiet = int(np.count_nonzero(inside[: self._within].all(axis=0)))
                 probability = _share(quiet, members)
                 window = self._calm_window(inside, quiet, members)
-        if not self._pending or now - self._pending[-1].stamp >= self._spacing - 1e-6:
+        if not self._pending or now - self._pending[-1].stamp >= self._spacing * self.period - 1e-6:
             self._pending.append(_Issued(now, motion, size, about, probability))
         return probability, window
 
     def _follow_size(self, now: float, activity: np.ndarray):
         """Size of the recent motion, shape (V,)."""
         elapsed, self._last = now - self._last, now
-        gain = elapsed / (MEMORY_OF_SIZE + elapsed) if elapsed > 0.0 else 1.0
+        memory = MEMORY_OF_SIZE * self.period
+        gain = elapsed / (memory + elapsed) if elapsed > 0.0 else 1.0
         square = activity * activity
         # what was not known until now begins with its first size
         self._square = np.where(np.isnan(self._square), square, self._square + gain * (square - self._square))

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.state_space import cubic_weights
 
@@ -26,7 +27,6 @@ OF_CHANNELS = slice(len(CHANNELS))
 OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
 OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
-USUAL_PERIOD = 3.2  #: s; of a small craft, before its motion is known.
 ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
 LONGEST_FILLED = 0.2  #: Periods; what is lost for longer is not known.
 
@@ -43,6 +43,8 @@ _OTHER_RATE = 0.3  #: Relative difference of an interval from the rows' from whi
 _NEW_STEP, _INEXACT_STEP = 0.15, 2e-3  #: Relative differences of a step that begin rows anew, and correct it.
 _SETTLING_SAMPLES = (5, 20, 60, 200)  #: After which the step is corrected.
 _UNKNOWN = (math.nan, math.nan)
+#: Places of angles and their rates, in a row and among filtered values.
+_OF_ATTITUDE, _OF_FILTERED = ((0, 2), (1, 3)), ((0, 1), (2, 3))
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
 
@@ -197,8 +199,9 @@ class RowClock:
             rows = []
         for share in shares:
             if share < 1.0:
-                values = _between(before, self._newest, share)
-                motion = _between(filtered_before or self._filtered, self._filtered, share)
+                values = _between(before, self._newest, share, elapsed, _OF_ATTITUDE)
+                known = filtered_before or self._filtered
+                motion = _between(known, self._filtered, share, elapsed, _OF_FILTERED)
             else:
                 values, motion = self._newest, self._filtered
             if self._is_row(values):
@@ -237,8 +240,24 @@ class RowClock:
         return [*channels, *values[: len(ATTITUDE)], *means]
 
 
-def _between(before: Sequence[float], after: Sequence[float], share: float) -> list[float]:
-    return [a + share * (b - a) for a, b in zip(before, after, strict=True)]
+def _between(
+    before: Sequence[float], after: Sequence[float], share: float, elapsed: float, motions: Sequence[tuple[int, int]]
+) -> list[float]:
+    """Values at a share of the elapsed s between two samples, linear; ``motions`` are the places of angles and their
+    rates, which turn: by cubics of Hermite.
+    """
+    values = [a + share * (b - a) for a, b in zip(before, after, strict=True)]
+    rest = 1.0 - share
+    for angle, rate in motions:
+        # what the rates at both ends add to the line between the angles, and its slope
+        over = before[angle] + elapsed * before[rate] - after[angle]
+        under = after[angle] - elapsed * after[rate] - before[angle]
+        added = share * rest * (rest * over + share * under)
+        slope = (rest * (1.0 - 3.0 * share) * over + share * (2.0 - 3.0 * share) * under) / elapsed
+        if added == added:
+            values[angle] += added
+            values[rate] = (after[angle] - before[angle]) / elapsed + slope
+    return values
 
 
 def resampled(rows: np.ndarray, ratio: float) -> np.ndarray:

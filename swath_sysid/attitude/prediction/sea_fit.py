@@ -14,9 +14,11 @@ from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
 from swath_sysid.attitude.prediction.state_space import InnovationsModel
 from swath_sysid.attitude.prediction.upstream import UpstreamFit, UpstreamRequest, fit_upstream
 from swath_sysid.attitude.prediction.variate_analysis import identify, identify_alone
-from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalRequest, fit_vertical
+from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalFit, VerticalRequest, fit_vertical
 
-WAVES, NEW_WAVES = 'waves', 'waves-new'  #: State spaces of the whole past, and of a sea that has just begun.
+#: State spaces of the whole past, of the whole past with a longer memory on fewer rows, and of a new sea.
+WAVES, LONG_WAVES, NEW_WAVES = 'waves', 'waves-long', 'waves-new'
+SPARSE, ROWS_OF_SPARSE = 2, 20.0  #: Rows between those of a longer memory; least rows a period that allow it.
 
 SHORT = 7.0  #: Periods of the past that show a new sea.
 
@@ -75,11 +77,13 @@ def fit_sea(request: SeaRequest) -> SeaFit:
     past, names, step, period = request.values, request.names, request.step, request.period
     newest = past[-round(SHORT * period / step) :]
     new = identify(newest, names, step, period) if len(newest) < len(past) else None
-    waves = {
+    waves: dict[str, InnovationsModel | None] = {
         WAVES: identify(past, names, step, period),
         # fewer coefficients where all channels are too many for so few rows
         NEW_WAVES: identify_alone(past, names, step, period, AXES) if new is None else new,
     }
+    if period / step >= ROWS_OF_SPARSE:
+        waves[LONG_WAVES] = identify(past[(len(past) - 1) % SPARSE :: SPARSE], names, SPARSE * step, period)
     excitations = {axis: fit_excitation(asked) for axis, asked in request.excitations.items()}
     vertical, model = None, waves[WAVES]
     if request.vertical is not None and model is not None:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from swath_sysid.attitude.prediction.rows import USUAL_PERIOD
+from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 
 _FIRST_LOOK, _LAST_LOOK = 0.25, 4.0  #: Periods of motion, doubled from look to look; after that as often as the last.
 _PAST = 30.0  #: Periods that are looked at.

@@ -1,1 +1,4 @@
-"""Files of data acquisition: each module finds the named columns of one format."""
+"""Files of data acquisition: each module finds the named columns of one format.
+
+`formats.registry` names them, and the site shows what their docstrings say.
+"""

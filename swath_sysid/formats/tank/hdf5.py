@@ -1,12 +1,15 @@
-"""HDF5 files, among them MATLAB files of version 7.3: groups are structs."""
+"""HDF5 files, among them MATLAB files of version 7.3.
+
+Columns and time are found as in MATLAB files of version 5; groups are structs.
+"""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from swath_sysid.formats.tables import NamedColumns, check_size
 from swath_sysid.formats.tank.nested import nested_tables
+from swath_sysid.formats.text_tables import NamedColumns, check_size
 
 
 def tables(path: str | Path) -> list[NamedColumns]:

@@ -1,4 +1,8 @@
-"""LabVIEW measurement files (.lvm): text with a header for the file and one for each segment."""
+"""LabVIEW measurement files: text with a header for the file and one for each segment.
+
+Columns are channels with their ``Y_Unit_Label``; the time is ``X_Value``, or ``Delta_X``; tables are ``segment 1``,
+``segment 2``, ...
+"""
 
 import os
 import re
@@ -10,7 +14,7 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.tables import BlockParser, NamedColumns, Progress, TableHead, check_size, with_unit
+from swath_sysid.formats.text_tables import BlockParser, NamedColumns, Progress, TableHead, check_size, with_unit
 
 END_OF_HEADER = re.compile(r'^\*\*\*End_of_Header\*\*\*.*\n', re.MULTILINE)
 NEXT_HEADER = re.compile(r'^Channels[\t,]', re.MULTILINE)

@@ -1,4 +1,8 @@
-"""MATLAB files of version 5."""
+"""MATLAB files of version 5.
+
+Columns are vectors, and the signals of a matrix as ``data(:,1)``, ``data(:,2)``, ...; the time is a vector, or a number
+``fs``, ``sample_rate``, ``rate_hz`` or ``dt``; tables are structs, such as ``run1``.
+"""
 
 import math
 import os
@@ -10,8 +14,8 @@ from pathlib import Path
 
 from scipy.io import loadmat, whosmat
 
-from swath_sysid.formats.tables import NamedColumns, check_size
 from swath_sysid.formats.tank.nested import nested_tables
+from swath_sysid.formats.text_tables import NamedColumns, check_size
 
 HEADER = struct.Struct('116s8sH2s')  #: Text, place of the subsystem's data, version, byte order.
 COMPRESSED = 15  #: The kind of an element that has a checksum.

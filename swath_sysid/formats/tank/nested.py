@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.formats.tables import NamedColumns, by_length, of_arrays
+from swath_sysid.formats.text_tables import NamedColumns, by_length, of_arrays
 
 
 def nested_tables(

@@ -1,11 +1,14 @@
-"""Parquet files."""
+"""Parquet files.
+
+Columns are those of the file; the time is a column, or a number in the metadata.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.formats.tables import NamedColumns, Progress, check_size, numbers_of
+from swath_sysid.formats.text_tables import NamedColumns, Progress, check_size, numbers_of
 
 
 def tables(path: str | Path) -> list[NamedColumns]:

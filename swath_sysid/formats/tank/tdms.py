@@ -1,4 +1,8 @@
-"""LabVIEW TDMS files: a table for each group of channels."""
+"""LabVIEW TDMS files.
+
+Columns are channels with their ``unit_string``; the time is a channel, or the interval of the waveform
+(``wf_increment``); tables are groups.
+"""
 
 import logging
 from collections.abc import Sequence
@@ -8,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.tables import NamedColumns, Progress, Read, by_length, check_size, numbers_of, with_unit
+from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, by_length, check_size, numbers_of, with_unit
 
 
 def tables(path: str | Path) -> list[NamedColumns]:

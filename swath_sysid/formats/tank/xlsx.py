@@ -1,4 +1,8 @@
-"""Spreadsheets: a table for each sheet, with its names in the last row of texts above the numbers."""
+"""Spreadsheets.
+
+Names of columns are the last row of texts above the numbers, or the last two if the second holds units; the time is a
+column, or a number beside ``fs`` above; tables are sheets.
+"""
 
 import zipfile
 from collections.abc import Sequence
@@ -9,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.formats.columns import UNITS
-from swath_sysid.formats.tables import (
+from swath_sysid.formats.text_tables import (
     NamedColumns,
     Progress,
     Read,

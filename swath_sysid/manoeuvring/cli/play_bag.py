@@ -12,7 +12,7 @@ from swath_sysid.manoeuvring.formats.bags import (
 )
 from swath_sysid.manoeuvring.formats.model_file import read_manoeuvring_model
 from swath_sysid.manoeuvring.nodes.settings import manoeuvring_pipeline_settings
-from swath_sysid.nodes.parameters.files import values_from_file
+from swath_sysid.nodes.parameters.parameter_files import values_from_file
 
 
 def play(arguments: Namespace) -> tuple[int | None, list[Advice]]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from swath_sysid.common.judgement import Judged
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, jacobians
 from swath_sysid.manoeuvring.hull.simulation import balance, states_under, steady_speed, substeps_for
 from swath_sysid.manoeuvring.hull.terms import ADVANCE, DEDUCTION, XU_DOT, M, accelerations
@@ -118,7 +119,7 @@ class ForecastNoise:
 
 
 @dataclass(frozen=True)
-class IdentifiedManoeuvringModel:
+class IdentifiedManoeuvringModel(Judged):
     """Content of a manoeuvring model file."""
 
     model: ManoeuvringModel
@@ -129,13 +130,3 @@ class IdentifiedManoeuvringModel:
     metrics: dict = field(default_factory=dict)
     provenance: dict = field(default_factory=dict)
     forecast: ForecastNoise | None = None  #: None: not measured; forecasts use `noise`.
-
-    @property
-    def verdict(self) -> str:
-        """Of the fit: ``adequate``, ``doubtful`` or ``rejected``; empty where it is not known."""
-        return str(self.metrics.get('verdict', ''))
-
-    @property
-    def verdict_sentence(self) -> str:
-        """Cause and remedy; empty where they are not known."""
-        return str(self.metrics.get('verdict_sentence', ''))

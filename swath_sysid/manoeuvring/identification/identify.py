@@ -7,10 +7,11 @@ from functools import cached_property
 import numpy as np
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.cancelling import stop_if
 from swath_sysid.common.conventions import TWO_STD, UNCERTAIN
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.search import Cancelled, GeneticSearch, GeneticSettings
+from swath_sysid.common.optimisers import GeneticSearch, GeneticSettings
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, StabilityCheck, check_stability
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS, PrimeUnits
@@ -125,8 +126,7 @@ def identify_manoeuvring(
     def note(share: float) -> None:
         if progress is not None:
             progress(share)
-        if should_cancel is not None and should_cancel():
-            raise Cancelled
+        stop_if(should_cancel)
 
     note(0.0)
     kept, advice = assembly.moving_runs(runs)

@@ -1,11 +1,13 @@
 """Whether a manoeuvring model can be used, by free simulation of runs that were not fitted."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, LEVELS, REJECTED, TWO_STD
+from swath_sysid.common.judgement import Finding, Judgement
 from swath_sysid.manoeuvring.hull.identified_model import StabilityCheck
 from swath_sysid.manoeuvring.identification.validation import Scores
 
@@ -13,27 +15,15 @@ GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}  #: Of an adequate model.
 
 
 @dataclass(frozen=True)
-class ManoeuvringVerdict:
+class ManoeuvringVerdict(Judgement):
     """A judgement of a manoeuvring model, as `ManoeuvringIdentification.verdict` gives it."""
 
-    level: str  #: ``adequate``, ``doubtful`` or ``rejected``.
-    code: str  #: The cause, kebab-case.
-    sentence: str  #: Cause and remedy.
     channels: dict[str, str]  #: Level of surge, sway and yaw_rate, as far as the runs held out test them.
 
-    def __str__(self):
-        return f'{self.level}: {self.sentence}'
-
     @property
-    def warnings(self) -> tuple[Advice, ...]:
-        """The verdict as a warning; empty where the model is adequate."""
-        return () if self.level == ADEQUATE else (Advice(self.code, str(self)),)
-
-    @property
-    def metrics(self) -> dict[str, str | dict[str, str]]:
+    def metrics(self) -> dict[str, Any]:
         """As model files hold it."""
-        words = {'verdict': self.level, 'verdict_code': self.code, 'verdict_sentence': self.sentence}
-        return {**words, 'verdict_channels': self.channels}
+        return {**super().metrics, 'verdict_channels': self.channels}
 
 
 def judge(
@@ -45,15 +35,14 @@ def judge(
     if instability is not None:
         speed = instability.unstable_speed
         unstable = Advice.of('unstable', where='' if np.isnan(speed) else f' (at {speed:.2f} m/s)')
-        return ManoeuvringVerdict(REJECTED, unstable.code, unstable.message, {})
+        return ManoeuvringVerdict.by_gravest([(REJECTED, unstable)], {})
     if validation is None:
-        untested = Advice.of('no-runs-held-out')
-        return ManoeuvringVerdict(DOUBTFUL, untested.code, untested.message, {})
+        return ManoeuvringVerdict.by_gravest([(DOUBTFUL, Advice.of('no-runs-held-out'))], {})
     levels = {name: level_of(name, validation, size) for name, size in zip(GOOD_R2, noise, strict=True)}
     channels = {name: level for name, level in levels.items() if np.isfinite(validation.r2[name])}
     shares = ', '.join(f'{max(validation.r2[name], 0.0):.0%} of the {_words(name)}' for name in channels)
     good = f'in free simulation of runs that were not fitted the model explains {shares}'
-    causes = [(ADEQUATE, Advice(ADEQUATE, good))]
+    causes: list[Finding] = [(ADEQUATE, Advice(ADEQUATE, good))]
     idle = [name for name, r2 in validation.r2.items() if np.isnan(r2) and identification.r2[name] > 0.0]
     if idle:
         named = ' and '.join(_words(name) for name in idle)
@@ -64,8 +53,7 @@ def judge(
     if validation.diverged:
         diverged, windows = validation.diverged, validation.windows
         causes.append((REJECTED, Advice.of('diverged', diverged=diverged, windows=windows, label='validation')))
-    level, cause = min(causes, key=lambda each: LEVELS.index(each[0]))
-    return ManoeuvringVerdict(level, cause.code, cause.message, channels)
+    return ManoeuvringVerdict.by_gravest(causes, channels)
 
 
 def level_of(name: str, scores: Scores, noise: float) -> str:

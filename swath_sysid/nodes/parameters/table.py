@@ -10,7 +10,7 @@ from typing import Any
 
 from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.wings import handed_in, tables_of_wings, yaml_table
+from swath_sysid.common.wings import handed_in, named, tables_of_wings, yaml_table
 
 Values = dict[str, Any]
 
@@ -81,7 +81,8 @@ def _sections() -> dict[str, dict[str, Any]]:
 def _parameter(name: str, fields: dict | str) -> NodeParameter:
     if isinstance(fields, str):
         return next(p for p in table_of(fields.removeprefix(AS)) if p.name == name)
-    return NodeParameter(name, **fields)
+    choices = fields.get('choices', ())
+    return NodeParameter(name, **{**fields, 'choices': tuple(named(choices)) if isinstance(choices, str) else choices})
 
 
 def parameters_of(node_name: str, values: Values | None = None) -> Table:

@@ -12,7 +12,6 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import composed
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.terms import TERM_INDEX
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, next_step, simulation_error
 from swath_sysid.attitude.identification.identify import identify_problem, refit_from
 from swath_sysid.attitude.identification.problem import Problem, motion_fit, problem_of
@@ -240,7 +239,7 @@ def rank_campaign(
 def common_equation(pruned: Iterable[Identification], with_friction: bool) -> str:
     """The composition of every term that the records of any draft show together."""
     shown = {term for fit in pruned for term in fit.model.terms}
-    return composed(sorted(shown - ({'b0'} if not with_friction else set()), key=TERM_INDEX.__getitem__)).name
+    return composed(shown - ({'b0'} if not with_friction else set())).name
 
 
 def with_open_choice(fits: Sequence[Identification], pruned: Identification) -> tuple[Identification, ...]:

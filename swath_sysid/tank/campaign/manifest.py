@@ -22,6 +22,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.advice import counted
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import existing, shown, write_text
+from swath_sysid.formats.registry import ENDINGS
 from swath_sysid.formats.schema import (
     anything,
     built,
@@ -36,8 +37,7 @@ from swath_sysid.formats.schema import (
     text_of,
     whole,
 )
-from swath_sysid.formats.table_files import ENDINGS
-from swath_sysid.formats.tables import listed_names
+from swath_sysid.formats.text_tables import listed_names
 from swath_sysid.tank.extinction import TypeB
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
@@ -52,7 +52,6 @@ PLACEHOLDERS = {
     'axis': ('axis', '|'.join(AXES)),
 }
 
-TRIAL_ENDINGS = ('.csv', '.mcap', '.db3', '.txt', '.tsv', *ENDINGS)  #: Of files that may be trials.
 LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
 #: Given beside a trial; the craft's own values hold at the design draft alone.
@@ -340,7 +339,7 @@ def new_manifest(folder: str | Path, name: str = 'campaign.yaml', at: str | Path
         raise InputError(f'{folder} is not a folder: give the folder of the trials')
     files = [p for p in sorted(folder.iterdir()) if _may_be_trial(p)]
     if not files:
-        raise InputError(f'{folder} holds no trial: {", ".join(TRIAL_ENDINGS)} and bag folders were looked for')
+        raise InputError(f'{folder} holds no trial: {", ".join(ENDINGS)} and bag folders were looked for')
     by_pattern: dict[str, list[str]] = {}
     for file in files:
         by_pattern.setdefault(pattern_of_name(file.name), []).append(file.name)
@@ -391,7 +390,7 @@ def _may_be_trial(path: Path) -> bool:
         return False
     if path.is_dir():
         return (path / 'metadata.yaml').is_file()
-    return path.suffix.lower() in TRIAL_ENDINGS
+    return path.suffix.lower() in ENDINGS
 
 
 def trials_in_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:

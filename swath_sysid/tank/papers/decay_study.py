@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named
+from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.simulated_craft import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification import search
 from swath_sysid.attitude.identification.forecast_check import OneStepObjective
@@ -22,18 +22,6 @@ from swath_sysid.attitude.identification.result import Identification, Identific
 from swath_sysid.tank.papers.publication import DecayPublication, decay_publication
 
 OTHER_SEEDS = (101, 102, 103)
-
-#: Name of the printed coefficient, and its factor on ratio times inertia.
-COEFFICIENTS = {
-    'b1': ('N', 0.5),
-    'b2': ('W', 1.0),
-    'b3': ('x', 1.0),
-    'r1': ('C3', 1.0),
-    'r2': ('C2', 1.0),
-    'r3': ('C1', 1.0),
-    's1': ('C2', 1.0),
-    's2': ('C1', 1.0),
-}
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.decay_model import amplitude_curves
 from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.hull.terms import TERM_NAMES, TERMS
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.common.conventions import ROUNDING, TWO_STD, digits, percent
 from swath_sysid.report.figures import LINE_STYLES, MEASURED, MODEL, RESIDUAL, SERIES, Axes, legend_below, panel
@@ -18,7 +19,7 @@ from swath_sysid.report.html_page import Drawing, bullets, figures, page, page_s
 from swath_sysid.report.published import PARTICULARS, citation
 from swath_sysid.report.tables import Column, Table, columns_of
 from swath_sysid.tank.campaign.evaluation import TIE
-from swath_sysid.tank.papers.decay_study import COEFFICIENTS, DecayStudy
+from swath_sysid.tank.papers.decay_study import DecayStudy
 from swath_sysid.tank.report.paper_decay_claims import (
     BY,
     GENETIC,
@@ -114,7 +115,7 @@ def coefficients(study: DecayStudy) -> Table:
     chosen, form = study.chosen(record), printed.published_form
     rows: list[tuple] = [("I'", form.get("I'"), None, chosen.genetic.inertia, chosen.swarm.inertia, *[None] * 4)]
     for term in equation_named(study.publication.chosen).terms:
-        name, factor = COEFFICIENTS[term]
+        name, factor = TERMS[term].symbol, TERMS[term].factor
         value, std = record.ours.ratio(term)
         searched = [found.ratios[term] for found in (chosen.genetic, chosen.swarm, chosen.exact)]
         ratio = form[name] / inertia / factor if form else printed.ratios[term]
@@ -381,7 +382,7 @@ def _limits(study: DecayStudy):
     weak = {t for r in study.records for t in r.ours.model.terms if r.ours.std[t] > 0.5 * abs(r.hull.terms[t])}
     if weak:
         lines.append(
-            f'{", ".join(sorted(weak, key=list(COEFFICIENTS).index))}: known to worse than half of its value on at '
+            f'{", ".join(sorted(weak, key=TERM_NAMES.index))}: known to worse than half of its value on at '
             'least one record; a printed trend of such a coefficient is not a finding.'
         )
     return lines

@@ -9,13 +9,14 @@ from numpy.typing import ArrayLike
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.hull.terms import TERMS
 from swath_sysid.attitude.identification.forecast_check import next_step
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.common.conventions import ROUNDING, digits, percent
 from swath_sysid.report.published import BY_CONSTRUCTION, verdict_mark
 from swath_sysid.report.tables import Column, Table
 from swath_sysid.tank.campaign.evaluation import TIE
-from swath_sysid.tank.papers.decay_study import COEFFICIENTS, DecayStudy, StudiedRecord
+from swath_sysid.tank.papers.decay_study import DecayStudy, StudiedRecord
 
 STEADY = 0.2  #: A curve that changes by less than this share of its largest value hardly changes.
 ZERO_SHARE = 0.01  #: Of the range of a coefficient; what is less is near zero.
@@ -33,16 +34,15 @@ def coefficient(study: DecayStudy, record: StudiedRecord, name: str, by: str) ->
         return (study.chosen(record).genetic.inertia, float('nan')) if by == GENETIC else nothing
     values = {GENETIC: study.chosen(record).genetic.ratios, OURS: record.ours.model.terms, HULL: record.hull.terms}[by]
     for term, value in values.items():
-        printed, factor = COEFFICIENTS[term]
-        if printed == name:
-            scale, std = study.inertia * factor, record.ours.std[term] if by == OURS else float('nan')
+        if TERMS[term].symbol == name:
+            scale, std = study.inertia * TERMS[term].factor, record.ours.std[term] if by == OURS else float('nan')
             return scale * value, scale * std
     return nothing
 
 
 def coefficient_names(study: DecayStudy) -> list[str]:
     """Names of the coefficients of the chosen equation, as the study orders them."""
-    used = {COEFFICIENTS[t][0] for t in equation_named(study.publication.chosen).terms}
+    used = {TERMS[t].symbol for t in equation_named(study.publication.chosen).terms}
     return [name for name in ('N', 'W', 'x', 'C1', 'C2', 'C3') if name in used]
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import ANGLE, RATE, SINE, TERM_NAMES, TERMS
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.formats.export.expressible import Export, losses
 from swath_sysid.manoeuvring.formats.export.gazebo import inertia_of
@@ -125,16 +126,14 @@ def fossen_attitude(
     for axis, identified in models.items():
         inertia, model = inertia_of(axis, inertias), identified.model
         side = -1.0 if axis == 'pitch' else 1.0
-        b0, b1, b2, b3, r1, r2, r3, s1, s2 = (float(inertia * value) for value in model.ratios)
+        moments = dict(zip(TERM_NAMES, (inertia * model.ratios).tolist(), strict=True))
         x = f'(angle - {side * float(model.trim)!r})'
         parts.append(
             axis_text.format(
                 axis=axis,
                 inertia=repr(inertia),
-                damping=f'{b0!r} * {tanh}(w / {model.friction_rate!r}) '
-                f'+ ({b1!r} + {b2!r} * abs(w) + {b3!r} * w * w) * w',
-                restoring=f'({r1!r} + {side * r2!r} * {x} + {r3!r} * {x} * {x}) * {x} + ({s1!r} + {side * s2!r} * '
-                f'{sine}{x}) * {sine}{x}',
+                damping=f'{moments["b0"]!r} * {tanh}(w / {model.friction_rate!r}) + {_powers(RATE, "w", moments)}',
+                restoring=f'{_powers(ANGLE, x, moments, side)} + {_powers(SINE, sine + x, moments, side)}',
             )
         )
     if language == PYTHON:
@@ -142,6 +141,17 @@ def fossen_attitude(
     what = '% s holds inertia, kg m2, and handles of damping and restoring, N m, of each axis.\n'
     first = f'function s = {_matlab_name(function)}()\n{_commented(head, "%")}{what}'
     return Export(first + ''.join(parts) + 'end\n', ())
+
+
+def _powers(base: int, variable: str, moments: Mapping[str, float], side: float = 1.0) -> str:
+    """Sum of the moments of a base's powers; restoring of even powers changes its sign with the side."""
+    size, total = f'abs({variable})' if base == RATE else variable, []
+    for term in TERMS.values():
+        if term.base == base and term.power > 0:
+            even = 1 - term.power % 2
+            factors = [repr(side**even * moments[term.name]), *[size] * even, *[variable] * (term.power - 1 - even)]
+            total.append(' * '.join(factors))
+    return f'({" + ".join(total)}) * {variable}'
 
 
 def _template(language: str) -> str:

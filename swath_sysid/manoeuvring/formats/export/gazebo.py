@@ -17,10 +17,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.signal import find_peaks
 
-from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.craft_simulator import release_angle
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.simulated_craft import release_angle
 from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.hull.terms import RESTORING_NAMES
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.formats.export import expressible
@@ -173,7 +174,7 @@ def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str
             f'{moment}{rate}abs{rate}': -inertia * model.terms.get('b2', 0.0),
         }
         moments[diagonal] = inertia
-        restoring = ', '.join(f'{n} {inertia * v:.6g}' for n, v in model.terms.items() if n[0] in 'rs')
+        restoring = ', '.join(f'{n} {inertia * v:.6g}' for n, v in model.terms.items() if n in RESTORING_NAMES)
         notes.append(
             f'{axis}: restoring moment over x = angle - {model.trim:.6g} rad, N m: {restoring} '
             '(r1 x + r2 x^2 + r3 x^3 + s1 sin x + s2 sin^2 x)'
@@ -201,14 +202,8 @@ def inertia_of(axis: str, inertias: Mapping[str, float]) -> float:
 
 def gazebo_decay(model: DecayModel) -> DecayModel:
     """A decay model limited to gz-sim's terms: linear and quadratic damping, and linear restoring by buoyancy."""
-    kept = {name: value for name, value in model.terms.items() if name in EXPRESSED_TERMS}
-    return DecayModel.from_terms(
-        Equation('exported', EXPRESSED_TERMS),
-        kept | {'r1': model.natural_frequency**2},
-        trim=model.trim,
-        friction_rate=model.friction_rate,
-        axis=model.axis,
-    )
+    kept = {name: model.terms.get(name, 0.0) for name in EXPRESSED_TERMS} | {'r1': model.natural_frequency**2}
+    return DecayModel.of(model.trim, model.friction_rate, model.axis, **kept)
 
 
 def _attitude_losses(axis: str, identified: IdentifiedModel, inertia: float) -> list[Advice]:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX, UPPER
+from swath_sysid.attitude.hull.terms import AT, DAMPING_NAMES, UPPER
 
 MAX_ITERATIONS = 30
 CONVERGED = 0.003  #: Decrease of the negative log likelihood that a further step promises.
@@ -208,7 +208,7 @@ def clipped_step(
 
 
 #: Standard deviation, dimensionless, of a linear term before the record is seen: beyond any craft's.
-LINEAR_PRIOR = float(UPPER[TERM_INDEX['b1']])
+LINEAR_PRIOR = float(UPPER[AT.b1])
 LINEAR = 'b1', 'r1'  #: Terms that stay.
 
 

@@ -120,9 +120,9 @@ def states_from_lags(model: InnovationsModel, past: np.ndarray, used: np.ndarray
 class VerticalForecaster:
     """Vertical motion up to ``ahead`` rows of ``step`` s ahead, row by row."""
 
-    def __init__(self, step: float, ahead: int) -> None:
+    def __init__(self, step: float, period: float, ahead: int) -> None:
         self.ahead = ahead
-        self._step = step
+        self._step, self._period = step, period
         self._integrals = LeakyIntegrals(step)
         self._fit: VerticalFit | None = None
         self._mean: Any = None
@@ -146,7 +146,7 @@ class VerticalForecaster:
         errors = fit.truth[-count:, None] - self._issued[issued_after % kept, leads]
         errors[(issued_after < 0) | (issued_after < self._rows - kept)] = np.nan
         ratio = np.mean(errors**2 / np.diagonal(fit.covariance, axis1=1, axis2=2)[:, :3], axis=2)
-        prior = MEMORY_OF_SIZE / self._step
+        prior = MEMORY_OF_SIZE * self._period / self._step
         scale = np.sqrt((prior + np.nansum(ratio, axis=0)) / (prior + np.isfinite(ratio).sum(axis=0)))[:, None, None]
         count = len(VERTICAL)
         cross = fit.covariance[:, :count, count:] * scale

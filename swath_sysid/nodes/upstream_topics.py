@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.upstream import channels_of, field_value, kind_of, stamp_of
+from swath_sysid.formats.upstream_channels import channels_of, field_value, kind_of, stamp_of
 from swath_sysid.nodes.message_types import message_class
 from swath_sysid.nodes.qos import waiting, watched_subscription
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
