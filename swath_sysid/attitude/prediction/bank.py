@@ -78,6 +78,11 @@ class Bank:
         """
         return np.array([axis.reported for axis in self._axes]).T.ravel()
 
+    def set_period(self, period: float) -> None:
+        """Count memories in another period of the motion, s."""
+        self._period = period
+        self.blend.set_period(self._step, period)
+
     def begin(self, past: np.ndarray) -> None:
         """Begin with the library of seas, on the newest rows (N, width)."""
         self._library = SeaLibrary(self._steps, self._step, self._period, self._horizon)

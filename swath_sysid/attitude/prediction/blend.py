@@ -39,14 +39,13 @@ class Blend:
     """
 
     def __init__(self, leads: np.ndarray, step: float, period: float, axes: int, prior: Sequence[float]) -> None:
-        self._leads, self._step = np.asarray(leads), step / period
+        self._leads = np.asarray(leads)
         whole = np.maximum(np.round(self._leads / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
         candidates, steps = self._prior.shape[0], self.steps.size
         self._places, self._axes = np.arange(steps), np.arange(axes)
-        memory = np.minimum(_MEMORY + _MEMORY_LEADS * self._step * self.steps, MEMORY_OF_SIZE)
-        self._keep = (1.0 - self._step / memory)[:, None]
+        self.set_period(step, period)
         self._row = 0
         # of each row, by step: the blend, its variance, half its interval squared, and what each candidate forecast
         rows = int(self.steps[-1]) + 1
@@ -63,6 +62,12 @@ class Blend:
         self.blended_square = np.zeros((steps, axes))
         self.coverage = np.full((steps, axes), 1.0 - _MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self.mean_square.shape)
+
+    def set_period(self, step: float, period: float) -> None:
+        """Count memories in a period of the motion; a row is a step, both s."""
+        self._step = step / period
+        memory = np.minimum(_MEMORY + _MEMORY_LEADS * self._step * self.steps, MEMORY_OF_SIZE)
+        self._keep = (1.0 - self._step / memory)[:, None]
 
     def take(
         self,

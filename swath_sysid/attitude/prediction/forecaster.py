@@ -280,6 +280,8 @@ class Forecaster:
                 self._rows_begun, self._sea_state_due = self._time, self._time + SEA_STATE_INTERVAL
             self._upstream.lay_out(self._clock.step, ratio)
             self._begin_rows()
+        elif self._bank is not None:
+            self._follow_period(self._bank)
 
     def _look_at_period(self, bank: Bank) -> Bank:
         """Find the period of the motion when it is time to; the bank that is used from now on."""
@@ -296,15 +298,20 @@ class Forecaster:
     def _begin_rows(self):
         """Begin with another step, which makes all that was learnt in rows invalid."""
         step, before = self._clock.step, self._bank
-        for axis in self._axes.values():
-            axis.set_period(self._clock.period)
         self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._clock.period, self._upstream)
         if before is not None:
             self._bank.blend.carry_over(before.blend)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting = False, None
         self._refit_due = -math.inf
-        self._bank.begin(self._newest(2 * MAX_LAGS))
+        self._follow_period(self._bank)
+
+    def _follow_period(self, bank: Bank):
+        """Count memories in the motion's period, and begin with the library of seas."""
+        for axis in self._axes.values():
+            axis.set_period(self._clock.period)
+        bank.set_period(self._clock.period)
+        bank.begin(self._newest(2 * MAX_LAGS))
 
     def _take_row(self, bank: Bank, steps: int, stamp: float, row: list[float]):
         """Take the next row, the given number of steps after the one before."""
