@@ -19,10 +19,11 @@ from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 
 MEMBERS = 256
 
-#: Of a member, log-uniform: peak period over the motion's, damping of the two peaks, their steepness, period and power
-#: of the second over those of the first, noise of angle and rate and the level over the motion's standard deviation.
+#: Of a member, log-uniform: peak period over the motion's (by the cube of the logarithm: most are near the middle),
+#: damping of the two peaks, their steepness, period and power of the second over those of the first, noise of angle and
+#: rate and the level over the motion's standard deviation.
 RANGES = (
-    (0.33, 3.0),
+    (0.125, 8.0),
     (0.05, 0.7),
     (0.05, 0.7),
     (1.5, 4.0),
@@ -32,8 +33,6 @@ RANGES = (
     (0.002, 0.1),
     (0.1, 30.0),
 )
-
-PERIOD_KNOWN = 0.3  #: Standard deviation of the logarithm of the motion's period.
 
 TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any member.
 
@@ -59,6 +58,7 @@ def seas() -> Seas:
     low, high = np.array(RANGES).T
     ratio = np.real(np.roots([1.0, *np.zeros(low.size - 1), -1.0, -1.0])).max()
     part = np.arange(1, MEMBERS + 1)[:, None] * ratio ** -np.arange(1.0, low.size + 1.0) % 1.0
+    part[:, 0] = 0.5 + 0.5 * (2.0 * part[:, 0] - 1.0) ** 3
     period, first, second, steepness, apart, share, *noise, level = (low * (high / low) ** part).T[:, :, None]
     frequency = np.linspace(0.03, 7.0, 250)
 
@@ -117,8 +117,7 @@ class AxisSeas:
         self.kinds, self._stride, self._nodes = 1 + rated, stride, nodes
         self._own, noise, self._white = predictors(rows, rated)
         self._variance = self._own + noise
-        # the motion's period is that of a sine with its standard deviations of rate and angle
-        self._log = -((np.log(self._own[:, 1]) / (2.0 * PERIOD_KNOWN)) ** 2) / (2.0 * TEMPER)
+        self._log = np.zeros(len(self._own))
         self._square = np.full(len(self._log), LEAST_SIZE**2)
         self._count = 2.0  # two readings at rest, which say nothing
         self.restart()
