@@ -153,6 +153,7 @@ class Forecaster:
         self._is_linked = False
         self._has_waves = False
         self._bank: Bank | None = None
+        self._first: CraftSample | None = None
         self._waiting: SeaFit | None = None
 
     # -- models and fits
@@ -204,6 +205,7 @@ class Forecaster:
             self._lay_out()
         else:
             self._break_off()
+            self._first = sample
         reasons = self._follow_axes(sample, self._sampled, linked)
         # the heading is not forecast: the last one measured is held
         yaw, yaw_rate = self._heading
@@ -267,6 +269,8 @@ class Forecaster:
     def _lay_out(self):
         """Follow the sensor's interval and the motion's period with the step between rows."""
         before = self._clock.step
+        if before != before:
+            self._scale.expect(self._clock.interval)
         if self._clock.is_laid_out_for(self._scale.period):
             if self._clock.corrected():
                 self._begin_rows()
@@ -278,6 +282,8 @@ class Forecaster:
                 self._rows.append(row)
             if before != before:
                 self._rows_begun, self._sea_state_due = self._time, self._time + SEA_STATE_INTERVAL
+                if self._clock.samples == 1 and self._first is not None:
+                    self._rows.append(self._clock.first(self._first))
             self._upstream.lay_out(self._clock.step, ratio)
             self._begin_rows()
         elif self._bank is not None:

@@ -8,6 +8,7 @@ from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 
 _FIRST_LOOK, _LAST_LOOK = 0.25, 4.0  #: Periods of motion, doubled from look to look; after that as often as the last.
 _PAST = 30.0  #: Periods that are looked at.
+_LEAST_SAMPLES = 10.0  #: A period; whoever chooses a sensor expects to see the motion.
 #: Relative differences from which another period is taken: at the first looks, at the last of them, and for another sea.
 _EARLY, _SETTLED, _OTHER = 0.15, 0.05, 0.4
 
@@ -39,6 +40,10 @@ class TimeScale:
     def __init__(self) -> None:
         self.period = USUAL_PERIOD  #: s.
         self._next, self._due = _FIRST_LOOK, math.nan
+
+    def expect(self, interval: float) -> None:
+        """Before any motion: of a craft for which a sensor has this interval, s."""
+        self.period = max(USUAL_PERIOD, _LEAST_SAMPLES * interval)
 
     def is_due(self, age: float) -> bool:
         """Whether to look again after so many s of motion."""
