@@ -58,8 +58,10 @@ class TimeScale:
     def follow(self, found: float, age: float) -> bool:
         """Take the period, s, of the past after so many s of motion; whether another one is used from now on."""
         tolerance = _EARLY if self._next < _LAST_LOOK else _SETTLED if age < 2.0 * _LAST_LOOK * self.period else _OTHER
-        # less than half a period tells no more than that
-        is_other = found < 2.0 * age and not 1.0 / (1.0 + tolerance) < found / self.period < 1.0 + tolerance
+        if found == found:
+            # less than a period of motion says so much less
+            found = self.period * (found / self.period) ** min(1.0, age / found)
+        is_other = found == found and not 1.0 / (1.0 + tolerance) < found / self.period < 1.0 + tolerance
         if is_other:
             self.period = found
         self._next = min(2.0 * self._next, _LAST_LOOK)
