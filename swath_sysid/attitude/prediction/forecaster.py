@@ -242,10 +242,10 @@ class Forecaster:
         self._due = -math.inf
         for axis in self._axes.values():
             axis.size.restart()
-        self._skip_rows(2 * MAX_LAGS)
         if self._bank is not None:
             self._upstream.skip(2 * MAX_LAGS)
             self._bank.begin(self._newest(0))
+        self._skip_rows(2 * MAX_LAGS)
         self._clock.restart()
         self._clock.sensor.restart()
         if self._calm is not None:
