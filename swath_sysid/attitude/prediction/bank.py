@@ -6,23 +6,21 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
 from swath_sysid.attitude.prediction.blend import UNPROVEN, Blend
 from swath_sysid.attitude.prediction.forecast import Forecast
-from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN, USUAL_AMPLITUDE
+from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
+from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.state_space import (
     BREAK,
-    RIDGE,
     STRAIN_TIME,
     InnovationsFilter,
     InnovationsModel,
     SparseFilter,
-    side_by_side,
 )
 from swath_sysid.attitude.prediction.upstream import (
     NEW_UPSTREAM,
@@ -34,74 +32,9 @@ from swath_sysid.attitude.prediction.upstream import (
 )
 from swath_sysid.common.advice import Advice
 
-_DAMPING = 0.4
-# of the frequency of a sine with the motion's period; expected, and counts for a quarter of its period
-_EXPECTED_SHARE = 0.56
-
-
-def oscillators(
-    values: np.ndarray, names: Sequence[str], step: float, period: float, angles: Sequence[str]
-) -> InnovationsModel | None:
-    """A model of each angle, with its rate ``X_rate`` where measured; None while no angle has been seen.
-
-    At short leads it carries the rate on, at long leads it returns to the mean. Its natural frequency is the ratio of
-    the standard deviations of rate and angle, which gives the best linear regression whatever the spectrum.
-
-    Values (N, width) are oldest first, one row per step, s, NaN where missing; ``names`` are their columns.
-    """
-    names = list(names)
-    seen = [name for name, column in zip(names, values.T, strict=True) if np.isfinite(column).any()]
-    parts = [
-        _oscillator(
-            values, names, step, period, [names.index(name) for name in (angle, f'{angle}_rate') if name in seen]
-        )
-        for angle in angles
-        if angle in seen
-    ]
-    return side_by_side(parts) if parts else None
-
-
-def _oscillator(values: np.ndarray, names: Sequence[str], step: float, period: float, places: Sequence[int]):
-    """Of an angle and, where measured, its rate."""
-    count, columns = len(places), [values[:, place] for place in places]
-    mean, deviation, frequency = angle_statistics(columns[0], columns[1] if count > 1 else None, step, period)
-    # in units of the standard deviations of angle and rate, whose covariance is then one
-    drift = frequency * np.array([[0.0, 1.0], [-1.0, -2.0 * _DAMPING]])
-    a, c = expm(drift * step), np.eye(count, 2)
-    driven = np.eye(2) - a @ a.T + RIDGE * np.eye(2)
-    if count > 1:
-        s, k, prior = driven, a, a @ a.T
-    else:
-        error = solve_discrete_are(a.T, c.T, driven, np.array([[RIDGE]]))
-        s = c @ error @ c.T + RIDGE
-        k, prior = a @ error @ c.T / s, np.eye(2) - error
-    centre, scale = np.array([mean, 0.0]), np.array([deviation, deviation * frequency])
-    channels = tuple([names[place] for place in places])
-    return InnovationsModel(channels, tuple(places), step, centre[:count], scale[:count], a, k, c, s, prior)
-
-
-def angle_statistics(
-    angle: np.ndarray, rate: np.ndarray | None, step: float, period: float
-) -> tuple[float, float, float]:
-    """Mean, rad, standard deviation, rad, and natural frequency, rad/s, drawn to expected values with few data.
-
-    Angle (N,), rad, and rate (N,), rad/s, NaN where missing; without a rate the angle's differences.
-    """
-    duration, expected_frequency = step * np.isfinite(angle).sum(), _EXPECTED_SHARE * 2.0 * np.pi / period
-    rates = np.diff(angle) / step if rate is None else rate
-    rates = rates[np.isfinite(rates)]
-    rate_square = np.mean(rates**2) if rates.size else (USUAL_AMPLITUDE * expected_frequency) ** 2
-    # less than a period says little of the mean
-    mean = duration / (duration + 2.0 * np.pi / expected_frequency) * np.nanmean(angle)
-    expected, known_for = rate_square / expected_frequency**2, 0.5 * np.pi / expected_frequency
-    square = (duration * np.nanmean((angle - mean) ** 2) + known_for * expected) / (duration + known_for)
-    deviation = max(np.sqrt(square), RIDGE)
-    return mean, deviation, np.sqrt(max(rate_square, 1e-12)) / deviation
-
-
-HULL, OSCILLATOR = 'hull-filter', 'oscillator'
+HULL, LIBRARY = 'hull-filter', 'sea-library'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
-CANDIDATES = {HULL: 3.0, OSCILLATOR: 0.3, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
+CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 
@@ -127,14 +60,15 @@ class Bank:
         self._axes, self._leads, self._steps, self._step = axes, leads, self.blend.steps, step
         self._period = period
         self._horizon = leads[-1] + 2.0 * step
+        self.begin(np.empty((0, 0)))
         whole = leads / step
         are_rows = np.abs(whole - np.round(whole)) < 0.02
         self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._steps.size == whole.size
 
     @property
-    def _on_rows(self) -> dict[str, InnovationsFilter | UpstreamCandidate]:
+    def _on_rows(self) -> dict[str, SeaLibrary | InnovationsFilter | UpstreamCandidate]:
         """The candidates that there are at present, but for the hulls' filters, which follow every sample."""
-        return {**self.spaces, **self._upstream}
+        return {LIBRARY: self._library, **self.spaces, **self._upstream}
 
     @property
     def _noise(self):
@@ -148,6 +82,12 @@ class Bank:
         """Count memories in another period of the motion, s."""
         self._period = period
         self.blend.set_period(self._step, period)
+
+    def begin(self, past: np.ndarray) -> None:
+        """Begin with the library of seas, on the newest rows (N, width)."""
+        self._library = SeaLibrary(self._steps, self._step, self._period, self._horizon)
+        for row in past:
+            self._library.step(row)
 
     def use(self, name: str, model: InnovationsModel, past: np.ndarray) -> None:
         """Put a new model to use, after the newest rows (N, width)."""

@@ -15,7 +15,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.bank import HULL, OSCILLATOR, Bank, ForecasterDiagnostics, diagnose, oscillators
+from swath_sysid.attitude.prediction.bank import HULL, Bank, ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
@@ -57,7 +57,7 @@ LONGEST_BRIDGE = 19.0  #: Periods; after a longer silence the motion is forgotte
 MOST_AHEAD = 2000  #: Rows that the longest lead may be.
 
 #: Of a past, after which what is learnt of it is learnt anew; periods at most and, for the first forecasts, at least.
-_REFIT_SHARE, _LONGEST_REFIT_INTERVAL, _FIRST_INTERVAL = 0.2, 6.2, 0.31
+_REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 6.2
 
 
 @dataclass(frozen=True)
@@ -150,10 +150,11 @@ class Forecaster:
         self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
         self._time = self._rows_begun = self._stamp = self._elapsed = 0.0
         self._heading = 0.0, 0.0
-        self._due = self._oscillator_due = self._refit_due = self._sea_state_due = -math.inf
+        self._due = self._refit_due = self._sea_state_due = -math.inf
         self._is_linked = False
         self._has_waves = False
         self._bank: Bank | None = None
+        self._first: CraftSample | None = None
         self._waiting: SeaFit | None = None
 
     # -- models and fits
@@ -205,6 +206,7 @@ class Forecaster:
             self._lay_out()
         else:
             self._break_off()
+            self._first = sample
         reasons = self._follow_axes(sample, self._sampled, linked)
         # the heading is not forecast: the last one measured is held
         yaw, yaw_rate = self._heading
@@ -243,6 +245,7 @@ class Forecaster:
             axis.size.restart()
         if self._bank is not None:
             self._upstream.skip(2 * MAX_LAGS)
+            self._bank.begin(self._newest(0))
         self._skip_rows(2 * MAX_LAGS)
         self._clock.restart()
         self._clock.sensor.restart()
@@ -268,6 +271,8 @@ class Forecaster:
     def _lay_out(self):
         """Follow the sensor's interval and the motion's period with the step between rows."""
         before = self._clock.step
+        if before != before:
+            self._scale.expect(self._clock.interval)
         if self._clock.is_laid_out_for(self._scale.period):
             if self._clock.corrected():
                 self._begin_rows()
@@ -279,6 +284,8 @@ class Forecaster:
                 self._rows.append(row)
             if before != before:
                 self._rows_begun, self._sea_state_due = self._time, self._time + SEA_STATE_INTERVAL
+                if self._clock.samples == 1 and self._first is not None:
+                    self._rows.append(self._clock.first(self._first))
             self._upstream.lay_out(self._clock.step, ratio)
             self._begin_rows()
         elif self._bank is not None:
@@ -304,17 +311,15 @@ class Forecaster:
             self._bank.blend.carry_over(before.blend)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting = False, None
-        self._oscillator_due = self._refit_due = -math.inf
+        self._refit_due = -math.inf
         self._follow_period(self._bank)
 
     def _follow_period(self, bank: Bank):
-        """Count memories in the motion's period, and learn the first of it anew."""
+        """Count memories in the motion's period, and begin with the library of seas."""
         for axis in self._axes.values():
             axis.set_period(self._clock.period)
         bank.set_period(self._clock.period)
-        self._oscillator_due = -math.inf
-        if len(self._rows):
-            self._follow_oscillator(bank)
+        bank.begin(self._newest(2 * MAX_LAGS))
 
     def _take_row(self, bank: Bank, steps: int, stamp: float, row: list[float]):
         """Take the next row, the given number of steps after the one before."""
@@ -324,16 +329,7 @@ class Forecaster:
         channels = np.array(row[OF_CHANNELS])
         bank.step(channels)
         self._points.step(channels, bank.spaces.get(WAVES))
-        self._follow_oscillator(bank)
         bank.score(np.array(row[OF_SAMPLE][: len(AXES)]), steps)
-
-    def _follow_oscillator(self, bank: Bank):
-        """Fit it in the foreground, because it costs so little."""
-        if self._time >= self._oscillator_due:
-            self._oscillator_due = self._time + self._interval_of_refits(_FIRST_INTERVAL)
-            model = oscillators(self._past(), CHANNELS, self._clock.step, self._clock.period, AXES)
-            if model is not None:
-                bank.use(OSCILLATOR, model, self._newest(2 * MAX_LAGS))
 
     def _skip_rows(self, count: int):
         if count > 0 and self._bank is not None:

@@ -198,6 +198,11 @@ class RowClock:
         self.step, self._tick = step, self.interval
         return True
 
+    def first(self, sample: CraftSample) -> list[float]:
+        """The row of a sample by itself."""
+        values = list(_channels_of(sample))
+        return [*values, *values[: len(ATTITUDE)], *values[: len(ATTITUDE)]]
+
     def take(
         self, sample: CraftSample, sampled: Sampled, filtered: Sequence[tuple[float, float] | None]
     ) -> list[tuple[float, list[float] | None]]:

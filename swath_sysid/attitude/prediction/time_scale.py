@@ -8,6 +8,7 @@ from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 
 _FIRST_LOOK, _LAST_LOOK = 0.25, 4.0  #: Periods of motion, doubled from look to look; after that as often as the last.
 _PAST = 30.0  #: Periods that are looked at.
+_LEAST_SAMPLES = 10.0  #: A period; whoever chooses a sensor expects to see the motion.
 #: Relative differences from which another period is taken: at the first looks, at the last of them, and for another sea.
 _EARLY, _SETTLED, _OTHER = 0.15, 0.05, 0.4
 
@@ -40,6 +41,10 @@ class TimeScale:
         self.period = USUAL_PERIOD  #: s.
         self._next, self._due = _FIRST_LOOK, math.nan
 
+    def expect(self, interval: float) -> None:
+        """Before any motion: of a craft for which a sensor has this interval, s."""
+        self.period = max(USUAL_PERIOD, _LEAST_SAMPLES * interval)
+
     def is_due(self, age: float) -> bool:
         """Whether to look again after so many s of motion."""
         if self._due != self._due:
@@ -53,6 +58,9 @@ class TimeScale:
     def follow(self, found: float, age: float) -> bool:
         """Take the period, s, of the past after so many s of motion; whether another one is used from now on."""
         tolerance = _EARLY if self._next < _LAST_LOOK else _SETTLED if age < 2.0 * _LAST_LOOK * self.period else _OTHER
+        if found == found:
+            # less than a period of motion says so much less
+            found = self.period * (found / self.period) ** min(1.0, age / found)
         is_other = found == found and not 1.0 / (1.0 + tolerance) < found / self.period < 1.0 + tolerance
         if is_other:
             self.period = found
