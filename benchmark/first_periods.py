@@ -133,7 +133,7 @@ def minute(name, trial):
             truth = truth_at(trial, axis, stamps[:, None] + leads)
             record = Record.of(part)
             place = record.names.index(axis)
-            others = baseline_forecasts(record, [axis], stamps, leads, np.inf)[axis]
+            others = baseline_forecasts(record, [axis], stamps, leads, MINUTE[1])[axis]
             others['ar_5'] = running_regression(record, [place], [place], 5, stamps, leads, MINUTE[1])[:, :, 0]
             for method in ('ar_5', 'ar_40', 'var_40', 'mean'):
                 errors.setdefault(method, []).append(others[method] - truth)
