@@ -16,7 +16,6 @@ from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.state_space import (
-    BREAK,
     STRAIN_TIME,
     InnovationsFilter,
     InnovationsModel,
@@ -35,6 +34,8 @@ from swath_sysid.common.advice import Advice
 HULL, LIBRARY = 'hull-filter', 'sea-library'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
 CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
+
+CONTRADICTED = 100.0
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 
@@ -160,12 +161,6 @@ class Bank:
         """The average of the candidates at the leads, ``age`` s after the newest row."""
         at_row = age == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
-        broken = {self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > BREAK}
-        if broken:
-            # what is issued; errors that nothing foretold are not what calibration learns from
-            covariance = covariance.copy()
-            for place, strain in broken.items():
-                covariance[place] *= strain
         return self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise)
 
     def gain_of(self, channel: str) -> np.ndarray:
@@ -198,11 +193,14 @@ class Bank:
                 covariance[hull, :, place::2, place::2] = spread + np.diag(axis.noise)
         for name, candidate in self._on_rows.items():
             mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
-        strained = [self._place[name] for name, each in self._on_rows.items() if each.strain > HEALTHY_STRAIN]
+        strained = {self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > HEALTHY_STRAIN}
         if strained:
             trusted = self._hull_is_trusted()
-            for place in strained:
+            for place, strain in strained.items():
+                covariance[place] *= strain / HEALTHY_STRAIN
                 mean[place][:, trusted[place]] = math.nan
+                if strain > CONTRADICTED:
+                    mean[place] = math.nan
         for place, axis in enumerate(self._axes):
             if axis.hull.is_free:
                 # nothing acts: there is nothing else to know

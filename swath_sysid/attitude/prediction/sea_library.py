@@ -35,6 +35,7 @@ RANGES = (
     (0.1, 30.0),
 )
 
+MEMORY = 12.0
 TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any member.
 
 #: Rows ahead, of the library's own, after which a forecast is the level; a member of less relative weight is dropped.
@@ -122,6 +123,7 @@ class AxisSeas:
 
     def __init__(self, rows: float, stride: int, nodes: int, rated: bool) -> None:
         self.rated, self._stride, self._nodes = rated, stride, nodes
+        self._forget = 1.0 / (MEMORY * rows * stride)
         self._predictors = predictors(rows, rated)
         self._alive, self._copied = np.arange(MEMBERS), 0
         self._read, self._white = self._predictors.read, self._predictors.white
@@ -150,7 +152,7 @@ class AxisSeas:
         ahead = white[:, :, MAX_LAGS : MAX_LAGS + 2 * self._nodes]
         mean = np.einsum('im,imt->mt', white[:, :, :count] @ readings, ahead).reshape(-1, self._nodes, 2)
         self._issued.append((mean[:, 3], self._moments[:, 3].copy()))
-        size = self._square / self._count
+        size = np.maximum(self._square / self._count, LEAST_SIZE**2)
         score = TEMPER * (self._log - 0.5 * self._count * np.log(size))
         weight = np.exp(score - score.max())
         keep = weight > LEAST_WEIGHT
@@ -171,9 +173,10 @@ class AxisSeas:
             left = rate - crossed**2 / angle
             square += (reading[1] - mean[1] - crossed / angle * error) ** 2 / left
             log += np.log(left)
-        self._square += square / self._stride
-        self._log -= 0.5 * log / self._stride
-        self._count += len(reading) / self._stride
+        keep = 1.0 - self._forget
+        self._square = keep * self._square + square / self._stride
+        self._log = keep * self._log - 0.5 * log / self._stride
+        self._count = keep * self._count + len(reading) / self._stride
 
     def _grow(self, count: int):
         """Forecast from so many readings."""
