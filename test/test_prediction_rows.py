@@ -13,6 +13,7 @@ from swath_sysid.attitude.prediction.rows import (
     _NEW_STEP,
     CHANNELS,
     LONGEST_FILLED,
+    LONGEST_LINEAR,
     OF_CHANNELS,
     OF_MEANS,
     OF_SAMPLE,
@@ -121,8 +122,23 @@ def test_a_lost_sample_is_filled_as_a_cubic_does(lost):
     of_angle, of_rate = h**4 / 384.0 * w**4, math.sqrt(3.0) / 216.0 * h**3 * w**4
     assert (error[:2] <= 1.001 * of_angle * SIZE).all() and (error[:2] > 0.5 * of_angle * SIZE).all()
     assert (error[2:] <= 1.001 * of_rate * SIZE).all()
-    # what has no rate is filled by a line, here of a ramp
-    assert values_of(rows, OF_CHANNELS)[:, CHANNELS.index('accel_x')] == pytest.approx(at, abs=1e-9)
+    # what has no rate is not known meanwhile
+    others = values_of(rows, OF_CHANNELS)[:, CHANNELS.index('accel_x')]
+    is_filled = ~np.isclose(at[:, None], kept, atol=1e-6).any(axis=1)
+    assert np.isnan(others[is_filled]).all()
+    np.testing.assert_allclose(others[~is_filled], at[~is_filled], atol=1e-9)
+
+
+@pytest.mark.parametrize('rate', [30.0, 200.0])
+def test_what_has_no_rate_is_filled_by_a_line_for_a_short_time(rate):
+    """Of a ramp, nothing is missing then, whether rows are samples or smoothed."""
+    times = clock_ticks(rate, round(4.0 * rate))
+    most = math.floor(LONGEST_LINEAR * USUAL_PERIOD * rate + 1e-9) - 1
+    kept = np.delete(times, np.arange(round(2.0 * rate), round(2.0 * rate) + most))
+    assert most >= 1
+    whole, filled = (rows_of(RowClock(), each) for each in (times, kept))
+    ramps = [values_of(rows, OF_CHANNELS)[:, CHANNELS.index('accel_x')] for rows in (whole, filled)]
+    np.testing.assert_allclose(ramps[1], ramps[0], atol=1e-9)
 
 
 @given(degree=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), lost=st.integers(1, 5))
