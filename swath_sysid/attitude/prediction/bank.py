@@ -16,6 +16,7 @@ from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.state_space import (
+    BREAK,
     STRAIN_TIME,
     InnovationsFilter,
     InnovationsModel,
@@ -95,8 +96,12 @@ class Bank:
         how = ATTITUDE, self._horizon, self._steps, STRAIN_TIME * self._period
         every = round(model.step / self._step)
         space = InnovationsFilter(model, *how) if every == 1 else SparseFilter(model, *how, every)
+        before = self.spaces.get(name)
         self.spaces[name] = space
         space.seed(past)
+        if before is not None and before.strain > BREAK:
+            # a fit to what came before a break does not mend it
+            space.strained(before.strain)
 
     def use_upstream(self, fits: Mapping[str, UpstreamFit], past: np.ndarray, time: float, memory: float) -> None:
         """Put fits of the upstream channels to use at a time, s, after the newest rows (N, width)."""

@@ -17,6 +17,9 @@ _TRUST = 1.6
 UNPROVEN = 1.25
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.32
+# periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise is:
+# while a motion grows, all forecasts are too sure
+_RECENT, _SURPRISING = 1.0, 4.0
 # the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
 # sensor's noise; and that of the candidates' own is at least this share of what they claim
 _MIN_SHARE = 1e-3
@@ -59,6 +62,8 @@ class Blend:
         self._spread = np.ones((4, 2, steps, axes))
         self._spread[::2] = 0.0
         self.scale = self._spread[3, 0]
+        # of the newest errors, squared over what was expected of them
+        self._recent = np.ones((steps, axes))
         self.blended_square = np.zeros((steps, axes))
         self.coverage = np.full((steps, axes), 1.0 - _MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self.mean_square.shape)
@@ -97,6 +102,9 @@ class Blend:
         self._excused += self._step / MEMORY_OF_SIZE * (excused - self._excused)
         blended[excused] = np.nan
         was_free = self._was_free[then], self._places[:, None], self._axes
+        claimed = interval / _QUANTILE**2
+        fresh = self._step / (_RECENT + self._step) * np.isfinite(blended)
+        self._recent += fresh * (np.where(np.isfinite(blended), blended, 0.0) ** 2 / claimed - self._recent)
         self._learn(errors, blended, of_average, interval, noise_variance, was_free)
         self._was_free[now] = free
         self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
@@ -190,7 +198,8 @@ class Blend:
         variance = np.diagonal(blended, axis1=1, axis2=2)
         # targets that no candidate forecasts together are independent
         blended = np.where(np.isnan(blended) & np.isfinite(variance[:, :, None] + variance[:, None, :]), 0.0, blended)
-        true = self.scale[places] * np.maximum(variance - noise_variance, _MIN_SHARE * variance)
+        surprise = np.where(self._recent > _SURPRISING, self._recent, 1.0)
+        true = (surprise * self.scale)[places] * np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         factor = np.sqrt(np.maximum(true, _PROVABLE_SHARE * noise_variance) / variance)
         covariance = blended * factor[:, :, None] * factor[:, None, :]
         return Forecast(stamp_ns, self._leads, _weighted(weights, mean), covariance, own_deviation=np.sqrt(variance))

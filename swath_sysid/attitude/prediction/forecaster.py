@@ -295,10 +295,11 @@ class Forecaster:
         """Find the period of the motion when it is time to; the bank that is used from now on."""
         age = self._time - self._rows_begun
         if self._scale.is_due(age):
-            rows = self._rows.last(int(self._scale.past(age) / self._clock.step) + 1)[:, OF_SAMPLE]
+            past, block = (int(length / self._clock.step) + 1 for length in self._scale.past(age))
+            rows = self._rows.last(past)[:, OF_SAMPLE]
             count = len(AXES)
             noise = np.array([axis.noise for axis in self._axes.values()])
-            found = period_of(rows[:, :count], rows[:, count:], self._clock.step, noise[:, 0], noise[:, 1])
+            found = period_of(rows[:, :count], rows[:, count:], self._clock.step, noise[:, 0], noise[:, 1], block)
             if self._scale.follow(found, age):
                 self._lay_out()
         return self._bank or bank

@@ -80,8 +80,9 @@ class SampleClock:
         self._newest.append(elapsed)
         self.count = min(self.count + 1, 1000)
         if self.count <= _INTERVALS:
-            # while the loop settles; most samples arrive, so that lost ones do not move the median
-            self.interval = float(np.median(self._newest))
+            # while the loop settles; most samples arrive, so that the median is of whole intervals
+            newest = np.array(self._newest)
+            self.interval = float(newest.sum() / np.maximum(np.round(newest / np.median(newest)), 1.0).sum())
         since = self._behind + elapsed
         relative = since / self.interval
         doubt = _DOUBT * max(self._jitter - _CLEAN, 0.0)
@@ -269,8 +270,9 @@ class RowClock:
         channels, axes = list(self._values), len(ATTITUDE) // 2
         if self.is_smoothed:
             for place, value in enumerate(filtered):
-                if value == value:
-                    channels[place // 2 + axes * (place % 2)] = value
+                channel = place // 2 + axes * (place % 2)
+                if value == value and channels[channel] == channels[channel]:
+                    channels[channel] = value
         means = [total / count if count else math.nan for total, count in zip(self._sums, self._counts, strict=True)]
         self._clear_block()
         return [*channels, *values[: len(ATTITUDE)], *means]

@@ -20,7 +20,7 @@ from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalFit
 WAVES, LONG_WAVES, NEW_WAVES = 'waves', 'waves-long', 'waves-new'
 SPARSE, ROWS_OF_SPARSE = 2, 20.0  #: Rows between those of a longer memory; least rows a period that allow it.
 
-SHORT = 14.0  #: Periods of the past that show a new sea.
+SHORT = 19.0  #: Periods of the past that show a new sea.
 
 LONGEST_FILLED = 0.6  #: Periods; the phase is lost in a longer gap.
 

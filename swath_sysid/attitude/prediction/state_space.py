@@ -128,6 +128,10 @@ class InnovationsFilter:
             self.state_covariance = np.zeros_like(self.model.a)
         self._update(z, np.isfinite(z))
 
+    def strained(self, strain: float) -> None:
+        """Take over the strain of the filter before."""
+        self.strain = strain
+
     def _follow_strain(self, square: float):
         if square == square:
             self.strain += self._strain_gain * (square - self.strain)
@@ -264,6 +268,10 @@ class SparseFilter:
     def strain(self) -> float:
         """As of `InnovationsFilter`."""
         return self._space.strain
+
+    def strained(self, strain: float) -> None:
+        """As of `InnovationsFilter`."""
+        self._space.strained(strain)
 
     def seed(self, rows: np.ndarray) -> None:
         """Restart and step through recent rows (N, width), the newest among them."""

@@ -7,16 +7,18 @@ import numpy as np
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 
 _FIRST_LOOK, _LAST_LOOK = 0.25, 4.0  #: Periods of motion, doubled from look to look; after that as often as the last.
-_PAST = 30.0  #: Periods that are looked at.
+_PAST, _BLOCK = 30.0, 2.0  #: Periods that are looked at, and about whose means.
 _LEAST_SAMPLES = 10.0  #: A period; whoever chooses a sensor expects to see the motion.
 #: Relative differences from which another period is taken: at the first looks, at the last of them, and for another sea.
 _EARLY, _SETTLED, _OTHER = 0.15, 0.05, 0.4
 
 
 def period_of(
-    angles: np.ndarray, rates: np.ndarray, step: float, angle_noise: np.ndarray, rate_noise: np.ndarray
+    angles: np.ndarray, rates: np.ndarray, step: float, angle_noise: np.ndarray, rate_noise: np.ndarray, block: int
 ) -> float:
     """Period, s, of motion about all axes: that of a sine with its standard deviations of rate and angle.
+
+    The deviations are those within blocks of so many rows, so that a list that changes is no motion.
 
     Angles and rates (N, A), rad and rad/s, NaN where not measured, ``step`` s apart, with the variances of their noise
     (A,). Where rates are not measured, from differences. NaN where the motion is no more than the noise.
@@ -28,10 +30,17 @@ def period_of(
             continue
         if np.isfinite(rate).sum() < 3:
             rate, noise[1] = np.diff(angle) / step, 2.0 * noise[0] / step**2
-        square, rate_square = np.var(angle[seen]) - noise[0], np.nanvar(rate) - noise[1]
+        square, rate_square = _variance_within(angle, block) - noise[0], _variance_within(rate, block) - noise[1]
         if square > noise[0] and rate_square > 0.0:
             of_angle, of_rate = of_angle + square, of_rate + rate_square
     return 2.0 * math.pi * math.sqrt(of_angle / of_rate) if of_rate else math.nan
+
+
+def _variance_within(values: np.ndarray, block: int) -> float:
+    """Of values, NaN where missing, about the means of the newest blocks of so many."""
+    blocks = values[values.size % block :].reshape(-1, block) if values.size >= block else values[None]
+    blocks = blocks[np.isfinite(blocks).sum(axis=1) > 1]
+    return float(np.nanmean((blocks - np.nanmean(blocks, axis=1, keepdims=True)) ** 2)) if blocks.size else 0.0
 
 
 class TimeScale:
@@ -51,9 +60,9 @@ class TimeScale:
             self._due = self._next * self.period
         return age >= self._due
 
-    def past(self, age: float) -> float:
-        """s of the past to look at."""
-        return min(age, _PAST * self.period)
+    def past(self, age: float) -> tuple[float, float]:
+        """s of the past to look at, and of the blocks that it is looked at in."""
+        return min(age, _PAST * self.period), _BLOCK * self.period
 
     def follow(self, found: float, age: float) -> bool:
         """Take the period, s, of the past after so many s of motion; whether another one is used from now on."""

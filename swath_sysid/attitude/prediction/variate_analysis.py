@@ -24,8 +24,8 @@ _LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
 # third differences as many times their median size are not a craft's motion: a spike, or one record appended to another
 _BREAK = 60.0
 LARGEST_RADIUS = 0.9999
-# regular waves do not die out, and by chance a model of little data grows: at most so much a step is damped away
-_MAX_GROWTH = 1.01
+# waves that have just come grow, and by chance a model of little data does: at most so much a period is damped away
+_MAX_GROWTH = 2.5
 
 
 def identify(
@@ -56,7 +56,7 @@ def identify(
     gram, count = lag_gram(rows, 2 * half)
     width = len(places)
     states = min(states or _STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
-    space = canonical_state_space(gram / count, width, states)
+    space = canonical_state_space(gram / count, width, states, _MAX_GROWTH ** (step / period))
     if space is None:
         return None
     a, k, c, s, prior, from_lags = space
@@ -183,10 +183,12 @@ def lag_gram(rows: np.ndarray, count: int) -> tuple[np.ndarray, int]:
     return gram, int(whole.sum())
 
 
-def canonical_state_space(gram: np.ndarray, width: int, states: int) -> tuple[np.ndarray, ...] | None:
+def canonical_state_space(
+    gram: np.ndarray, width: int, states: int, max_growth: float
+) -> tuple[np.ndarray, ...] | None:
     """The innovations form of C = ``width`` channels from the mean Gram matrix (2 j C, 2 j C), newest lag first.
 
-    ``states``, at most j C, is the number of canonical variates kept.
+    ``states``, at most j C, is the number of canonical variates kept; ``max_growth`` a row is damped away.
     """
     half = gram.shape[0] // 2
     lags = half // width
@@ -221,7 +223,7 @@ def canonical_state_space(gram: np.ndarray, width: int, states: int) -> tuple[np
     a, k = ak[:, :states], ak[:, states:]
     growth = spectral_radius(a) / LARGEST_RADIUS
     a = a / max(growth, 1.0)
-    if growth > _MAX_GROWTH or not spectral_radius(a - k @ c) < LARGEST_RADIUS:
+    if growth > max_growth or not spectral_radius(a - k @ c) < LARGEST_RADIUS:
         return None
     return a, k, c, 0.5 * (s + s.T), 0.5 * (prior + prior.T), from_lags
 
