@@ -6,11 +6,12 @@ import numpy as np
 
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 
-_FIRST_LOOK, _LAST_LOOK = 0.25, 4.0  #: Periods of motion, doubled from look to look; after that as often as the last.
+_FIRST_LOOK = 0.25  #: Periods of motion; doubled from look to look until it is settled, and one from then on.
 _PAST, _BLOCK = 30.0, 2.0  #: Periods that are looked at, and about whose means.
 _LEAST_SAMPLES = 10.0  #: A period; whoever chooses a sensor expects to see the motion.
-#: Relative differences from which another period is taken: at the first looks, at the last of them, and for another sea.
+#: Relative differences from which another period is taken: at first, until it is settled, and for another sea.
 _EARLY, _SETTLED, _OTHER = 0.15, 0.05, 0.4
+_EARLY_PERIODS, _SETTLED_PERIODS = 3.0, 12.0  #: Of motion that each of the first two lasts.
 
 
 def period_of(
@@ -48,16 +49,16 @@ class TimeScale:
 
     def __init__(self) -> None:
         self.period = USUAL_PERIOD  #: s.
-        self._next, self._due = _FIRST_LOOK, math.nan
+        self._begun, self._due = 0.0, math.nan
 
     def expect(self, interval: float) -> None:
         """Before any motion: of a craft for which a sensor has this interval, s."""
         self.period = max(USUAL_PERIOD, _LEAST_SAMPLES * interval)
 
     def is_due(self, age: float) -> bool:
-        """Whether to look again after so many s of motion."""
+        """Whether to look again after so many s of samples."""
         if self._due != self._due:
-            self._due = self._next * self.period
+            self._due = _FIRST_LOOK * self.period
         return age >= self._due
 
     def past(self, age: float) -> tuple[float, float]:
@@ -65,16 +66,21 @@ class TimeScale:
         return min(age, _PAST * self.period), _BLOCK * self.period
 
     def follow(self, found: float, age: float) -> bool:
-        """Take the period, s, of the past after so many s of motion; whether another one is used from now on."""
-        tolerance = _EARLY if self._next < _LAST_LOOK else _SETTLED if age < 2.0 * _LAST_LOOK * self.period else _OTHER
-        if found == found:
-            # less than a period of motion says so much less
-            found = self.period * (found / self.period) ** min(1.0, age / found)
-        is_other = found == found and not 1.0 / (1.0 + tolerance) < found / self.period < 1.0 + tolerance
+        """Take the period, s, of the past after so many s of samples; whether another one is used from now on.
+
+        NaN where nothing moves yet: what is found next is the first of another motion.
+        """
+        first = _FIRST_LOOK * self.period
+        if found != found:
+            self._begun, self._due = age, age + first
+            return False
+        since = max(age - self._begun, first)
+        known = since / self.period
+        tolerance = _EARLY if known < _EARLY_PERIODS else _SETTLED if known < _SETTLED_PERIODS else _OTHER
+        # less than a period of motion says so much less
+        found = self.period * (found / self.period) ** min(1.0, since / found)
+        is_other = not 1.0 / (1.0 + tolerance) < found / self.period < 1.0 + tolerance
         if is_other:
             self.period = found
-        self._next = min(2.0 * self._next, _LAST_LOOK)
-        self._due = (
-            max(2.0 * age, self._next * self.period) if self._next < _LAST_LOOK else age + _LAST_LOOK * self.period
-        )
+        self._due = age + (since if known < _SETTLED_PERIODS else self.period)
         return is_other
