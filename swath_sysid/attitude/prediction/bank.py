@@ -36,7 +36,7 @@ HULL, LIBRARY = 'hull-filter', 'sea-library'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
 CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
 
-CONTRADICTED = 100.0
+CONTRADICTED = 25.0  #: A strain beyond which a candidate knows nothing of the present motion.
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 
