@@ -124,13 +124,13 @@ class Blend:
             setattr(self, name, getattr(other, name)[same].copy())
         self.scale = self._spread[3, 0]
 
-    def renew(self, candidate: int, axis: int | slice = slice(None), among: int | None = None) -> None:
+    def renew(self, candidate: int, axis: int | slice, among: Sequence[int]) -> None:
         """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one.
 
-        It may then be nearly as good as the best of the first candidates, ``among`` so many.
+        It may then be nearly as good as the best of those ``among`` which it belongs.
         """
         square = self.mean_square[..., axis]
-        square[candidate] = np.minimum(square[candidate], UNPROVEN * square[:among].min(axis=0))
+        square[candidate] = np.minimum(square[candidate], UNPROVEN * square[among].min(axis=0))
 
     def skip(self, count: int) -> None:
         """Pass over ``count`` rows without readings or forecasts."""

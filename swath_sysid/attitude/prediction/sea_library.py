@@ -15,7 +15,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
-from swath_sysid.attitude.prediction.state_space import cubic_weights
+from swath_sysid.attitude.prediction.state_space import CONTRADICTED, STRAIN_TIME, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 
 MEMBERS = 256
@@ -123,7 +123,7 @@ class AxisSeas:
 
     def __init__(self, rows: float, stride: int, nodes: int, rated: bool) -> None:
         self.rated, self._stride, self._nodes = rated, stride, nodes
-        self._forget = 1.0 / (MEMORY * rows * stride)
+        self._rate, self.strain = 1.0 / (rows * stride), 1.0
         self._predictors = predictors(rows, rated)
         self._alive, self._copied = np.arange(MEMBERS), 0
         self._read, self._white = self._predictors.read, self._predictors.white
@@ -167,13 +167,16 @@ class AxisSeas:
     def _score(self, reading: Sequence[float]):
         """Compare a row with what was forecast for it a stride ago; rows of all strides count as one."""
         mean, (angle, crossed, rate) = (values.T for values in self._issued.popleft())
-        error = reading[0] - mean[0]
+        error, size = reading[0] - mean[0], self._square / self._count
         square, log = error**2 / angle, np.log(angle)
         if self.rated:
             left = rate - crossed**2 / angle
             square += (reading[1] - mean[1] - crossed / angle * error) ** 2 / left
             log += np.log(left)
-        keep = 1.0 - self._forget
+        # by the member that explains it best
+        least = float((square / np.maximum(size, LEAST_SIZE**2)).min()) / len(reading)
+        self.strain += min(1.0, self._rate / STRAIN_TIME) * (least - self.strain)
+        keep = 1.0 - self._rate / MEMORY
         self._square = keep * self._square + square / self._stride
         self._log = keep * self._log - 0.5 * log / self._stride
         self._count = keep * self._count + len(reading) / self._stride
@@ -221,8 +224,17 @@ class SeaLibrary:
                     axis.restart()
                 continue
             if axis is None or axis.rated != rated:
-                axis = self._axes[place] = AxisSeas(self._rows, self._stride, self._furthest + 4, rated)
-            axis.step([angle, rate] if rated else [angle])
+                axis = self._axes[place] = self._begun(rated)
+            reading, before = [angle, rate] if rated else [angle], list(axis.past)[:1]
+            axis.step(reading)
+            if axis.strain > CONTRADICTED:
+                # another motion, of which the newest rows are all that is known
+                axis = self._axes[place] = self._begun(rated)
+                for each in (*before, reading):
+                    axis.step(each)
+
+    def _begun(self, rated: bool):
+        return AxisSeas(self._rows, self._stride, self._furthest + 4, rated)
 
     def skip(self, count: int) -> None:
         """Step over ``count`` missing rows."""
