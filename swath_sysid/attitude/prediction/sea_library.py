@@ -41,6 +41,7 @@ TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any memb
 #: Rows ahead, of the library's own, after which a forecast is the level; a member of less relative weight is dropped.
 FURTHEST, LEAST_WEIGHT = 28, 1e-3
 
+_LARGEST = 4.0 * CONTRADICTED
 _SAME_PERIOD = 1.2  #: Ratio between the numbers of rows in a period for which there are predictors.
 
 
@@ -173,9 +174,9 @@ class AxisSeas:
             left = rate - crossed**2 / angle
             square += (reading[1] - mean[1] - crossed / angle * error) ** 2 / left
             log += np.log(left)
-        # by the member that explains it best
+        # by the member that explains it best; one row alone may be wrong
         least = float((square / np.maximum(size, LEAST_SIZE**2)).min()) / len(reading)
-        self.strain += min(1.0, self._rate / STRAIN_TIME) * (least - self.strain)
+        self.strain += min(1.0, self._rate / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
         keep = 1.0 - self._rate / MEMORY
         self._square = keep * self._square + square / self._stride
         self._log = keep * self._log - 0.5 * log / self._stride
