@@ -198,7 +198,9 @@ class Bank:
                 covariance[hull, :, place::2, place::2] = spread + np.diag(axis.noise)
         for name, candidate in self._on_rows.items():
             mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
-        strained = {self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > HEALTHY_STRAIN}
+        strained = {
+            self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > HEALTHY_STRAIN
+        }
         if strained:
             trusted = self._hull_is_trusted()
             for place, strain in strained.items():

@@ -363,6 +363,8 @@ class Forecaster:
         if self._time < self._refit_due or self._time - self._rows_begun < s.first_refit * self._clock.period:
             return None
         self._refit_due = self._time + self._interval_of_refits(s.refit_interval)
+        if self._time < self._sea_state_due < self._refit_due:
+            self._refit_due = self._sea_state_due
         past = self._past().copy()
         return SeaRequest(
             self._time,

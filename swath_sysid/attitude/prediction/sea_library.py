@@ -90,7 +90,9 @@ class Predictors:
         # by the kind of a reading, the rows to a later value plus one, member, and the value's kind
         self._covariance = np.array([[angles + sea.level, -crossed], [crossed, rates]]).transpose(0, 2, 3, 1)
         self._level = np.stack([sea.level, np.zeros(MEMBERS)])
-        self.own = np.stack([1.0 + sea.level, rates[1]], axis=1)  #: (M, 2); variances of angle and rate, and of readings.
+        self.own = np.stack(
+            [1.0 + sea.level, rates[1]], axis=1
+        )  #: (M, 2); variances of angle and rate, and of readings.
         self.read = self.own + sea.noise * np.stack([np.ones(MEMBERS), rates[1]], axis=1)
         self.white = np.zeros((MAX_LAGS, MEMBERS, MAX_LAGS + 2 * (1 + self._nodes)))
         self._known = 0
