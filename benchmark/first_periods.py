@@ -1,12 +1,12 @@
-"""Forecasts in the first periods of motion, by the periods since the first sample, from many starts of measured records.
+"""Forecasts in the first periods of motion, by the periods since the first sample, from many starts of records.
 
     OMP_NUM_THREADS=1 python benchmark/first_periods.py
     OMP_NUM_THREADS=1 python benchmark/first_periods.py morro minute --time 0.1
 
 For each axis and span: root mean square error over the standard deviation of the motion, the same of the running mean,
-and how often the 90 % intervals held. Leads are multiples of a fourteenth of a period, in whole samples. `minute` scores
-20 to 90 s of ships at 1 Hz against regressions, `flume` a model in regular waves that grow out of calm water. Records
-are read from the folder that SWATH_SYSID_DATA names and from `field` beside it.
+and how often the 90 % intervals held. Leads are multiples of a fourteenth of a period, in whole samples. `minute`
+scores 20 to 90 s of ships at 1 Hz against regressions, `flume` a model in regular waves that grow out of calm water.
+Records are read from the folder that SWATH_SYSID_DATA names and from `field` beside it.
 """
 
 import argparse

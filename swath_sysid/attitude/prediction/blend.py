@@ -17,8 +17,8 @@ _TRUST = 1.6
 UNPROVEN = 1.25
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.32
-# periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise is:
-# while a motion grows, all forecasts are too sure
+# periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise
+# is: while a motion grows, all forecasts are too sure
 _RECENT, _SURPRISING = 1.0, 4.0
 # the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
 # sensor's noise; and that of the candidates' own is at least this share of what they claim

@@ -76,8 +76,8 @@ def seas() -> Seas:
 class Predictors:
     """What the members forecast from readings, newest first: the angle or, in turn, angle and rate.
 
-    Rates are in units of the angle, times the period over 2 pi. Values ahead are angle and rate at each node: the level,
-    the row before the newest, the newest, and those ahead. With L L' the covariance of the readings, ``white``
+    Rates are in units of the angle, times the period over 2 pi. Values ahead are angle and rate at each node: the
+    level, the row before the newest, the newest, and those ahead. With L L' the covariance of the readings, ``white``
     (N, M, N + T) is [L^-1 | L^-1 cov(readings, values ahead)], of which the first rows are those of fewer readings.
     """
 
