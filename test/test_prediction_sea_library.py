@@ -10,7 +10,7 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction import sea_library
 from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.sea_library import SeaLibrary, TEMPER, seas
+from swath_sysid.attitude.prediction.sea_library import TEMPER, SeaLibrary, seas
 from swath_sysid.pipeline.record_run import run_through
 
 STEPS = np.array([1, 2, 5, 11])
@@ -84,7 +84,10 @@ def test_it_is_the_mixture_of_processes_weighted_by_the_likelihood_of_all_rows(r
 
 @settings(max_examples=10, deadline=None)
 @given(
-    factor=st.sampled_from([0.1, 4.0]), sign=st.sampled_from([-1.0, 1.0]), unit=st.floats(0.5, 20.0), seed=st.integers(0, 9)
+    factor=st.sampled_from([0.1, 4.0]),
+    sign=st.sampled_from([-1.0, 1.0]),
+    unit=st.floats(0.5, 20.0),
+    seed=st.integers(0, 9),
 )
 def test_time_sign_and_unit_change_nothing_else(factor, sign, unit, seed):
     rows = _waves(30, 0.2, 3.0, seed)
@@ -121,7 +124,9 @@ def test_no_forecast_is_wilder_than_the_motion(seed, count, level, noise):
     rows[:, :2] += level
     library = _followed(rows)
     mean, covariance = library.forecast(np.arange(0.2, 12.0, 0.4))
-    size = np.maximum(np.sqrt((rows[:, :2] ** 2).mean(axis=0) + (rows[:, 2:] * 0.5) ** 2), np.abs(rows[-1, :2])).max(axis=0)
+    size = np.maximum(np.sqrt((rows[:, :2] ** 2).mean(axis=0) + (rows[:, 2:] * 0.5) ** 2), np.abs(rows[-1, :2])).max(
+        axis=0
+    )
     assert (np.sqrt(covariance[:, [0, 1], [0, 1]]) < 3.0 * size).all()
     assert (np.abs(mean[:, :2]) < 3.0 * size).all()
     assert (np.linalg.eigvalsh(covariance) > -1e-12).all()
@@ -161,4 +166,3 @@ def test_the_second_sample_of_a_stream_and_of_one_after_a_break_has_a_forecast(r
     again = steps[int(np.argmax(stamps > time[40]))].forecast
     assert np.isfinite(again.mean[:, :2]).all()
     assert (again.deviation[:, :2] < 3.0 * rows[:, :2].std(axis=0) + np.abs(rows[41, :2])).all()
-
