@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from swath_sysid.attitude.motion import intake
 from swath_sysid.attitude.motion import stamps as reasons_of
 from swath_sysid.attitude.motion.attitude import Installation
-from swath_sysid.attitude.motion.intake import ImuReading, convert
+from swath_sysid.attitude.motion.intake import ImuReading, Intake, convert
 from swath_sysid.attitude.motion.stamps import StampOrder, StampSettings
 from swath_sysid.attitude.motion.window import (
     COLUMNS,
@@ -161,6 +161,68 @@ def test_of_two_publishers_the_one_ahead_is_followed(behind):
     kept, counts, _ = place_all(stamps)
     assert all(index % 2 == 0 for index in kept) and len(kept) == 300
     assert set(counts) == {reasons_of.OUT_OF_ORDER}
+
+
+@pytest.mark.parametrize('rate', [1, 25, 400])
+def test_a_stamp_that_jitter_sets_back_is_kept_one_nanosecond_after_the_one_before(rate):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        count = 2000
+        stamps = even(rate, count / rate) + np.int64(rng.uniform(-0.6, 0.6, count) / rate * 1e9)
+        order = StampOrder(StampSettings(backward_jump=10.0, gap_limit=10.0))
+        placed = [order.place(stamp) for stamp in stamps.tolist()]
+        # after as many as show the jitter
+        newest, set_back = 0, 0
+        for number, (stamp, each) in enumerate(zip(stamps.tolist(), placed, strict=True)):
+            if number > 200:
+                # what the tracked interval makes of it leaves nothing out
+                assert each.kept and set(each.reasons) <= {reasons_of.RATE_CHANGED, reasons_of.GAP}
+                assert each.stamp_ns == max(stamp, newest + 1)
+                set_back += stamp < newest
+            newest = each.stamp_ns if each.kept else newest
+        # of two neighbours, one in seventy: 0.2^2 / 2 of 1.2^2
+        assert set_back > 0.005 * count
+
+
+def test_the_sample_of_a_stamp_that_is_set_back_has_the_later_one():
+    rng = np.random.default_rng(0)
+    stamps = even(50, 20) + np.int64(rng.uniform(-0.6, 0.6, 1000) / 50 * 1e9)
+    readings = [reading(stamp, roll=1e-4 * number) for number, stamp in enumerate(stamps.tolist())]
+    of_messages, of_record = Intake(STRAIGHT, StampSettings()), Intake(STRAIGHT, StampSettings())
+    taken = [of_messages.take(one) for one in readings]
+    placed = [of_record.place(convert(one, STRAIGHT).sample) for one in readings]
+    for each_taken in (taken, placed):
+        kept = [each.sample for each in each_taken if each.sample is not None]
+        found = np.array([sample.stamp_ns for sample in kept])
+        assert (np.diff(found) > 0).all() and (np.diff(found) == 1).any()
+        # what was measured is that of its own message
+        assert [sample.roll for sample in kept[-700:]] == pytest.approx(1e-4 * np.arange(300, 1000))
+
+
+@pytest.mark.parametrize('jitter', [0.0, 0.03])
+@pytest.mark.parametrize('share', [0.01, 0.2])
+def test_of_swapped_neighbours_on_a_clean_clock_the_late_one_is_left_out(share, jitter):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        places, swapped = np.arange(4000), []
+        for place in range(100, 3998, 2):
+            if rng.uniform() < share:
+                places[[place, place + 1]] = places[[place + 1, place]]
+                swapped.append(place + 1)
+        stamps = even(50, 80) + np.int64(rng.uniform(-jitter, jitter, 4000) / 50 * 1e9)
+        kept, counts, order = place_all(stamps[places])
+        assert set(range(4000)) - set(kept) == set(swapped) and counts == {reasons_of.OUT_OF_ORDER: len(swapped)}
+        assert order.interval == pytest.approx(0.02, rel=0.1)
+
+
+def test_a_stamp_that_is_further_back_than_jitter_is_late_on_a_jittery_clock_also():
+    rng = np.random.default_rng(4)
+    stamps = even(50, 20) + np.int64(rng.uniform(-0.6, 0.6, 1000) / 50 * 1e9)
+    late = np.arange(300, 1000, 50)
+    stamps[late] = stamps[late - 5] + 1
+    kept, counts, _ = place_all(stamps)
+    assert counts[reasons_of.OUT_OF_ORDER] >= late.size and not set(late) & set(kept)
+    assert len(kept) >= 1000 - late.size - 20
 
 
 @pytest.mark.parametrize('rate', [10, 25, 400, 1000])

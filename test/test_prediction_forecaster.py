@@ -136,6 +136,46 @@ def test_after_lost_samples_the_forecast_is_that_of_a_whole_record(run_on, stead
     assert len(after) >= 3 and (ratio[1:] < 1.3).all(), ratio
 
 
+def counted(time, stamps):
+    """The counts of a pipeline after samples with these stamps, without the forecasts."""
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=SETTINGS))
+    for sample in SEA.samples(time, EPOCH + stamps):
+        pipeline.begin(pipeline.intake.place(sample))
+    return {reason: count for reason, count in pipeline.counts.items() if count}
+
+
+@pytest.mark.parametrize('rate', [10.0, 50.0])
+def test_what_is_lost_is_counted_exactly(rate):
+    """One in twenty at random, of a clock whose stamps jitter by a twentieth of an interval."""
+    time = clock(rate, 2000.0 / rate)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        is_lost = rng.uniform(size=time.size) < 0.05
+        # not the first two, of which the interval is guessed, nor the last, which nothing follows
+        is_lost[[0, 1, 2, -1]] = False
+        kept = time[~is_lost]
+        counts = counted(kept, kept + rng.uniform(-0.05, 0.05, kept.size) / rate)
+        assert counts.get('lost-sample') == is_lost.sum()
+
+
+@pytest.mark.parametrize('rate', [10.0, 50.0])
+def test_a_swapped_neighbour_comes_late_and_is_not_lost(rate):
+    """Of a fifth of the samples."""
+    time = clock(rate, 2000.0 / rate)
+    for seed in range(3):
+        rng, places = np.random.default_rng(seed), np.arange(time.size)
+        swapped = np.flatnonzero(rng.uniform(size=time.size // 2 - 10) < 0.2) * 2 + 10
+        places[swapped], places[swapped + 1] = swapped + 1, swapped
+        assert counted(time[places], time[places]) == {'out-of-order': swapped.size}
+
+
+def test_a_stamp_that_is_late_by_most_of_an_interval_is_none_lost():
+    """One in twenty comes with the next one: of a clock that is known, none of the two is lost."""
+    rng, time = np.random.default_rng(0), clock(50.0, 40.0)
+    late = np.where((rng.uniform(size=time.size) < 0.05) & (np.arange(time.size) > 100), 0.9 * 0.02, 0.0)
+    assert counted(time, time + late) == {}
+
+
 @pytest.mark.parametrize('shift', [20.0, 31536000.0, -1000.0])
 def test_half_a_minute_after_the_clock_was_set_the_forecast_is_as_good_as_before(run_on, steady, shift):
     steps = run_on(SEA.samples(TIME, EPOCH + shift + TIME))

@@ -105,6 +105,22 @@ def test_filtered_motion_takes_the_part_of_a_smoothed_one_and_the_rest_is_smooth
     assert np.isnan(channels[:, CHANNELS.index('heave')]).all()
 
 
+@pytest.mark.parametrize('missing', [('roll_rate',), ('pitch', 'pitch_rate'), ('roll',)])
+def test_what_is_not_measured_is_no_channel_though_a_filter_knows_it(missing):
+    clock = RowClock()
+    rows = rows_of(
+        clock,
+        clock_ticks(100.0, 500),
+        filtered=((0.7, -0.3), (0.2, 0.4)),
+        change=lambda sample: sample._replace(**dict.fromkeys(missing, math.nan)),
+    )
+    assert clock.is_smoothed
+    channels = values_of(rows, OF_CHANNELS)
+    for name, value in (('roll', 0.7), ('roll_rate', -0.3), ('pitch', 0.2), ('pitch_rate', 0.4)):
+        found = channels[:, CHANNELS.index(name)]
+        assert np.isnan(found).all() if name in missing else (found == value).all()
+
+
 # -- lost samples
 
 
@@ -139,6 +155,24 @@ def test_what_has_no_rate_is_filled_by_a_line_for_a_short_time(rate):
     whole, filled = (rows_of(RowClock(), each) for each in (times, kept))
     ramps = [values_of(rows, OF_CHANNELS)[:, CHANNELS.index('accel_x')] for rows in (whole, filled)]
     np.testing.assert_allclose(ramps[1], ramps[0], atol=1e-9)
+
+
+@pytest.mark.parametrize('rate', [30.0, 200.0])
+def test_what_has_no_rate_is_not_known_over_a_longer_loss_and_angles_are(rate):
+    times = clock_ticks(rate, round(4.0 * rate))
+    lost = math.ceil(1.3 * LONGEST_LINEAR * USUAL_PERIOD * rate)
+    begin = round(2.0 * rate)
+    clock = RowClock()
+    rows = rows_of(clock, np.delete(times, np.arange(begin, begin + lost)), change=lambda s: s._replace(yaw_rate=1.0))
+    at, channels = np.array([time for time, _ in rows]), values_of(rows, OF_CHANNELS)
+    during = (at > times[begin - 1] + 1e-6) & (at < times[begin + lost] - 1e-6)
+    assert during.any() and np.diff(at) == pytest.approx(clock.step)
+    assert np.isfinite(channels[:, :4]).all() and np.isfinite(values_of(rows, OF_SAMPLE)).all()
+    for name in ('yaw_rate', 'accel_x', 'accel_z'):
+        np.testing.assert_array_equal(np.isnan(channels[:, CHANNELS.index(name)]), during)
+    # what was smoothed before is no part of what comes after
+    ramp = channels[:, CHANNELS.index('accel_x')][at > times[begin + lost] - 1e-6]
+    assert (ramp >= times[begin + lost] - 1e-6).all()
 
 
 @given(degree=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), lost=st.integers(1, 5))
@@ -199,6 +233,30 @@ def test_samples_lost_at_random_are_counted_exactly(share, jitter):
         assert clock.interval == pytest.approx(0.02, rel=2e-3)
 
 
+@pytest.mark.parametrize('share', [0.0, 0.1, 0.3])
+def test_the_first_interval_is_known_though_samples_are_lost_from_the_beginning(share):
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        kept = np.flatnonzero(rng.uniform(size=200) > share)
+        clock, intervals = SampleClock(), []
+        for elapsed in 0.02 * np.diff(kept):
+            clock.follow(elapsed)
+            intervals.append(clock.interval)
+        # once most are whole; the loop begins at a tick that may be of two
+        assert np.array(intervals[10:]) == pytest.approx(0.02, rel=5e-3 if share else 1e-9)
+
+
+def test_stamps_in_whole_milliseconds_give_an_interval_between_them():
+    """Of 33, 33 and 34 ms, of which the median is 33."""
+    stamps = np.round(1e3 * np.arange(52) / 30.0) / 1e3
+    clock = SampleClock()
+    for count, elapsed in enumerate(np.diff(stamps), 1):
+        clock.follow(elapsed)
+        # a rounding at either end, over so many
+        assert abs(clock.interval * 30.0 - 1.0) < 0.03 / count + 1e-3
+    assert np.median(np.diff(stamps)) == pytest.approx(0.033)
+
+
 # -- stamps
 
 
@@ -220,6 +278,41 @@ def test_jitter_of_stamps_is_smoothed(kind):
         assert steps.std() < 0.15 * np.diff(stamps).std()
         if kind == 'white':
             assert {each.intervals for each in sampled} == {1}
+
+
+@pytest.mark.parametrize('late', [0.6, 0.9])
+def test_a_sample_that_comes_with_the_next_one_is_none_lost_and_time_goes_on(late):
+    """Every fifth on average is late by so much of an interval: then two ticks pass at once, and none."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        delay = np.where(rng.uniform(size=4000) < 0.2, late, 0.0)
+        stamps = 0.02 * (np.arange(4000) + delay)
+        clock = SampleClock()
+        sampled = [clock.follow(elapsed) for elapsed in np.diff(stamps)]
+        assert all(each.elapsed > 0.0 for each in sampled)
+        intervals = np.array([each.intervals for each in sampled])
+        assert intervals.min() >= 0
+        assert abs(intervals[60:].sum() - intervals[60:].size) <= 1
+        told = np.cumsum([each.elapsed for each in sampled])
+        error = (told - 0.02 * np.arange(1, 4000))[500:] / 0.02
+        assert np.abs(error).max() < 1.0 and abs(clock.interval / 0.02 - 1.0) < 5e-3
+
+
+def test_no_row_comes_of_a_sample_within_the_same_interval():
+    for rate in (10.0, 100.0):
+        clock, times = RowClock(), clock_ticks(rate, 400)
+        rows_of(clock, times)
+        before, end = clock.since_row, times[-1]
+        assert clock.take(sample_at(end + 0.1 / rate), Sampled(0.1 / rate, 0), (None, None)) == []
+        assert clock.since_row == before
+        # the rows go on as if it had not come
+        rows = []
+        for place in range(1, 2 * clock.samples + 1):
+            rows += clock.take(sample_at(end + place / rate), Sampled(1.0 / rate, 1), (None, None))
+        assert len(rows) == 2
+        assert [row[OF_SAMPLE] for _, row in rows][-1] == pytest.approx(
+            motion(np.array(end + (2 * clock.samples - before * rate) / rate)).tolist()
+        )
 
 
 @pytest.mark.parametrize('drift', [-1e-2, 1e-3, 2e-2])

@@ -31,12 +31,13 @@ def _followed(rows, step=0.2, period=3.0, steps=STEPS):
     return library
 
 
-def _process(member, times, kinds, ahead, rows):
-    """Unit covariance of the readings at times, rows, of these kinds, and with angle and rate ``ahead`` rows later.
+def _process(member, shape, ahead, rows):
+    """Unit covariance of so many (rows, readings) and with angle and rate ``ahead`` rows after the newest.
 
     From the lines of the spectrum as a linear combination of independent unit sines and cosines.
     """
-    sea = seas()
+    sea, (count, kinds) = seas(), shape
+    times, kinds = np.repeat(np.arange(count), kinds), np.tile(np.arange(kinds), count)
     w, root = 2.0 * np.pi * sea.frequency / rows, np.sqrt(sea.power[member])
 
     def features(time, kind):
@@ -46,31 +47,50 @@ def _process(member, times, kinds, ahead, rows):
         return np.append(np.tile(root, 2) * lines, 0.0 if kind else np.sqrt(sea.level[member]))
 
     read = np.array([features(time, kind) for time, kind in zip(times, kinds, strict=True)])
-    wanted = np.array([features(ahead, kind) for kind in (0, 1)])
+    wanted = np.array([features(count - 1.0 + ahead, kind) for kind in (0, 1)])
     own = np.array([1.0, np.sum((sea.frequency * root) ** 2)])
     noise = sea.noise[member] * own
     return read @ read.T + np.diag(noise[kinds]), read @ wanted.T, wanted @ wanted.T + np.diag(noise)
 
 
+@pytest.mark.parametrize(('step', 'count'), [(0.2, 9), (0.05, 24)])
 @pytest.mark.parametrize('rated', [False, True])
-def test_it_is_the_mixture_of_processes_weighted_by_the_likelihood_of_all_rows(rated, monkeypatch):
-    """Each process is solved by Cholesky's method; the size's part of the likelihood is its maximum over sizes."""
+def test_it_is_the_mixture_of_processes_weighted_by_the_likelihood_of_all_rows(rated, step, count, monkeypatch):
+    """Each process is solved by Cholesky's method; the size's part of the likelihood is its maximum over sizes.
+
+    What a row has shown, given those before it, is forgotten with a memory of so many periods. Rows of every stride
+    have a process of their own, and count as one.
+    """
     monkeypatch.setattr(sea_library, 'LEAST_WEIGHT', 0.0)
-    rows = _waves(9, 0.2, 3.0)
+    rows = _waves(count, step, 3.0)
     rows[:, 2:] = rows[:, 2:] if rated else np.nan
-    library = _followed(rows)
-    a_period, unit = library._rows, library._unit
-    kinds = np.tile([0, 1], 9) if rated else np.zeros(9, dtype=int)
-    times = np.repeat(np.arange(9.0), 2 if rated else 1)
-    reading = np.column_stack([rows[:, 0], rows[:, 2] * unit]).ravel() if rated else rows[:, 0]
-    score, size, means, covariances = [], [], [], []
+    lead = 4
+    library = _followed(rows, step, steps=np.array([1, lead, 8]))
+    a_period, unit, stride = library._rows, library._unit, library._stride
+    assert stride == round(0.2 / step)
+    read = 2 if rated else 1
+    values = np.column_stack([rows[:, 0], rows[:, 2] * unit])[:, :read]
+    kept = 1.0 - 1.0 / (sea_library.MEMORY * a_period * stride)
+    memory, at_rest = kept ** np.arange(count - 1, -1, -1), kept**count
+    size, score, means, covariances = [], [], [], []
     for member in range(sea_library.MEMBERS):
-        gram, across, ahead = _process(member, times, kinds, 8.0 + STEPS[2], a_period)
+        square, log, known = at_rest * LEAST_SIZE**2, 0.0, 2.0 * at_rest
+        for first in range(stride):
+            own = values[first::stride]
+            factor = np.linalg.cholesky(_process(member, own.shape, 0.0, a_period)[0])
+            # the innovations of the readings, each in units of its deviation
+            white = np.linalg.solve(factor, own.ravel()).reshape(own.shape)
+            weight = memory[first::stride] / stride
+            square += weight @ (white**2).sum(axis=1)
+            log -= weight @ np.log(np.diag(factor)).reshape(own.shape).sum(axis=1)
+            known += weight.sum() * read
+        own = values[(count - 1) % stride :: stride]
+        gram, across, wanted = _process(member, own.shape, lead / stride, a_period)
         factor = cho_factor(gram, lower=True)
-        size.append((reading @ cho_solve(factor, reading) + LEAST_SIZE**2) / (reading.size + 2.0))
-        score.append(-np.log(np.diag(factor[0])).sum() - 0.5 * (reading.size + 2.0) * np.log(size[-1]))
-        means.append(across.T @ cho_solve(factor, reading))
-        covariances.append(ahead - across.T @ cho_solve(factor, across))
+        size.append(square / known)
+        score.append(log - 0.5 * known * np.log(size[-1]))
+        means.append(across.T @ cho_solve(factor, own.ravel()))
+        covariances.append(wanted - across.T @ cho_solve(factor, across))
     weight = np.exp(TEMPER * (np.array(score) - max(score)))
     weight /= weight.sum()
     mean = weight @ np.array(means)
@@ -78,8 +98,8 @@ def test_it_is_the_mixture_of_processes_weighted_by_the_likelihood_of_all_rows(r
     covariance = np.einsum('m,m,mpq->pq', weight, size, covariances) + np.einsum('m,mp,mq->pq', weight, apart, apart)
     ours, spread = library.forecast(None)
     per_unit = np.diag([1.0, 1.0 / unit])
-    assert ours[2, ::2] == pytest.approx(per_unit @ mean, rel=1e-6)
-    assert spread[2, ::2, ::2] == pytest.approx(per_unit @ covariance @ per_unit, rel=1e-6)
+    assert ours[1, ::2] == pytest.approx(per_unit @ mean, rel=1e-6)
+    assert spread[1, ::2, ::2] == pytest.approx(per_unit @ covariance @ per_unit, rel=1e-6)
 
 
 @settings(max_examples=10, deadline=None)
@@ -103,16 +123,17 @@ def test_time_sign_and_unit_change_nothing_else(factor, sign, unit, seed):
 @pytest.mark.parametrize(('step', 'count'), [(0.05, 240), (0.1, 120), (0.2, 60), (0.6, 20)])
 def test_four_periods_show_the_waves_at_any_rate_of_rows(step, count):
     """Two waves of which the past shows all; from 60 to 5 rows a period, with and without rates."""
-    leads = np.array([0.4, 0.8])
-    rows = np.column_stack([_waves(count + 40, step, 3.0, seed)[:, [0, 2]] for seed in (1, 2)])[:, [0, 2, 1, 3]]
+    leads, fine = np.array([0.4, 0.8]), round(step / 0.05)
+    motion = np.column_stack([_waves((count + 20) * fine, 0.05, 3.0, seed)[:, [0, 2]] for seed in (1, 2)])
+    motion = motion[:, [0, 2, 1, 3]]
+    rows, size = motion[::fine], motion[:, :2].std(axis=0)
+    truth = motion[(count - 1) * fine + np.round(leads / 0.05).astype(int), :2]
     for known in (rows, np.where([True, True, False, False], rows, np.nan)):
         library = _followed(known[:count], step, steps=np.array([1, round(1.0 / step)]))
         mean, covariance = library.forecast(leads)
-        time = step * np.arange(len(rows))
-        truth = np.array([np.interp(time[count - 1] + leads, time, angle) for angle in rows[:, :2].T]).T
-        error = np.abs(mean[:, :2] - truth) / rows[:, :2].std(axis=0)
-        assert (error < [[0.25], [0.5]]).all()
-        assert (error * rows[:, :2].std(axis=0) < 4.0 * np.sqrt(covariance[:, [0, 1], [0, 1]])).all()
+        error = np.abs(mean[:, :2] - truth)
+        assert (error / size < [[0.25], [0.5]]).all()
+        assert (error < 4.0 * np.sqrt(covariance[:, [0, 1], [0, 1]])).all()
 
 
 @settings(max_examples=15, deadline=None)
@@ -166,3 +187,23 @@ def test_the_second_sample_of_a_stream_and_of_one_after_a_break_has_a_forecast(r
     again = steps[int(np.argmax(stamps > time[40]))].forecast
     assert np.isfinite(again.mean[:, :2]).all()
     assert (again.deviation[:, :2] < 3.0 * rows[:, :2].std(axis=0) + np.abs(rows[41, :2])).all()
+
+
+@pytest.mark.parametrize('period', [3.0, 12.0])
+def test_four_memories_after_waves_have_faded_the_forecast_is_as_sure_as_if_they_had_always_been_small(period):
+    """To a third within six periods; of nine times the variance, a sixth of one is left."""
+    step = period / 15.0
+    memory = round(sea_library.MEMORY * 15.0)
+    time = step * (np.arange(5 * memory + 90) - memory)
+    part = np.clip(time / (6.0 * period), 0.0, 1.0)
+    envelope = 1.0 - np.sin(0.5 * np.pi * part) ** 2 * 2.0 / 3.0
+    slope = -np.pi / (18.0 * period) * np.sin(np.pi * part)
+    waves = _waves(time.size, step, period)
+    faded = waves * envelope[:, None]
+    faded[:, 2:] += slope[:, None] * waves[:, :2]
+    noise = np.random.default_rng(0).normal(0.0, 0.001, waves.shape) * [1.0, 1.0, 6.0 / period, 6.0 / period]
+    sizes = []
+    for rows in (faded + noise, waves / 3.0 + noise):
+        _, covariance = _followed(rows, step, period).forecast(None)
+        sizes.append(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
+    assert (sizes[0] < 1.1 * sizes[1]).all() and (sizes[0] > 0.9 * sizes[1]).all()

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy.linalg import expm
 
 from swath_sysid.attitude.prediction import variate_analysis as analysis
-from swath_sysid.attitude.prediction.bank import angle_statistics, oscillators
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.time_scale import period_of
@@ -193,7 +191,7 @@ def test_a_spike_and_a_join_are_missing_rows_and_the_steps_of_a_coarse_sensor_ar
 def _nrmse(values, names, start, stop, leads, step):
     """Identified on the past, once a minute, with forecasts at every row."""
     errors, angles = [], values[:start, :2]
-    period = period_of(angles, np.full_like(angles, np.nan), step, np.zeros(2), np.zeros(2))
+    period = period_of(angles, np.full_like(angles, np.nan), step, np.zeros(2), np.zeros(2), start)
     for t in range(start, stop):
         if (t - start) % round(60.0 / step) == 0:
             past = values[t - round(30.0 / step) : t]
@@ -220,26 +218,51 @@ def test_a_buoy_and_a_ship_at_one_hertz_are_forecast_as_measured(data_folder):
     assert (nrmse.T < [[0.142, 0.365, 0.54, 0.705], [0.086, 0.236, 0.315, 0.485]]).all()
 
 
-def test_an_oscillator_forecasts_as_its_equation_says():
-    """Against the matrix exponential of x'' = -w^2 x - 2 z w x', from the newest angle and rate."""
-    w, time, both = 1.7, np.arange(0.0, 300.0, STEP), ('roll', 'roll_rate')
-    values = np.column_stack([0.1 * np.sin(w * time) + 0.02, 0.1 * w * np.cos(w * time)])
-    mean, deviation, frequency = angle_statistics(*values.T, STEP, PERIOD)
-    assert (mean, deviation, frequency) == pytest.approx((0.02, 0.1 / np.sqrt(2.0), w), rel=0.03)
-    ours = _filter(oscillators(values, both, STEP, PERIOD, NAMES), values, both, 5.0)
-    drift = np.array([[0.0, 1.0], [-(frequency**2), -0.8 * frequency]])
-    for lead in (0.1, 1.0, 5.0):
-        wanted = expm(drift * lead) @ (values[-1] - [mean, 0.0]) + [mean, 0.0]
-        assert ours.forecast([lead])[0][0] == pytest.approx(wanted, abs=1e-6)
+GROWTH = 1.8  #: A period, of waves that have just come.
 
 
-@pytest.mark.parametrize('count', [1, 2, 5])
-def test_the_first_rows_are_enough_for_an_oscillator(count):
-    values = np.column_stack([np.full(count, 0.1), np.full(count, np.nan)])
-    for names in (NAMES, ('roll', 'roll_rate')):
-        mean, covariance = _filter(oscillators(values, names, 1.0, PERIOD, NAMES), values, horizon=5.0).forecast(
-            [1.0, 5.0]
-        )
-        assert (np.abs(mean[:, 0]) <= 0.1).all() and (covariance[:, 0, 0] > 0.0).all()
-        assert np.isnan(mean[:, 1]).all()
-    assert oscillators(np.full((3, 2), np.nan), NAMES, 1.0, PERIOD, NAMES) is None
+@pytest.mark.parametrize('growth', [1.0, GROWTH])
+@pytest.mark.parametrize('step', [0.1, 0.3])
+def test_waves_that_grow_give_a_model_of_their_frequency_that_does_not(growth, step):
+    """With noise that is a hundredth of them at any time."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        # some twelve periods, the last as large as a wave of 0.1 rad
+        time = step * np.arange(round(12.0 * PERIOD / step))
+        w, rate = 2.0 * np.pi / PERIOD, np.log(growth) / PERIOD
+        envelope = 0.1 * np.exp(rate * (time - time[-1]))
+        turn = w * time + np.array([[0.3], [1.4]])
+        angles = envelope * np.cos(turn)
+        rates = rate * angles - w * envelope * np.sin(turn)
+        values = np.vstack([angles, rates]).T
+        values += 0.01 * envelope[:, None] * [1.0, 1.0, w, w] * rng.normal(size=values.shape)
+        names = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
+        for model in (
+            analysis.identify(values, names, step, PERIOD),
+            analysis.identify_alone(values, names, step, PERIOD, NAMES),
+        ):
+            assert model is not None, seed
+            assert analysis.spectral_radius(model.a) < 1.0
+            # that of the mode that fades least
+            modes = np.linalg.eigvals(model.a)
+            slowest = modes[np.abs(modes).argmax()]
+            assert abs(np.angle(slowest)) / step == pytest.approx(w, rel=0.03), seed
+
+
+def test_growth_is_damped_away_up_to_a_limit():
+    """Above it there is no model: one factor on the largest eigenvalue decides."""
+    step, w = 0.1, 2.0 * np.pi / PERIOD
+    time = step * np.arange(2000)
+    for growth in (1.5, 3.0):
+        rate = np.log(growth) / PERIOD
+        envelope = np.exp(rate * (time - time[-1]))
+        noise = 1e-3 * envelope[:, None] * np.random.default_rng(0).normal(size=(2000, 2))
+        values = np.column_stack([envelope * np.cos(w * time), envelope * np.sin(w * time)]) + noise
+        values /= values.std(axis=0)
+        gram, count = analysis.lag_gram(values, 20)
+        found = analysis.canonical_state_space(gram / count, 2, 4, max_growth=1e9)
+        free = analysis.spectral_radius(found[0])
+        assert free <= analysis.LARGEST_RADIUS * (1.0 + 1e-12)
+        for limit, is_model in ((0.99 * growth, False), (1.01 * growth, True)):
+            limited = analysis.canonical_state_space(gram / count, 2, 4, limit ** (step / PERIOD))
+            assert (limited is not None) == is_model, (growth, limit)
