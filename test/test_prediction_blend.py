@@ -91,8 +91,8 @@ def test_a_refitted_candidate_is_not_held_to_what_its_last_model_did():
     blend = _blend()
     _take(blend, [100.0, 1.0], 600)
     before = blend.mean_square[1].copy()
-    blend.renew(0)
-    blend.renew(1)
+    for candidate in (0, 1):
+        blend.renew(candidate, slice(None), [0, 1])
     assert blend.mean_square[0] == pytest.approx(1.25 * before) and blend.mean_square[1] == pytest.approx(before)
 
 

@@ -32,6 +32,8 @@ ORDERS = (60, 40, 20, 10, 5, 2, 1)
 REFIT_INTERVAL = 3.0  #: Periods of the motion.
 ROWS_A_PERIOD = 30.0  #: A slower sensor gives one row per sample.
 EVEN = 1.5  #: Usual intervals between two samples from which one was lost.
+#: Periods that show the period, looked for in so many samples and in a longer past by this factor, and so on.
+FIRST_PERIODS, FEWEST_SAMPLES, LONGER = 2.0, 8, 1.25
 RIDGE = 1e-8  #: Of the coefficients, over the variance of each channel.
 ROWS_A_COEFFICIENT = 8.0
 LONGEST_SEGMENT = 1024  #: Samples that a spectrum is made of.
@@ -60,9 +62,17 @@ class Record:
         return float(intervals[even].mean())
 
     @cached_property
-    def period(self) -> float:
-        """Of the motion, s: one over the mean frequency of the spectra of the angles that it holds."""
-        grid = np.arange(self.time[0], self.time[-1], self.interval)
+    def first_periods(self) -> tuple[float, float]:
+        """Period of the motion, s, by the first periods of the record, and the time when it is known."""
+        begin, end = float(self.time[0]), float(self.time[-1])
+        now = begin + FEWEST_SAMPLES * self.interval
+        while now < end and now - begin < FIRST_PERIODS * self._period_until(now):
+            now = begin + LONGER * (now - begin)
+        return self._period_until(min(now, end)), now
+
+    def _period_until(self, end: float) -> float:
+        """Period of the motion, s: one over the mean frequency of the spectra of the angles up to a time."""
+        grid = np.arange(self.time[0], end, self.interval)
         power = frequency = 0.0
         for place in (self.names.index(axis) for axis in AXES if axis in self.names):
             known = np.isfinite(self.values[:, place])
@@ -165,15 +175,16 @@ def running_regression(
     the first fit and where a lag is missing.
     """
     # forty lags reach more than a period back, whatever the sensor's rate
-    step = record.interval * max(1, round(record.period / (ROWS_A_PERIOD * record.interval)))
+    period, known = record.first_periods
+    step = record.interval * max(1, round(period / (ROWS_A_PERIOD * record.interval)))
     start = float(record.time[0])
     grid = record.at(start + step * np.arange(int((record.time[-1] - start) / step) + 1))
     anchors = record.time[np.maximum(np.searchsorted(record.time, stamps, side='right') - 1, 0)]
     result = np.full((stamps.size, leads.size, len(targets)), np.nan)
     sums = None
-    between = REFIT_INTERVAL * record.period
+    between = REFIT_INTERVAL * period
     refits = start + between * np.arange(1, int((record.time[-1] - start) / between) + 1)
-    for refit in refits:
+    for refit in refits[refits >= known]:
         now = slice(*np.searchsorted(stamps, (refit, refit + between)))
         # a row of the grid may read the sample after it, which must have come by then
         end = int((refit - start - EVEN * record.interval) / step) + 1

@@ -186,7 +186,7 @@ def score(
     if not scored:
         raise InputError(f'no forecast of {name} was issued between {warmup:.0f} and {until:.0f} s: score more of it')
     record, stamps = Record.of(trial), np.array([s.stamp for s in scored])
-    past = window * record.period
+    past = window * record.first_periods[0]
     baselines = baseline_forecasts(record, axes, stamps, leads, past)
     span = start + warmup, start + until + leads[-1]
     results, advice = {}, []

@@ -20,7 +20,7 @@ _ACTIVITY_TIME = 1.6  #: Periods.
 _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over which the variance is averaged.
 
 _THIRD_DIFFERENCE_GAIN = comb(6, 3)  # 1 + 9 + 9 + 1: variance of the third difference of white noise
-#: Periods; time constant with which sizes are forgotten, of errors as of the motion: a shorter one follows wave groups, in
+#: Periods; after which sizes are forgotten, of errors as of the motion: a shorter one follows wave groups, in
 #: which errors grow less than the motion.
 MEMORY_OF_SIZE = 19.0
 
@@ -229,7 +229,7 @@ class NoiseMeter:
 class AgreementMeter:
     """Additional noise variance of a rate that a filter uses as the derivative of an angle.
 
-    Filtered attitude lags behind the gyroscopes, or has a gain, so that over some tenths of a period the angle's change differs
+    Filtered attitude lags behind the gyroscopes, or has a gain: over some tenths of a period the angle's change differs
     from the rate's integral by more than white noise explains.
     """
 

@@ -17,6 +17,7 @@ from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.state_space import (
     BREAK,
+    CONTRADICTED,
     STRAIN_TIME,
     InnovationsFilter,
     InnovationsModel,
@@ -35,8 +36,6 @@ from swath_sysid.common.advice import Advice
 HULL, LIBRARY = 'hull-filter', 'sea-library'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
 CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
-
-CONTRADICTED = 25.0  #: A strain beyond which a candidate knows nothing of the present motion.
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 
@@ -134,7 +133,8 @@ class Bank:
 
     def renew(self, name: str, axis: int | slice = slice(None)) -> None:
         """Judge a candidate with a new model, for an axis or all, as an untried one that knows nothing upstream."""
-        self.blend.renew(self._place[name], axis, len(CANDIDATES))
+        present = [each for each in CANDIDATES if each in self._on_rows]
+        self.blend.renew(self._place[name], axis, [self._place[each] for each in {name, *present}])
 
     def step(self, row: np.ndarray) -> None:
         """Take the next row in every candidate."""
@@ -198,7 +198,9 @@ class Bank:
                 covariance[hull, :, place::2, place::2] = spread + np.diag(axis.noise)
         for name, candidate in self._on_rows.items():
             mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
-        strained = {self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > HEALTHY_STRAIN}
+        strained = {
+            self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > HEALTHY_STRAIN
+        }
         if strained:
             trusted = self._hull_is_trusted()
             for place, strain in strained.items():

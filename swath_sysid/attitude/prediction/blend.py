@@ -17,8 +17,8 @@ _TRUST = 1.6
 UNPROVEN = 1.25
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.32
-# periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise is:
-# while a motion grows, all forecasts are too sure
+# periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise
+# is: while a motion grows, all forecasts are too sure
 _RECENT, _SURPRISING = 1.0, 4.0
 # the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
 # sensor's noise; and that of the candidates' own is at least this share of what they claim
@@ -124,13 +124,13 @@ class Blend:
             setattr(self, name, getattr(other, name)[same].copy())
         self.scale = self._spread[3, 0]
 
-    def renew(self, candidate: int, axis: int | slice = slice(None), among: int | None = None) -> None:
+    def renew(self, candidate: int, axis: int | slice, among: Sequence[int]) -> None:
         """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one.
 
-        It may then be nearly as good as the best of the first candidates, ``among`` so many.
+        It may then be nearly as good as the best of those ``among`` which it belongs.
         """
         square = self.mean_square[..., axis]
-        square[candidate] = np.minimum(square[candidate], UNPROVEN * square[:among].min(axis=0))
+        square[candidate] = np.minimum(square[candidate], UNPROVEN * square[among].min(axis=0))
 
     def skip(self, count: int) -> None:
         """Pass over ``count`` rows without readings or forecasts."""

@@ -25,7 +25,7 @@ MIN_SIGNAL = 1e-3  #: Least spectrum over that of the noise.
 AUTOREGRESSION_SPAN = 3.75  #: Periods of lags.
 
 STATES = 20
-#: Periods; forecasts up to there decide which states are kept; the new filter finds the phase of the waves in as much past.
+#: Periods; forecasts up to there decide which states are kept; a new filter finds the waves' phase in as much past.
 FORECAST_SPAN = 6.25
 DOUBLINGS = 11  #: The filter's covariance is steady after 2048 steps.
 

@@ -282,11 +282,12 @@ class Forecaster:
             self._rows.clear()
             for row in resampled(past, ratio) if len(past) else ():
                 self._rows.append(row)
+            self._upstream.lay_out(self._clock.step, ratio)
             if before != before:
                 self._rows_begun, self._sea_state_due = self._time, self._time + SEA_STATE_INTERVAL
                 if self._clock.samples == 1 and self._first is not None:
                     self._rows.append(self._clock.first(self._first))
-            self._upstream.lay_out(self._clock.step, ratio)
+                    self._upstream.append(self._stamp - self._sampled.elapsed, 1)
             self._begin_rows()
         elif self._bank is not None:
             self._follow_period(self._bank)
@@ -362,6 +363,8 @@ class Forecaster:
         if self._time < self._refit_due or self._time - self._rows_begun < s.first_refit * self._clock.period:
             return None
         self._refit_due = self._time + self._interval_of_refits(s.refit_interval)
+        if self._time < self._sea_state_due < self._refit_due:
+            self._refit_due = self._sea_state_due
         past = self._past().copy()
         return SeaRequest(
             self._time,

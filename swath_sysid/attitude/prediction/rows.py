@@ -28,7 +28,7 @@ OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
 OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
 ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
-#: Periods; what is lost for longer is not known, and of other channels than angles and rates what is longer than a line.
+#: Periods; what is lost for longer is not known, nor of other channels than angles and rates what no line bridges.
 LONGEST_FILLED, LONGEST_LINEAR = 0.2, 0.03
 
 #: Samples per row from which the rows hold filtered values: fewer cannot be smoothed without delay.
@@ -299,7 +299,7 @@ def _between(
 
 
 def resampled(rows: np.ndarray, ratio: float) -> np.ndarray:
-    """Rows (N, C) at steps this many times as long, the newest the same, by cubics; NaN where one of four is missing."""
+    """Rows (N, C) at steps as many times as long, the newest the same, by cubics; NaN where one of four is missing."""
     count = int((len(rows) - 1) / ratio) if len(rows) else 0
     place = len(rows) - 1 - ratio * np.arange(count, -1, -1)
     whole = np.clip(np.floor(place).astype(int), 1, max(len(rows) - 3, 1))

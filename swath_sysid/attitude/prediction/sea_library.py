@@ -15,7 +15,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
-from swath_sysid.attitude.prediction.state_space import cubic_weights
+from swath_sysid.attitude.prediction.state_space import CONTRADICTED, STRAIN_TIME, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 
 MEMBERS = 256
@@ -41,6 +41,7 @@ TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any memb
 #: Rows ahead, of the library's own, after which a forecast is the level; a member of less relative weight is dropped.
 FURTHEST, LEAST_WEIGHT = 28, 1e-3
 
+_LARGEST = 4.0 * CONTRADICTED
 _SAME_PERIOD = 1.2  #: Ratio between the numbers of rows in a period for which there are predictors.
 
 
@@ -75,8 +76,8 @@ def seas() -> Seas:
 class Predictors:
     """What the members forecast from readings, newest first: the angle or, in turn, angle and rate.
 
-    Rates are in units of the angle, times the period over 2 pi. Values ahead are angle and rate at each node: the level,
-    the row before the newest, the newest, and those ahead. With L L' the covariance of the readings, ``white``
+    Rates are in units of the angle, times the period over 2 pi. Values ahead are angle and rate at each node: the
+    level, the row before the newest, the newest, and those ahead. With L L' the covariance of the readings, ``white``
     (N, M, N + T) is [L^-1 | L^-1 cov(readings, values ahead)], of which the first rows are those of fewer readings.
     """
 
@@ -89,7 +90,9 @@ class Predictors:
         # by the kind of a reading, the rows to a later value plus one, member, and the value's kind
         self._covariance = np.array([[angles + sea.level, -crossed], [crossed, rates]]).transpose(0, 2, 3, 1)
         self._level = np.stack([sea.level, np.zeros(MEMBERS)])
-        self.own = np.stack([1.0 + sea.level, rates[1]], axis=1)  #: (M, 2); variances of angle and rate, and of readings.
+        self.own = np.stack(
+            [1.0 + sea.level, rates[1]], axis=1
+        )  #: (M, 2); variances of angle and rate, and of readings.
         self.read = self.own + sea.noise * np.stack([np.ones(MEMBERS), rates[1]], axis=1)
         self.white = np.zeros((MAX_LAGS, MEMBERS, MAX_LAGS + 2 * (1 + self._nodes)))
         self._known = 0
@@ -123,7 +126,7 @@ class AxisSeas:
 
     def __init__(self, rows: float, stride: int, nodes: int, rated: bool) -> None:
         self.rated, self._stride, self._nodes = rated, stride, nodes
-        self._forget = 1.0 / (MEMORY * rows * stride)
+        self._rate, self.strain = 1.0 / (rows * stride), 1.0
         self._predictors = predictors(rows, rated)
         self._alive, self._copied = np.arange(MEMBERS), 0
         self._read, self._white = self._predictors.read, self._predictors.white
@@ -167,13 +170,16 @@ class AxisSeas:
     def _score(self, reading: Sequence[float]):
         """Compare a row with what was forecast for it a stride ago; rows of all strides count as one."""
         mean, (angle, crossed, rate) = (values.T for values in self._issued.popleft())
-        error = reading[0] - mean[0]
+        error, size = reading[0] - mean[0], self._square / self._count
         square, log = error**2 / angle, np.log(angle)
         if self.rated:
             left = rate - crossed**2 / angle
             square += (reading[1] - mean[1] - crossed / angle * error) ** 2 / left
             log += np.log(left)
-        keep = 1.0 - self._forget
+        # by the member that explains it best; one row alone may be wrong
+        least = float((square / np.maximum(size, LEAST_SIZE**2)).min()) / len(reading)
+        self.strain += min(1.0, self._rate / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
+        keep = 1.0 - self._rate / MEMORY
         self._square = keep * self._square + square / self._stride
         self._log = keep * self._log - 0.5 * log / self._stride
         self._count = keep * self._count + len(reading) / self._stride
@@ -221,8 +227,17 @@ class SeaLibrary:
                     axis.restart()
                 continue
             if axis is None or axis.rated != rated:
-                axis = self._axes[place] = AxisSeas(self._rows, self._stride, self._furthest + 4, rated)
-            axis.step([angle, rate] if rated else [angle])
+                axis = self._axes[place] = self._begun(rated)
+            reading, before = [angle, rate] if rated else [angle], list(axis.past)[:1]
+            axis.step(reading)
+            if axis.strain > CONTRADICTED:
+                # another motion, of which the newest rows are all that is known
+                axis = self._axes[place] = self._begun(rated)
+                for each in (*before, reading):
+                    axis.step(each)
+
+    def _begun(self, rated: bool):
+        return AxisSeas(self._rows, self._stride, self._furthest + 4, rated)
 
     def skip(self, count: int) -> None:
         """Step over ``count`` missing rows."""

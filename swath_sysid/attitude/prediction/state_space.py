@@ -22,6 +22,7 @@ RIDGE = 1e-8
 # a state whose errors are this much less than the innovations (in variance) is known
 _KNOWN = 1e-4
 STRAIN_TIME = 0.31  #: Periods over which the innovations of the targets are averaged.
+CONTRADICTED = 25.0  #: A strain beyond which a candidate knows nothing of the present motion.
 #: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.
 BREAK = 400.0
 
