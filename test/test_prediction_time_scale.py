@@ -185,6 +185,11 @@ def looks(scale, found, until, step=0.01):
     return looked
 
 
+def spells(*each):
+    """What is found by age: of each spell that ends at an age, s, one period."""
+    return lambda age: next(value for end, value in each if age <= end)
+
+
 def test_it_looks_at_a_quarter_of_a_period_then_as_often_doubled_until_the_motion_is_settled_and_then_every_period():
     scale = TimeScale()
     ages, taken = zip(*looks(scale, USUAL_PERIOD, 62.0), strict=True)
@@ -233,8 +238,7 @@ def test_another_period_must_differ_by_more_the_longer_the_motion_is_known():
             for begin in (1.9, 3.9, 15.9):
                 scale = TimeScale()
                 before = USUAL_PERIOD * begin
-                usual_first = lambda age, other=other, begun=before: other if age > begun else USUAL_PERIOD  # noqa: E731
-                found = looks(scale, usual_first, 70.0)
+                found = looks(scale, spells((before, USUAL_PERIOD), (math.inf, other)), 70.0)
                 assert not any(took for age, took in found if age <= before)
                 taken.append(next(took for age, took in found if age > before))
                 assert scale.period == (other if any(took for _, took in found) else USUAL_PERIOD)
@@ -248,19 +252,15 @@ def test_after_a_calm_the_first_motion_is_taken_at_its_first_look(calm):
     begin = known + calm * USUAL_PERIOD
     for ratio in (0.25, 0.5):
         scale, other = TimeScale(), ratio * USUAL_PERIOD
-        spells = (known, USUAL_PERIOD), (begin, math.nan), (math.inf, other)
-        found = looks(
-            scale, lambda age, spells=spells: next(value for end, value in spells if age <= end), begin + 30.0
-        )
+        found = looks(scale, spells((known, USUAL_PERIOD), (begin, math.nan), (math.inf, other)), begin + 30.0)
         assert not any(took for age, took in found if age <= begin)
         age, took = next(each for each in found if each[0] > begin)
         assert took and age <= begin + 0.26 * USUAL_PERIOD
     # one that differs less: within its first period, however long the one before was known
     for other in (1.3 * USUAL_PERIOD, USUAL_PERIOD / 1.3):
         for end, is_taken in ((begin, True), (known, False)):
-            scale, spells = TimeScale(), ((known, USUAL_PERIOD), (end, math.nan), (math.inf, other))
-            value = lambda age, spells=spells: next(value for end, value in spells if age <= end)  # noqa: E731
-            found = [age for age, took in looks(scale, value, begin + 30.0) if took]
+            value = spells((known, USUAL_PERIOD), (end, math.nan), (math.inf, other))
+            found = [age for age, took in looks(TimeScale(), value, begin + 30.0) if took]
             assert bool(found) == is_taken
             if is_taken:
                 assert found[0] <= begin + 1.3 * max(other, USUAL_PERIOD)
