@@ -8,11 +8,10 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion import intake
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Installation
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
-from swath_sysid.attitude.motion.stamps import JUMPED_BACK, OUT_OF_ORDER, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.stamps import JUMPED_BACK, LOST, OUT_OF_ORDER, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import (
     FORECASTER_REASONS,
-    LOST,
     Forecaster,
     ForecasterDiagnostics,
     ForecasterSettings,
@@ -20,7 +19,8 @@ from swath_sysid.attitude.prediction.forecaster import (
 )
 from swath_sysid.attitude.prediction.sea_fit import SeaFit
 
-PIPELINE_REASONS = (*STAMP_REASONS, *intake.INTAKE_REASONS, *FORECASTER_REASONS)  #: Everything that is counted.
+#: Everything that is counted.
+PIPELINE_REASONS = (*STAMP_REASONS, LOST, *intake.INTAKE_REASONS, *FORECASTER_REASONS)
 
 
 @dataclass(frozen=True)
@@ -126,9 +126,8 @@ class ForecastPipeline:
             step = step._replace(reasons=reasons + step.reasons)
         for reason in step.reasons:
             self.counts[reason] += 1
-        if OUT_OF_ORDER in reasons and self.counts[LOST]:
-            # it came after all
-            self.counts[LOST] -= 1
+        # one that is late came after all
+        self.counts[LOST] = max(self.counts[LOST] + step.lost - (OUT_OF_ORDER in reasons), 0)
         return step
 
     def finish(self, step: ForecastStep) -> ForecastStep:

@@ -9,8 +9,8 @@ from math import isnan
 from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.motion.intake import NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
+from swath_sysid.attitude.motion.stamps import LOST
 from swath_sysid.attitude.motion.window import MotionWindow
-from swath_sysid.attitude.prediction.forecaster import LOST
 from swath_sysid.common.advice import CURES
 
 if TYPE_CHECKING:

@@ -15,10 +15,10 @@ DUPLICATE = 'duplicate-stamp'
 OUT_OF_ORDER = 'out-of-order'
 STRAY = 'stray-stamp'
 JUMPED_BACK = 'clock-jumped-back'
-GAP = 'gap'
+GAP, LOST = 'gap', 'lost-sample'
 LONG_GAP = 'gap-too-long'
 RATE_CHANGED = 'rate-changed'
-#: All counted reasons; the first three leave the sample out.
+#: The reasons that an order gives; the first three leave the sample out. What was lost is found by a sensor's clock.
 STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, GAP, LONG_GAP, RATE_CHANGED)
 
 NANOSECOND = constants.nano  #: s.

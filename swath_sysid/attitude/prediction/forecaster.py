@@ -41,8 +41,7 @@ from swath_sysid.common.row_buffer import RowBuffer
 
 REJECTED = {axis: f'outlier-{axis}' for axis in AXES}
 RESTARTED = {axis: f'gate-restarted-{axis}' for axis in AXES}
-LOST = 'lost-sample'
-FORECASTER_REASONS = (*REJECTED.values(), *RESTARTED.values(), LOST)
+FORECASTER_REASONS = (*REJECTED.values(), *RESTARTED.values())
 
 #: Of a sample: angle, rate, and the variances of their noise.
 _OF_AXIS = {
@@ -110,6 +109,7 @@ class ForecastStep(NamedTuple):
 
     reasons: tuple[str, ...] = ()  #: From `PIPELINE_REASONS`: what was counted.
     sample: CraftSample | None = None  #: None where it was left out.
+    lost: int = 0  #: Samples that should have come before it; minus one where it is one that was taken for lost.
     next: Forecast | None = None  #: One sample ahead.
     forecast: Forecast | None = None  #: At the leads, when due.
     horizon: Forecast | None = None  #: Over the horizon, when due.
@@ -214,7 +214,8 @@ class Forecaster:
             sample.yaw if sample.yaw == sample.yaw else yaw,
             sample.yaw_rate if sample.yaw_rate == sample.yaw_rate else yaw_rate,
         )
-        return ForecastStep(reasons, sample, None if self._bank is None else self._ahead(sample.stamp_ns))
+        ahead = None if self._bank is None else self._ahead(sample.stamp_ns)
+        return ForecastStep(reasons, sample, self._sampled.intervals - 1, ahead)
 
     def issue(self, step: ForecastStep) -> ForecastStep:
         """Complete the step of the newest sample with the forecasts that are due, which take longer."""
@@ -254,7 +255,7 @@ class Forecaster:
 
     def _follow_axes(self, sample: CraftSample, sampled: Sampled, linked: bool):
         elapsed, even = sampled.elapsed, sampled.intervals == 1
-        reasons: tuple[str, ...] = (LOST,) * (sampled.intervals - 1)
+        reasons: tuple[str, ...] = ()
         for name, axis in self._axes.items():
             angle, rate, *reported = _OF_AXIS[name](sample)
             if axis.reach is not None:

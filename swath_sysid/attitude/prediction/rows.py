@@ -82,7 +82,7 @@ class SampleClock:
         if self.count <= _INTERVALS:
             # while the loop settles; most samples arrive, so that the median is of whole intervals
             newest = np.array(self._newest)
-            self.interval = float(newest.sum() / np.maximum(np.round(newest / np.median(newest)), 1.0).sum())
+            self.interval = float(newest.sum() / max(np.round(newest / np.median(newest)).sum(), 1.0))
         since = self._behind + elapsed
         relative = since / self.interval
         doubt = _DOUBT * max(self._jitter - _CLEAN, 0.0)

@@ -142,7 +142,7 @@ class AxisSeas:
         # of angle, of both and of rate, at the nodes
         self._moments = np.stack([angle, 0.0 * angle, rate], axis=-1).repeat(self._nodes, axis=1)
         self._used = 0
-        self._issued = deque([(np.zeros((len(angle), 2)), self._moments[:, 0])] * self._stride)
+        self._issued = deque([(np.zeros((len(angle), 2)), self._moments[:, 0].copy())] * self._stride)
 
     def step(self, reading: list[float]) -> None:
         """Take the next row: angle or angle and rate."""
