@@ -58,8 +58,7 @@ def _process(member, shape, ahead, rows):
 def test_it_is_the_mixture_of_processes_weighted_by_the_likelihood_of_all_rows(rated, step, count, monkeypatch):
     """Each process is solved by Cholesky's method; the size's part of the likelihood is its maximum over sizes.
 
-    What a row has shown, given those before it, is forgotten with a memory of so many periods. Rows of every stride
-    have a process of their own, and count as one.
+    Rows of every stride have a process of their own, and count as one.
     """
     monkeypatch.setattr(sea_library, 'LEAST_WEIGHT', 0.0)
     rows = _waves(count, step, 3.0)
@@ -68,22 +67,18 @@ def test_it_is_the_mixture_of_processes_weighted_by_the_likelihood_of_all_rows(r
     library = _followed(rows, step, steps=np.array([1, lead, 8]))
     a_period, unit, stride = library._rows, library._unit, library._stride
     assert stride == round(0.2 / step)
-    read = 2 if rated else 1
-    values = np.column_stack([rows[:, 0], rows[:, 2] * unit])[:, :read]
-    kept = 1.0 - 1.0 / (sea_library.MEMORY * a_period * stride)
-    memory, at_rest = kept ** np.arange(count - 1, -1, -1), kept**count
+    values = np.column_stack([rows[:, 0], rows[:, 2] * unit])[:, : 2 if rated else 1]
     size, score, means, covariances = [], [], [], []
     for member in range(sea_library.MEMBERS):
-        square, log, known = at_rest * LEAST_SIZE**2, 0.0, 2.0 * at_rest
+        square, log, known = LEAST_SIZE**2, 0.0, 2.0
         for first in range(stride):
             own = values[first::stride]
             factor = np.linalg.cholesky(_process(member, own.shape, 0.0, a_period)[0])
             # the innovations of the readings, each in units of its deviation
             white = np.linalg.solve(factor, own.ravel()).reshape(own.shape)
-            weight = memory[first::stride] / stride
-            square += weight @ (white**2).sum(axis=1)
-            log -= weight @ np.log(np.diag(factor)).reshape(own.shape).sum(axis=1)
-            known += weight.sum() * read
+            square += (white**2).sum() / stride
+            log -= np.log(np.diag(factor)).sum() / stride
+            known += own.size / stride
         own = values[(count - 1) % stride :: stride]
         gram, across, wanted = _process(member, own.shape, lead / stride, a_period)
         factor = cho_factor(gram, lower=True)
@@ -193,7 +188,7 @@ def test_the_second_sample_of_a_stream_and_of_one_after_a_break_has_a_forecast(r
 def test_four_memories_after_waves_have_faded_the_forecast_is_as_sure_as_if_they_had_always_been_small(period):
     """To a third within six periods; of nine times the variance, a sixth of one is left."""
     step = period / 15.0
-    memory = round(sea_library.MEMORY * 15.0)
+    memory = round(sea_library.LIFETIME * 15.0)
     time = step * (np.arange(5 * memory + 90) - memory)
     part = np.clip(time / (6.0 * period), 0.0, 1.0)
     envelope = 1.0 - np.sin(0.5 * np.pi * part) ** 2 * 2.0 / 3.0

@@ -33,9 +33,9 @@ from swath_sysid.attitude.prediction.upstream import (
 )
 from swath_sysid.common.advice import Advice
 
-HULL, LIBRARY = 'hull-filter', 'sea-library'
+HULL, LIBRARY, LEVEL = 'hull-filter', 'sea-library', 'mean'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
-CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
+CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, LEVEL: 0.1, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 
@@ -196,6 +196,9 @@ class Bank:
                 mean[hull, :, place::2], spread = axis.hull.forecast(ahead)
                 # of the readings to come, as the state spaces'
                 covariance[hull, :, place::2, place::2] = spread + np.diag(axis.noise)
+            level, size = self._place[LEVEL], np.array([1.0, 2.0 * math.pi / self._period]) * axis.size.activity
+            mean[level, :, place], mean[level, :, place + len(AXES)] = axis.size.mean, 0.0
+            covariance[level, :, place::2, place::2] = np.diag(size**2)
         for name, candidate in self._on_rows.items():
             mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
         strained = {

@@ -35,11 +35,12 @@ RANGES = (
     (0.1, 30.0),
 )
 
-MEMORY = 12.0
+LIFETIME, OVERLAP = 12.0, 4.0  #: Periods after which all members begin again, and until these take over.
+
 TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any member.
 
 #: Rows ahead, of the library's own, after which a forecast is the level; a member of less relative weight is dropped.
-FURTHEST, LEAST_WEIGHT = 28, 1e-3
+FURTHEST, LEAST_WEIGHT = 28, 1e-5
 
 _LARGEST = 4.0 * CONTRADICTED
 _SAME_PERIOD = 1.2  #: Ratio between the numbers of rows in a period for which there are predictors.
@@ -126,7 +127,8 @@ class AxisSeas:
 
     def __init__(self, rows: float, stride: int, nodes: int, rated: bool) -> None:
         self.rated, self._stride, self._nodes = rated, stride, nodes
-        self._rate, self.strain = 1.0 / (rows * stride), 1.0
+        self._a_row = 1.0 / (rows * stride)
+        self.age, self.strain = 0.0, 1.0  #: Periods of rows; errors over what was expected of them.
         self._predictors = predictors(rows, rated)
         self._alive, self._copied = np.arange(MEMBERS), 0
         self._read, self._white = self._predictors.read, self._predictors.white
@@ -178,11 +180,11 @@ class AxisSeas:
             log += np.log(left)
         # by the member that explains it best; one row alone may be wrong
         least = float((square / np.maximum(size, LEAST_SIZE**2)).min()) / len(reading)
-        self.strain += min(1.0, self._rate / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
-        keep = 1.0 - self._rate / MEMORY
-        self._square = keep * self._square + square / self._stride
-        self._log = keep * self._log - 0.5 * log / self._stride
-        self._count = keep * self._count + len(reading) / self._stride
+        self.age += self._a_row
+        self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
+        self._square += square / self._stride
+        self._log -= 0.5 * log / self._stride
+        self._count += len(reading) / self._stride
 
     def _grow(self, count: int):
         """Forecast from so many readings."""
@@ -216,6 +218,7 @@ class SeaLibrary:
         self._steps, self._step = np.asarray(steps, dtype=float), step
         self._furthest = min(math.ceil(horizon / step / self._stride), FURTHEST)
         self._axes: list[AxisSeas | None] = [None] * len(AXES)
+        self._following = list(self._axes)
 
     def step(self, row: np.ndarray) -> None:
         """Update with the next row (width,), NaN where missing."""
@@ -230,18 +233,29 @@ class SeaLibrary:
                 axis = self._axes[place] = self._begun(rated)
             reading, before = [angle, rate] if rated else [angle], list(axis.past)[:1]
             axis.step(reading)
+            self._renew(place, axis, reading)
             if axis.strain > CONTRADICTED:
                 # another motion, of which the newest rows are all that is known
                 axis = self._axes[place] = self._begun(rated)
                 for each in (*before, reading):
                     axis.step(each)
 
+    def _renew(self, place: int, axis: AxisSeas, reading: list[float]):
+        """Seas that were dropped come back: others begin in time, and take over when they know enough."""
+        following = self._following[place]
+        if following is None or following.rated != axis.rated or following.age > axis.age:
+            following = self._following[place] = self._begun(axis.rated) if axis.age > LIFETIME else None
+        if following is not None:
+            following.step(reading)
+            if following.age > OVERLAP:
+                self._axes[place], self._following[place] = following, None
+
     def _begun(self, rated: bool):
         return AxisSeas(self._rows, self._stride, self._furthest + 4, rated)
 
     def skip(self, count: int) -> None:
         """Step over ``count`` missing rows."""
-        for axis in self._axes:
+        for axis in (*self._axes, *self._following):
             if axis is not None and count:
                 axis.restart()
 
