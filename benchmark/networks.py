@@ -77,24 +77,20 @@ class Samples(NamedTuple):
 
     def complete(self):
         """Those that a network can learn from."""
-        return Samples(*(part[self.readable & np.isfinite(self.targets).all(axis=(1, 2))] for part in self))
-
-    @property
-    def readable(self):
-        """Whether no input is missing, shape (N,)."""
-        return np.isfinite(self.inputs).all(axis=(1, 2))
+        known = [np.isfinite(values).all(axis=(1, 2)) for values in (self.inputs, self.targets)]
+        return Samples(*(part[known[0] & known[1]] for part in self))
 
 
 def samples_of(record, stamps, past, channels, axes, leads):
-    """Cut a record at stamps: so many lags of the channels, and the angles at the leads, s."""
-    lags = record.interval * np.arange(past - 1, -1, -1)
-    places, angles = ([record.names.index(name) for name in names] for names in (channels, axes))
-    return Samples(
-        stamps,
-        record.at(stamps[:, None] - lags, places),
-        record.at(stamps[:, None], angles),
-        record.at(stamps[:, None] + leads, angles),
-    )
+    """Cut a record at stamps that are those of samples: so many lags of the channels, and the angles at the leads, s.
+
+    Lags within a gap are linear between the samples beside it, of which none is later than the stamp.
+    """
+    wanted = stamps[:, None] - record.interval * np.arange(past - 1, -1, -1)
+    inputs = [np.interp(wanted, record.time, record.column(name), left=np.nan) for name in channels]
+    angles = [record.names.index(axis) for axis in axes]
+    now, targets = (record.at(stamps[:, None] + ahead, angles) for ahead in (np.zeros(1), leads))
+    return Samples(stamps, np.stack(inputs, axis=-1), now, targets)
 
 
 @dataclass(frozen=True)
@@ -215,8 +211,20 @@ class Row:
     cost: str = ''
 
 
+def nrmse_of(record, task, angles):
+    """Scores by axis of forecasts (N, leads, axes) at the stamps of the test; persistence replaces what is missing."""
+    test = task.test
+    resting = np.broadcast_to(test.now, test.targets.shape)
+    return {
+        axis: score_forecasts(record, axis, test.stamps, task.leads, angles[..., place], resting[..., place]).nrmse[
+            FORECAST
+        ]
+        for place, axis in enumerate(task.axes)
+    }
+
+
 def rows_of(trial, leads, kinds, train):
-    """Rows by name: those of the package, and for each kind of network the median seed and the one chosen.
+    """Rows by name: those of the package, then the median seed and the best by validation of each kind of network.
 
     Parameters
     ----------
@@ -227,48 +235,41 @@ def rows_of(trial, leads, kinds, train):
     train : callable
         `network_training.train`.
     """
-    task, record = task_of(trial, leads), Record.of(trial)
-    stamps, readable = task.test.stamps, task.test.readable
-    seen = Samples(*(part[readable] for part in task.test))
-    resting = persistence(trial, task.axes, stamps, task.leads)
-
-    def nrmse(angles):
-        return {
-            axis: score_forecasts(record, axis, stamps, task.leads, angles[axis], resting[axis]).nrmse[FORECAST]
-            for axis in task.axes
-        }
-
-    def of_samples(angles):
-        result = np.full(task.test.targets.shape, np.nan)
-        result[readable] = angles
-        return nrmse({axis: result[..., place] for place, axis in enumerate(task.axes)})
-
-    rows = {}
+    task, record, rows, best = task_of(trial, leads), Record.of(trial), {}, []
     for name, row in ROWS.items():
         begun = time.process_time()
-        angles = row(trial, task.axes, stamps, task.leads)
-        rows[name] = Row(nrmse(angles), f'{time.process_time() - begun:.0f} s')
-    best_of = []
+        angles = row(trial, task.axes, task.test.stamps, task.leads)
+        spent = time.process_time() - begun
+        rows[name] = Row(
+            nrmse_of(record, task, np.stack([angles[axis] for axis in task.axes], axis=-1)), f'{spent:.0f} s'
+        )
     for prefix, made in STARTS.items():
         begun = time.process_time()
         start = made(task)
         if prefix:
-            rows[REGRESSION] = Row(of_samples(start(seen)), f'{time.process_time() - begun:.0f} s')
+            spent = time.process_time() - begun
+            rows[REGRESSION] = Row(nrmse_of(record, task, start(task.test)), f'{spent:.0f} s')
         for kind in kinds:
-            tried = {width: trained_on(task, start, train, kind, width, SEEDS[0]) for width in WIDTHS}
-            width = min(tried, key=lambda width: tried[width].validation_error)
-            seeds = [tried[width], *(trained_on(task, start, train, kind, width, seed) for seed in SEEDS[1:])]
-            best = min(seeds, key=lambda each: each.validation_error)
-            spent = sum(each.trained.seconds for each in (*tried.values(), *seeds[1:]))
-            scores = [of_samples(each.angles(seen)) for each in seeds]
-            median = {axis: np.median([score[axis] for score in scores], axis=0) for axis in task.axes}
-            name = f'{prefix}{kind}'
-            rows[f'{name}, median'] = Row(median, f'{spent:.0f} s in all')
-            cost = f'{best.trained.seconds:.0f} s, width {width}, {best.trained.parameters} parameters'
-            rows[f'{name}, best'] = Row(of_samples(best.angles(seen)), cost)
-            best_of.append(best.angles(seen))
-    rows['mean of the best'] = Row(of_samples(np.mean(best_of, axis=0)))
+            found = network_rows(record, task, start, train, kind, best)
+            rows |= {f'{prefix}{kind}, {which}': row for which, row in found.items()}
+    rows['mean of the best'] = Row(nrmse_of(record, task, np.mean(best, axis=0)))
     return rows
+
+
+def network_rows(record, task, start, train, kind, best_angles):
+    """Search the width with one seed, then train the others; appends the angles of the best seed to a list."""
+    tried = {width: trained_on(task, start, train, kind, width, SEEDS[0]) for width in WIDTHS}
+    width = min(tried, key=lambda width: tried[width].validation_error)
+    seeds = [tried[width], *(trained_on(task, start, train, kind, width, seed) for seed in SEEDS[1:])]
+    angles = [each.angles(task.test) for each in seeds]
+    scores = [nrmse_of(record, task, each) for each in angles]
+    median = {axis: np.median([score[axis] for score in scores], axis=0) for axis in task.axes}
+    spent = sum(each.trained.seconds for each in (*tried.values(), *seeds[1:]))
+    best = min(range(len(seeds)), key=lambda place: seeds[place].validation_error)
+    best_angles.append(angles[best])
+    trained = seeds[best].trained
+    cost = f'{trained.seconds:.0f} s, width {width}, {trained.parameters} parameters'
+    return {'median': Row(median, f'{spent:.0f} s in all'), 'best': Row(scores[best], cost)}
 
 
 def table_of(title, leads, rows):

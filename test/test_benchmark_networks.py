@@ -58,9 +58,25 @@ def test_samples_are_those_of_a_plain_loop(networks, swinging):
             for column, axis in enumerate(axes):
                 if row + steps < swinging.time.size:
                     targets[place, column] = getattr(swinging, axis)[row + steps]
-        assert np.array_equal(found.inputs[row], inputs, equal_nan=True), row
+        assert found.inputs[row] == pytest.approx(inputs, abs=1e-12, nan_ok=True), row
         assert np.array_equal(found.targets[row], targets, equal_nan=True), row
         assert np.array_equal(found.now[row, 0], [swinging.roll[row], swinging.pitch[row]])
+
+
+def test_a_lost_sample_is_bridged_once_the_next_has_come(networks, swinging):
+    """Until then it is no stamp; as a target it is missing."""
+    lost = 500
+    kept = np.delete(np.arange(swinging.time.size), lost)
+    seen = Trial(swinging.time[kept], **{name: values[kept] for name, values in swinging.channels.items()})
+    found = networks.samples_of(Record.of(seen), seen.time, 4, ['roll'], ['roll'], np.array([0.1]))
+    before, middle, after = (
+        found.inputs[lost - 1, :, 0],
+        found.inputs[lost, :, 0],
+        0.5 * seen.roll[lost - 1 : lost + 1].sum(),
+    )
+    assert before == pytest.approx(swinging.roll[lost - 4 : lost])
+    assert middle == pytest.approx([*swinging.roll[lost - 2 : lost], after, swinging.roll[lost + 1]])
+    assert np.isnan(found.targets[lost - 1]).all() and np.isfinite(found.targets[lost]).all()
 
 
 def test_what_comes_later_changes_neither_inputs_nor_what_is_learnt_from(networks, swinging):
