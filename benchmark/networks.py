@@ -6,8 +6,8 @@
 Each network learns from the first half of a record and stays as it is; everything is scored on the second half. It
 reads three periods of every channel that the forecast reads and gives both angles at all leads. The last fifth of the
 first half decides when training stops and which width is used. The package's own forecast runs through the whole
-record without a hull, as on board, and goes on learning. Records are read from the folder that SWATH_SYSID_DATA names.
-Needs ``pip install swath_sysid[benchmark-networks]``.
+record, as on board, and goes on learning; in the simulated sea also with the hull, as known from decays. Records are
+read from the folder that SWATH_SYSID_DATA names. Needs ``pip install swath_sysid[benchmark-networks]``.
 """
 
 import argparse
@@ -17,15 +17,17 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from record_forecasts import BUOY_LEADS, buoy
 from sea_forecasts import ANGLE_NOISE, FINE_RATE, RATE_NOISE, make_sea
 
-from records import axes_of, persistence, swath_sysid, vector_autoregression
+from records import WITH_HULL, axes_of, issued, persistence, steps_of, swath_sysid, vector_autoregression
 from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.turning_points import find_turning_points, mean_period
 from swath_sysid.attitude.prediction.variate_analysis import useful_channels
 from swath_sysid.pipeline.baselines import Record
@@ -47,20 +49,24 @@ OURS = 'swath_sysid'
 ROWS = {'persistence': persistence, 'VAR(40)': vector_autoregression, OURS: swath_sysid}
 
 
+HULLS = {axis: hull_named(f'swath-{axis}').model for axis in AXES}
+"""Published, of the simulated craft."""
+
+
 def simulated_sea(duration=DURATION):
     """The published roll and pitch hulls in the same long-crested sea; pitch follows a quarter of a wave later."""
     rng, every = np.random.default_rng(SEED), round(FINE_RATE / RATE)
     motion = {}
     for axis, lag in (('roll', 0.0), ('pitch', 0.5 * math.pi)):
-        sea = make_sea(SEED, duration, hull_named(f'swath-{axis}').model, lag)
+        sea = make_sea(SEED, duration, HULLS[axis], lag)
         for name, values, noise in ((axis, sea.angle, ANGLE_NOISE), (f'{axis}_rate', sea.rate, RATE_NOISE)):
             motion[name] = values[::every] + rng.normal(0.0, noise, values[::every].size)
     return Trial(np.arange(motion['roll'].size) / RATE, **motion, source='simulation')
 
 
 RECORDS = {
-    'morro': ('Moored buoy off Morro Bay', buoy),
-    'simulated': ('Simulated sea of an hour', simulated_sea),
+    'morro': ('Moored buoy off Morro Bay', buoy, {}),
+    'simulated': ('Simulated sea of an hour', simulated_sea, HULLS),
 }
 
 
@@ -223,7 +229,26 @@ def nrmse_of(record, task, angles):
     }
 
 
-def rows_of(trial, leads, kinds, train):
+def package_rows(record, task, trial, hulls):
+    """Rows of what runs through the whole record, with the hulls by axis if there are any."""
+    methods = ROWS | ({WITH_HULL: partial(with_hull, hulls)} if hulls else {})
+    rows = {}
+    for name, method in methods.items():
+        begun = time.process_time()
+        found = method(trial, task.axes, task.test.stamps, task.leads)
+        spent = time.process_time() - begun
+        angles = np.stack([found[axis] for axis in task.axes], axis=-1)
+        rows[name] = Row(nrmse_of(record, task, angles), f'{spent:.0f} s')
+    return rows
+
+
+def with_hull(hulls, trial, axes, stamps, leads):
+    """The package's own forecasts with decay models by axis, known exactly."""
+    models = {axis: IdentifiedModel.exactly(hull) for axis, hull in hulls.items()}
+    return issued(steps_of(trial, leads, models), axes, stamps, leads, 'mean')
+
+
+def rows_of(trial, leads, kinds, train, hulls=None):
     """Rows by name: those of the package, then the median seed and the best by validation of each kind of network.
 
     Parameters
@@ -234,15 +259,11 @@ def rows_of(trial, leads, kinds, train):
     kinds : iterable of str
     train : callable
         `network_training.train`.
+    hulls : dict of str to DecayModel, optional
+        Of the axes, for a forecast that knows them.
     """
-    task, record, rows, best = task_of(trial, leads), Record.of(trial), {}, []
-    for name, row in ROWS.items():
-        begun = time.process_time()
-        angles = row(trial, task.axes, task.test.stamps, task.leads)
-        spent = time.process_time() - begun
-        rows[name] = Row(
-            nrmse_of(record, task, np.stack([angles[axis] for axis in task.axes], axis=-1)), f'{spent:.0f} s'
-        )
+    task, record, best = task_of(trial, leads), Record.of(trial), []
+    rows = package_rows(record, task, trial, hulls)
     for prefix, made in STARTS.items():
         begun = time.process_time()
         start = made(task)
@@ -283,15 +304,16 @@ def table_of(title, leads, rows):
     for axis in next(iter(rows.values())).nrmse:
         for name, row in rows.items():
             lines.append(f'| {axis} | {name} | {_cells(row.nrmse[axis])} | {row.cost} |')
-    lines.append(f'| worst | {OURS} over the best network | {_cells(ratios_of(rows))} | |')
+    for ours in (name for name in (OURS, WITH_HULL) if name in rows):
+        lines.append(f'| worst | {ours} over the best network | {_cells(ratios_of(rows, ours))} | |')
     return '\n'.join([*lines, ''])
 
 
-def ratios_of(rows):
-    """Error of the forecast over that of the network that is best at a lead, of the worse axis, shape (leads,)."""
-    networks = [row for name, row in rows.items() if name not in (*ROWS, REGRESSION)]
-    ours = rows[OURS].nrmse
-    return np.max([ours[axis] / np.min([row.nrmse[axis] for row in networks], axis=0) for axis in ours], axis=0)
+def ratios_of(rows, ours=OURS):
+    """Error of a forecast over that of the network that is best at a lead, of the worse axis, shape (leads,)."""
+    networks = [row for name, row in rows.items() if name not in (*ROWS, WITH_HULL, REGRESSION)]
+    nrmse = rows[ours].nrmse
+    return np.max([nrmse[axis] / np.min([row.nrmse[axis] for row in networks], axis=0) for axis in nrmse], axis=0)
 
 
 def _cells(values):
@@ -309,8 +331,8 @@ def main():
     from network_training import KINDS, train
 
     for name in chosen:
-        title, trial = RECORDS[name]
-        print(table_of(title, BUOY_LEADS, rows_of(trial(), BUOY_LEADS, KINDS, train)), flush=True)
+        title, trial, hulls = RECORDS[name]
+        print(table_of(title, BUOY_LEADS, rows_of(trial(), BUOY_LEADS, KINDS, train, hulls)), flush=True)
     return 0
 
 

@@ -126,6 +126,22 @@ def test_the_worst_ratio_is_that_to_the_network_with_the_least_error(networks):
     assert lines[8] == '| roll | TCN, best | 4.000 | 1.000 |  |'
 
 
+def test_the_simulated_craft_rolls_and_pitches_in_the_same_waves(networks):
+    """Moderately, each with its rate; the forecast that knows the hulls is another than the one that does not."""
+    trial = networks.simulated_sea(60.0)
+    assert list(trial.channels) == ['roll', 'pitch', 'roll_rate', 'pitch_rate'] and trial.time.size == 600
+    for axis in ('roll', 'pitch'):
+        angle, rate = (trial.channels[name] for name in (axis, f'{axis}_rate'))
+        assert angle.std() == pytest.approx(np.radians(1.3), rel=0.05)
+        assert np.corrcoef(np.gradient(angle, trial.time), rate)[0, 1] > 0.95
+    task = networks.task_of(trial, LEADS)
+    rows = networks.package_rows(Record.of(trial), task, trial, networks.HULLS)
+    assert list(rows) == ['persistence', 'VAR(40)', 'swath_sysid', 'swath_sysid, hull']
+    for axis in task.axes:
+        without, known = (rows[name].nrmse[axis] for name in ('swath_sysid', 'swath_sysid, hull'))
+        assert np.isfinite(known).all() and (known != without).all()
+
+
 # -- with torch
 
 
