@@ -163,6 +163,7 @@ def test_strides_away_from_the_stamp_are_dilated_causal_convolutions(training):
     assert torch.allclose(network(lags), network.head(values[:, :, -1]), atol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('kind', ['MLP', 'TCN', 'LSTM'])
 def test_a_network_learns_the_motion_and_gives_the_same_again(networks, training, swinging, kind):
     task = networks.task_of(swinging, LEADS)
