@@ -41,8 +41,10 @@ lint: $(TESTS_READY)
 kernels: $(READY)
 	@$(BIN)/python .ci/compile_kernels.py
 
+# An exit code of 2 says that a library which only this benchmark needs is not installed.
 bench: $(READY)
-	@for script in $(sort $(wildcard benchmark/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+	@for script in $$(grep -l __main__ benchmark/*.py); do \
+	  echo "== $$script"; $(BIN)/python $$script || [ $$? -eq 2 ] || exit 1; done
 
 clean:
 	rm -rf $(VENV) build install log dist out *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -77,6 +77,7 @@ setup(
         'fast': ['numba>=0.59'],
         'cluster': ['distributed'],
         'benchmark': ['scikit-learn'],
+        'benchmark-networks': ['torch>=2.3'],
         'docs': ['furo>=2024.1', 'latex2mathml>=3.77', 'myst-parser>=2.0', 'sphinx>=7.0', 'sphinx-copybutton>=0.5'],
         'page': ['fastapi>=0.109.1', 'nicegui>=3.0,<4', 'uvicorn>=0.22'],
         # each reads one format of data acquisition: .mat of version 7.3 and .h5, .tdms, .xlsx, .parquet

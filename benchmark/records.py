@@ -336,10 +336,11 @@ The records and their licences are named in `records/NOTICE` or in the titles. Y
 
 
 def page_with(texts, page=''):
-    """The page with these tables in the order of `CASES`, the others as they were; texts by title."""
+    """The page with these tables in the order of `CASES`, then the other sections as they were; texts by title."""
     before = {part.partition('\n')[0]: f'## {part.strip()}\n' for part in f'\n{page}'.split('\n## ')[1:]}
-    tables = before | texts
-    return '\n'.join([INTRODUCTION, *(tables[case.title] for case in CASES.values() if case.title in tables)])
+    sections, titles = before | texts, [case.title for case in CASES.values()]
+    ordered = [*titles, *(title for title in sections if title not in titles)]
+    return '\n'.join([INTRODUCTION, *(sections[title] for title in ordered if title in sections)])
 
 
 def main():

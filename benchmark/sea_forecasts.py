@@ -87,8 +87,11 @@ def jonswap(frequency, peak, peakedness=3.3):
     return frequency**-5.0 * np.exp(-1.25 * (peak / frequency) ** 4) * peakedness**bump
 
 
-def make_sea(seed, duration):
-    """A fresh sea, its excitation in proportion to the elevation, its size such that the roll is moderate."""
+def make_sea(seed, duration, hull=HULL, lag=0.0):
+    """A fresh sea, its excitation in proportion to the elevation, its size such that the motion is moderate.
+
+    The same seed gives another hull the same waves; a phase lag, rad, delays its excitation.
+    """
     rng = np.random.default_rng(seed)
     period = rng.uniform(*PEAK_PERIODS)
     peak = 2.0 * math.pi / period
@@ -98,26 +101,26 @@ def make_sea(seed, duration):
     amplitude = 0.3 * np.sqrt(2.0 * density / density.sum())
     phase = rng.uniform(0.0, 2.0 * math.pi, COMPONENTS)
     middle = (np.arange(round(duration * FINE_RATE)) + 0.5) / FINE_RATE
-    moments = sum(a * np.cos(w * middle + p) for a, w, p in zip(amplitude, frequency, phase, strict=True))
+    moments = sum(a * np.cos(w * middle + p - lag) for a, w, p in zip(amplitude, frequency, phase, strict=True))
     scale = math.inf
     while abs(scale - 1.0) > 1e-3:
         # the damping is not linear: the height that gives the size is found step by step
-        angle, rate = _swing(moments).T
+        angle, rate = _swing(moments, hull).T
         scale = SIZE / angle.std()
         amplitude, moments = scale * amplitude, scale * moments
-    angle, rate = _swing(moments).T
+    angle, rate = _swing(moments, hull).T
     noise = rng.normal(0.0, (ANGLE_NOISE, RATE_NOISE), (angle.size, 2))
     return Sea(frequency, amplitude, period, angle, rate, np.column_stack([angle, rate]) + noise)
 
 
-def _swing(moments):
+def _swing(moments, hull):
     """Angle and rate of the craft, from rest, at the start of each interval in which a moment is held."""
-    ratios, active, friction_rate = tuple(HULL.ratios.tolist()), HULL.equation.active, HULL.friction_rate
+    ratios, active, friction_rate = tuple(hull.ratios.tolist()), hull.equation.active, hull.friction_rate
     states, x, rate = np.empty((moments.size, 2)), 0.0, 0.0
     for k, moment in enumerate(moments.tolist()):
         states[k] = x, rate
         _, x, rate = motion_step(x, rate, moment, 1.0 / FINE_RATE, ratios, active, friction_rate)
-    return states + (HULL.trim, 0.0)
+    return states + (hull.trim, 0.0)
 
 
 def advance(angle, rate, moment):

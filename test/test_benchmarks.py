@@ -81,6 +81,15 @@ def test_a_row_that_looks_ahead_is_refused(records, swinging):
             records.refuse_look_ahead('row', row, swinging, (0.5, 1.0))
 
 
+def test_other_sections_of_the_page_stay(records):
+    titles = [case.title for case in records.CASES.values()]
+    page = records.page_with({titles[1]: f'## {titles[1]}\n\nold\n'}) + '\n## Networks\n\n### Buoy\n\nkept\n'
+    written = records.page_with({titles[0]: f'## {titles[0]}\n\nnew\n'}, page)
+    tables = f'## {titles[0]}\n\nnew\n\n## {titles[1]}\n\nold\n'
+    assert written == f'{records.INTRODUCTION}\n{tables}\n## Networks\n\n### Buoy\n\nkept\n'
+    assert records.page_with({}, written) == written
+
+
 def test_a_buoy_that_turned_meets_the_sea_from_the_side(record_forecasts, data_folder):
     straight, turned = record_forecasts.buoy(), record_forecasts.buoy_that_turned()
     later, was = (trial.time >= record_forecasts.SPLICE for trial in (turned, straight))

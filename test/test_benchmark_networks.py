@@ -1,0 +1,193 @@
+"""The benchmark of neural networks: samples without look-ahead, training, and what it says without torch."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from repository import ROOT
+
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.pipeline.baselines import Record
+
+LEADS = np.array((0.1, 0.5, 1.2))
+
+
+@pytest.fixture
+def networks(benchmark_module):
+    return benchmark_module('networks')
+
+
+@pytest.fixture
+def swinging():
+    """Roll and pitch at 10 Hz, with noise, so that no two samples are the same."""
+    time, rng = 0.1 * np.arange(1200), np.random.default_rng(3)
+    roll = 0.1 * np.sin(1.7 * time) + 0.03 * np.sin(2.9 * time)
+    pitch = 0.05 * np.cos(1.7 * time)
+    motion = {'roll': roll, 'pitch': pitch, 'roll_rate': np.gradient(roll, time)}
+    return Trial(time, **{name: values + rng.normal(0.0, 1e-3, time.size) for name, values in motion.items()})
+
+
+def test_without_torch_one_sentence_says_what_to_install():
+    code = (
+        "import runpy, sys; sys.modules['torch'] = None; sys.argv = ['networks.py'];"
+        "runpy.run_path('benchmark/networks.py', run_name='__main__')"
+    )
+    environment_path = [str(ROOT), str(ROOT / 'benchmark')]
+    done = subprocess.run(
+        [sys.executable, '-c', f'import sys; sys.path[:0] = {environment_path}; {code}'],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2 and done.stdout == ''
+    assert done.stderr == 'The networks need torch: pip install swath_sysid[benchmark-networks]\n'
+
+
+def test_samples_are_those_of_a_plain_loop(networks, swinging):
+    """Inputs end with the sample of the stamp; targets are the angles one lead later."""
+    past, channels, axes = 20, ['roll_rate', 'roll', 'pitch'], ['roll', 'pitch']
+    found = networks.samples_of(Record.of(swinging), swinging.time, past, channels, axes, LEADS)
+    for row in range(swinging.time.size):
+        inputs, targets = np.full((past, 3), np.nan), np.full((3, 2), np.nan)
+        for lag in range(past):
+            for place, name in enumerate(channels):
+                if row - lag >= 0:
+                    inputs[past - 1 - lag, place] = getattr(swinging, name)[row - lag]
+        for place, steps in enumerate((1, 5, 12)):
+            for column, axis in enumerate(axes):
+                if row + steps < swinging.time.size:
+                    targets[place, column] = getattr(swinging, axis)[row + steps]
+        assert found.inputs[row] == pytest.approx(inputs, abs=1e-12, nan_ok=True), row
+        assert np.array_equal(found.targets[row], targets, equal_nan=True), row
+        assert np.array_equal(found.now[row, 0], [swinging.roll[row], swinging.pitch[row]])
+
+
+def test_a_lost_sample_is_bridged_once_the_next_has_come(networks, swinging):
+    """Until then it is no stamp; as a target it is missing."""
+    lost = 500
+    kept = np.delete(np.arange(swinging.time.size), lost)
+    seen = Trial(swinging.time[kept], **{name: values[kept] for name, values in swinging.channels.items()})
+    found = networks.samples_of(Record.of(seen), seen.time, 4, ['roll'], ['roll'], np.array([0.1]))
+    before, middle, after = (
+        found.inputs[lost - 1, :, 0],
+        found.inputs[lost, :, 0],
+        0.5 * seen.roll[lost - 1 : lost + 1].sum(),
+    )
+    assert before == pytest.approx(swinging.roll[lost - 4 : lost])
+    assert middle == pytest.approx([*swinging.roll[lost - 2 : lost], after, swinging.roll[lost + 1]])
+    assert np.isnan(found.targets[lost - 1]).all() and np.isfinite(found.targets[lost]).all()
+
+
+def test_what_comes_later_changes_neither_inputs_nor_what_is_learnt_from(networks, swinging):
+    """Training and validation end with the first half; an input of the test ends with its stamp."""
+    task, half = networks.task_of(swinging, LEADS), 0.5 * swinging.time[-1]
+    assert 0.0 < task.training.stamps[-1] + LEADS[-1] <= 0.8 * half + 1e-9 < task.validation.stamps[0]
+    assert task.validation.stamps[-1] + LEADS[-1] <= half + 1e-9 < task.test.stamps[0]
+    for known in (600, 900):
+        channels = {name: np.append(v[:known], -2.0 * v[known:]) for name, v in swinging.channels.items()}
+        other = networks.task_of(Trial(swinging.time, **channels), LEADS)
+        for mine, its in ((task.training, other.training), (task.validation, other.validation)):
+            assert all(np.array_equal(a, b) for a, b in zip(mine, its, strict=True))
+        assert np.array_equal(task.centre, other.centre) and np.array_equal(task.scale, other.scale)
+        before = task.test.stamps < swinging.time[known]
+        assert np.array_equal(task.test.inputs[before], other.test.inputs[before])
+        assert not np.array_equal(task.test.inputs, other.test.inputs)
+
+
+def test_the_regression_is_ridge_regression_of_the_scaled_lags(networks, swinging, monkeypatch):
+    monkeypatch.setattr(networks, 'RIDGES', (1e-3,))
+    task = networks.task_of(swinging, LEADS)
+    rows = task.scaled(task.training).reshape(task.training.stamps.size, -1)
+    rows = np.column_stack([np.ones(rows.shape[0]), rows])
+    # as least squares with rows that pull the coefficients to zero
+    pulled = np.vstack([rows, np.sqrt(1e-3 * rows.shape[0]) * np.eye(rows.shape[1])])
+    targets = task.training.targets.reshape(rows.shape[0], -1)
+    wanted = np.vstack([targets, np.zeros((rows.shape[1], targets.shape[1]))])
+    expected = rows @ np.linalg.lstsq(pulled, wanted, rcond=None)[0]
+    found = networks.regression(task)(task.training)
+    assert found.reshape(expected.shape) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_worst_ratio_is_that_to_the_network_with_the_least_error(networks):
+    def row(roll, pitch):
+        return networks.Row({'roll': np.array(roll), 'pitch': np.array(pitch)})
+
+    rows = {
+        'persistence': row([0.1, 0.1], [0.1, 0.1]),
+        'swath_sysid': row([1.0, 2.0], [3.0, 4.0]),
+        'regression': row([0.2, 0.2], [0.2, 0.2]),
+        'MLP, median': row([2.0, 4.0], [2.0, 8.0]),
+        'TCN, best': row([4.0, 1.0], [4.0, 5.0]),
+    }
+    assert networks.ratios_of(rows).tolist() == [1.5, 2.0]
+    lines = networks.table_of('Sea', (0.5, 1.0), rows).splitlines()
+    assert lines[-1] == '| worst | swath_sysid over the best network | 1.500 | 2.000 | |'
+    assert lines[8] == '| roll | TCN, best | 4.000 | 1.000 |  |'
+
+
+def test_the_simulated_craft_rolls_and_pitches_in_the_same_waves(networks):
+    """Moderately, each with its rate; the forecast that knows the hulls is another than the one that does not."""
+    trial = networks.simulated_sea(60.0)
+    assert list(trial.channels) == ['roll', 'pitch', 'roll_rate', 'pitch_rate'] and trial.time.size == 600
+    for axis in ('roll', 'pitch'):
+        angle, rate = (trial.channels[name] for name in (axis, f'{axis}_rate'))
+        assert angle.std() == pytest.approx(np.radians(1.3), rel=0.05)
+        assert np.corrcoef(np.gradient(angle, trial.time), rate)[0, 1] > 0.95
+    task = networks.task_of(trial, LEADS)
+    rows = networks.package_rows(Record.of(trial), task, trial, networks.HULLS)
+    assert list(rows) == ['persistence', 'VAR(40)', 'swath_sysid', 'swath_sysid, hull']
+    for axis in task.axes:
+        without, known = (rows[name].nrmse[axis] for name in ('swath_sysid', 'swath_sysid, hull'))
+        assert np.isfinite(known).all() and (known != without).all()
+
+
+# -- with torch
+
+
+@pytest.fixture
+def training(benchmark_module):
+    pytest.importorskip('torch')
+    return benchmark_module('network_training')
+
+
+def test_strides_away_from_the_stamp_are_dilated_causal_convolutions(training):
+    torch = pytest.importorskip('torch')
+    torch.manual_seed(0)
+    network, lags = training.CausalConvolutions(2, 15, 4, 3), torch.randn(5, 15, 2)
+    values = network.first(lags.transpose(1, 2))
+    for k, layer in enumerate(network.layers):
+        padded = torch.nn.functional.pad(values, (2 * 2**k, 0))
+        values = values + torch.nn.functional.conv1d(padded, layer.weight.flip(2), layer.bias, dilation=2**k).relu()
+    assert len(network.layers) == 3
+    assert torch.allclose(network(lags), network.head(values[:, :, -1]), atol=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('kind', ['MLP', 'TCN', 'LSTM'])
+def test_a_network_learns_the_motion_and_gives_the_same_again(networks, training, swinging, kind):
+    task = networks.task_of(swinging, LEADS)
+    start = networks.last_angle(task)
+    first, again = (networks.trained_on(task, start, training.train, kind, 8, 0) for _ in range(2))
+    errors, resting = (
+        np.sqrt(np.nanmean((angles - task.test.targets) ** 2, axis=0))
+        for angles in (first.angles(task.test), start(task.test))
+    )
+    assert (errors[1:] < 0.5 * resting[1:]).all()
+    assert np.array_equal(first.angles(task.test), again.angles(task.test))
+    assert first.validation_error < 0.5 * networks._size(start(task.validation) - task.validation.targets).mean()
+
+
+@pytest.mark.long
+def test_every_method_has_a_row(networks, training, swinging, monkeypatch):
+    monkeypatch.setattr(networks, 'WIDTHS', (4,))
+    monkeypatch.setattr(networks, 'SEEDS', (0, 1))
+    rows = networks.rows_of(swinging, LEADS, training.KINDS, training.train)
+    kinds = [
+        f'{prefix}{kind}, {which}'
+        for prefix in networks.STARTS
+        for kind in training.KINDS
+        for which in ('median', 'best')
+    ]
+    assert set(rows) == {*networks.ROWS, 'regression', *kinds, 'mean of the best'}
+    assert all(np.isfinite(row.nrmse[axis]).all() for row in rows.values() for axis in ('roll', 'pitch'))
