@@ -132,7 +132,9 @@ def test_four_periods_show_the_waves_at_any_rate_of_rows(step, count):
 
 
 @settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 999), count=st.integers(1, 40), level=st.sampled_from([0.0, 1.0]), noise=st.floats(0.0, 0.001))
+@given(
+    seed=st.integers(0, 999), count=st.integers(1, 40), level=st.sampled_from([0.0, 1.0]), noise=st.floats(0.0, 0.001)
+)
 def test_no_forecast_is_wilder_than_the_motion(seed, count, level, noise):
     """With noise as members have it, the deviation is within three times the size, or the present displacement."""
     rng = np.random.default_rng(seed)
