@@ -133,13 +133,15 @@ class Bank:
 
     def renew(self, name: str, axis: int | slice = slice(None)) -> None:
         """Judge a candidate with a new model, for an axis or all, as an untried one that knows nothing upstream."""
-        present = [each for each in CANDIDATES if each in self._on_rows]
+        present = [LEVEL, *(each for each in CANDIDATES if each in self._on_rows)]
         self.blend.renew(self._place[name], axis, [self._place[each] for each in {name, *present}])
 
     def step(self, row: np.ndarray) -> None:
         """Take the next row in every candidate."""
         for candidate in self._on_rows.values():
             candidate.step(row)
+        for place in self._library.begun_anew():
+            self.renew(LIBRARY, place)
 
     def skip(self, count: int) -> None:
         """Step over missing rows."""

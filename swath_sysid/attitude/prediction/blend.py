@@ -14,12 +14,12 @@ _POWER = 12.0
 # s of errors that the candidates' common level, and their own variances, count for: luck in the first decides nothing
 _TRUST = 1.6
 #: A candidate without a forecast is taken to err as much more (mean square) than the blend: it must prove itself.
-UNPROVEN = 1.25
+UNPROVEN = 1.16
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.32
 # periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise
 # is: while a motion grows, all forecasts are too sure
-_RECENT, _SURPRISING = 1.0, 4.0
+_RECENT, _SURPRISING, _LARGEST_SURPRISE = 1.0, 4.0, 16.0
 # the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
 # sensor's noise; and that of the candidates' own is at least this share of what they claim
 _MIN_SHARE = 1e-3
@@ -102,9 +102,9 @@ class Blend:
         self._excused += self._step / MEMORY_OF_SIZE * (excused - self._excused)
         blended[excused] = np.nan
         was_free = self._was_free[then], self._places[:, None], self._axes
-        claimed = interval / _QUANTILE**2
-        fresh = self._step / (_RECENT + self._step) * np.isfinite(blended)
-        self._recent += fresh * (np.where(np.isfinite(blended), blended, 0.0) ** 2 / claimed - self._recent)
+        surprise = _QUANTILE**2 * np.where(judged, blended, 0.0) ** 2 / np.where(judged, interval, 1.0)
+        surprise = np.minimum(surprise, _LARGEST_SURPRISE)
+        self._recent += self._step / (_RECENT + self._step) * judged * (surprise - self._recent)
         self._learn(errors, blended, of_average, interval, noise_variance, was_free)
         self._was_free[now] = free
         self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]

@@ -219,6 +219,7 @@ class SeaLibrary:
         self._furthest = min(math.ceil(horizon / step / self._stride), FURTHEST)
         self._axes: list[AxisSeas | None] = [None] * len(AXES)
         self._following = list(self._axes)
+        self._anew: list[int] = []
 
     def step(self, row: np.ndarray) -> None:
         """Update with the next row (width,), NaN where missing."""
@@ -237,6 +238,7 @@ class SeaLibrary:
             if axis.strain > CONTRADICTED:
                 # another motion, of which the newest rows are all that is known
                 axis = self._axes[place] = self._begun(rated)
+                self._anew.append(place)
                 for each in (*before, reading):
                     axis.step(each)
 
@@ -252,6 +254,11 @@ class SeaLibrary:
 
     def _begun(self, rated: bool):
         return AxisSeas(self._rows, self._stride, self._furthest + 4, rated)
+
+    def begun_anew(self) -> list[int]:
+        """Axes whose motion was another one at the newest row."""
+        anew, self._anew = self._anew, []
+        return anew
 
     def skip(self, count: int) -> None:
         """Step over ``count`` missing rows."""
