@@ -40,7 +40,7 @@ LIFETIME, OVERLAP = 12.0, 4.0  #: Periods after which all members begin again, a
 TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any member.
 
 #: Rows ahead, of the library's own, after which a forecast is the level; a member of less relative weight is dropped.
-FURTHEST, LEAST_WEIGHT = 28, 1e-5
+FURTHEST, LEAST_WEIGHT = 28, 1e-3
 
 _LARGEST = 4.0 * CONTRADICTED
 _SAME_PERIOD = 1.2  #: Ratio between the numbers of rows in a period for which there are predictors.
