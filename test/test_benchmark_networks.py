@@ -29,13 +29,19 @@ def swinging():
 
 
 def test_without_torch_one_sentence_says_what_to_install():
-    code = (
-        "import runpy, sys; sys.modules['torch'] = None; sys.argv = ['networks.py'];"
-        "runpy.run_path('benchmark/networks.py', run_name='__main__')"
-    )
-    environment_path = [str(ROOT), str(ROOT / 'benchmark')]
+    code = f"""
+import runpy, sys
+class Absent:
+    def find_spec(name, *_):
+        if name == 'torch':
+            raise ModuleNotFoundError(name)
+sys.meta_path.insert(0, Absent)
+sys.path[:0] = {[str(ROOT), str(ROOT / 'benchmark')]}
+sys.argv = ['networks.py']
+runpy.run_path('benchmark/networks.py', run_name='__main__')
+"""
     done = subprocess.run(
-        [sys.executable, '-c', f'import sys; sys.path[:0] = {environment_path}; {code}'],
+        [sys.executable, '-c', code],
         cwd=ROOT,
         capture_output=True,
         text=True,
