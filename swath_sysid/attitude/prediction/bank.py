@@ -17,7 +17,6 @@ from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.state_space import (
     BREAK,
-    CONTRADICTED,
     STRAIN_TIME,
     InnovationsFilter,
     InnovationsModel,
@@ -211,8 +210,9 @@ class Bank:
             for place, strain in strained.items():
                 covariance[place] *= strain / HEALTHY_STRAIN
                 mean[place][:, trusted[place]] = math.nan
-                if strain > CONTRADICTED:
-                    mean[place] = math.nan
+        for name, candidate in self._on_rows.items():
+            if candidate.is_contradicted:
+                mean[self._place[name]] = math.nan
         for place, axis in enumerate(self._axes):
             if axis.hull.is_free:
                 # nothing acts: there is nothing else to know

@@ -208,7 +208,7 @@ class AxisSeas:
 class SeaLibrary:
     """The library on the rows of every axis, as an `InnovationsFilter` of all `ATTITUDE`."""
 
-    strain = 1.0
+    strain, is_contradicted = 1.0, False
 
     def __init__(self, steps: np.ndarray, step: float, period: float, horizon: float) -> None:
         rows = period / step
