@@ -65,10 +65,13 @@ class AxisFilter:
         self.identified = identified
         self.reach = None if identified is None else Reach(identified.model.natural_period)
         self.hull.set_hull(identified)
+        self.set_period(self.size.period)
 
     def set_period(self, period: float) -> None:
         """Measure sizes and agreement in another period of the motion, s."""
-        self.hull.set_period(period)
+        # a craft that is held and released moves as its hull does
+        natural = math.inf if self.identified is None else self.identified.model.natural_period
+        self.hull.set_period(min(period, natural))
         self.size.period = self._agreement.period = period
 
     def follow(
