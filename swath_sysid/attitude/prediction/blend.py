@@ -14,7 +14,7 @@ _POWER = 12.0
 # s of errors that the candidates' common level, and their own variances, count for: luck in the first decides nothing
 _TRUST = 1.6
 #: A candidate without a forecast is taken to err as much more (mean square) than the blend: it must prove itself.
-UNPROVEN = 1.12
+UNPROVEN = 1.14
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.32
 # periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise
