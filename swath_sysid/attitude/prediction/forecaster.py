@@ -148,7 +148,7 @@ class Forecaster:
         self._points = PointForecaster(s.points, axes, 2 * MOST_AHEAD)
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
         self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
-        self._time = self._rows_begun = self._stamp = self._elapsed = 0.0
+        self._time = self._rows_begun = self._stamp = 0.0
         self._heading = 0.0, 0.0
         self._due = self._refit_due = self._sea_state_due = -math.inf
         self._is_linked = False
