@@ -29,7 +29,7 @@ OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
 ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
 #: Periods; what is lost for longer is not known, nor of other channels than angles and rates what no line bridges.
-LONGEST_FILLED, LONGEST_LINEAR = 0.2, 0.03
+LONGEST_FILLED, LONGEST_LINEAR = 0.16, 0.03
 
 #: Samples per row from which the rows hold filtered values: fewer cannot be smoothed without delay.
 SMOOTHED_FROM = 5
