@@ -175,7 +175,7 @@ def test_what_has_no_rate_is_not_known_over_a_longer_loss_and_angles_are(rate):
     assert (ramp >= times[begin + lost] - 1e-6).all()
 
 
-@given(degree=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), lost=st.integers(1, 5))
+@given(degree=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), lost=st.integers(1, 4))
 def test_a_motion_that_is_a_cubic_is_filled_without_error(degree, lost):
     curve = np.polynomial.Polynomial(degree)
     slope = curve.deriv()
