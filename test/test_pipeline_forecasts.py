@@ -52,7 +52,7 @@ def decay():
 
 def messages_of(step):
     """What the predictor publishes of a step, by topic."""
-    return {t: typestore().deserialize_cdr(raw, type_of(t)) for t, raw in (*SENT.next_of(step), *SENT.of(step))}
+    return {t: typestore().deserialize_cdr(raw, type_of(t)) for t, raw in SENT.all_of(step)}
 
 
 def test_stamps_are_exact(decay):

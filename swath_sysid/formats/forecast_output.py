@@ -61,8 +61,13 @@ class ForecastMessages:
         if step.next is not None:
             yield topics.NEXT_TOPIC, self._attitude(step.next, 0)
 
+    def sea_of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
+        """Topic and message of a sea state, which no later step repeats."""
+        if step.sea is not None and step.sample is not None:
+            yield topics.SEA_TOPIC, messages.text_message(sea_as_yaml(step.sea, step.sample.stamp_ns))
+
     def of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
-        """Topic and message of all else that a finished step leads to."""
+        """Topic and message of the forecasts that a finished step leads to."""
         forecast, horizon, outlook = step.forecast, step.horizon, step.outlook
         if forecast is not None and horizon is not None and outlook is not None:
             for place, lead in enumerate(forecast.leads.tolist()):
@@ -76,11 +81,14 @@ class ForecastMessages:
             yield from self._horizons_of_points(horizon)
             if isfinite(outlook.quiescence):
                 yield topics.CALM_TOPIC, self._calm(outlook.calm, horizon.stamp_ns)
-        if step.sea is not None and step.sample is not None:
-            yield topics.SEA_TOPIC, messages.text_message(sea_as_yaml(step.sea, step.sample.stamp_ns))
         if self._frames_at and forecast is not None and step.next is not None:
             frames = list(self._transforms(forecast, step.next))
             yield topics.FRAMES_TOPIC, serialised(make(topics.TYPES[topics.FRAMES_TOPIC], frames))
+
+    def all_of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
+        """Topic and message of everything that a finished step leads to."""
+        for part in self.next_of, self.sea_of, self.of:
+            yield from part(step)
 
     def _attitude(self, forecast: Forecast, place: int) -> bytes:
         """The sensor_msgs/Imu of one lead, by its place; level about an axis that is not measured."""

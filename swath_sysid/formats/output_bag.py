@@ -93,7 +93,7 @@ class OutputBag:
         if played.models is not None:
             self.add(topics.DESCRIPTION_TOPIC, time_ns, messages.text_message(model_to_yaml(played.models)))
             self.add(topics.COEFFICIENTS_TOPIC, time_ns, messages.coefficients_message(played.models))
-        for topic, raw in (*self._forecasts.next_of(step), *self._forecasts.of(step)):
+        for topic, raw in self._forecasts.all_of(step):
             self.add(topic, time_ns, raw)
         if played.window is not None:
             self.add(topics.WINDOW_TOPIC, time_ns, messages.window_message(played.window, self._forecasts.frame_id))

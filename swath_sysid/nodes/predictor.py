@@ -91,6 +91,7 @@ class Predictor(Node):
         if not is_passed_over:
             self._publish(self._messages.next_of(step))
         step = self.pipeline.finish(step)
+        self._publish(self._messages.sea_of(step))
         if step.sea_request is not None:
             self.sea.submit(step.sea_request, reading.stamp_ns)
         if is_passed_over:
