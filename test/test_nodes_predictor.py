@@ -12,6 +12,8 @@ from live_bench import Bench, imu_message, stamp_ns, wait_for  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 
+from swath_sysid.attitude.prediction.sea_state import SeaReport  # noqa: E402
+from swath_sysid.formats.topics import SEA_TOPIC  # noqa: E402
 from swath_sysid.nodes.executor_loop import events_executor  # noqa: E402
 from swath_sysid.nodes.predictor import PASSED_OVER_NS, Predictor  # noqa: E402
 from swath_sysid.nodes.worker import WorkerError  # noqa: E402
@@ -98,6 +100,16 @@ def test_waves_that_cannot_be_fitted_warn_until_they_can(sailing):
     predictor.sea.worker.finish()
     sail(1)
     assert predictor.health.holding == '' and predictor.health.counts[NOT_FITTED] == 1
+
+
+def test_a_sea_state_that_comes_with_a_sample_that_is_passed_over_is_told(predictor, monkeypatch):
+    sent, finish = [], predictor.pipeline.finish
+    monkeypatch.setattr(predictor, '_publish', lambda messages: sent.extend(topic for topic, _ in messages))
+    monkeypatch.setattr(
+        predictor.pipeline, 'finish', lambda step: finish(step)._replace(sea=SeaReport(None, 'a flat sea'))
+    )
+    predictor._add(reading(EPOCH_NS, roll=0.01), is_passed_over=True)
+    assert sent == [SEA_TOPIC]
 
 
 @pytest.mark.parametrize('make_executor', [events_executor, rclpy.executors.SingleThreadedExecutor])
