@@ -130,7 +130,7 @@ def test_quiescence_is_told_for_the_limits_of_now(bench):
         assert bench.set_parameters('predictor', quiet_roll_deg=0.0, quiet_pitch_deg=0.0) == []
         before = swing(20)
         assert swing(100) <= before + 1
-        # the fit ends amid samples that others wait behind, from which nothing is forecast; the sea is told all the same
+        # the fit ends amid samples that others wait behind, which are passed over; the sea is told all the same
         swing(500)
         wait_for(lambda: seas, 'sea state', meanwhile=lambda: (swing(50), time.sleep(0.2)))
         report = yaml.safe_load(seas[0].data)
