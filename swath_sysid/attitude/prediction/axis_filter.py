@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Sequence
-from math import comb, degrees, inf
+from math import degrees, inf
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
@@ -19,7 +19,10 @@ _ACTIVITY_TIME = 1.6  #: Periods.
 
 _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over which the variance is averaged.
 
-_THIRD_DIFFERENCE_GAIN = comb(6, 3)  # 1 + 9 + 9 + 1: variance of the third difference of white noise
+# variances of the third and fourth difference of white noise: sums of squared binomials
+_THIRD_DIFFERENCE_GAIN, _FOURTH_DIFFERENCE_GAIN = math.comb(6, 3), math.comb(8, 4)
+_ALIKE = 1.25  #: Ratio of the variances that both differences show, up to which noise is white.
+_TOLD_WRONG = 1.5  #: Ratio of a sensor's noise variance to the one that it reports, from which its report is wrong.
 #: Periods; after which sizes are forgotten, of errors as of the motion: a shorter one follows wave groups, in
 #: which errors grow less than the motion.
 MEMORY_OF_SIZE = 19.0
@@ -47,8 +50,10 @@ class AxisFilter:
         self.identified: IdentifiedModel | None = None
         self.reach: Reach | None = None  #: Of the measured angle, where a hull is known.
         self.size = MotionSize(memory)
-        self.reported = (0.0, 0.0)  #: Noise variances of angle and rate that the sensor reports; zero if it does not.
-        self.noise = self.noise_to_hull = (math.nan, math.nan)  #: Those in use, and with the disagreement of both.
+        #: Variances of white noise in angle and rate, which a sensor reports; zero where none is known for certain.
+        self.known_noise = (0.0, 0.0)
+        #: Those in use, up to all that is not smooth, and with the disagreement of both.
+        self.noise = self.noise_to_hull = (math.nan, math.nan)
         #: Since a moment unforeseen by an identified hull has begun or ended; counted by who takes the rows.
         self.rows_since_surprise = 10**9
         self._meters = NoiseMeter(*ANGLE_NOISE), NoiseMeter(*RATE_NOISE)
@@ -118,16 +123,13 @@ class AxisFilter:
         return tuple(found)
 
     def _variances(self, angle: float, rate: float, reported: Sequence[float], even: bool):
-        """Noise variances that the sensor reports, or else measured ones."""
+        """Noise variances that the sensor reports, where they are not clearly wrong, or else measured ones."""
         of_angle, of_rate = self._meters
         if not even:
             of_angle.restart()
             of_rate.restart()
-        angle_variance, rate_variance = reported
-        angle_variance = angle_variance if angle_variance > 0.0 else 0.0
-        rate_variance = rate_variance if rate_variance > 0.0 else 0.0
-        self.reported = angle_variance, rate_variance
-        self.noise = angle_variance or of_angle.take(angle), rate_variance or of_rate.take(rate)
+        self.known_noise = of_angle.checked(angle, reported[0]), of_rate.checked(rate, reported[1])
+        self.noise = self.known_noise[0] or of_angle.variance, self.known_noise[1] or of_rate.variance
         return self.noise
 
 
@@ -198,35 +200,57 @@ class NoiseMeter:
     """Running variance of the white noise in one evenly sampled channel, initial and bounds in its unit.
 
     The third difference removes motion that is quadratic over four samples and leaves 20 times the noise variance
-    (Hamming 1973). Motion left at slow sampling counts as noise: an upper bound, kept below ``most``.
+    (Hamming 1973). Motion left at slow sampling counts as noise: an upper bound, kept below ``most``. The fourth
+    difference, of 70 times the variance, leaves less of motion, and as much of noise.
     """
 
     def __init__(self, initial: float, least: float, most: float) -> None:
-        self.variance = self._average = initial**2
+        self.variance = self._average = self._finer = initial**2
         self._least, self._most, self._floor = least**2, most**2, 0.01 * least**2
         self._count = _FIRST
         self.restart()
 
     def restart(self) -> None:
         """Forget the neighbours (after a gap or a missing value), not what was learnt."""
-        self._a = self._b = self._c = math.nan
+        self._a = self._b = self._c = self._third = math.nan
 
     def take(self, value: float) -> float:
         """Add the next value and return the noise variance."""
-        a, b, c = self._a, self._b, self._c
+        a, b, c, before = self._a, self._b, self._c, self._third
         self._a, self._b, self._c = b, c, value
-        third = value - 3.0 * c + 3.0 * b - a
+        self._third = third = value - 3.0 * c + 3.0 * b - a
         if third == third:
-            # clipped, so that a glitch counts as at most a few samples; the first guess weighs as 20 samples
-            average, square = self._average, third * third / _THIRD_DIFFERENCE_GAIN
-            if square > CREDIBLE * average:
-                square = CREDIBLE * average
             if self._count < _MEMORY:
                 self._count += 1
-            average += (square - average) / self._count
-            self._average = average = average if average > self._floor else self._floor
+            self._average = average = self._averaged(self._average, third * third / _THIRD_DIFFERENCE_GAIN)
             self.variance = self._least if average < self._least else self._most if average > self._most else average
+            fourth = third - before
+            if fourth == fourth:
+                self._finer = self._averaged(self._finer, fourth * fourth / _FOURTH_DIFFERENCE_GAIN)
         return self.variance
+
+    def _averaged(self, average: float, square: float):
+        # clipped, so that a glitch counts as at most a few samples; the first guess weighs as 20 samples
+        if square > CREDIBLE * average:
+            square = CREDIBLE * average
+        average += (square - average) / self._count
+        return average if average > self._floor else self._floor
+
+    def checked(self, value: float, reported: float) -> float:
+        """Add the next value; the variance reported, or measured where that shows for certain that it is another.
+
+        Zero where none is reported.
+        """
+        if self._count == _FIRST and reported > 0.0:
+            self._average = self._finer = reported
+        self.take(value)
+        if not reported > 0.0:
+            return 0.0
+        least, most = sorted((self._average, self._finer))
+        is_settled = self._count == _MEMORY
+        is_less = max(least, self._least) * _TOLD_WRONG < reported
+        is_more = self._finer > _TOLD_WRONG * reported and most < _ALIKE * least
+        return max(least, self._least) if is_settled and (is_less or is_more) else reported
 
 
 class AgreementMeter:

@@ -9,10 +9,12 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.blend import UNPROVEN, Blend
+from swath_sysid.attitude.prediction.blend import MIN_SHARE, UNPROVEN, Blend
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
+from swath_sysid.attitude.prediction.hull_state import TRIM
 from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.attitude.prediction.rows import RowClock
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.state_space import (
@@ -40,15 +42,14 @@ _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 
 
 class Bank:
-    """Candidates and their average at increasing leads (L,), s, on rows ``step`` s apart."""
+    """Candidates and their average at increasing leads (L,), s, on the rows of a clock."""
 
-    def __init__(
-        self, axes: Sequence[AxisFilter], leads: np.ndarray, step: float, period: float, upstream: UpstreamRows
-    ) -> None:
+    def __init__(self, axes: Sequence[AxisFilter], leads: np.ndarray, clock: RowClock, upstream: UpstreamRows) -> None:
         self.channels = upstream.names  #: Upstream.
         #: Of the candidates; the upstream channels' are the last.
         self.names = (*CANDIDATES, *candidates_of(self.channels))
         self._place = {name: place for place, name in enumerate(self.names)}
+        self._clock, step, period = clock, clock.step, clock.period
         priors = [CANDIDATES.get(name, 1.0) for name in self.names]
         self.blend = Blend(leads, step, period, len(axes), priors)
         self.spaces: dict[str, Any] = {}  #: Those on rows.
@@ -76,7 +77,19 @@ class Bank:
 
         A noise that is only measured is an upper bound, with which intervals would come out too narrow.
         """
-        return np.array([axis.reported for axis in self._axes]).T.ravel()
+        return np.array([axis.known_noise for axis in self._axes]).T.ravel()
+
+    @property
+    def _present(self):
+        """Variances of the angles and the rates now, where the sensor reports its noise, shape (4,).
+
+        Not of a wide filter, which is surer of nothing.
+        """
+        known = [
+            np.minimum(np.diag(axis.hull.P)[:TRIM], axis.known_noise) if axis.hull.is_started else axis.known_noise
+            for axis in self._axes
+        ]
+        return np.array(known).T.ravel()
 
     def set_period(self, period: float) -> None:
         """Count memories in another period of the motion, s."""
@@ -167,7 +180,7 @@ class Bank:
         """The average of the candidates at the leads, ``age`` s after the newest row."""
         at_row = age == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
-        return self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise)
+        return self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.
@@ -187,21 +200,28 @@ class Bank:
         return of_some / np.maximum(of_others, 1e-300)
 
     def _forecasts(self, leads: np.ndarray | None, age: float):
-        """Readings (K, L, 4) and covariances (K, L, 4, 4) by candidate; NaN where new samples contradict one."""
+        """Motion (K, L, 4) and covariances (K, L, 4, 4) by candidate; NaN where new samples contradict one.
+
+        As far as the sensor's noise is known: the covariances are of readings, else.
+        """
         count = self._steps.size if leads is None else leads.size
         mean = np.full((len(self.names), count, len(ATTITUDE)), math.nan)
         covariance = np.zeros((*mean.shape, len(ATTITUDE)))
         hull, ahead = self._place[HULL], self._step * self._steps if leads is None else leads
         for place, axis in enumerate(self._axes):
-            if axis.hull.is_started and axis.identified is not None:
-                mean[hull, :, place::2], spread = axis.hull.forecast(ahead)
-                # of the readings to come, as the state spaces'
-                covariance[hull, :, place::2, place::2] = spread + np.diag(axis.noise)
+            # without a hull, its filter still follows every sample, which rows do not
+            known = count if axis.identified is not None else int(np.sum(ahead < 1.02 * self._step))
+            if axis.hull.is_started and known:
+                mean[hull, :known, place::2], spread = axis.hull.forecast(ahead[:known])
+                spread = spread + np.diag(np.subtract(axis.noise, axis.known_noise))
+                covariance[hull, :known, place::2, place::2] = spread
             level, size = self._place[LEVEL], np.array([1.0, 2.0 * math.pi / self._period]) * axis.size.activity
             mean[level, :, place], mean[level, :, place + len(AXES)] = axis.size.mean, 0.0
             covariance[level, :, place::2, place::2] = np.diag(size**2)
+        noise = self._present if self._clock.is_smoothed else self._noise
         for name, candidate in self._on_rows.items():
-            mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
+            mean[self._place[name]], of_readings = candidate.forecast(leads, age)
+            covariance[self._place[name]] = without_noise(of_readings, noise)
         strained = {
             self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > HEALTHY_STRAIN
         }
@@ -233,6 +253,13 @@ class Bank:
             for axis in self._axes
         ]
         return ((level[self._place[HULL]] < level) & explains)[:, _AXIS_OF_TARGET]
+
+
+def without_noise(covariance: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Covariances (L, M, M) of readings less the variances (M,) of their noise; correlations stay."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    share = np.maximum(1.0 - noise / np.maximum(variance, 1e-300), MIN_SHARE)
+    return covariance * np.sqrt(share[:, :, None] * share[:, None, :])
 
 
 @dataclass(frozen=True)

@@ -20,12 +20,8 @@ _TAIL_GAIN = 0.32
 # periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise
 # is: while a motion grows, all forecasts are too sure
 _RECENT, _SURPRISING, _LARGEST_SURPRISE = 1.0, 4.0, 16.0
-# the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
-# sensor's noise; and that of the candidates' own is at least this share of what they claim
-_MIN_SHARE = 1e-3
-# the least variance that is claimed for the true angle, as a share of the sensor's noise variance: the scatter of the
-# readings about some minutes of forecasts does not prove less
-_PROVABLE_SHARE = 0.01
+#: The variance of the candidates is at least this share of what they claim.
+MIN_SHARE = 1e-3
 # of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
 # candidate that is surprised all the time is judged by half of its errors
 _MAX_EXCUSED = 0.5
@@ -45,6 +41,7 @@ class Blend:
         self._leads = np.asarray(leads)
         whole = np.maximum(np.round(self._leads / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
+        self._of_row = np.minimum(self._leads / step, 1.0)[:, None]
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
         candidates, steps = self._prior.shape[0], self.steps.size
         self._places, self._axes = np.arange(steps), np.arange(axes)
@@ -85,9 +82,9 @@ class Blend:
     ) -> None:
         """Score the forecasts that this row's angles (A,), NaN where missing, make known, and keep those issued at it.
 
-        Mean and variance (E, S, A) are NaN without a forecast. ``foreseeable`` (A,) counts rows since an unforeseen
-        moment acted: errors of earlier forecasts are not used unless that happens all the time. ``free`` (A,) is one
-        where nothing acts on the craft.
+        Mean and variance (E, S, A), of the true angle, are NaN without a forecast; readings have the noise on top.
+        ``foreseeable`` (A,) counts rows since an unforeseen moment acted: errors of earlier forecasts are not used
+        unless that happens all the time. ``free`` (A,) is one where nothing acts on the craft.
         """
         rows = self._issued.shape[0]
         then, now = (self._row - self.steps) % rows, self._row % rows
@@ -110,8 +107,7 @@ class Blend:
         self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
         weights = present_weights(self.weights, np.isfinite(mean))
         variance = _weighted(weights, variance)
-        true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
-        half = _QUANTILE**2 * (self.scale * true + noise_variance)
+        half = _QUANTILE**2 * (self.scale * variance + noise_variance)
         self._issued[now] = [_weighted(weights, mean), variance, half, *mean]
         self._row += 1
 
@@ -156,19 +152,18 @@ class Blend:
         self._time, gain = self._aged(self._time, known, self._keep, self._step)
         squares = np.where(np.isfinite(errors), errors**2, UNPROVEN * square)
         self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
-        true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         # errors that are the sensor's noise for the most part say as little of the rest as their scatter has it
-        shown = (true / variance) ** 2
+        shown = (variance / (variance + noise_variance)) ** 2
         time, mean_ratio, tail, _ = self._spread[(slice(None), *was_free)]
         time, gain = self._aged(time, known, 1.0 - self._step / MEMORY_OF_SIZE, shown * self._step)
         # ratio by ratio: a mean of variances would keep the largest for minutes
-        credible = CREDIBLE * np.maximum(variance, interval / _QUANTILE**2)
-        ratio = (np.minimum(square, credible) - noise_variance) / true
+        credible = CREDIBLE * np.maximum(variance + noise_variance, interval / _QUANTILE**2)
+        ratio = (np.minimum(square, credible) - noise_variance) / variance
         mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)
         # with wide tails the mean square is more than the 90 % interval needs
         # a new array: of a view np.exp may take another path, by where its result happens to lie in memory
         tail = tail + _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - _MISSES), 0.0)
-        scale = np.exp(tail) * (_TRUST + time * np.maximum(mean_ratio, _MIN_SHARE)) / (_TRUST + time)
+        scale = np.exp(tail) * (_TRUST + time * np.maximum(mean_ratio, MIN_SHARE)) / (_TRUST + time)
         self._spread[(slice(None), *was_free)] = time, mean_ratio, tail, scale
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 
@@ -185,24 +180,31 @@ class Blend:
         covariance: np.ndarray,
         axis_of: Sequence[int],
         noise_variance: float | np.ndarray = 0.0,
+        least_variance: float | np.ndarray = 0.0,
     ) -> Forecast:
         """Weighted average of the true motion at the leads, from the candidates' forecasts issued at this stamp.
 
-        The candidates' means (E, L, M) and covariances (E, L, M, M) are of readings, NaN without a forecast;
-        ``axis_of`` is each target's axis.
+        The candidates' means (E, L, M) and covariances (E, L, M, M) are of the true motion, NaN without a forecast;
+        ``axis_of`` is each target's axis; no variance is less than ``least_variance``. Within the first row the errors
+        are not known: the sooner, the more the first candidate counts, which follows every sample.
         """
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
-        weights = present_weights(self.weights[:, places[0], places[1]], np.isfinite(mean))
+        weights, scale = self.weights[:, places[0], places[1]], self.scale[places]
+        if self._of_row[0] < 1.0:
+            weights = self._of_row * weights
+            weights[0] += 1.0 - self._of_row
+            scale = scale**self._of_row
+        weights = present_weights(weights, np.isfinite(mean))
         root = np.sqrt(weights)
         blended = _weighted(root[..., :, None] * root[..., None, :], covariance)
         variance = np.diagonal(blended, axis1=1, axis2=2)
         # targets that no candidate forecasts together are independent
         blended = np.where(np.isnan(blended) & np.isfinite(variance[:, :, None] + variance[:, None, :]), 0.0, blended)
-        surprise = np.where(self._recent > _SURPRISING, self._recent, 1.0)
-        true = (surprise * self.scale)[places] * np.maximum(variance - noise_variance, _MIN_SHARE * variance)
-        factor = np.sqrt(np.maximum(true, _PROVABLE_SHARE * noise_variance) / variance)
+        surprise = np.where(self._recent > _SURPRISING, self._recent, 1.0)[places]
+        factor = np.sqrt(np.maximum(surprise * scale * variance, least_variance) / variance)
         covariance = blended * factor[:, :, None] * factor[:, None, :]
-        return Forecast(stamp_ns, self._leads, _weighted(weights, mean), covariance, own_deviation=np.sqrt(variance))
+        own = np.sqrt(variance + noise_variance)
+        return Forecast(stamp_ns, self._leads, _weighted(weights, mean), covariance, own_deviation=own)
 
 
 def error_weights(mean_square: np.ndarray, time: np.ndarray, prior: np.ndarray) -> np.ndarray:

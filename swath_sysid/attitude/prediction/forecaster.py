@@ -309,7 +309,7 @@ class Forecaster:
     def _begin_rows(self):
         """Begin with another step, which makes all that was learnt in rows invalid."""
         step, before = self._clock.step, self._bank
-        self._bank = Bank(tuple(self._axes.values()), self._leads, step, self._clock.period, self._upstream)
+        self._bank = Bank(tuple(self._axes.values()), self._leads, self._clock, self._upstream)
         if before is not None:
             self._bank.blend.carry_over(before.blend)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
