@@ -34,7 +34,7 @@ def published(count, *, has_force=True):
         force = (-np.sin(pitch) * up, 0.0, np.cos(pitch) * up) if has_force else (NAN, NAN, NAN)
         sample = CraftSample(EPOCH_NS + k * STEP_NS, 0.0, pitch, 0.0, rate[k], *force, *4 * (0.0,))
         step = pipeline.add_sample(sample)
-        for topic, raw in messages.of(step):
+        for topic, raw in messages.sea_of(step):
             if topic == SEA_TOPIC:
                 found[step.sample.stamp_ns] = yaml.safe_load(STORE.deserialize_cdr(raw, 'std_msgs/msg/String').data)
         request = step.sea_request

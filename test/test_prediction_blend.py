@@ -140,9 +140,9 @@ def test_errors_that_are_the_sensors_noise_for_the_most_part_leave_the_claims_al
     rng = np.random.default_rng(4)
     blend = _blend((1.0,))
     for _ in range(1200):
-        blend.take(rng.normal(size=1), np.zeros((1, 3, 1)), np.full((1, 3, 1), 1.01), 1.0)
+        blend.take(rng.normal(size=1), np.zeros((1, 3, 1)), np.full((1, 3, 1), 0.01), 1.0)
     assert blend.scale == pytest.approx(1.0, abs=0.15)
-    told = blend.combine(0, np.zeros((1, 3, 1)), np.full((1, 3, 1, 1), 1.01), [0], 1.0)
+    told = blend.combine(0, np.zeros((1, 3, 1)), np.full((1, 3, 1, 1), 0.01), [0], 1.0)
     assert told.covariance == pytest.approx(0.01, rel=0.15)
 
 
@@ -214,3 +214,16 @@ def test_weights_of_those_present_add_up(present):
     weights = present_weights(np.array([0.2, 0.0, 0.8]), np.array(present))
     assert weights.sum() == pytest.approx(float(any(present)))
     assert (weights[~np.array(present)] == 0.0).all()
+
+
+def test_within_the_first_row_the_sooner_the_more_the_first_candidate_counts():
+    """Which follows every sample: its variance at once, the average's from the first row on, never less than now."""
+    blend = Blend([0.01, 0.05, 0.09, 0.1, 0.5], STEP, PERIOD, 1, (1.0, 1.0))
+    for _ in range(600):
+        blend.take(np.zeros(1), np.array([2.0, 1.0])[:, None, None] * np.ones((2, 2, 1)), np.ones((2, 2, 1)))
+    mean = np.array([2.0, 1.0])[:, None, None] * np.ones((2, 5, 1))
+    told = blend.combine(0, mean, np.ones((2, 5, 1, 1)) * np.array([0.1, 1.0])[:, None, None, None], [0])
+    assert told.mean[:, 0] == pytest.approx([2.0, 1.94, 1.34, 1.0, 1.0], abs=0.03)
+    assert (np.diff(told.deviation[:, 0]) > -1e-9).all()
+    bounded = blend.combine(0, mean, np.full((2, 5, 1, 1), 1e-9), [0], least_variance=np.array([0.25]))
+    assert bounded.deviation == pytest.approx(0.5)

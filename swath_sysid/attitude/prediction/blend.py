@@ -41,7 +41,7 @@ class Blend:
         self._leads = np.asarray(leads)
         whole = np.maximum(np.round(self._leads / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
-        self._of_row = np.minimum(self._leads / step, 1.0)[:, None]
+        self._of_row = np.minimum(self._leads / step, 1.0)[:, None] ** 4
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
         candidates, steps = self._prior.shape[0], self.steps.size
         self._places, self._axes = np.arange(steps), np.arange(axes)
