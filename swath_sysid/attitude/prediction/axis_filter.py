@@ -15,7 +15,8 @@ ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
 
 LEAST_SIZE = ANGLE_NOISE[1]  #: rad and rad/s; a craft that moves less is at rest.
 
-_ACTIVITY_TIME = 1.6  #: Periods.
+#: Periods over which the motion of this moment is averaged, and that of now, of which an error may be a share.
+_ACTIVITY_TIME, _PRESENT_TIME = 1.6, 5.0
 
 _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over which the variance is averaged.
 
@@ -164,17 +165,20 @@ class MotionSize:
         self.period = USUAL_PERIOD  #: s.
         self._elapsed = 0.0
         self.mean = math.nan
-        self._square = self._rate_square = self._recent = LEAST_SIZE**2
+        self._square = self._rate_square = self._recent = self._present = LEAST_SIZE**2
 
     def restart(self) -> None:
-        """Restart the recent size."""
-        self._recent = LEAST_SIZE**2
+        """Restart the recent sizes."""
+        self._recent = self._present = LEAST_SIZE**2
 
     def follow(self, angle: float, rate: float, elapsed: float) -> None:
         """Add the filtered motion, rad and rad/s, after the elapsed seconds."""
         self._elapsed += elapsed
         slow = elapsed / min(self._memory * self.period, self._elapsed) if elapsed > 0.0 else 0.0
-        quick = min(1.0, elapsed / min(_ACTIVITY_TIME * self.period, max(self._elapsed, elapsed, 1e-9)))
+        quick, steady = (
+            min(1.0, elapsed / min(time * self.period, max(self._elapsed, elapsed, 1e-9)))
+            for time in (_ACTIVITY_TIME, _PRESENT_TIME)
+        )
         if self.mean != self.mean:
             self.mean = angle
         self.mean += slow * (angle - self.mean)
@@ -183,7 +187,9 @@ class MotionSize:
         self._rate_square += slow * (rate * rate - self._rate_square)
         # both halves of the oscillation's energy, so that the size does not oscillate with the phase
         share = self._square / max(self._rate_square, LEAST_SIZE**2)
-        self._recent += quick * (0.5 * (square + share * rate * rate) - self._recent)
+        energy = 0.5 * (square + share * rate * rate)
+        self._recent += quick * (energy - self._recent)
+        self._present += steady * (energy - self._present)
 
     @property
     def deviation(self) -> float:
@@ -191,8 +197,13 @@ class MotionSize:
         return max(math.sqrt(self._square), LEAST_SIZE)
 
     @property
+    def present(self) -> float:
+        """Size over the last periods, rad."""
+        return max(math.sqrt(self._present), LEAST_SIZE)
+
+    @property
     def activity(self) -> float:
-        """Size over the last seconds, rad."""
+        """Size at this moment, rad."""
         return max(math.sqrt(self._recent), LEAST_SIZE)
 
 

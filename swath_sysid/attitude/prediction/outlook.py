@@ -135,7 +135,7 @@ class CalmForecaster:
 class ErrorLimit:
     """Largest expected error of a forecast that is trusted."""
 
-    share: float = 0.5  #: Of the standard deviation of the motion.
+    share: float = 0.5  #: Of the standard deviation of the motion over the last periods.
     angle: float = 0.0  #: rad; of roll and pitch, in place of the share; 0: the share.
 
     def __post_init__(self):
@@ -186,13 +186,13 @@ class ValidLeads:
         self.newest = {}
         for name in ahead.axes:
             k = AXES.index(name)
-            limit = self.limit.of_angle(self._axes[k].size.deviation)
+            limit = self.limit.of_angle(self._axes[k].size.present)
             self.newest[name] = valid_lead(ahead.leads, ahead.covariance[:, k, k], limit)
         for name, motion in ahead.points.items():
             sizes = self._sizes.setdefault(name, tuple(MotionSize(self._memory) for _ in AT_A_POINT))
             for k, (kind, size) in enumerate(zip(AT_A_POINT, sizes, strict=True)):
                 size.period = self._axes[0].size.period
                 size.follow(float(motion.mean[0, k]), 0.0, elapsed)
-                limit = self.limit.share * size.deviation
+                limit = self.limit.share * size.present
                 self.newest[quantity_at(name, kind)] = valid_lead(ahead.leads, motion.covariance[:, k, k], limit)
         return self.newest
