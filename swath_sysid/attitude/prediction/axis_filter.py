@@ -135,17 +135,18 @@ class AxisFilter:
 
 
 class Reach:
-    """Half the width of an angle's motion, over the last two of its natural periods, s."""
+    """Half the width of an angle's motion, over the last two of its periods, s."""
 
     def __init__(self, period: float) -> None:
-        self._block = PERIODS * period / BLOCKS
+        self.period = period
         self._lows, self._highs = deque([inf], BLOCKS), deque([-inf], BLOCKS)
         self._end = -inf
 
     def add(self, time: float, angle: float) -> None:
         """Add an angle, rad; NaN: not measured."""
-        if not self._end - self._block <= time < self._end:
-            self._end = time + self._block
+        block = PERIODS * self.period / BLOCKS
+        if not self._end - block <= time < self._end:
+            self._end = time + block
             self._lows.append(inf)
             self._highs.append(-inf)
         self._lows[-1] = min(self._lows[-1], angle if angle == angle else inf)
@@ -162,10 +163,19 @@ class MotionSize:
 
     def __init__(self, memory: float) -> None:
         self._memory = memory
-        self.period = USUAL_PERIOD  #: s.
+        self.reach = Reach(USUAL_PERIOD)  #: Of the last two periods.
         self._elapsed = 0.0
         self.mean = math.nan
         self._square = self._rate_square = self._recent = self._present = LEAST_SIZE**2
+
+    @property
+    def period(self) -> float:
+        """s; of the motion."""
+        return self.reach.period
+
+    @period.setter
+    def period(self, period: float) -> None:
+        self.reach.period = period
 
     def restart(self) -> None:
         """Restart the recent sizes."""
@@ -174,6 +184,7 @@ class MotionSize:
     def follow(self, angle: float, rate: float, elapsed: float) -> None:
         """Add the filtered motion, rad and rad/s, after the elapsed seconds."""
         self._elapsed += elapsed
+        self.reach.add(self._elapsed, angle)
         slow = elapsed / min(self._memory * self.period, self._elapsed) if elapsed > 0.0 else 0.0
         quick, steady = (
             min(1.0, elapsed / min(time * self.period, max(self._elapsed, elapsed, 1e-9)))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,9 @@ from swath_sysid.common.advice import Advice
 HULL, LIBRARY, LEVEL = 'hull-filter', 'sea-library', 'mean'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
 CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, LEVEL: 0.02, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
+
+#: Forecasts and their deviations are at most as many times as large as the motion of now.
+WIDEST = 3.0
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 
@@ -172,6 +175,7 @@ class Bank:
             self._noise[:count],
             np.array([axis.rows_since_surprise for axis in self._axes]),
             np.array([axis.hull.is_free for axis in self._axes], dtype=int),
+            np.array([max(axis.size.present, axis.size.activity) for axis in self._axes]),
         )
         for axis in self._axes:
             axis.rows_since_surprise += steps
@@ -180,7 +184,20 @@ class Bank:
         """The average of the candidates at the leads, ``age`` s after the newest row."""
         at_row = age == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
-        return self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
+        ahead = self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
+        return self._bounded(ahead)
+
+    def _bounded(self, ahead: Forecast) -> Forecast:
+        """No wilder than the motion of the last two periods or the present displacement, whichever is larger."""
+        centre, largest = np.zeros((2, len(ATTITUDE)))
+        for place, axis in enumerate(self._axes):
+            now, size = axis.motion[0], axis.size
+            centre[place] = size.mean
+            reach = WIDEST * max(size.reach.amplitude, abs(now - size.mean), math.sqrt(axis.noise[0]))
+            largest[place::2] = reach, reach * 2.0 * math.pi / self._period
+        share = np.minimum(largest / np.maximum(ahead.deviation, 1e-300), 1.0)
+        mean = np.clip(ahead.mean, centre - largest, centre + largest)
+        return replace(ahead, mean=mean, covariance=ahead.covariance * share[:, :, None] * share[:, None, :])
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.

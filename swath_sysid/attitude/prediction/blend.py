@@ -19,7 +19,7 @@ UNPROVEN = 1.14
 _TAIL_GAIN = 0.32
 # periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise
 # is: while a motion grows, all forecasts are too sure
-_RECENT, _SURPRISING, _LARGEST_SURPRISE = 1.0, 4.0, 16.0
+_RECENT, _SURPRISING, _LARGEST_SURPRISE = 1.0, 2.5, 16.0
 #: The variance of the candidates is at least this share of what they claim.
 MIN_SHARE = 1e-3
 # of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
@@ -47,9 +47,10 @@ class Blend:
         self._places, self._axes = np.arange(steps), np.arange(axes)
         self.set_period(step, period)
         self._row = 0
-        # of each row, by step: the blend, its variance, half its interval squared, and what each candidate forecast
+        # of each row, by step: the blend, its variance, half its interval squared, the size of the motion, and what
+        # each candidate forecast
         rows = int(self.steps[-1]) + 1
-        self._issued = np.full((rows, 3 + candidates, steps, axes), np.nan)
+        self._issued = np.full((rows, 4 + candidates, steps, axes), np.nan)
         self.mean_square = np.zeros((candidates, steps, axes))
         self._time = np.zeros((steps, axes))
         self._excused = np.zeros((steps, axes))
@@ -79,16 +80,18 @@ class Blend:
         noise_variance: float | np.ndarray = 0.0,
         foreseeable: np.ndarray | float = np.inf,
         free: np.ndarray | int = 0,
+        size: np.ndarray | float = 1.0,
     ) -> None:
         """Score the forecasts that this row's angles (A,), NaN where missing, make known, and keep those issued at it.
 
         Mean and variance (E, S, A), of the true angle, are NaN without a forecast; readings have the noise on top.
         ``foreseeable`` (A,) counts rows since an unforeseen moment acted: errors of earlier forecasts are not used
-        unless that happens all the time. ``free`` (A,) is one where nothing acts on the craft.
+        unless that happens all the time. ``free`` (A,) is one where nothing acts on the craft. ``size`` (A,) is that of
+        the motion now: what an error says of the next ones is relative to it, where the motion has grown.
         """
         rows = self._issued.shape[0]
         then, now = (self._row - self.steps) % rows, self._row % rows
-        average, of_average, interval, *means = self._issued[then, :, self._places].transpose(1, 0, 2)
+        average, of_average, interval, size_then, *means = self._issued[then, :, self._places].transpose(1, 0, 2)
         errors, blended = reading - means, reading - average
         judged = np.isfinite(blended) & np.isfinite(interval)
         gain = self._step / (MEMORY_OF_SIZE + self._step) * judged
@@ -102,13 +105,15 @@ class Blend:
         surprise = _QUANTILE**2 * np.where(judged, blended, 0.0) ** 2 / np.where(judged, interval, 1.0)
         surprise = np.minimum(surprise, _LARGEST_SURPRISE)
         self._recent += self._step / (_RECENT + self._step) * judged * (surprise - self._recent)
-        self._learn(errors, blended, of_average, interval, noise_variance, was_free)
+        growth = np.maximum(size / np.where(judged, size_then, size), 1.0) ** 2
+        self._learn(errors, blended, of_average, interval, noise_variance, was_free, growth)
         self._was_free[now] = free
         self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
         weights = present_weights(self.weights, np.isfinite(mean))
         variance = _weighted(weights, variance)
         half = _QUANTILE**2 * (self.scale * variance + noise_variance)
-        self._issued[now] = [_weighted(weights, mean), variance, half, *mean]
+        sizes = np.broadcast_to(size, variance.shape)
+        self._issued[now] = [_weighted(weights, mean), variance, half, sizes, *mean]
         self._row += 1
 
     def carry_over(self, other: 'Blend') -> None:
@@ -144,6 +149,7 @@ class Blend:
         interval: np.ndarray,
         noise_variance: float | np.ndarray,
         was_free: tuple,
+        growth: np.ndarray,
     ):
         known = np.isfinite(blended)
         if not known.any():
@@ -158,7 +164,7 @@ class Blend:
         time, gain = self._aged(time, known, 1.0 - self._step / MEMORY_OF_SIZE, shown * self._step)
         # ratio by ratio: a mean of variances would keep the largest for minutes
         credible = CREDIBLE * np.maximum(variance + noise_variance, interval / _QUANTILE**2)
-        ratio = (np.minimum(square, credible) - noise_variance) / variance
+        ratio = (np.minimum(square, credible) - noise_variance) / (growth * variance)
         mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)
         # with wide tails the mean square is more than the 90 % interval needs
         # a new array: of a view np.exp may take another path, by where its result happens to lie in memory

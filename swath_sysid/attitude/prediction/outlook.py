@@ -126,9 +126,13 @@ class CalmForecaster:
         self.quiescence.learn(time, what_came)
         activity = 2 * [axis.size.activity for axis in self._axes]
         activity += [max(abs(value), LEAST_SIZE) for value in whole[0, len(ATTITUDE) :].tolist()]
+        turned = [axis.size.reach.amplitude for axis in self._axes]
+        period = self.quiescence.period = self._axes[0].size.period
+        reach = [*turned, *[2.0 * math.pi / period * each for each in turned]]
+        reach += [math.nan] * (whole.shape[1] - len(ATTITUDE))
         trim = np.array([*self._points.trim, *[0.0] * (whole.shape[1] - len(AXES))])
-        self.quiescence.period = self._axes[0].size.period
-        return self.quiescence.assess(time, whole, np.sqrt(np.hstack(variance)), np.array(activity), trim)
+        spread = np.sqrt(np.hstack(variance))
+        return self.quiescence.assess(time, whole, spread, np.array(activity), trim, np.array(reach))
 
 
 @dataclass(frozen=True)

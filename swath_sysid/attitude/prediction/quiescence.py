@@ -24,6 +24,9 @@ AT_A_POINT = POINT_MOTION[:2]  #: What can be limited at each point, beside `ATT
 #: Forecasts of known outcome, from which on their errors give probabilities.
 _ENOUGH = 30
 
+#: Standard deviations of a sea that its motion reaches within two periods, at most and at least.
+_LARGEST_REACH, _LEAST_REACH = 3.0, 0.5
+
 
 @dataclass(frozen=True)
 class PointLimits:
@@ -167,6 +170,7 @@ class Quiescence:
         self._pending: deque = deque()
         self._last = math.nan
         self._square = np.zeros(len(self._quantities))
+        self._grown = np.zeros(len(self._quantities))
 
     def learn(self, now: float, motion_at: Callable[[np.ndarray], np.ndarray]) -> None:
         """Keep errors known at ``now``, s; ``motion_at`` maps stamps (H,) to measured quantities (H, V)."""
@@ -174,7 +178,8 @@ class Quiescence:
             issued = self._pending.popleft()
             actual = motion_at(issued.stamp + self._leads)
             place = self._seen % self._members
-            self._errors[:, :, place] = errors = ((actual - issued.motion) / issued.size).T
+            # a push errs by its own size, of which a craft at rest afterwards has nothing to expect
+            self._errors[:, :, place] = errors = ((actual - issued.motion) / np.fmax(issued.size, self._grown)).T
             self._complete[:, place] = np.isfinite(errors).all(axis=1)
             self._seen += 1
             actual = (actual - issued.trim)[: self._within, self._bounded]
@@ -188,13 +193,16 @@ class Quiescence:
         deviation: np.ndarray,
         activity: np.ndarray,
         trim: np.ndarray | None = None,
+        reach: np.ndarray | float = math.nan,
     ) -> tuple[float, CalmWindow | None]:
         """Probability of staying inside for the duration from ``now``, s, and the next calm window.
 
-        Of a forecast (H, V) over the horizon and its standard deviation, the size (V,) of each quantity's motion, and
-        trim (V,) about which limits may be. NaN where nothing is limited, or a limited quantity is not measured.
+        Of a forecast (H, V) over the horizon and its standard deviation, the size (V,) of each quantity's motion, trim
+        (V,) about which limits may be, and how far each has reached (V,) within two periods, NaN where not known. NaN
+        where nothing is limited, or a limited quantity is not measured.
         """
-        size = self._follow_size(now, activity)
+        size = np.fmin(self._follow_size(now, activity), reach / _LEAST_REACH)
+        self._grown = np.broadcast_to(reach / _LARGEST_REACH, size.shape)
         about = np.zeros(len(self._quantities)) if trim is None or not self._about_trim else trim
         probability, window = math.nan, None
         if self._bound.size and np.isfinite(motion[:, self._bounded]).all():
