@@ -198,9 +198,8 @@ class MotionSize:
         self._rate_square += slow * (rate * rate - self._rate_square)
         # both halves of the oscillation's energy, so that the size does not oscillate with the phase
         share = self._square / max(self._rate_square, LEAST_SIZE**2)
-        energy = 0.5 * (square + share * rate * rate)
-        self._recent += quick * (energy - self._recent)
-        self._present += steady * (energy - self._present)
+        self._recent += quick * (0.5 * (square + share * rate * rate) - self._recent)
+        self._present += steady * (square - self._present)
 
     @property
     def deviation(self) -> float:

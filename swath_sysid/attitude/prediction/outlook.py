@@ -119,11 +119,12 @@ class CalmForecaster:
 
         def what_came(times: np.ndarray) -> np.ndarray:
             """Limited quantities at these times: measured, and for points as they were known then."""
-            behind = (of_row - times) / step
+            behind = np.maximum((of_row - times) / step, 0.0)
             attitude = rows.at(rows.newest - behind)[:, OF_SAMPLE]
             return np.hstack([attitude, *self._points.at_rows(behind, attitude)])
 
-        self.quiescence.learn(time, what_came)
+        # what came after the newest row is not known yet
+        self.quiescence.learn(of_row, what_came)
         activity = 2 * [axis.size.activity for axis in self._axes]
         activity += [max(abs(value), LEAST_SIZE) for value in whole[0, len(ATTITUDE) :].tolist()]
         turned = [axis.size.reach.amplitude for axis in self._axes]
