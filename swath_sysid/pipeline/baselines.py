@@ -20,6 +20,8 @@ from swath_sysid.attitude.motion.vertical import (
 )
 from swath_sysid.attitude.prediction.point import Point, point_motion
 from swath_sysid.attitude.prediction.quiescence import quantity_at
+from swath_sysid.attitude.prediction.state_space import RIDGE
+from swath_sysid.attitude.prediction.variate_analysis import ROWS_A_COEFFICIENT
 from swath_sysid.common.errors import InputError
 
 #: Order of each regression, given enough past; ``ar`` reads its own angle, ``var`` every channel.
@@ -34,8 +36,6 @@ ROWS_A_PERIOD = 30.0  #: A slower sensor gives one row per sample.
 EVEN = 1.5  #: Usual intervals between two samples from which one was lost.
 #: Periods that show the period, looked for in so many samples and in a longer past by this factor, and so on.
 FIRST_PERIODS, FEWEST_SAMPLES, LONGER = 2.0, 8, 1.25
-RIDGE = 1e-8  #: Of the coefficients, over the variance of each channel.
-ROWS_A_COEFFICIENT = 8.0
 LONGEST_SEGMENT = 1024  #: Samples that a spectrum is made of.
 LONGEST_PAUSE = day  #: s; a longer one within a record is an error of its stamps.
 ON_A_SAMPLE = 0.02  #: Usual intervals from a sample within which a time is the sample's.

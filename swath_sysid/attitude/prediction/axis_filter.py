@@ -21,7 +21,7 @@ _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over
 
 _THIRD_DIFFERENCE_GAIN = comb(6, 3)  # 1 + 9 + 9 + 1: variance of the third difference of white noise
 #: Periods; after which sizes are forgotten, of errors as of the motion: a shorter one follows wave groups, in
-#: which errors grow less than the motion.
+#: which errors grow less than the motion. A silence as long is bridged, and a new sea shows in as many.
 MEMORY_OF_SIZE = 19.0
 
 #: A squared error over its expected value counts as this much at the most: what nobody could foresee, such as a glitch

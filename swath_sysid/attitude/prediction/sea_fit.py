@@ -7,6 +7,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
+from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
 from swath_sysid.attitude.prediction.point import ATTITUDE
@@ -19,8 +20,6 @@ from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalFit
 #: State spaces of the whole past, of the whole past with a longer memory on fewer rows, and of a new sea.
 WAVES, LONG_WAVES, NEW_WAVES = 'waves', 'waves-long', 'waves-new'
 SPARSE, ROWS_OF_SPARSE = 2, 20.0  #: Rows between those of a longer memory; least rows a period that allow it.
-
-SHORT = 19.0  #: Periods of the past that show a new sea.
 
 LONGEST_FILLED = 0.6  #: Periods; the phase is lost in a longer gap.
 
@@ -75,7 +74,8 @@ def fit_sea(request: SeaRequest) -> SeaFit:
         True
     """
     past, names, step, period = request.values, request.names, request.step, request.period
-    newest = past[-round(SHORT * period / step) :]
+    # a new sea shows in what sizes are measured over
+    newest = past[-round(MEMORY_OF_SIZE * period / step) :]
     new = identify(newest, names, step, period) if len(newest) < len(past) else None
     waves: dict[str, InnovationsModel | None] = {
         WAVES: identify(past, names, step, period),
