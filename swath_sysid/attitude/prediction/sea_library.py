@@ -208,8 +208,6 @@ class AxisSeas:
 class SeaLibrary:
     """The library on the rows of every axis, as an `InnovationsFilter` of all `ATTITUDE`."""
 
-    strain, is_contradicted = 1.0, False
-
     def __init__(self, steps: np.ndarray, step: float, period: float, horizon: float) -> None:
         rows = period / step
         self._stride = max(1, round(2.0 * rows / ROWS_A_PERIOD))

@@ -131,10 +131,6 @@ class InnovationsFilter:
             self.state_covariance = np.zeros_like(self.model.a)
         self._update(z, np.isfinite(z))
 
-    def strained(self, strain: float) -> None:
-        """Take over the strain of the filter before."""
-        self.strain = strain
-
     def _follow_strain(self, square: float):
         if square == square:
             self.strain += self._strain_gain * (square - self.strain)
@@ -283,10 +279,6 @@ class SparseFilter:
     def is_contradicted(self) -> bool:
         """As of `InnovationsFilter`."""
         return self._space.is_contradicted
-
-    def strained(self, strain: float) -> None:
-        """As of `InnovationsFilter`."""
-        self._space.strained(strain)
 
     def seed(self, rows: np.ndarray) -> None:
         """Restart and step through recent rows (N, width), the newest among them."""
