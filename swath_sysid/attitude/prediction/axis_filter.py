@@ -30,7 +30,6 @@ CREDIBLE = 9.0
 
 
 _SPAN = 0.16  #: Periods over which the rate is integrated.
-_AGREEMENT_MEMORY = 9.4  #: Periods; averaging time.
 
 #: Mean square disagreement over that of the noise, above which the channels contradict each other.
 _BEYOND_CHANCE = 2.0
@@ -273,7 +272,7 @@ class AgreementMeter:
             past.popleft()
         span = self._time - past[0][0]
         if span > self._span - 1e-6:
-            self._seconds = min(self._seconds + elapsed, _AGREEMENT_MEMORY * self.period)
+            self._seconds = min(self._seconds + elapsed, MEMORY_OF_SIZE * self.period)
             gain = elapsed / self._seconds
             chance = 2.0 * angle_variance + rate_variance * elapsed * span
             square = (departure - past[0][1]) ** 2

@@ -41,10 +41,9 @@ _PHASE_GAIN = 0.1  #: Share of a stamp's deviation that is the clock's.
 _CLEAN, _DOUBT = 0.1, 3.0  #: Intervals; so many times the jitter beyond it, a stamp is off before it tells anything.
 _SOON = 0.1  #: Intervals; as much as passes between two samples of one jittery time.
 _INTERVALS = 51  #: Of which the first guess of the interval is the median, and over which jitter is averaged.
-#: Relative differences of a step: that begin rows anew (of the interval: from which samples are read between), that
-#: are another one all the same, and that correct it.
-_NEW_STEP, _SAME_STEP, _INEXACT_STEP = 0.3, 0.02, 2e-3
-_SETTLING_SAMPLES = (5, 20, 60, 200)  #: After which the step is corrected.
+#: Relative differences of a step: that begin rows anew (of the interval: from which samples are read between), and up
+#: to which it is the same one.
+_NEW_STEP, _SAME_STEP = 0.3, 2e-3
 _UNKNOWN = (math.nan, math.nan)
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
@@ -186,13 +185,12 @@ class RowClock:
         return period == self.period and abs(self.interval / self._laid_for - 1.0) < _NEW_STEP
 
     def corrected(self) -> bool:
-        """Follow the interval while it settles; whether that has changed the step."""
-        settled = next((count for count in _SETTLING_SAMPLES if self._corrections < count <= self.sensor.count), None)
-        if settled is None:
+        """Follow the interval, each time that twice as many samples show it; whether that has changed the step."""
+        if self.sensor.count < 2 * self._corrections:
             return False
-        self._corrections = settled
+        self._corrections = self.sensor.count
         step = self.samples * self.interval
-        if not _INEXACT_STEP < abs(step / self.step - 1.0) < _NEW_STEP:
+        if not _SAME_STEP < abs(step / self.step - 1.0) < _NEW_STEP:
             return False
         self.step, self._tick = step, self.interval
         return True

@@ -35,7 +35,7 @@ RANGES = (
     (0.1, 30.0),
 )
 
-LIFETIME, OVERLAP = 12.0, 4.0  #: Periods after which all members begin again, and until these take over.
+LIFETIME = 12.0  #: Periods after which all members begin again; half as long after that these take over.
 
 TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any member.
 
@@ -43,7 +43,6 @@ TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any memb
 FURTHEST, LEAST_WEIGHT = 28, 1e-3
 
 _LARGEST = 4.0 * CONTRADICTED
-_SAME_PERIOD = 1.2  #: Ratio between the numbers of rows in a period for which there are predictors.
 
 
 class Seas(NamedTuple):
@@ -211,8 +210,7 @@ class SeaLibrary:
     def __init__(self, steps: np.ndarray, step: float, period: float, horizon: float) -> None:
         rows = period / step
         self._stride = max(1, round(2.0 * rows / ROWS_A_PERIOD))
-        self._rows = _SAME_PERIOD ** round(math.log(rows / self._stride, _SAME_PERIOD))
-        self._unit = self._rows * self._stride * step / (2.0 * math.pi)
+        self._rows, self._unit = rows / self._stride, period / (2.0 * math.pi)
         self._steps, self._step = np.asarray(steps, dtype=float), step
         self._furthest = min(math.ceil(horizon / step / self._stride), FURTHEST)
         self._axes: list[AxisSeas | None] = [None] * len(AXES)
@@ -247,7 +245,7 @@ class SeaLibrary:
             following = self._following[place] = self._begun(axis.rated) if axis.age > LIFETIME else None
         if following is not None:
             following.step(reading)
-            if following.age > OVERLAP:
+            if following.age > 0.5 * LIFETIME:
                 self._axes[place], self._following[place] = following, None
 
     def _begun(self, rated: bool):
