@@ -6,6 +6,7 @@ import numpy as np
 
 from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES, Forecast
+from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 
 # s, and as many leads; errors are forgotten with this time constant: those at short leads are many
 _MEMORY, _MEMORY_LEADS = 4.7, 10.0
@@ -17,9 +18,6 @@ _TRUST = 1.6
 UNPROVEN = 1.14
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.32
-# periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise
-# is: while a motion grows, all forecasts are too sure
-_RECENT, _SURPRISING, _LARGEST_SURPRISE = 1.0, 4.0, 16.0
 # the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
 # sensor's noise; and that of the candidates' own is at least this share of what they claim
 _MIN_SHARE = 1e-3
@@ -103,8 +101,9 @@ class Blend:
         blended[excused] = np.nan
         was_free = self._was_free[then], self._places[:, None], self._axes
         surprise = _QUANTILE**2 * np.where(judged, blended, 0.0) ** 2 / np.where(judged, interval, 1.0)
-        surprise = np.minimum(surprise, _LARGEST_SURPRISE)
-        self._recent += self._step / (_RECENT + self._step) * judged * (surprise - self._recent)
+        # over a period
+        surprise = np.minimum(surprise, CREDIBLE)
+        self._recent += self._step / (1.0 + self._step) * judged * (surprise - self._recent)
         self._learn(errors, blended, of_average, interval, noise_variance, was_free)
         self._was_free[now] = free
         self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
@@ -198,7 +197,8 @@ class Blend:
         variance = np.diagonal(blended, axis1=1, axis2=2)
         # targets that no candidate forecasts together are independent
         blended = np.where(np.isnan(blended) & np.isfinite(variance[:, :, None] + variance[:, None, :]), 0.0, blended)
-        surprise = np.where(self._recent > _SURPRISING, self._recent, 1.0)
+        # while a motion grows, all forecasts are too sure
+        surprise = np.where(self._recent > HEALTHY_STRAIN, self._recent, 1.0)
         true = (surprise * self.scale)[places] * np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         factor = np.sqrt(np.maximum(true, _PROVABLE_SHARE * noise_variance) / variance)
         covariance = blended * factor[:, :, None] * factor[:, None, :]

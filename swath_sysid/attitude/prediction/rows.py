@@ -29,8 +29,9 @@ OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
 OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
 ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
-#: Periods; what is lost for longer is not known, nor of other channels than angles and rates what no line bridges.
-LONGEST_FILLED, LONGEST_LINEAR = 0.16, 0.03
+#: Periods; what is lost for longer is not known, nor of other channels than angles and rates what lasts for longer than
+#: a row.
+LONGEST_FILLED = 0.16
 
 #: Samples per row from which the rows hold filtered values: fewer cannot be smoothed without delay.
 SMOOTHED_FROM = 5
@@ -231,7 +232,7 @@ class RowClock:
             ]
         else:
             rows = []
-        if elapsed > LONGEST_LINEAR * self.period:
+        if elapsed > (1.0 + _SAME_STEP) * self.step:
             # the others have no slopes to be filled by
             before[len(ATTITUDE) :] = self._values[len(ATTITUDE) :] = [math.nan] * (len(CHANNELS) - len(ATTITUDE))
         for share in shares:
