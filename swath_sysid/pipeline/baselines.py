@@ -9,6 +9,7 @@ import numpy as np
 from scipy.constants import day
 from scipy.signal import welch
 
+from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.attitude.motion.trial import AXES, CHANNELS, Trial
 from swath_sysid.attitude.motion.vertical import (
     ACCELERATION,
@@ -276,7 +277,6 @@ def _ahead(constant: np.ndarray, coefficients: np.ndarray, targets: Sequence[int
     return (1.0 - share) * constant_of[below] + share * constant_of[above], matrix
 
 
-_BRIDGED = 1.0  #: s; a shorter gap is bridged linearly, a longer one ends a stretch.
 _WITH_RATES = ('heave', 'heave_rate', 'vertical_velocity', 'vertical_velocity_rate', 'vertical_acceleration')
 WITHOUT_RATES = ('roll', 'pitch', 'accel_x', 'accel_y', 'accel_z')
 
@@ -310,7 +310,9 @@ def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretc
     if time.size < 2:
         raise InputError(f'{name} holds no two samples with all of {", ".join(names)}: check the sensor')
     step = float(np.median(np.diff(time)))
-    parts = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > max(_BRIDGED, 1.5 * step)) + 1)
+    # a shorter gap is bridged linearly
+    longest = max(StampSettings.gap_limit, EVEN * step)
+    parts = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > longest) + 1)
     stretches = []
     for part in parts:
         begin, end = time[part[[0, -1]]]
