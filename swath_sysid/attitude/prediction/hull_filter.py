@@ -275,11 +275,15 @@ class HullFilter:
             self.start(*self.x[:2].tolist(), *np.diag(self.P)[:2].tolist())
 
     def set_period(self, period: float) -> None:
-        """Expect an unknown moment that belongs to a motion of another period, s, and is of the same size as now."""
+        """Expect an unknown moment that belongs to a motion of another period, s, and is of the same size as now.
+
+        Before a moment has been seen to act, its size is a guess that belongs to the period.
+        """
         if period != self.period:
             self.period, before = period, self.moments[0].variance
             moments = [unknown_moment(period), *self.moments[1:]]
-            self._use_moments(moments, [self.levels[0] * before / moments[0].variance, *self.levels[1:]])
+            size = before / moments[0].variance if self._recent else 1.0
+            self._use_moments(moments, [self.levels[0] * size, *self.levels[1:]])
             part = self._parts[0]
             self.driven.set_part(part, 0.0, self.driven.moment[2][self._of_moment[0], self._of_moment[0]])
 
