@@ -210,7 +210,9 @@ class SeaLibrary:
     def __init__(self, steps: np.ndarray, step: float, period: float, horizon: float) -> None:
         rows = period / step
         self._stride = max(1, round(2.0 * rows / ROWS_A_PERIOD))
-        self._rows, self._unit = rows / self._stride, period / (2.0 * math.pi)
+        # whole, so that axes and layouts share their predictors
+        self._rows = max(1.0, round(rows / self._stride))
+        self._unit = self._rows * self._stride * step / (2.0 * math.pi)
         self._steps, self._step = np.asarray(steps, dtype=float), step
         self._furthest = min(math.ceil(horizon / step / self._stride), FURTHEST)
         self._axes: list[AxisSeas | None] = [None] * len(AXES)
