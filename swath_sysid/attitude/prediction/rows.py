@@ -29,9 +29,7 @@ OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
 OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
 ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
-#: Periods; what is lost for longer is not known, nor of other channels than angles and rates what lasts for longer than
-#: a row.
-LONGEST_FILLED = 0.16
+LONGEST_FILLED = 0.16  #: Periods; what is lost for longer is not known.
 
 #: Samples per row from which the rows hold filtered values: fewer cannot be smoothed without delay.
 SMOOTHED_FROM = 5
@@ -232,8 +230,8 @@ class RowClock:
             ]
         else:
             rows = []
-        if elapsed > (1.0 + _SAME_STEP) * self.step:
-            # the others have no slopes to be filled by
+        if elapsed > 0.5 * LONGEST_FILLED * self.period:
+            # the others have no slopes: over half as long a line errs by 3 %, over all of it a cubic by .3 %
             before[len(ATTITUDE) :] = self._values[len(ATTITUDE) :] = [math.nan] * (len(CHANNELS) - len(ATTITUDE))
         for share in shares:
             if share < 1.0:
