@@ -15,7 +15,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
-from swath_sysid.attitude.prediction.state_space import CONTRADICTED, STRAIN_TIME, cubic_weights
+from swath_sysid.attitude.prediction.state_space import CONTRADICTED, LARGEST_STRAIN, STRAIN_TIME, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 
 MEMBERS = 256
@@ -41,8 +41,6 @@ TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any memb
 
 #: Rows ahead, of the library's own, after which a forecast is the level; a member of less relative weight is dropped.
 FURTHEST, LEAST_WEIGHT = 28, 1e-3
-
-_LARGEST = 4.0 * CONTRADICTED
 
 
 class Seas(NamedTuple):
@@ -180,7 +178,7 @@ class AxisSeas:
         # by the member that explains it best; one row alone may be wrong
         least = float((square / np.maximum(size, LEAST_SIZE**2)).min()) / len(reading)
         self.age += self._a_row
-        self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
+        self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, LARGEST_STRAIN) - self.strain)
         self._square += square / self._stride
         self._log -= 0.5 * log / self._stride
         self._count += len(reading) / self._stride
@@ -210,8 +208,8 @@ class SeaLibrary:
     def __init__(self, steps: np.ndarray, step: float, period: float, horizon: float) -> None:
         rows = period / step
         self._stride = max(1, round(2.0 * rows / ROWS_A_PERIOD))
-        # whole, so that axes and layouts share their predictors
-        self._rows = max(1.0, round(rows / self._stride))
+        # in halves, so that layouts share their predictors
+        self._rows = 0.5 * round(2.0 * rows / self._stride)
         self._unit = self._rows * self._stride * step / (2.0 * math.pi)
         self._steps, self._step = np.asarray(steps, dtype=float), step
         self._furthest = min(math.ceil(horizon / step / self._stride), FURTHEST)
