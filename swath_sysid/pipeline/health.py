@@ -52,9 +52,8 @@ CALM_SINCE_WARNING = 30.0  #: s without a warning after which the log reports it
 DISCOVERY = 4.0  #: s in which publishers and subscriptions that are there are found: mostly 0.2, now and then three.
 
 LARGEST_STAMP_AGE = 1.0  #: s; more means that clocks differ, or a replay at another time.
-#: Messages, the longest of whose intervals is usual, and reports: much older stamps than the best of these have waited
-#: in a queue.
-REMEMBERED = 60
+REMEMBERED_GAPS = 100  #: Messages; the longest of their intervals is usual.
+REMEMBERED_AGES = 60  #: Reports; much older stamps than the best of these have waited in a queue.
 
 
 @dataclass(frozen=True)
@@ -161,7 +160,7 @@ class Arrivals:
     def __init__(self) -> None:
         self.received = 0
         self._newest_ns = 0
-        self._gaps: deque[float] = deque(maxlen=REMEMBERED)
+        self._gaps: deque[float] = deque(maxlen=REMEMBERED_GAPS)
 
     def note(self, now_ns: int) -> None:
         """Count a message that came at this stamp of the other topic, ns; 0 before that has one."""
@@ -182,7 +181,7 @@ class StreamHealth(Reasons):
     def __init__(self, topic: str, reasons: Iterable[str] = ()):
         super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED, *reasons))
         self.topic = topic
-        self._ages: deque[float] = deque(maxlen=REMEMBERED)
+        self._ages: deque[float] = deque(maxlen=REMEMBERED_AGES)
         self.received = 0
         self._age = 0.0
         self._arrival: float | None = None
