@@ -42,6 +42,8 @@ TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any memb
 #: Rows ahead, of the library's own, after which a forecast is the level; a member of less relative weight is dropped.
 FURTHEST, LEAST_WEIGHT = 28, 1e-3
 
+_SAME_PERIOD = 1.2  #: Ratio between the numbers of rows in a period for which there are predictors.
+
 
 class Seas(NamedTuple):
     """M members."""
@@ -208,8 +210,7 @@ class SeaLibrary:
     def __init__(self, steps: np.ndarray, step: float, period: float, horizon: float) -> None:
         rows = period / step
         self._stride = max(1, round(2.0 * rows / ROWS_A_PERIOD))
-        # in halves, so that layouts share their predictors
-        self._rows = 0.5 * round(2.0 * rows / self._stride)
+        self._rows = _SAME_PERIOD ** round(math.log(rows / self._stride, _SAME_PERIOD))
         self._unit = self._rows * self._stride * step / (2.0 * math.pi)
         self._steps, self._step = np.asarray(steps, dtype=float), step
         self._furthest = min(math.ceil(horizon / step / self._stride), FURTHEST)
