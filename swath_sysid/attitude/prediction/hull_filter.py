@@ -57,6 +57,7 @@ ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
 USUAL_AMPLITUDE = 0.05
 
 INITIAL_STD = 0.3  #: rad, and rad times half the motion's frequency, where the first sample does not measure.
+MARKOV_TIME = 0.156  #: Periods of the motion; one over the corner frequency of the unknown moment.
 MARKOV_STD = 0.078  #: rad times the square of the motion's frequency; its size at the start.
 
 MIN_LEVEL = 1e-10  #: Of a moment's variance over the initial one.
@@ -494,7 +495,7 @@ class HullFilter:
 def unknown_moment(period: float) -> ModalMoment:
     """What may act on a craft that moves with a period, s, before anything is known of it."""
     frequency = 2.0 * math.pi / period
-    return markov_moment((MARKOV_STD * frequency**2) ** 2, 1.0 / frequency)
+    return markov_moment((MARKOV_STD * frequency**2) ** 2, MARKOV_TIME * period)
 
 
 def _hull_of(model: DecayModel, mean: np.ndarray):
