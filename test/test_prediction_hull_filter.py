@@ -482,6 +482,20 @@ def test_a_moment_of_another_period_is_as_large_and_lasts_as_many_periods():
         assert np.linalg.eigvalsh(attitude.P).min() > -1e-12
 
 
+@pytest.mark.parametrize('slower', [0.1, 1.0, 10.0])
+def test_a_motion_that_is_so_many_times_slower_is_followed_alike_from_the_first_sample(slower):
+    """Angles alone, eight samples a period: what is guessed of a moment before it acts belongs to the period."""
+    period = 8.0 * slower
+    attitude = HullFilter()
+    attitude.start(0.1, NAN, *VARIANCES)
+    attitude.set_period(period)
+    assert attitude.levels[0] == 1.0
+    for k in range(1, 200):
+        time = 0.125 * period * k
+        attitude.observe(0.125 * period, 0.1 * math.cos(2.0 * math.pi / period * time), NAN, *VARIANCES)
+        assert abs(attitude.x[0]) < 0.15 and abs(attitude.x[1]) < 0.3 * 2.0 * math.pi / period
+
+
 @pytest.mark.parametrize(('measures_angle', 'bound'), [(True, 2e-3), (False, 8e-3)])
 def test_one_channel_alone_suffices(measures_angle, bound):
     craft, reading = _released(1)

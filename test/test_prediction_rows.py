@@ -13,7 +13,6 @@ from swath_sysid.attitude.prediction.rows import (
     _NEW_STEP,
     CHANNELS,
     LONGEST_FILLED,
-    LONGEST_LINEAR,
     OF_CHANNELS,
     OF_MEANS,
     OF_SAMPLE,
@@ -138,10 +137,10 @@ def test_a_lost_sample_is_filled_as_a_cubic_does(lost):
     of_angle, of_rate = h**4 / 384.0 * w**4, math.sqrt(3.0) / 216.0 * h**3 * w**4
     assert (error[:2] <= 1.001 * of_angle * SIZE).all() and (error[:2] > 0.5 * of_angle * SIZE).all()
     assert (error[2:] <= 1.001 * of_rate * SIZE).all()
-    # what has no rate is not known meanwhile
+    # what has no rate is not known meanwhile, but for a short time
     others = values_of(rows, OF_CHANNELS)[:, CHANNELS.index('accel_x')]
     is_filled = ~np.isclose(at[:, None], kept, atol=1e-6).any(axis=1)
-    assert np.isnan(others[is_filled]).all()
+    assert np.isnan(others[is_filled]).all() == (0.1 * (lost + 1) > 0.5 * LONGEST_FILLED * USUAL_PERIOD)
     np.testing.assert_allclose(others[~is_filled], at[~is_filled], atol=1e-9)
 
 
@@ -149,7 +148,7 @@ def test_a_lost_sample_is_filled_as_a_cubic_does(lost):
 def test_what_has_no_rate_is_filled_by_a_line_for_a_short_time(rate):
     """Of a ramp, nothing is missing then, whether rows are samples or smoothed."""
     times = clock_ticks(rate, round(4.0 * rate))
-    most = math.floor(LONGEST_LINEAR * USUAL_PERIOD * rate + 1e-9) - 1
+    most = math.floor(0.5 * LONGEST_FILLED * USUAL_PERIOD * rate + 1e-9) - 1
     kept = np.delete(times, np.arange(round(2.0 * rate), round(2.0 * rate) + most))
     assert most >= 1
     whole, filled = (rows_of(RowClock(), each) for each in (times, kept))
@@ -160,7 +159,7 @@ def test_what_has_no_rate_is_filled_by_a_line_for_a_short_time(rate):
 @pytest.mark.parametrize('rate', [30.0, 200.0])
 def test_what_has_no_rate_is_not_known_over_a_longer_loss_and_angles_are(rate):
     times = clock_ticks(rate, round(4.0 * rate))
-    lost = math.ceil(1.3 * LONGEST_LINEAR * USUAL_PERIOD * rate)
+    lost = math.ceil(0.65 * LONGEST_FILLED * USUAL_PERIOD * rate)
     begin = round(2.0 * rate)
     clock = RowClock()
     rows = rows_of(clock, np.delete(times, np.arange(begin, begin + lost)), change=lambda s: s._replace(yaw_rate=1.0))

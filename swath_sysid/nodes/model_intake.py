@@ -9,7 +9,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.schema import LARGEST_TEXT
 
-MAX_WAITING = 16  #: Texts; of a flood the oldest are dropped, as they are superseded anyway.
+MAX_WAITING = 16  #: Texts or requests; of a flood the oldest are dropped, as they are superseded anyway.
 MAX_ENDINGS = 1000  #: Models and rejections, more than are read between two diagnostics.
 
 

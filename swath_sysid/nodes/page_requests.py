@@ -10,7 +10,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import Trigger
 
-MAX_REQUESTS = 10  #: That wait; of more the oldest are dropped.
+from swath_sysid.nodes.model_intake import MAX_WAITING
+
 RELEASE = 'simulated_craft/release'
 
 
@@ -21,7 +22,7 @@ class PageRequests:
         self._node = node
         self._report = report
         self._on_kept = on_kept
-        self._waiting: deque[Callable[[], None]] = deque(maxlen=MAX_REQUESTS)
+        self._waiting: deque[Callable[[], None]] = deque(maxlen=MAX_WAITING)
         self._clients: dict[str, Any] = {}
 
     def press(self, button: str) -> None:

@@ -9,7 +9,7 @@ from math import isnan
 from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.motion.intake import NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
-from swath_sysid.attitude.motion.stamps import LOST
+from swath_sysid.attitude.motion.stamps import LOST, StampSettings
 from swath_sysid.attitude.motion.window import MotionWindow
 from swath_sysid.common.advice import CURES
 
@@ -49,7 +49,6 @@ LASTING = {NO_RATES}  #: Warned of when they begin; then reported while they las
 
 CALM_SINCE_WARNING = 30.0  #: s without a warning after which the log reports its end.
 
-LONGEST_SILENCE = 1.0
 DISCOVERY = 4.0  #: s in which publishers and subscriptions that are there are found: mostly 0.2, now and then three.
 
 LARGEST_STAMP_AGE = 1.0  #: s; more means that clocks differ, or a replay at another time.
@@ -152,7 +151,7 @@ class Reasons:
 
 def is_unusual(silence: float, interval: float) -> bool:
     """Whether a silence, s, is more than messages at this interval, s, leave."""
-    return silence > max(LONGEST_SILENCE, 5.0 * interval)
+    return silence > max(StampSettings.gap_limit, 5.0 * interval)
 
 
 class Arrivals:

@@ -25,11 +25,12 @@ METHODS = (FORECAST, *BASELINES)
 
 SENSOR = Point('sensor', (0.0, 0.0, 0.0))  #: Where vertical motion is scored beside the points asked for.
 AFTER_GAP = 4.0  #: s after lost samples for which the forecasts have scores of their own.
-_BLOCK = 30.0  #: s: several wave groups, so that the errors of one block say little about the next.
+#: s: several wave groups, so that the errors of one block say little about the next, and limits of quiescence can be
+#: taken from as much.
+_BLOCK = 30.0
 
 _MIN_BLOCKS = 8
 _REPLICATES = 2000
-_MIN_WARMUP = 30.0  #: s from which limits of quiescence can be taken.
 _LONGEST_WARMUP = 600.0
 
 
@@ -108,7 +109,7 @@ def usual_limits(
     seen = trial.time < trial.time[0] + warmup
     warm = {axis: trial.channels[axis][seen] for axis in axes if axis in trial.channels}
     warm = {axis: angle for axis, angle in warm.items() if np.nanmax(np.abs(angle), initial=0.0) > 0.0}
-    if warmup < _MIN_WARMUP or not warm:
+    if warmup < _BLOCK or not warm:
         return None
     # passed so rarely that staying below for some seconds is uncertain
     found: dict[str, Any] = {axis: float(abs(np.nanmean(a)) + TWO_STD * np.nanstd(a)) for axis, a in warm.items()}

@@ -193,15 +193,12 @@ class SeaPosterior(LogPosterior):
 AT_SEA = 'motion in waves'  #: Marks a model identified at sea, as ``provenance['identified_from']``.
 MIN_WAVES = 50  #: Peak periods that a record must hold.
 
-#: The measured heave spectrum is used unless its misfit is this many times that of JONSWAP.
-HEAVE_PREFERRED = 1.5
-
 MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; otherwise it is a tone.
 
 #: Relative standard deviation of the period above which the result is unusable, as it is with uncertain damping; from
 #: half of either the sea is reported to hide the hull.
 PERIOD_USABLE = 0.10
-POOR_FIT = 2.0
+POOR_FIT = 2.0  #: Misfit over that of another spectrum, or of chance.
 
 
 @dataclass(frozen=True)
@@ -328,7 +325,8 @@ def identify_at_sea(
     if shown is not None:
         seen = SeaPosterior(sea, shown, should_cancel)
         found = seen.minimise(seen.starts())
-        if seen.deviance(found[0]) <= HEAVE_PREFERRED * max(1.0, fit.deviance(optima[0])):
+        # what was measured, unless it fits poorly beside JONSWAP
+        if seen.deviance(found[0]) <= POOR_FIT * max(1.0, fit.deviance(optima[0])):
             fit, optima = seen, found
     report(1.0)
     return _identification(motion, fit, optima, not searched and bool(find_decays(motion)))

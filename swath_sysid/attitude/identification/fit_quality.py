@@ -24,7 +24,7 @@ from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.stamps import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, TWO_STD
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, TWO_STD, UNCERTAIN
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.judgement import Finding, Judgement
 from swath_sysid.common.signals import white_noise
@@ -149,7 +149,6 @@ def _drawn(posterior: HullPosterior, active: Sequence[bool], friction_rate: floa
 
 
 ADEQUATE_ERROR = 0.1  #: Relative error of the next release up to which a model is adequate.
-LARGEST_UNEXPLAINED = 0.5  #: Largest share of the motion that a fit may leave, or leave open to the other side.
 LEAST_USABLE = 0.5  #: Least share of a record's rows that must be usable.
 #: Least righting moment at the release over that of the linear stiffness; a craft that was moved has less.
 LEAST_RIGHTING = 0.3
@@ -200,7 +199,7 @@ def judge(found: DecayFit, objective: str) -> tuple[Verdict, tuple[Advice, ...]]
         max(same_side, other_side) if other_side <= ADEQUATE_ERROR else same_side,
         other_side,
         # a gyro may drift and an angle lag without a fault of the model, as long as little of the rate is left
-        max(angle, rate) if found.rmse is None or not rate <= LARGEST_UNEXPLAINED else angle,
+        max(angle, rate) if found.rmse is None or not rate <= UNCERTAIN else angle,
     )
     findings = list(warnings_of(found, objective, errors))
     causes = [each for each in findings if each[0] != ADEQUATE]
@@ -234,7 +233,7 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
     if not mismatch <= MAX_RATE_MISMATCH:
         yield REJECTED, Advice.of('angle-against-rate', mismatch=mismatch)
     poor_fit = Advice.of('poor-fit', left=min(errors.unexplained, 1.0))
-    if not errors.unexplained <= LARGEST_UNEXPLAINED:
+    if not errors.unexplained <= UNCERTAIN:
         yield REJECTED, poor_fit
     period = found.model.natural_period
     if not np.isfinite(period):
@@ -278,7 +277,7 @@ def _one_sided(found: DecayFit, other_side: float) -> Iterator[Finding]:
     # an adequate forecast may be off by this share of its motion, and one to a side without a release is not checked
     unseen = opposite == -start or other_side > ADEQUATE_ERROR
     is_lost = unseen and angle_within_reach(found, ADEQUATE_ERROR) is not None
-    if is_lost or not other_side <= LARGEST_UNEXPLAINED:
+    if is_lost or not other_side <= UNCERTAIN:
         size = f' by {other_side:.0%} of its motion' if other_side < 1.0 else ''
         limit, (_, away) = angle_within_reach(found, max(other_side, ADEQUATE_ERROR)), sides(found)
         yield (

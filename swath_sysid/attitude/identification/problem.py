@@ -9,6 +9,7 @@ from scipy.special import ndtri, stdtrit
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import Scales
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
+from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND
 from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay, without_spikes
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -24,11 +25,7 @@ FRICTION_RATE_SHARE = 0.02
 #: Samples per period to which much denser records are averaged, at an error below 1e-5 of the amplitude.
 AVERAGED = 400
 
-LONGEST_AFTERMATH = 10.0  #: Periods after a decay that are used,
-#: up to where the angle exceeds this share of the first amplitude: the craft is then being pushed again.
-LOUDEST_AFTERMATH = 0.5
-#: Waves keep the craft moving, peak to peak, by more than this share of the last amplitude; a hand stops it.
-STOPPED = 0.5
+LONGEST_AFTERMATH = 10.0  #: Periods after a decay that are used.
 
 FIRST_LOOK_PERIODS = 0.12  #: Share of a period that the initial state is estimated from.
 
@@ -180,9 +177,11 @@ def _left_alone_until(motion: AxisMotion, segment: DecaySegment):
     if after.size < 8:
         return segment.end
     later = after.primary[after.size // 2 :]
-    if segment.ending == 'disturbed' and np.ptp(later) < STOPPED * segment.final_amplitude:
+    # waves keep the craft moving by more than that, peak to peak; a hand stops it
+    if segment.ending == 'disturbed' and np.ptp(later) < HOLD_BAND * segment.final_amplitude:
         return segment.end
-    limit = max(LOUDEST_AFTERMATH * segment.initial_amplitude, 1.5 * segment.final_amplitude)
+    # what is louder than that is pushed again
+    limit = max(HOLD_BAND * segment.initial_amplitude, 1.5 * segment.final_amplitude)
     loud = np.flatnonzero(np.abs(after.primary - segment.trim) > limit)
     if not loud.size:
         return float(after.time[-1])

@@ -25,7 +25,7 @@ _THIRD_DIFFERENCE_GAIN, _FOURTH_DIFFERENCE_GAIN = math.comb(6, 3), math.comb(8, 
 _ALIKE = 1.25  #: Ratio of the variances that both differences show, up to which noise is white.
 _TOLD_WRONG = 1.5  #: Ratio of a sensor's noise variance to the one that it reports, from which its report is wrong.
 #: Periods; after which sizes are forgotten, of errors as of the motion: a shorter one follows wave groups, in
-#: which errors grow less than the motion.
+#: which errors grow less than the motion. A silence as long is bridged, and a new sea shows in as many.
 MEMORY_OF_SIZE = 19.0
 
 #: A squared error over its expected value counts as this much at the most: what nobody could foresee, such as a glitch
@@ -34,7 +34,6 @@ CREDIBLE = 9.0
 
 
 _SPAN = 0.16  #: Periods over which the rate is integrated.
-_AGREEMENT_MEMORY = 9.4  #: Periods; averaging time.
 
 #: Mean square disagreement over that of the noise, above which the channels contradict each other.
 _BEYOND_CHANCE = 2.0
@@ -318,7 +317,7 @@ class AgreementMeter:
             past.popleft()
         span = self._time - past[0][0]
         if span > self._span - 1e-6:
-            self._seconds = min(self._seconds + elapsed, _AGREEMENT_MEMORY * self.period)
+            self._seconds = min(self._seconds + elapsed, MEMORY_OF_SIZE * self.period)
             gain = elapsed / self._seconds
             chance = 2.0 * angle_variance + rate_variance * elapsed * span
             square = (departure - past[0][1]) ** 2

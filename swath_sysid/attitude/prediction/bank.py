@@ -18,7 +18,6 @@ from swath_sysid.attitude.prediction.rows import RowClock
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.state_space import (
-    BREAK,
     STRAIN_TIME,
     InnovationsFilter,
     InnovationsModel,
@@ -64,7 +63,7 @@ class Bank:
         self._axes, self._leads, self._steps, self._step = axes, leads, self.blend.steps, step
         self._period = period
         self._horizon = leads[-1] + 2.0 * step
-        self.begin(np.empty((0, 0)))
+        self._library: SeaLibrary  # which `begin` begins
         whole = leads / step
         are_rows = np.abs(whole - np.round(whole)) < 0.02
         self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._steps.size == whole.size
@@ -72,7 +71,12 @@ class Bank:
     @property
     def _on_rows(self) -> dict[str, SeaLibrary | InnovationsFilter | UpstreamCandidate]:
         """The candidates that there are at present, but for the hulls' filters, which follow every sample."""
-        return {LIBRARY: self._library, **self.spaces, **self._upstream}
+        return {LIBRARY: self._library, **self._fitted}
+
+    @property
+    def _fitted(self) -> dict[str, InnovationsFilter | UpstreamCandidate]:
+        """Those of them whose models the past was fitted by."""
+        return {**self.spaces, **self._upstream}
 
     @property
     def _noise(self):
@@ -110,12 +114,8 @@ class Bank:
         how = ATTITUDE, self._horizon, self._steps, STRAIN_TIME * self._period
         every = round(model.step / self._step)
         space = InnovationsFilter(model, *how) if every == 1 else SparseFilter(model, *how, every)
-        before = self.spaces.get(name)
         self.spaces[name] = space
         space.seed(past)
-        if before is not None and before.strain > BREAK:
-            # a fit to what came before a break does not mend it
-            space.strained(before.strain)
 
     def use_upstream(self, fits: Mapping[str, UpstreamFit], past: np.ndarray, time: float, memory: float) -> None:
         """Put fits of the upstream channels to use at a time, s, after the newest rows (N, width)."""
@@ -240,15 +240,15 @@ class Bank:
             mean[self._place[name]], of_readings = candidate.forecast(leads, age)
             covariance[self._place[name]] = without_noise(of_readings, noise)
         strained = {
-            self._place[name]: each.strain for name, each in self._on_rows.items() if each.strain > HEALTHY_STRAIN
+            self._place[name]: each.strain for name, each in self._fitted.items() if each.strain > HEALTHY_STRAIN
         }
         if strained:
             trusted = self._hull_is_trusted()
             for place, strain in strained.items():
                 covariance[place] *= strain / HEALTHY_STRAIN
                 mean[place][:, trusted[place]] = math.nan
-        for name, candidate in self._on_rows.items():
-            if candidate.is_contradicted:
+        for name, fitted in self._fitted.items():
+            if fitted.is_contradicted:
                 mean[self._place[name]] = math.nan
         for place, axis in enumerate(self._axes):
             if axis.hull.is_free:

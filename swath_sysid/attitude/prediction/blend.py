@@ -17,9 +17,9 @@ _TRUST = 1.6
 UNPROVEN = 1.14
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.32
-# periods over which errors are compared with what was expected of them, and how much larger (mean square) a surprise
-# is: while a motion grows, all forecasts are too sure
-_RECENT, _SURPRISING, _LARGEST_SURPRISE = 1.0, 2.5, 16.0
+# how much larger (mean square) than was expected of them errors over a period are a surprise: while a motion grows, all
+# forecasts are too sure
+_SURPRISING = 2.5
 #: The variance of the candidates is at least this share of what they claim.
 MIN_SHARE = 1e-3
 # of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
@@ -103,8 +103,9 @@ class Blend:
         blended[excused] = np.nan
         was_free = self._was_free[then], self._places[:, None], self._axes
         surprise = _QUANTILE**2 * np.where(judged, blended, 0.0) ** 2 / np.where(judged, interval, 1.0)
-        surprise = np.minimum(surprise, _LARGEST_SURPRISE)
-        self._recent += self._step / (_RECENT + self._step) * judged * (surprise - self._recent)
+        # over a period
+        surprise = np.minimum(surprise, CREDIBLE)
+        self._recent += self._step / (1.0 + self._step) * judged * (surprise - self._recent)
         growth = np.maximum(size / np.where(judged, size_then, size), 1.0) ** 2
         self._learn(errors, blended, of_average, interval, noise_variance, was_free, growth)
         self._was_free[now] = free

@@ -14,7 +14,7 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.axis_filter import AxisFilter
+from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE, AxisFilter
 from swath_sysid.attitude.prediction.bank import HULL, Bank, ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilterSettings
@@ -31,7 +31,7 @@ from swath_sysid.attitude.prediction.rows import (
     Sampled,
     resampled,
 )
-from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SHORT, SPARSE, WAVES, SeaFit, SeaRequest, newest_stretch
+from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SPARSE, WAVES, SeaFit, SeaRequest, newest_stretch
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
 from swath_sysid.attitude.prediction.upstream import UpstreamRows
@@ -50,8 +50,6 @@ _OF_AXIS = {
 }
 
 SEA_STATE_INTERVAL = 60.0  #: s.
-
-LONGEST_BRIDGE = 19.0  #: Periods; after a longer silence the motion is forgotten, hull and sea are not.
 
 MOST_AHEAD = 2000  #: Rows that the longest lead may be.
 
@@ -198,7 +196,8 @@ class Forecaster:
         the forecast one sample ahead; `issue` must complete it before the next sample.
         """
         since = elapsed if self._is_linked and elapsed is not None else math.inf
-        linked = since <= LONGEST_BRIDGE * self._scale.period
+        # after a longer silence the motion is forgotten, hull and sea are not
+        linked = since <= MEMORY_OF_SIZE * self._scale.period
         self._stamp, self._sampled = stamp, Sampled(0.0, 1)
         if linked:
             self._sampled = self._clock.sensor.follow(since)
@@ -377,7 +376,9 @@ class Forecaster:
             self._points.request(self._clock, self._rows.newest),
             self._time >= self._sea_state_due,
             self._upstream.request(
-                len(past), int(SHORT * self._clock.period / self._clock.step), self._leads[-1] + self._clock.step
+                len(past),
+                int(MEMORY_OF_SIZE * self._clock.period / self._clock.step),
+                self._leads[-1] + self._clock.step,
             ),
         )
 

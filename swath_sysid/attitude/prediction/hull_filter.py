@@ -35,6 +35,7 @@ from swath_sysid.attitude.prediction.hull_state import (
 )
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, markov_moment, sum_of_moments
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import SIGNIFICANT
 from swath_sysid.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -78,7 +79,6 @@ HEALTHY_STRAIN = 4.0
 
 RECENT = 400  #: Samples kept to be filtered again when a fit arrives.
 INSIGNIFICANT = 0.035  #: Of the unknown moment's size at the start; a smaller one is ignored.
-CONTRADICTION = 3.0  #: Standard deviations.
 
 #: Relative changes that are reported whatever the prior uncertainty.
 MUCH = {'stiffness': 0.1, 'damping': 0.3}
@@ -276,11 +276,15 @@ class HullFilter:
             self.start(*self.x[:2].tolist(), *np.diag(self.P)[:2].tolist())
 
     def set_period(self, period: float) -> None:
-        """Expect an unknown moment that belongs to a motion of another period, s, and is of the same size as now."""
+        """Expect an unknown moment that belongs to a motion of another period, s, and is of the same size as now.
+
+        Before a moment has been seen to act, its size is a guess that belongs to the period.
+        """
         if period != self.period:
             self.period, before = period, self.moments[0].variance
             moments = [unknown_moment(period), *self.moments[1:]]
-            self._use_moments(moments, [self.levels[0] * before / moments[0].variance, *self.levels[1:]])
+            size = before / moments[0].variance if self._recent else 1.0
+            self._use_moments(moments, [self.levels[0] * size, *self.levels[1:]])
             part = self._parts[0]
             self.driven.set_part(part, 0.0, self.driven.moment[2][self._of_moment[0], self._of_moment[0]])
 
@@ -458,7 +462,7 @@ class HullFilter:
     def advice(self) -> tuple[Advice, ...]:
         """Whether the waves, or the craft in still water, contradict the model.
 
-        A factor of stiffness or damping more than `CONTRADICTION` of its identified standard deviations off contradicts
+        A factor of stiffness or damping more than `SIGNIFICANT` of its identified standard deviations off contradicts
         it.
         """
         found = []
@@ -466,8 +470,8 @@ class HullFilter:
         for name, direction in prior.directions.items():
             change = float(direction @ (self.x[OF_HULL] - prior.mean))
             before, now = (math.sqrt(direction @ spread @ direction) for spread in (prior.covariance, covariance))
-            is_unlikely = abs(change) > CONTRADICTION * before
-            is_much = abs(change) > max(MUCH[name], CONTRADICTION * now)
+            is_unlikely = abs(change) > SIGNIFICANT * before
+            is_much = abs(change) > max(MUCH[name], SIGNIFICANT * now)
             if self.model is not None and (is_unlikely or is_much):
                 more, stds = 'more' if change > 0.0 else 'less', change / before
                 share, axis = abs(math.expm1(change)), self.model.axis

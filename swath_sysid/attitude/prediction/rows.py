@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.state_space import cubic_weights
@@ -28,8 +29,7 @@ OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
 OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
 ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
-#: Periods; what is lost for longer is not known, nor of other channels than angles and rates what no line bridges.
-LONGEST_FILLED, LONGEST_LINEAR = 0.16, 0.03
+LONGEST_FILLED = 0.16  #: Periods; what is lost for longer is not known.
 
 #: Samples per row from which the rows hold filtered values: fewer cannot be smoothed without delay.
 SMOOTHED_FROM = 5
@@ -37,17 +37,13 @@ SMOOTHED_FROM = 5
 _REGULAR = 0.5  #: Relative difference of an interval from the usual one that is still jitter.
 _IRREGULAR_SAMPLES = 10  #: In a row: then the sensor has another rate.
 _PHASE_GAIN = 0.1  #: Share of a stamp's deviation that is the clock's.
-_JITTER_GAIN = 0.02  #: Of the running mean of the deviations' size.
 _CLEAN, _DOUBT = 0.1, 3.0  #: Intervals; so many times the jitter beyond it, a stamp is off before it tells anything.
 _SOON = 0.1  #: Intervals; as much as passes between two samples of one jittery time.
-_INTERVALS = 51  #: Of which the first guess of the interval is the median.
-_OTHER_RATE = 0.3  #: Relative difference of an interval from the rows' from which samples are read between.
-#: Relative differences of a step: that begin rows anew, that are another one all the same, and that correct it.
-_NEW_STEP, _SAME_STEP, _INEXACT_STEP = 0.3, 0.02, 2e-3
-_SETTLING_SAMPLES = (5, 20, 60, 200)  #: After which the step is corrected.
+_INTERVALS = 51  #: Of which the first guess of the interval is the median, and over which jitter is averaged.
+#: Relative differences of a step: that begin rows anew (of the interval: from which samples are read between), and up
+#: to which it is the same one.
+_NEW_STEP, _SAME_STEP = 0.3, 2e-3
 _UNKNOWN = (math.nan, math.nan)
-#: Places of angles and their rates, in a row and among filtered values.
-_OF_ATTITUDE, _OF_FILTERED = ((0, 2), (1, 3)), ((0, 1), (2, 3))
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
 
@@ -96,7 +92,7 @@ class SampleClock:
             self._behind, self._told = since, self._told + passed
             return Sampled(passed, 0)
         told, self._told = self._told, 0.0
-        self._jitter += _JITTER_GAIN * (min(abs(deviation), 0.5) - self._jitter)
+        self._jitter += (min(abs(deviation), 0.5) - self._jitter) / _INTERVALS
         self.interval *= 1.0 + 0.25 * _PHASE_GAIN**2 * deviation / intervals
         self._behind = (1.0 - _PHASE_GAIN) * deviation * self.interval
         return Sampled(max(since - self._behind - told, _SOON * self.interval), intervals)
@@ -185,16 +181,15 @@ class RowClock:
 
     def is_laid_out_for(self, period: float) -> bool:
         """Whether the rows are those for a motion of this period, s, and for the sensor's present rate."""
-        return period == self.period and abs(self.interval / self._laid_for - 1.0) < _OTHER_RATE
+        return period == self.period and abs(self.interval / self._laid_for - 1.0) < _NEW_STEP
 
     def corrected(self) -> bool:
-        """Follow the interval while it settles; whether that has changed the step."""
-        settled = next((count for count in _SETTLING_SAMPLES if self._corrections < count <= self.sensor.count), None)
-        if settled is None:
+        """Follow the interval, each time that twice as many samples show it; whether that has changed the step."""
+        if self.sensor.count < 2 * self._corrections:
             return False
-        self._corrections = settled
+        self._corrections = self.sensor.count
         step = self.samples * self.interval
-        if not _INEXACT_STEP < abs(step / self.step - 1.0) < _NEW_STEP:
+        if not _SAME_STEP < abs(step / self.step - 1.0) < _NEW_STEP:
             return False
         self.step, self._tick = step, self.interval
         return True
@@ -213,8 +208,12 @@ class RowClock:
         """
         elapsed = sampled.intervals * self.interval
         before, self._newest = self._newest, list(_channels_of(sample))
-        filtered_before, self._filtered = self._filtered, [v for motion in filtered for v in motion or _UNKNOWN]
-        if abs(self.interval / self._tick - 1.0) < _OTHER_RATE:
+        motions = [motion or _UNKNOWN for motion in filtered]
+        filtered_before, self._filtered = (
+            self._filtered,
+            [value for part in zip(*motions, strict=True) for value in part],
+        )
+        if abs(self.interval / self._tick - 1.0) < _NEW_STEP:
             shares = [(place + 1) / sampled.intervals for place in range(sampled.intervals)]
             elapsed = sampled.intervals * self._tick
         else:
@@ -231,14 +230,13 @@ class RowClock:
             ]
         else:
             rows = []
-        if elapsed > LONGEST_LINEAR * self.period:
-            # the others have no slopes to be filled by
+        if elapsed > 0.5 * LONGEST_FILLED * self.period:
+            # the others have no slopes: over half as long a line errs by 3 %, over all of it a cubic by .3 %
             before[len(ATTITUDE) :] = self._values[len(ATTITUDE) :] = [math.nan] * (len(CHANNELS) - len(ATTITUDE))
         for share in shares:
             if share < 1.0:
-                values = _between(before, self._newest, share, elapsed, _OF_ATTITUDE)
-                known = filtered_before or self._filtered
-                motion = _between(known, self._filtered, share, elapsed, _OF_FILTERED)
+                values = _between(before, self._newest, share, elapsed)
+                motion = _between(filtered_before or self._filtered, self._filtered, share, elapsed)
             else:
                 values, motion = self._newest, self._filtered
             if self._is_row(values):
@@ -267,26 +265,24 @@ class RowClock:
         return True
 
     def _row(self, values: Sequence[float], filtered: Sequence[float]) -> list[float]:
-        channels, axes = list(self._values), len(ATTITUDE) // 2
+        channels = list(self._values)
         if self.is_smoothed:
             for place, value in enumerate(filtered):
-                channel = place // 2 + axes * (place % 2)
-                if value == value and channels[channel] == channels[channel]:
-                    channels[channel] = value
+                if value == value and channels[place] == channels[place]:
+                    channels[place] = value
         means = [total / count if count else math.nan for total, count in zip(self._sums, self._counts, strict=True)]
         self._clear_block()
         return [*channels, *values[: len(ATTITUDE)], *means]
 
 
-def _between(
-    before: Sequence[float], after: Sequence[float], share: float, elapsed: float, motions: Sequence[tuple[int, int]]
-) -> list[float]:
-    """Values at a share of the elapsed s between two samples, linear; ``motions`` are the places of angles and their
-    rates, which turn: by cubics of Hermite.
+def _between(before: Sequence[float], after: Sequence[float], share: float, elapsed: float) -> list[float]:
+    """Values, `ATTITUDE` first, at a share of the elapsed s between two samples, linear; those of `ATTITUDE`, which
+    turn, by cubics of Hermite.
     """
     values = [a + share * (b - a) for a, b in zip(before, after, strict=True)]
     rest = 1.0 - share
-    for angle, rate in motions:
+    for angle in range(len(AXES)):
+        rate = angle + len(AXES)
         # what the rates at both ends add to the line between the angles, and its slope
         over = before[angle] + elapsed * before[rate] - after[angle]
         under = after[angle] - elapsed * after[rate] - before[angle]

@@ -7,9 +7,11 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
+from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
 from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
 from swath_sysid.attitude.prediction.state_space import InnovationsModel
 from swath_sysid.attitude.prediction.upstream import UpstreamFit, UpstreamRequest, fit_upstream
@@ -18,9 +20,7 @@ from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalFit
 
 #: State spaces of the whole past, of the whole past with a longer memory on fewer rows, and of a new sea.
 WAVES, LONG_WAVES, NEW_WAVES = 'waves', 'waves-long', 'waves-new'
-SPARSE, ROWS_OF_SPARSE = 2, 20.0  #: Rows between those of a longer memory; least rows a period that allow it.
-
-SHORT = 19.0  #: Periods of the past that show a new sea.
+SPARSE = 2  #: Rows between those of a longer memory.
 
 LONGEST_FILLED = 0.6  #: Periods; the phase is lost in a longer gap.
 
@@ -75,14 +75,15 @@ def fit_sea(request: SeaRequest) -> SeaFit:
         True
     """
     past, names, step, period = request.values, request.names, request.step, request.period
-    newest = past[-round(SHORT * period / step) :]
+    # a new sea shows in what sizes are measured over
+    newest = past[-round(MEMORY_OF_SIZE * period / step) :]
     new = identify(newest, names, step, period) if len(newest) < len(past) else None
     waves: dict[str, InnovationsModel | None] = {
         WAVES: identify(past, names, step, period),
         # fewer coefficients where all channels are too many for so few rows
         NEW_WAVES: identify_alone(past, names, step, period, AXES) if new is None else new,
     }
-    if period / step >= ROWS_OF_SPARSE:
+    if period / step >= ROWS_A_PERIOD / SPARSE:
         waves[LONG_WAVES] = identify(past[(len(past) - 1) % SPARSE :: SPARSE], names, SPARSE * step, period)
     elif new is not None:
         waves[LONG_WAVES] = identify_alone(past, names, step, period, AXES)

@@ -15,7 +15,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
-from swath_sysid.attitude.prediction.state_space import CONTRADICTED, STRAIN_TIME, cubic_weights
+from swath_sysid.attitude.prediction.state_space import CONTRADICTED, LARGEST_STRAIN, STRAIN_TIME, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 
 MEMBERS = 256
@@ -35,14 +35,13 @@ RANGES = (
     (0.1, 30.0),
 )
 
-LIFETIME, OVERLAP = 12.0, 4.0  #: Periods after which all members begin again, and until these take over.
+LIFETIME = 12.0  #: Periods after which all members begin again; half as long after that these take over.
 
 TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any member.
 
 #: Rows ahead, of the library's own, after which a forecast is the level; a member of less relative weight is dropped.
 FURTHEST, LEAST_WEIGHT = 28, 1e-3
 
-_LARGEST = 4.0 * CONTRADICTED
 _SAME_PERIOD = 1.2  #: Ratio between the numbers of rows in a period for which there are predictors.
 
 
@@ -181,7 +180,7 @@ class AxisSeas:
         # by the member that explains it best; one row alone may be wrong
         least = float((square / np.maximum(size, LEAST_SIZE**2)).min()) / len(reading)
         self.age += self._a_row
-        self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
+        self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, LARGEST_STRAIN) - self.strain)
         self._square += square / self._stride
         self._log -= 0.5 * log / self._stride
         self._count += len(reading) / self._stride
@@ -207,8 +206,6 @@ class AxisSeas:
 
 class SeaLibrary:
     """The library on the rows of every axis, as an `InnovationsFilter` of all `ATTITUDE`."""
-
-    strain, is_contradicted = 1.0, False
 
     def __init__(self, steps: np.ndarray, step: float, period: float, horizon: float) -> None:
         rows = period / step
@@ -249,7 +246,7 @@ class SeaLibrary:
             following = self._following[place] = self._begun(axis.rated) if axis.age > LIFETIME else None
         if following is not None:
             following.step(reading)
-            if following.age > OVERLAP:
+            if following.age > 0.5 * LIFETIME:
                 self._axes[place], self._following[place] = following, None
 
     def _begun(self, rated: bool):

@@ -11,6 +11,7 @@ import numpy as np
 from scipy import fft
 from scipy.linalg import cholesky, eigh, solve_triangular
 
+from swath_sysid.attitude.prediction.rows import LONGEST_FILLED, ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsModel, side_by_side, whole_lags
 
 # lags on either side, and the periods that they reach back at the most
@@ -19,8 +20,8 @@ _STATES_A_CHANNEL = 7
 ROWS_A_COEFFICIENT = 8.0
 _LAGS_A_STATE = 2.0
 _MIN_SHARE = 0.5
-# where losses break up more of the lags than this, gaps of few rows are filled from both sides
-_LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
+# where losses break up more of the lags than this, gaps of few rows are filled from so many on both sides
+_SIDES = 8, 4, 2
 # third differences as many times their median size are not a craft's motion: a spike, or one record appended to another
 _BREAK = 60.0
 LARGEST_RADIUS = 0.9999
@@ -134,7 +135,7 @@ def fill_short_gaps(rows: np.ndarray) -> np.ndarray:
     result = rows.copy()
     edges = np.diff(np.concatenate([[0], ~complete, [0]]).astype(int))
     first, length = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-    for lost in range(1, _LONGEST_FILLED + 1):
+    for lost in range(1, round(LONGEST_FILLED * ROWS_A_PERIOD) + 1):
         gaps = first[length == lost]
         for side in _SIDES if gaps.size else ():
             if whole_lags(complete, 2 * side + lost).sum() < ROWS_A_COEFFICIENT * 2 * side * width:

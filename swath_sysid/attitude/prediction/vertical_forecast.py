@@ -22,6 +22,7 @@ from swath_sysid.attitude.motion.vertical import (
 )
 from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
+from swath_sysid.attitude.prediction.sea_state import MIN_DURATION
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights
 
 #: Forecast here, with errors correlated with those of `ATTITUDE`; angular accelerations are for points.
@@ -37,7 +38,6 @@ _RIDGE = 1e-5
 
 #: rad^2 and (rad/s)^2, below any sensor's resolution, for an angle that never changes.
 _UNSEEN_VARIANCE = 1e-12
-_SCORED = 300.0  #: s over which the intervals are calibrated.
 
 
 @dataclass(frozen=True)
@@ -126,8 +126,9 @@ class VerticalForecaster:
         self._integrals = LeakyIntegrals(step)
         self._fit: VerticalFit | None = None
         self._mean: Any = None
-        # forecasts by the number of the row after which they were issued, until their truth is known
-        self._issued = np.full((round((_SCORED + 2.0 * EDGE) / step) + ahead, ahead + 1, 3), np.nan)
+        # forecasts by the number of the row after which they were issued, until their truth is known: their errors
+        # calibrate the intervals over as many waves as show a sea state
+        self._issued = np.full((round((MIN_DURATION + 2.0 * EDGE) / step) + ahead, ahead + 1, 3), np.nan)
         self._rows = 0
 
     def install(self, fit: VerticalFit | None, newest: int, waves: InnovationsFilter) -> None:
@@ -140,7 +141,7 @@ class VerticalForecaster:
             self._mean = None
             return
         kept, leads = self._issued.shape[0], np.arange(self.ahead + 1)
-        count = min(fit.truth.shape[0], round(_SCORED / self._step))
+        count = min(fit.truth.shape[0], round(MIN_DURATION / self._step))
         came = self._rows - 1 - (newest - fit.row) - np.arange(count)[::-1]
         issued_after = came[:, None] - leads
         errors = fit.truth[-count:, None] - self._issued[issued_after % kept, leads]
