@@ -106,7 +106,8 @@ class Blend:
         # over a period
         surprise = np.minimum(surprise, CREDIBLE)
         self._recent += self._step / (1.0 + self._step) * judged * (surprise - self._recent)
-        growth = np.maximum(size / np.where(judged, size_then, size), 1.0) ** 2
+        # waves that grow may double within a lead
+        growth = np.maximum(0.5 * size / np.where(judged, size_then, size), 1.0) ** 2
         self._learn(errors, blended, of_average, interval, noise_variance, was_free, growth)
         self._was_free[now] = free
         self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
