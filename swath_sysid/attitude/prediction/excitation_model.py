@@ -22,10 +22,10 @@ from swath_sysid.common.signals import sine_tapers
 SMOOTHING = 0.02  #: Standard deviation of the spectrum's smoothing, over the motion's frequency.
 HIGHEST_FREQUENCY = 10.0  #: Over the motion's; above, waves move no craft and the hull's inverse only amplifies noise.
 MIN_SIGNAL = 1e-3  #: Least spectrum over that of the noise.
+AUTOREGRESSION_SPAN = 3.75  #: Periods of lags.
 
 STATES = 20
-#: Periods; forecasts up to there, from as many lags, decide which states are kept; a new filter finds the waves' phase
-#: in as much past.
+#: Periods; forecasts up to there decide which states are kept; a new filter finds the waves' phase in as much past.
 FORECAST_SPAN = 6.25
 DOUBLINGS = 11  #: The filter's covariance is steady after 2048 steps.
 
@@ -104,7 +104,7 @@ def autocovariance(spectrum: Spectrum, step: float, lags: int) -> np.ndarray:
 def reduced_moment(spectrum: Spectrum, request: ExcitationRequest) -> ModalMoment:
     """The few states of the moment that forecasts of the angle need."""
     step = request.step
-    order = min(round(FORECAST_SPAN * request.period / step), request.angle.size // 10)
+    order = min(round(AUTOREGRESSION_SPAN * request.period / step), request.angle.size // 10)
     covariance = autocovariance(spectrum, step, order + 1)
     coefficients, noise = autoregression(covariance)
     stiffness, damping = equivalent_hull(request.model, request.rate)

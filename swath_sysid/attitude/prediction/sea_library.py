@@ -15,7 +15,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
-from swath_sysid.attitude.prediction.state_space import CONTRADICTED, LARGEST_STRAIN, STRAIN_TIME, cubic_weights
+from swath_sysid.attitude.prediction.state_space import CONTRADICTED, STRAIN_TIME, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 
 MEMBERS = 256
@@ -43,6 +43,7 @@ TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any memb
 FURTHEST, LEAST_WEIGHT = 28, 1e-3
 
 _SAME_PERIOD = 1.2  #: Ratio between the numbers of rows in a period for which there are predictors.
+_LARGEST = 4.0 * CONTRADICTED
 
 
 class Seas(NamedTuple):
@@ -180,7 +181,7 @@ class AxisSeas:
         # by the member that explains it best; one row alone may be wrong
         least = float((square / np.maximum(size, LEAST_SIZE**2)).min()) / len(reading)
         self.age += self._a_row
-        self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, LARGEST_STRAIN) - self.strain)
+        self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
         self._square += square / self._stride
         self._log -= 0.5 * log / self._stride
         self._count += len(reading) / self._stride

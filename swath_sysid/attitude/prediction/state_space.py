@@ -19,10 +19,11 @@ _DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 #: Variance of white noise that every channel is given, over the channel's own: without it, channels of which one
 #: follows from others without error have singular innovations; more costs .1 s ahead (1e-6: 5 to 20 %).
 RIDGE = 1e-8
+# a state whose errors are this much less than the innovations (in variance) is known
+_KNOWN = 1e-4
 STRAIN_TIME = 0.31  #: Periods over which the innovations of the targets are averaged.
-#: A strain beyond which a candidate knows nothing of the present motion, and as much as one row adds to it at the most:
-#: a shock alone is no contradiction.
-CONTRADICTED, LARGEST_STRAIN = 25.0, 100.0
+#: A strain beyond which a candidate knows nothing of the present motion, if it lasts for as many times as long.
+CONTRADICTED, _LASTING = 25.0, 3.0
 #: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.
 BREAK = 400.0
 
@@ -74,12 +75,12 @@ class InnovationsFilter:
         self._scale = 1.0 / model.scale
         self._following = np.vstack([model.c, model.a])
         self._driven = model.k @ model.s @ model.k.T
-        # a state is known whose errors are less than the ridge
-        self._floor = RIDGE * np.diag(model.s)
+        self._floor = _KNOWN * np.diag(model.s)
         watched = [name in self.targets for name in model.channels]
         self._watched = np.array(watched) if any(watched) else np.ones(len(watched), dtype=bool)
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
         self._strain_gain = min(1.0, model.step / strain_time)
+        self._doubt_gain = min(1.0, model.step / (_LASTING * strain_time))
         self._largest = BREAK * np.diag(model.s)
         self._at: Any = np.array(steps, dtype=int)
         if self._at.size and self._at[-1] - self._at[0] == self._at.size - 1:
@@ -94,7 +95,7 @@ class InnovationsFilter:
         self.state_covariance: Any = self.model.prior
         self._recent = deque([np.zeros(len(self.model.channels))] * _PAST, maxlen=_PAST)
         self._stepped: Any = None
-        self.strain = 1.0
+        self.strain, self._doubt = 1.0, 1.0
 
     def seed(self, rows: np.ndarray) -> None:
         """Restart and step through recent rows (N, width), oldest first, NaN where missing.
@@ -132,12 +133,14 @@ class InnovationsFilter:
 
     def _follow_strain(self, square: float):
         if square == square:
-            self.strain += self._strain_gain * (min(square, LARGEST_STRAIN) - self.strain)
+            self.strain += self._strain_gain * (square - self.strain)
+            # which a shock alone does not raise
+            self._doubt += self._doubt_gain * (min(square, 4.0 * CONTRADICTED) - self._doubt)
 
     @property
     def is_contradicted(self) -> bool:
         """Whether the model knows nothing of the present motion."""
-        return self.strain > CONTRADICTED
+        return self._doubt > CONTRADICTED
 
     def _update(self, z: np.ndarray, seen: np.ndarray):
         """The Kalman update with the channels that were seen, all or none of them included.
