@@ -15,7 +15,7 @@ from copy import deepcopy
 
 import numpy as np
 
-from swath_sysid.attitude.motion.attitude import body_rates, quaternion
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, body_rates, quaternion
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
@@ -45,16 +45,18 @@ class Waves:
             response = wave * self.frequency**2 / (1.0 - ratio**2 + 2j * damping * ratio)
             response *= size * np.radians(deviation) / np.sqrt((np.abs(response) ** 2).sum() / 2.0)
             self.components[axis] = response
+        heave = wave * np.exp(0.7j)
+        self.components['heave'] = size * 0.15 * heave / np.sqrt((np.abs(heave) ** 2).sum() / 2.0)
 
     def motion(self, axis, time, order=0):
-        """The angle or a derivative of it at times of any shape, s."""
+        """Angle, heave or a derivative of it at times of any shape, s."""
         swing = np.exp(1j * np.asarray(time)[..., None] * self.frequency)
         return (swing @ (self.components[axis] * (1j * self.frequency) ** order)).real
 
 
 def readings(waves, time, seed):
     """What a sensor sends at these times, s, stamped so."""
-    noise = np.random.default_rng(seed).normal(size=(time.size, 7))
+    noise = np.random.default_rng(seed).normal(size=(time.size, 8))
     angles = [waves.motion(axis, time) for axis in AXES]
     rates = [waves.motion(axis, time, 1) for axis in AXES]
     body = np.array([body_rates(*each, 0.0) for each in zip(*angles, *rates, strict=True)])
@@ -63,7 +65,7 @@ def readings(waves, time, seed):
     level = np.array(
         [-np.sin(angles[1]), np.sin(angles[0]) * np.cos(angles[1]), np.cos(angles[0]) * np.cos(angles[1])]
     )
-    force = 9.81 * level.T
+    force = (STANDARD_GRAVITY + waves.motion('heave', time, 2))[:, None] * level.T + NOISE['force'] * noise[:, 5:]
     variances = [np.diag(np.full(3, NOISE[kind] ** 2)).ravel().tolist() for kind in ('angle', 'rate')]
     return [
         ImuReading(
