@@ -188,9 +188,9 @@ class Intake:
         """Typical time between samples, s; None before the second."""
         return self._order.interval
 
-    def take(self, reading: ImuReading) -> ConvertedReading:
-        """Convert the next message; the reasons are of `STAMP_REASONS` also."""
-        placed, reasons, stamp_ns = self._order.place(reading.stamp_ns)
+    def take(self, reading: ImuReading, arrival: float = nan) -> ConvertedReading:
+        """Convert the next message, which came at a time of a steady clock, s; the reasons are of `STAMP_REASONS` also."""
+        placed, reasons, stamp_ns = self._order.place(reading.stamp_ns, arrival)
         if not placed:
             return ConvertedReading(None, reasons)
         if stamp_ns != reading.stamp_ns:

@@ -13,16 +13,18 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.stamps import STEPPED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
 from swath_sysid.attitude.prediction.bank import HULL, Bank, ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import Forecast
-from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilterSettings
+from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.rows import (
     CHANNELS,
+    LONGEST_LINEAR,
     OF_CHANNELS,
     OF_MEANS,
     OF_SAMPLE,
@@ -191,13 +193,18 @@ class Forecaster:
         """
         self._upstream.take(name, stamp, value)
 
-    def observe(self, sample: CraftSample, stamp: float, elapsed: float | None) -> ForecastStep:
+    def observe(self, sample: CraftSample, stamp: float, elapsed: float | None, count: int = 1) -> ForecastStep:
         """Take one sample, NaN where not measured, stamped in s, ``elapsed`` s after the one before.
 
-        ``elapsed`` is None at the first sample and after the clock was set back. The step holds what is known at once,
-        the forecast one sample ahead; `issue` must complete it before the next sample.
+        ``elapsed`` is None at the first sample and after the clock was set back; ``count`` messages have come since the
+        one before. The step holds what is known at once, the forecast one sample ahead; `issue` must complete it before
+        the next sample.
         """
         since = elapsed if self._is_linked and elapsed is not None else math.inf
+        usual = count * self._clock.interval
+        is_step = self._is_linked and self._clock_has_stepped(sample, usual, since)
+        if is_step:
+            since = usual
         linked = since <= LONGEST_BRIDGE * self._scale.period
         self._stamp, self._sampled = stamp, Sampled(0.0, 1)
         if linked:
@@ -207,7 +214,8 @@ class Forecaster:
         else:
             self._break_off()
             self._first = sample
-        reasons = self._follow_axes(sample, self._sampled, linked)
+        reasons = (STEPPED,) if is_step else ()
+        reasons += self._follow_axes(sample, self._sampled, linked)
         # the heading is not forecast: the last one measured is held
         yaw, yaw_rate = self._heading
         self._heading = (
@@ -216,6 +224,16 @@ class Forecaster:
         )
         ahead = None if self._bank is None else self._ahead(sample.stamp_ns)
         return ForecastStep(reasons, sample, self._sampled.intervals - 1, ahead)
+
+    def _clock_has_stepped(self, sample: CraftSample, usual: float, elapsed: float) -> bool:
+        """Whether the motion has gone on by ``usual`` s only, while the stamps have by ``elapsed`` s."""
+        if not elapsed - usual > LONGEST_LINEAR * self._scale.period:
+            return False
+        elapsed = min(elapsed, LONGEST_BRIDGE * self._scale.period)
+        evidence = [
+            axis.evidence_of_step(*_OF_AXIS[name](sample)[:2], usual, elapsed) for name, axis in self._axes.items()
+        ]
+        return sum(evidence) > CONVINCING
 
     def issue(self, step: ForecastStep) -> ForecastStep:
         """Complete the step of the newest sample with the forecasts that are due, which take longer."""
