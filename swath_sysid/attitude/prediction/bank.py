@@ -60,6 +60,7 @@ class Bank:
         self._axes, self._leads, self._steps, self._step = axes, leads, self.blend.steps, step
         self._period = period
         self._horizon = leads[-1] + 2.0 * step
+        self._since_break = math.inf  #: Rows.
         self.begin(np.empty((0, 0)))
         whole = leads / step
         are_rows = np.abs(whole - np.round(whole)) < 0.02
@@ -77,6 +78,11 @@ class Bank:
         A noise that is only measured is an upper bound, with which intervals would come out too narrow.
         """
         return np.array([axis.reported for axis in self._axes]).T.ravel()
+
+    @property
+    def _is_after_break(self) -> bool:
+        """Whether rows were missing within the newest period."""
+        return self._since_break * self._step < self._period
 
     def set_period(self, period: float) -> None:
         """Count memories in another period of the motion, s."""
@@ -137,6 +143,7 @@ class Bank:
 
     def step(self, row: np.ndarray) -> None:
         """Take the next row in every candidate."""
+        self._since_break += 1
         for candidate in self._on_rows.values():
             candidate.step(row)
         for place in self._library.begun_anew():
@@ -144,6 +151,7 @@ class Bank:
 
     def skip(self, count: int) -> None:
         """Step over missing rows."""
+        self._since_break = 0
         self.blend.skip(count)
         for candidate in self._on_rows.values():
             candidate.skip(count)
@@ -159,6 +167,7 @@ class Bank:
             self._noise[:count],
             np.array([axis.rows_since_surprise for axis in self._axes]),
             np.array([axis.hull.is_free for axis in self._axes], dtype=int),
+            self._is_after_break,
         )
         for axis in self._axes:
             axis.rows_since_surprise += steps
@@ -167,7 +176,7 @@ class Bank:
         """The average of the candidates at the leads, ``age`` s after the newest row."""
         at_row = age == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
-        return self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise)
+        return self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._is_after_break)
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.

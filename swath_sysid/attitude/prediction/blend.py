@@ -82,12 +82,13 @@ class Blend:
         noise_variance: float | np.ndarray = 0.0,
         foreseeable: np.ndarray | float = np.inf,
         free: np.ndarray | int = 0,
+        after_break: bool = False,
     ) -> None:
         """Score the forecasts that this row's angles (A,), NaN where missing, make known, and keep those issued at it.
 
         Mean and variance (E, S, A) are NaN without a forecast. ``foreseeable`` (A,) counts rows since an unforeseen
         moment acted: errors of earlier forecasts are not used unless that happens all the time. ``free`` (A,) is one
-        where nothing acts on the craft.
+        where nothing acts on the craft. ``after_break``: candidates are taken to err by no less than their variance.
         """
         rows = self._issued.shape[0]
         then, now = (self._row - self.steps) % rows, self._row % rows
@@ -108,7 +109,8 @@ class Blend:
         self._learn(errors, blended, of_average, interval, noise_variance, was_free)
         self._was_free[now] = free
         self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
-        weights = present_weights(self.weights, np.isfinite(mean))
+        own = self._weights(self._places, self._axes, variance, after_break)
+        weights = present_weights(own, np.isfinite(mean))
         variance = _weighted(weights, variance)
         true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         half = _QUANTILE**2 * (self.scale * true + noise_variance)
@@ -172,6 +174,13 @@ class Blend:
         self._spread[(slice(None), *was_free)] = time, mean_ratio, tail, scale
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 
+    def _weights(self, steps: np.ndarray, axes: np.ndarray, variance: np.ndarray, after_break: bool) -> np.ndarray:
+        """Weights (E, L, M) at some steps (L,) for targets of some axes (M,) of which the candidates claim a variance."""
+        if after_break:
+            square = np.maximum(self.mean_square[:, steps], np.nan_to_num(variance[..., : self._axes.size]))
+            return error_weights(square, self._time[steps], self._prior)[..., np.ravel(axes)]
+        return self.weights[:, steps[:, None], np.atleast_2d(axes)]
+
     @staticmethod
     def _aged(time: np.ndarray, known: np.ndarray, keep: float | np.ndarray, added: float | np.ndarray) -> tuple:
         """Time that an average covers after one more row, and the weight of that row."""
@@ -185,14 +194,16 @@ class Blend:
         covariance: np.ndarray,
         axis_of: Sequence[int],
         noise_variance: float | np.ndarray = 0.0,
+        after_break: bool = False,
     ) -> Forecast:
         """Weighted average of the true motion at the leads, from the candidates' forecasts issued at this stamp.
 
         The candidates' means (E, L, M) and covariances (E, L, M, M) are of readings, NaN without a forecast;
-        ``axis_of`` is each target's axis.
+        ``axis_of`` is each target's axis, the angles come first; ``after_break`` as of `take`.
         """
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
-        weights = present_weights(self.weights[:, places[0], places[1]], np.isfinite(mean))
+        own = self._weights(self.place_of_lead, places[1], np.diagonal(covariance, axis1=2, axis2=3), after_break)
+        weights = present_weights(own, np.isfinite(mean))
         root = np.sqrt(weights)
         blended = _weighted(root[..., :, None] * root[..., None, :], covariance)
         variance = np.diagonal(blended, axis1=1, axis2=2)
