@@ -154,6 +154,7 @@ class Forecaster:
         self._heading = 0.0, 0.0
         self._due = self._refit_due = self._sea_state_due = -math.inf
         self._is_linked = False
+        self._steps = 0  #: Since the newest row, where some are missing.
         self._has_waves = False
         self._bank: Bank | None = None
         self._first: CraftSample | None = None
@@ -242,13 +243,13 @@ class Forecaster:
             return step
         sea = self._take_over(bank)
         filtered = [axis.motion if axis.hull.is_started else None for axis in self._axes.values()]
-        steps = 0
         for age, row in self._clock.take(sample, self._sampled, filtered):
-            steps += 1
+            self._steps += 1
             if row is not None:
-                self._take_row(bank, steps, self._stamp - age, row)
-                steps = 0
-        if self._time < self._due:
+                self._take_row(bank, self._steps, self._stamp - age, row)
+                self._steps = 0
+        # after missing rows the first one shows what can be forecast
+        if self._time < self._due or self._steps:
             return step if sea is None else step._replace(sea=sea)
         bank = self._look_at_period(bank)
         self._schedule()
@@ -266,6 +267,7 @@ class Forecaster:
             self._upstream.skip(2 * MAX_LAGS)
             self._bank.begin(self._newest(0))
         self._skip_rows(2 * MAX_LAGS)
+        self._steps = 0
         self._clock.restart()
         self._clock.sensor.restart()
         if self._calm is not None:
@@ -331,7 +333,7 @@ class Forecaster:
         if before is not None:
             self._bank.blend.carry_over(before.blend)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
-        self._has_waves, self._waiting = False, None
+        self._has_waves, self._waiting, self._steps = False, None, 0
         self._refit_due = -math.inf
         self._follow_period(self._bank)
 

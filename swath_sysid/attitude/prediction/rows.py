@@ -223,11 +223,14 @@ class RowClock:
             self._lag = self._lag + elapsed - ticks * self._tick
             shares = [min((first + place * self._tick) / elapsed, 1.0) for place in range(ticks)]
         if elapsed > max(LONGEST_FILLED * self.period, 1.5 * self.interval):
-            missing = max(round((self._ticks * self._tick + elapsed) / self.step), 1) - 1
+            # the rows to come are whole steps after those before
+            ticks = max(round(self._ticks + elapsed / self._tick), 1)
+            missing, before_sample = divmod(ticks - 1, self.samples)
             self.restart()
+            self._ticks = before_sample
             self._newest, shares = list(_channels_of(sample)), [1.0]
             rows: list[tuple[float, list[float] | None]] = [
-                ((missing - place) * self.step, None) for place in range(missing)
+                ((ticks - (place + 1) * self.samples) * self._tick, None) for place in range(missing)
             ]
         else:
             rows = []
