@@ -23,6 +23,7 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 
 RATE, WARM, AFTER = 100, 100.0, 3.0  # Hz; s; periods
 PERIOD = 3.2  # s, of the roll motion
+PHASE = 0.4  # of an interval
 LEADS = 0.1, 0.5, 1.0, 2.0
 SPANS = (0.0, 0.25), (0.25, 1.0), (1.0, 2.0), (2.0, 3.0)  # periods
 NOISE = {'angle': 3e-4, 'rate': 2e-3, 'force': 0.03}
@@ -54,22 +55,20 @@ class Waves:
         return (swing @ (self.components[axis] * (1j * self.frequency) ** order)).real
 
 
-def readings(waves, time, seed):
-    """What a sensor sends at these times, s, stamped so."""
+def readings(waves, time, seed, stamps=None):
+    """What a sensor sends at these times, s, stamped so unless other stamps, s, are given; NaN: zero."""
     noise = np.random.default_rng(seed).normal(size=(time.size, 8))
     angles = [waves.motion(axis, time) for axis in AXES]
     rates = [waves.motion(axis, time, 1) for axis in AXES]
     body = np.array([body_rates(*each, 0.0) for each in zip(*angles, *rates, strict=True)])
     body += NOISE['rate'] * noise[:, 2:5]
     measured = [angle + NOISE['angle'] * noise[:, k] for k, angle in enumerate(angles)]
-    level = np.array(
-        [-np.sin(angles[1]), np.sin(angles[0]) * np.cos(angles[1]), np.cos(angles[0]) * np.cos(angles[1])]
-    )
+    level = np.array([-np.sin(angles[1]), np.sin(angles[0]) * np.cos(angles[1]), np.cos(angles[0]) * np.cos(angles[1])])
     force = (STANDARD_GRAVITY + waves.motion('heave', time, 2))[:, None] * level.T + NOISE['force'] * noise[:, 5:]
     variances = [np.diag(np.full(3, NOISE[kind] ** 2)).ravel().tolist() for kind in ('angle', 'rate')]
     return [
         ImuReading(
-            EPOCH_NS + round(1e9 * stamp),
+            0 if stamp != stamp else EPOCH_NS + round(1e9 * stamp),
             tuple(map(float, quaternion(roll, pitch, 0.6))),
             variances[0],
             tuple(rate),
@@ -78,29 +77,34 @@ def readings(waves, time, seed):
             UNKNOWN,
         )
         for stamp, roll, pitch, rate, specific in zip(
-            time.tolist(), *measured, body.tolist(), force.tolist(), strict=True
+            (time if stamps is None else stamps).tolist(), *measured, body.tolist(), force.tolist(), strict=True
         )
     ]
 
 
 def silence(duration):
-    """No samples for so many s."""
-    return lambda after: [each for time, each in after if time >= duration], duration, 0.0
+    """No samples for so many s; the sensor's phase is another one when it comes back."""
+    return lambda time: (time + duration + PHASE / RATE, time + duration + PHASE / RATE)
 
 
 def step(by):
     """Stamps from now on are ahead by so many s."""
-    moved = round(1e9 * by)
-    return lambda after: [each._replace(stamp_ns=each.stamp_ns + moved) for _, each in after], 0.0, by
+    return lambda time: (time, time + by)
 
 
 def zeros(duration):
     """Stamps of zero for so many s."""
-    return lambda after: [each._replace(stamp_ns=0) if time < duration else each for time, each in after], duration, 0.0
+
+    def of(time):
+        time = np.concatenate([np.arange(round(duration * RATE)) / RATE, time + duration])
+        return time, np.where(time < duration, np.nan, time)
+
+    return of
 
 
+#: By name, times, s, and stamps, s, NaN for zero, of samples at even times after a moment.
 FAULTS = {
-    'clean': silence(0.0),
+    'clean': step(0.0),
     **{f'silence {duration:g} s': silence(duration) for duration in (1.0, 10.0, 60.0)},
     'stamps of zero 10 s': zeros(10.0),
     **{f'clock {by:+g} s': step(by) for by in (0.5, -0.5, 5.0, -5.0, 3600.0)},
@@ -126,26 +130,23 @@ def errors_after(seed, faults, size):
     """By fault: errors and standard deviations (N, L, A) at ages (N,), periods, after each; the reasons."""
     waves = Waves(seed, size)
     warm = WARM + 0.37 * seed
-    longest = max(FAULTS[name][1] for name in faults) + AFTER * PERIOD
-    time = np.arange(round((warm + longest) * RATE)) / RATE
-    samples = readings(waves, time, seed)
-    start = round(warm * RATE)
     before = ForecastPipeline()
-    play(before, samples[:start])
+    play(before, readings(waves, np.arange(-round(warm * RATE), 0) / RATE, seed))
+    even = np.arange(round(AFTER * PERIOD * RATE)) / RATE
     for name in faults:
-        spoil, lasting, ahead = FAULTS[name]
-        count = start + round((lasting + AFTER * PERIOD) * RATE)
-        after = [(k / RATE, each) for k, each in enumerate(samples[start:count])]
-        issued, reasons = play(deepcopy(before), spoil(after))
-        first = warm + lasting
-        stamps = np.array([(found.sample.stamp_ns - EPOCH_NS) * 1e-9 - ahead for found in issued])
-        issued = [found.forecast for found, stamp in zip(issued, stamps, strict=True) if stamp > first - 1e-6]
-        stamps = stamps[stamps > first - 1e-6]
+        time, stamps = FAULTS[name](even)
+        samples = readings(waves, time, seed + 1000, stamps)
+        issued, reasons = play(deepcopy(before), samples)
+        when = dict(zip((each.stamp_ns for each in samples), time.tolist(), strict=True))
+        first = time[np.isfinite(stamps)][0]
+        now = np.array([when[found.sample.stamp_ns] for found in issued])
+        issued = [found.forecast for found, each in zip(issued, now, strict=True) if each >= first]
+        now = now[now >= first]
         places = [list(issued[0].leads).index(lead) for lead in LEADS]
-        truth = np.stack([waves.motion(axis, stamps[:, None] + np.array(LEADS)) for axis in AXES], axis=2)
+        truth = np.stack([waves.motion(axis, now[:, None] + np.array(LEADS)) for axis in AXES], axis=2)
         mean = np.array([forecast.mean[places, : len(AXES)] for forecast in issued])
         deviation = np.array([forecast.deviation[places, : len(AXES)] for forecast in issued])
-        yield name, (stamps - first) / PERIOD, mean - truth, deviation, reasons
+        yield name, (now - first) / PERIOD, mean - truth, deviation, reasons
 
 
 def show(name, axis, span, of_all, of_clean):
