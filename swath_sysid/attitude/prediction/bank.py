@@ -95,6 +95,12 @@ class Bank:
         for row in past:
             self._library.step(row)
 
+    def restart(self) -> None:
+        """Forget the motion, not what is known of the sea."""
+        self.begin(np.empty((0, 0)))
+        for space in self.spaces.values():
+            space.restart()
+
     def use(self, name: str, model: InnovationsModel, past: np.ndarray) -> None:
         """Put a new model to use, after the newest rows (N, width)."""
         how = ATTITUDE, self._horizon, self._steps, STRAIN_TIME * self._period

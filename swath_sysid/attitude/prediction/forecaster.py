@@ -265,10 +265,10 @@ class Forecaster:
             axis.size.restart()
         if self._bank is not None:
             self._upstream.skip(2 * MAX_LAGS)
-            self._bank.begin(self._newest(0))
-        self._skip_rows(2 * MAX_LAGS)
-        self._steps = 0
-        self._clock.restart()
+            self._bank.restart()
+        self._skip_rows(2 * MAX_LAGS - 1)
+        self._steps = 1
+        self._clock.pause()
         self._clock.sensor.restart()
         if self._calm is not None:
             self._calm.quiescence.clear()

@@ -144,6 +144,11 @@ class RowClock:
         self._filtered: list[float] = []
         self._clear_block()
 
+    def pause(self) -> None:
+        """Forget the samples since the newest row: the next row is of a whole number of samples yet to come."""
+        self.restart()
+        self._ticks = 0
+
     def _clear_block(self):
         self._sums, self._counts = [0.0] * len(ATTITUDE), [0] * len(ATTITUDE)
 
@@ -223,11 +228,11 @@ class RowClock:
             self._lag = self._lag + elapsed - ticks * self._tick
             shares = [min((first + place * self._tick) / elapsed, 1.0) for place in range(ticks)]
         if elapsed > max(LONGEST_FILLED * self.period, 1.5 * self.interval):
-            # the rows to come are whole steps after those before
+            # the rows to come are whole steps after those before, and of so many samples: fewer are less smooth
             ticks = max(round(self._ticks + elapsed / self._tick), 1)
-            missing, before_sample = divmod(ticks - 1, self.samples)
+            missing = math.ceil((ticks - 1) / self.samples)
             self.restart()
-            self._ticks = before_sample
+            self._ticks = ticks - 1 - missing * self.samples
             self._newest, shares = list(_channels_of(sample)), [1.0]
             rows: list[tuple[float, list[float] | None]] = [
                 ((ticks - (place + 1) * self.samples) * self._tick, None) for place in range(missing)
@@ -264,6 +269,8 @@ class RowClock:
         else:
             self._values = list(values)
         self._ticks += 1
+        if self._ticks == 0:
+            self._clear_block()
         if self._ticks < self.samples:
             return False
         self._ticks = 0

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
+from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
+
 # rows before the newest that the interpolation and the differences at a lead of zero reach back to
 _PAST = 4
 # fourth-order central difference: 4 % low at six samples a period, where the second-order one is 17 % low
@@ -194,8 +196,10 @@ class InnovationsFilter:
             # means at steps -1, 0, ... and covariances at steps 0, 1, ..., until the next row comes
             means = self._of_past @ np.concatenate([self.state, *self._recent])
             free, p, of_state = self._free, self.state_covariance, self._of_state
-            covariances = free if p is None else free + of_state @ p @ of_state.transpose(0, 2, 1)
-            self._stepped = means.reshape(-1, len(self.targets)) + self._offset, covariances
+            if p is not None:
+                # what the model alone says of the state may be as far off as that of a model that is accepted
+                free = free + HEALTHY_STRAIN * (of_state @ p @ of_state.transpose(0, 2, 1))
+            self._stepped = means.reshape(-1, len(self.targets)) + self._offset, free
         means, covariances = self._stepped
         if leads is None:
             return means[1:][self._at], covariances[self._at]
@@ -287,6 +291,10 @@ class SparseFilter:
     def strained(self, strain: float) -> None:
         """As of `InnovationsFilter`."""
         self._space.strained(strain)
+
+    def restart(self) -> None:
+        """As of `InnovationsFilter`."""
+        self._space.restart()
 
     def seed(self, rows: np.ndarray) -> None:
         """Restart and step through recent rows (N, width), the newest among them."""
