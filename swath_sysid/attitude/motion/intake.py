@@ -189,7 +189,7 @@ class Intake:
         return self._order.interval
 
     def take(self, reading: ImuReading, arrival: float = nan) -> ConvertedReading:
-        """Convert the next message, which came at a time of a steady clock, s; the reasons are of `STAMP_REASONS` also."""
+        """Convert the next message, which came at a time of a steady clock, s; also reasons of `STAMP_REASONS`."""
         placed, reasons, stamp_ns = self._order.place(reading.stamp_ns, arrival)
         if not placed:
             return ConvertedReading(None, reasons)

@@ -215,6 +215,9 @@ class Bank:
             level, size = self._place[LEVEL], np.array([1.0, 2.0 * math.pi / self._period]) * axis.size.activity
             mean[level, :, place], mean[level, :, place + len(AXES)] = axis.size.mean, 0.0
             covariance[level, :, place::2, place::2] = np.diag(size**2)
+        for space in self.spaces.values():
+            # as far off as the innovations of a model that is accepted
+            space.doubt = HEALTHY_STRAIN if self._is_after_break else 1.0
         for name, candidate in self._on_rows.items():
             mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
         strained = {

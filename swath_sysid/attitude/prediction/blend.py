@@ -175,7 +175,7 @@ class Blend:
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 
     def _weights(self, steps: np.ndarray, axes: np.ndarray, variance: np.ndarray, after_break: bool) -> np.ndarray:
-        """Weights (E, L, M) at some steps (L,) for targets of some axes (M,) of which the candidates claim a variance."""
+        """Weights (E, L, M) at steps (L,) for targets of axes (M,), of which the candidates claim a variance."""
         if after_break:
             square = np.maximum(self.mean_square[:, steps], np.nan_to_num(variance[..., : self._axes.size]))
             return error_weights(square, self._time[steps], self._prior)[..., np.ravel(axes)]

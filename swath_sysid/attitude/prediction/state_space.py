@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
-
 # rows before the newest that the interpolation and the differences at a lead of zero reach back to
 _PAST = 4
 # fourth-order central difference: 4 % low at six samples a period, where the second-order one is 17 % low
@@ -58,8 +56,9 @@ class InnovationsFilter:
 
     Targets are channels, or the difference ``X_rate`` of a channel ``X``; NaN without either. ``horizon``, s, is the
     longest lead and age together; ``steps`` are those of `forecast` without leads. ``strain`` is the running mean of
-    squared innovations over their expectation; one is healthy. ``state`` (n,) and ``state_covariance`` (n, n), None
-    where the state is known, are those after the newest row.
+    squared innovations over their expectation; one is healthy. ``doubt`` multiplies the part of a forecast's variance
+    that is the state's: a model may err about a state that it has not followed. ``state`` (n,) and ``state_covariance``
+    (n, n), None where the state is known, are those after the newest row.
     """
 
     def __init__(
@@ -73,6 +72,7 @@ class InnovationsFilter:
         self.model = model
         self.targets = tuple(targets)
         self.horizon = horizon
+        self.doubt = 1.0
         self._places = np.array(model.places, dtype=int)
         self._scale = 1.0 / model.scale
         self._following = np.vstack([model.c, model.a])
@@ -197,8 +197,7 @@ class InnovationsFilter:
             means = self._of_past @ np.concatenate([self.state, *self._recent])
             free, p, of_state = self._free, self.state_covariance, self._of_state
             if p is not None:
-                # what the model alone says of the state may be as far off as that of a model that is accepted
-                free = free + HEALTHY_STRAIN * (of_state @ p @ of_state.transpose(0, 2, 1))
+                free = free + self.doubt * (of_state @ p @ of_state.transpose(0, 2, 1))
             self._stepped = means.reshape(-1, len(self.targets)) + self._offset, free
         means, covariances = self._stepped
         if leads is None:
@@ -287,6 +286,15 @@ class SparseFilter:
     def is_contradicted(self) -> bool:
         """As of `InnovationsFilter`."""
         return self._space.is_contradicted
+
+    @property
+    def doubt(self) -> float:
+        """As of `InnovationsFilter`."""
+        return self._space.doubt
+
+    @doubt.setter
+    def doubt(self, factor: float) -> None:
+        self._space.doubt = factor
 
     def strained(self, strain: float) -> None:
         """As of `InnovationsFilter`."""
