@@ -155,6 +155,39 @@ def test_what_cannot_follow_is_left_out_and_counted(stamps, counted, left_out):
     assert counts == counted and set(range(len(stamps))) - set(kept) == left_out
 
 
+@pytest.mark.parametrize(
+    ('by', 'reason', 'left_out'),
+    [
+        (0.5, reasons_of.STEPPED, 0),
+        (5.0, reasons_of.STEPPED, 1),
+        (3600.0, reasons_of.STEPPED, 1),
+        (-0.5, reasons_of.JUMPED_BACK, 3),
+        (-3600.0, reasons_of.JUMPED_BACK, 1),
+    ],
+)
+def test_a_clock_that_is_set_while_messages_arrive_is_no_silent_sensor(by, reason, left_out):
+    stamps = even(100, 4)
+    stamps[200:] += round(by * 1e9)
+    late = np.random.default_rng(1).exponential(2e-3, stamps.size)
+    late[150] = 0.3  # as in a queue
+    order = StampOrder()
+    placed = [order.place(stamp, 0.01 * k + late[k]) for k, stamp in enumerate(stamps.tolist())]
+    assert Counter(reason for each in placed for reason in each.reasons) == {reason: 1}
+    assert sum(not each.kept for each in placed) == left_out
+    # by the same stamps, of messages that were as long in coming, the sensor was silent
+    order = StampOrder()
+    silent = [order.place(stamp, (stamp - EPOCH_NS) * 1e-9 + late[k]) for k, stamp in enumerate(stamps.tolist())]
+    counts = Counter(reason for each in silent for reason in each.reasons)
+    assert counts == {reason if by < 0.0 else reasons_of.GAP if by < 1.0 else reasons_of.LONG_GAP: 1}
+
+
+def test_a_sensor_that_stamps_zero_for_a_while_was_not_silent():
+    stamps = even(100, 20)
+    stamps[500:1500] = 0
+    kept, counts, _ = place_all(stamps)
+    assert counts == {reasons_of.DUPLICATE: 999} and len(kept) == 1000
+
+
 @pytest.mark.parametrize('behind', [0.053, 0.5, 7.0, 1e6])
 def test_of_two_publishers_the_one_ahead_is_followed(behind):
     stamps = np.stack([even(100, 3), even(100, 3, -behind)], axis=1).ravel()

@@ -2,6 +2,7 @@
 
 import copy
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -184,6 +185,29 @@ def test_half_a_minute_after_the_clock_was_set_the_forecast_is_as_good_as_before
     assert after < 1.3 * before and after < 1.3 * without
     issued = [now for now, step in zip(TIME, steps, strict=True) if step.forecast is not None]
     assert np.diff(issued).max() < 0.8, 'forecasts go on'
+
+
+@pytest.mark.parametrize('shift', [0.5, 5.0, -5.0, 31536000.0])
+def test_a_motion_that_goes_on_while_its_clock_is_set_is_forecast_as_before(run_on, steady, shift):
+    steps = run_on(SEA.samples(TIME, EPOCH + TIME + np.where(TIME < 60.0, 0.0, shift)))
+    counts = Counter(reason for step in steps[UNTOUCHED:] for reason in step.reasons)
+    assert counts == {'clock-stepped': 1} and not sum(step.lost for step in steps)
+    after, without = (error(given, TIME, 60.0, 70.0) for given in (steps, steady))
+    assert (after[1:] < 1.2 * without[1:]).all(), after / without
+
+
+def test_a_clock_that_is_set_back_by_less_than_a_late_message_is_is_followed():
+    time = clock(50.0, 12.0)
+    _, steps = run(SEA.samples(time, EPOCH + time - np.where(time < 10.0, 0.0, 0.5)))
+    assert Counter(reason for step in steps for reason in step.reasons) == {'clock-stepped': 1}
+    assert sum(not step.used for step in steps) == 3 and not sum(step.lost for step in steps)
+
+
+def test_a_silence_is_no_step_of_the_clock(run_on):
+    for seconds in (0.4, 1.0, 5.0, 30.0):
+        samples = SEA.samples(TIME, EPOCH + TIME)
+        steps = run_on(samples[:UNTOUCHED] + samples[UNTOUCHED + round(10.0 * seconds) :])
+        assert 'clock-stepped' not in {reason for step in steps for reason in step.reasons}
 
 
 def test_diagnostics_say_so_until_the_waves_are_learnt():

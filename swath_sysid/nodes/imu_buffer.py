@@ -12,7 +12,7 @@ from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import window_settings
-from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, waiting, watched_publisher
+from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, arrival_time, imu_subscription, waiting, watched_publisher
 from swath_sysid.pipeline.health import BufferHealth, Report
 
 
@@ -47,7 +47,7 @@ class ImuBuffer(Node):
     def _add(self, message: Imu) -> None:
         begun, clock_ns = perf_counter(), self.get_clock().now().nanoseconds
         reading = imu_reading(message)
-        step = self.window.add(reading)
+        step = self.window.add(reading, arrival_time(self))
         if step.finished is not None:
             self.health.decays += 1
             decay = step.finished.segment

@@ -2,6 +2,7 @@
 
 import importlib
 from collections.abc import Callable
+from time import perf_counter
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -12,6 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
+from swath_sysid.attitude.motion.stamps import NANOSECOND
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.pipeline.health import QOS_MISMATCH, Reasons
@@ -53,6 +55,12 @@ def waiting(subscription: Subscription, most: int) -> list:
                 break
             messages.append(received[0])
     return messages
+
+
+def arrival_time(node: Node) -> float:
+    """Now, s, by a clock that is never set, or by the simulated one, which is as fast as a replay."""
+    clock = node.get_clock()
+    return clock.now().nanoseconds * NANOSECOND if clock.ros_time_is_active else perf_counter()
 
 
 def bag_qos(is_latched: bool, is_reliable: bool = True, depth: int = BAG_DEPTH) -> QoSProfile:
