@@ -357,3 +357,24 @@ def test_a_released_hull_is_forecast_one_period_ahead_at_its_first_release_too(n
         moving = (time >= begin) & (time <= begin + 10.0)
         assert np.sqrt(np.mean(errors**2)) < 0.06 * truth[moving].std()
         assert np.mean(abs(errors) <= width[:, 1]) > 0.7
+
+
+@pytest.mark.parametrize('silent', [1.003, 10.006, 60.004])
+def test_the_first_forecasts_after_a_silence_are_as_sure_as_they_are_right(silent):
+    """At 50 Hz, of eight starts in one sea, and at another phase of the sensor than before."""
+    pipeline, _ = run(SEA.samples(clock(50.0, 60.0)))
+    errors, deviations = [], []
+    for start in range(8):
+        time = 60.0 + 0.7 * start + silent + clock(50.0, SEA.period)
+        before = 60.0 + clock(50.0, 0.7 * start)
+        _, steps = run(SEA.samples(np.concatenate([before, time])), pipeline=copy.deepcopy(pipeline))
+        issued = [(now, step.forecast) for now, step in zip(time, steps[before.size :], strict=True) if step.forecast]
+        assert issued[0][0] < time[0] + 0.15, 'the first one is issued at once'
+        for now, forecast in issued:
+            errors.append(forecast.mean[:, :2] - SEA.motion(now + np.array(LEADS)).T)
+            deviations.append(forecast.deviation[:, :2])
+    # of a tenth of a second ahead, clean records are also told too surely
+    errors, deviations = np.array(errors)[:, 1:], np.array(deviations)[:, 1:]
+    held = np.mean(np.abs(errors) <= 1.645 * deviations, axis=(0, 2))
+    width = np.sqrt(np.mean(deviations**2, axis=(0, 2)) / np.mean(errors**2, axis=(0, 2)))
+    assert (held > 0.8).all() and (width < 2.5).all(), (held, width)
