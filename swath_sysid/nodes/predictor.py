@@ -26,6 +26,7 @@ from swath_sysid.nodes.qos import (
     NEWEST,
     arrival_time,
     imu_subscription,
+    note_publishers,
     waiting,
     watched_subscription,
 )
@@ -151,7 +152,7 @@ class Predictor(Node):
 
     def _reports(self) -> list[Report]:
         self._use_new_models()  # also while the sensor is silent
-        self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
+        note_publishers(self, self._subscription, self.health)
         self.health.note_predictors(self.count_publishers(self._publisher_of[NEXT_TOPIC].topic_name))
         return [*self.health.reports(perf_counter(), self.get_clock().now().nanoseconds), *self.upstream.reports()]
 

@@ -16,7 +16,7 @@ from rclpy.subscription import Subscription
 from swath_sysid.attitude.motion.stamps import NANOSECOND
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC
-from swath_sysid.pipeline.health import QOS_MISMATCH, Reasons
+from swath_sysid.pipeline.health import Reasons, StreamHealth
 
 #: Reliable, transient local, depth 1: a late subscriber gets the last one.
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -42,6 +42,14 @@ def imu_subscription(node: Node, kind: type, callback: Callable, depth: int, hea
     """
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
     return watched_subscription(node, kind, IMU_TOPIC, callback, qos, health)
+
+
+def note_publishers(node: Node, subscription: Subscription, health: StreamHealth) -> None:
+    """Tell a stream's health how many nodes publish its topic, and which other message types they publish there."""
+    package, kind = subscription.msg_type.__module__.partition('.')[0], subscription.msg_type.__name__
+    types = [each.topic_type for each in node.get_publishers_info_by_topic(subscription.topic_name)]
+    own = f'{package}/msg/{kind}'
+    health.note_publishers(types.count(own), sorted({*types} - {own}))
 
 
 def waiting(subscription: Subscription, most: int) -> list:
@@ -74,7 +82,8 @@ def bag_qos(is_latched: bool, is_reliable: bool = True, depth: int = BAG_DEPTH) 
 
 def watched_publisher(node: Node, kind: Any, topic: str, qos: QoSProfile | int, health: Reasons) -> Publisher:
     """A publisher whose incompatible subscriptions are counted."""
-    events = PublisherEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
+    resolved = node.resolve_topic_name(topic)
+    events = PublisherEventCallbacks(incompatible_qos=lambda event: health.note_mismatch(resolved))
     return node.create_publisher(kind, topic, qos, event_callbacks=events, qos_overriding_options=OVERRIDABLE)
 
 
@@ -82,7 +91,8 @@ def watched_subscription(
     node: Node, kind: type, topic: str, callback: Callable, qos: QoSProfile, health: Reasons
 ) -> Subscription:
     """A subscription whose incompatible publishers are counted."""
-    events = SubscriptionEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
+    resolved = node.resolve_topic_name(topic)
+    events = SubscriptionEventCallbacks(incompatible_qos=lambda event: health.note_mismatch(resolved))
     return node.create_subscription(
         kind, topic, callback, qos, event_callbacks=events, qos_overriding_options=OVERRIDABLE
     )

@@ -16,7 +16,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, Region
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.prediction.filter_settings import MEASURABLE, ManoeuvreFilterSettings
-from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report, verdict_values
+from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report, verdict_values, worst_of
 
 LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
 NOT_FINITE, OUTLIER, FOLLOWED, NO_THRUST = 'not-finite', 'outlier', 'sensor-followed', 'no-thrust'
@@ -260,7 +260,7 @@ class ManoeuvringHealth(Reasons):
         if self._arrival is None or now - self._arrival > self._pipeline.settings.gap_limit:
             level, text = ERROR, f'no odometry on {self._topic}: check that it is published there, or remap the topic'
         elif fresh:
-            level, text = WARN, self.worst(fresh)
+            level, text = worst_of(self.grown(fresh))
         elif self._refusal:
             level, text = WARN, f'{self._refusal}; the previous model stays'
         elif not self._pipeline.has_model:
