@@ -2,6 +2,7 @@
 
 import importlib
 from collections.abc import Callable
+from math import nan
 from time import perf_counter
 from typing import Any
 
@@ -33,6 +34,8 @@ OVERRIDABLE = QoSOverridingOptions.with_default_policies()  #: By the parameters
 
 BAG_DEPTH = 1000  #: So long a queue that a bag loses nothing.
 
+IMU_TYPE = 'sensor_msgs/msg/Imu'
+
 THRUSTERS = {'port': 'thrusters/left/thrust', 'starboard': 'thrusters/right/thrust'}
 
 
@@ -45,11 +48,9 @@ def imu_subscription(node: Node, kind: type, callback: Callable, depth: int, hea
 
 
 def note_publishers(node: Node, subscription: Subscription, health: StreamHealth) -> None:
-    """Tell a stream's health how many nodes publish its topic, and which other message types they publish there."""
-    package, kind = subscription.msg_type.__module__.partition('.')[0], subscription.msg_type.__name__
+    """Tell the health of the IMU's stream how many nodes publish its topic, and what else is published there."""
     types = [each.topic_type for each in node.get_publishers_info_by_topic(subscription.topic_name)]
-    own = f'{package}/msg/{kind}'
-    health.note_publishers(types.count(own), sorted({*types} - {own}))
+    health.note_publishers(types.count(IMU_TYPE), sorted({*types} - {IMU_TYPE}))
 
 
 def waiting(subscription: Subscription, most: int) -> list:
@@ -66,9 +67,10 @@ def waiting(subscription: Subscription, most: int) -> list:
 
 
 def arrival_time(node: Node) -> float:
-    """Now, s, by a clock that is never set, or by the simulated one, which is as fast as a replay."""
-    clock = node.get_clock()
-    return clock.now().nanoseconds * NANOSECOND if clock.ros_time_is_active else perf_counter()
+    """Now, s, by a clock that is never set or, where time is simulated, by that; NaN before there is any."""
+    if node.get_parameter('use_sim_time').value:
+        return node.get_clock().now().nanoseconds * NANOSECOND or nan
+    return perf_counter()
 
 
 def bag_qos(is_latched: bool, is_reliable: bool = True, depth: int = BAG_DEPTH) -> QoSProfile:

@@ -231,10 +231,11 @@ class Forecaster:
         if not elapsed - usual > LONGEST_LINEAR * self._scale.period:
             return False
         elapsed = min(elapsed, LONGEST_BRIDGE * self._scale.period)
-        evidence = [
-            axis.evidence_of_step(*_OF_AXIS[name](sample)[:2], usual, elapsed) for name, axis in self._axes.items()
-        ]
-        return sum(evidence) > CONVINCING
+        evidence = 0.0
+        for name, axis in self._axes.items():
+            angle, rate, *_ = _OF_AXIS[name](sample)
+            evidence += axis.evidence_of_step(angle, rate, usual, elapsed)
+        return evidence > CONVINCING
 
     def issue(self, step: ForecastStep) -> ForecastStep:
         """Complete the step of the newest sample with the forecasts that are due, which take longer."""
