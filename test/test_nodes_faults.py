@@ -64,7 +64,7 @@ FAULTS = {
     'repeated': (lambda craft: craft.bad(stamp=craft.stamp), 'duplicate-stamp'),
     'late': (lambda craft: craft.bad(stamp=craft.stamp - SECOND // 10 - STEP // 2), 'out-of-order'),
     'bag loop': (lambda craft: craft.wait(-30.0), 'clock-jumped-back'),
-    'gap': (lambda craft: craft.wait(0.3), 'gap'),
+    'gap': (lambda craft: (craft.wait(0.3), sleep(0.3)), 'gap'),
     'long gap': (lambda craft: (craft.wait(2.0), sleep(2.0)), 'gap-too-long'),
     'clock set ahead': (lambda craft: craft.wait(3600.0), 'clock-stepped'),
     'clock set back a little': (lambda craft: craft.wait(-0.6), 'clock-jumped-back'),
