@@ -101,6 +101,22 @@ def test_any_message_is_taken_in_without_an_error(values, sits):
         assert not (np.array(values_of(sample, ('roll_variance', 'pitch_rate_variance'))) <= 0.0).any()
 
 
+@pytest.mark.parametrize('is_blank', [True, False])
+def test_an_orientation_that_was_never_filled_in_is_not_measured(is_blank):
+    """From a turn by three degrees on, and until it is filled in; one that stands still is an orientation."""
+    sensor, turned = Intake(STRAIGHT, StampSettings()), 0.0
+    for number, stamp in enumerate(even(100, 4).tolist()):
+        rate = 0.2 if is_blank and number else 0.0
+        turned += 0.01 * rate
+        sample, reasons = sensor.take(
+            reading(stamp)._replace(orientation=(0.0, 0.0, 0.0, 1.0), rates=(rate, 0.0, 0.001 * (-1) ** number))
+        )
+        if abs(turned - np.radians(3.0)) > 0.005:
+            assert (intake.BLANK_ORIENTATION in reasons) == (turned > np.radians(3.0)) == np.isnan(sample.roll)
+    sample, reasons = sensor.take(reading(stamp + 10_000_000, roll=0.1))
+    assert sample.roll == pytest.approx(0.1) and intake.BLANK_ORIENTATION not in reasons
+
+
 def even(rate, duration, start=0.0):
     """Even stamps, ns."""
     return EPOCH_NS + np.round((start + np.arange(round(duration * rate)) / rate) * 1e9).astype(np.int64)
