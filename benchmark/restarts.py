@@ -15,6 +15,9 @@ from copy import deepcopy
 
 import numpy as np
 
+from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, body_rates, quaternion
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.motion.trial import AXES
@@ -28,6 +31,17 @@ LEADS = 0.1, 0.5, 1.0, 2.0
 SPANS = (0.0, 0.25), (0.25, 1.0), (1.0, 2.0), (2.0, 3.0)  # periods
 NOISE = {'angle': 3e-4, 'rate': 2e-3, 'force': 0.03}
 UNKNOWN = (0.0,) * 9
+CRAFT = {'roll': (3.0, 0.06, 4.0), 'pitch': (2.2, 0.12, 2.0)}  # natural period, s; damping ratio; motion, deg
+HULLS = {
+    axis: IdentifiedModel.exactly(
+        DecayModel.from_terms(
+            equation_named('linear'),
+            {'b1': 4.0 * np.pi * damping / natural, 'r1': (2.0 * np.pi / natural) ** 2},
+            axis=axis,
+        )
+    )
+    for axis, (natural, damping, _) in CRAFT.items()
+}
 EPOCH_NS = 1_700_000_000 * 10**9
 
 
@@ -41,7 +55,7 @@ class Waves:
         wave = np.sqrt(frequency**-5.0 * np.exp(-1.25 * (0.294 / frequency) ** 4))
         wave = wave * np.exp(2j * np.pi * random.uniform(size=80))
         self.components = {}
-        for axis, natural, damping, deviation in (('roll', 3.0, 0.06, 4.0), ('pitch', 2.2, 0.12, 2.0)):
+        for axis, (natural, damping, deviation) in CRAFT.items():
             ratio = self.frequency * natural / (2.0 * np.pi)
             response = wave * self.frequency**2 / (1.0 - ratio**2 + 2j * damping * ratio)
             response *= size * np.radians(deviation) / np.sqrt((np.abs(response) ** 2).sum() / 2.0)
@@ -126,11 +140,12 @@ def play(pipeline, samples):
     return issued, reasons
 
 
-def errors_after(seed, faults, size):
+def errors_after(seed, faults, size, with_hulls):
     """By fault: errors and standard deviations (N, L, A) at ages (N,), periods, after each; the reasons."""
     waves = Waves(seed, size)
     warm = WARM + 0.37 * seed
     before = ForecastPipeline()
+    before.set_models(HULLS if with_hulls else {})
     play(before, readings(waves, np.arange(-round(warm * RATE), 0) / RATE, seed))
     even = np.arange(round(AFTER * PERIOD * RATE)) / RATE
     for name in faults:
@@ -166,12 +181,13 @@ def main():
     parser.add_argument('faults', nargs='*', choices=[[], *FAULTS], metavar='FAULT', help=f'of {", ".join(FAULTS)}')
     parser.add_argument('--seeds', type=int, default=8)
     parser.add_argument('--size', type=float, default=1.0, help='the motion as many times larger; 0: at rest')
+    parser.add_argument('--hulls', action='store_true', help='with the true hulls')
     given = parser.parse_args()
     faults = ['clean', *(name for name in given.faults or FAULTS if name != 'clean')]
     found = {name: [] for name in faults}
     reasons = {name: Counter() for name in faults}
     for seed in range(1, given.seeds + 1):
-        for name, *result, counted in errors_after(seed, faults, given.size):
+        for name, *result, counted in errors_after(seed, faults, given.size, given.hulls):
             found[name].append(result)
             reasons[name].update(counted)
     print(f'{"":44}' + '  '.join(f'{f"{lead:g} s: held std err":18}' for lead in LEADS))
