@@ -419,8 +419,8 @@ def stability_report(watch: StabilityWatch) -> Report:
     if found is None:
         return Report('stability', OK, 'too few estimates of the natural period yet', {'estimates': watch.count})
     level, message = OK, 'the natural period of roll has not changed'
-    for advice in found.advice:
-        level, message = WARN, advice.message
+    if found.advice:
+        level, message = WARN, '; '.join(advice.message for advice in found.advice)
     return Report(
         'stability',
         level,
