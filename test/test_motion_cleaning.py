@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hypothesis_numpy
 
-from swath_sysid.attitude.motion.cleaning import MIN_ROWS, clean
+from swath_sysid.attitude.motion.cleaning import MIN_ROWS, assemble_trial, clean
 from swath_sysid.attitude.motion.stamps import check_time_base, motion_period
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
@@ -202,3 +202,16 @@ def test_sample_numbers_are_read_where_their_rate_is_given(tmp_path):
     path.write_text(f'time_samples,roll_rad\n{rows}\n')
     with pytest.raises(InputError, match='sample_rate_hz'):
         read_csv(path)
+
+
+@pytest.mark.parametrize('amplitude', [0.2, 0.0])
+def test_an_orientation_that_was_never_filled_in_is_left_out_of_a_record(amplitude):
+    """A craft that rolls, and one that lies still with its head where the orientation begins."""
+    time = np.arange(3000) / 100.0
+    readings = {f'quaternion_{part}': np.full(time.size, float(part == 'w')) for part in 'xyzw'}
+    readings |= {f'gyro_{part}': np.random.default_rng(1).normal(0.0, 2e-3, time.size) for part in 'xyz'}
+    readings['gyro_x'] += amplitude * np.cos(2.0 * time)
+    trial = assemble_trial(time, readings)
+    is_blank = amplitude > 0.0
+    assert ('blank-orientation' in {each.code for each in trial.advice}) == is_blank == (trial.roll is None)
+    assert trial.roll_rate is not None

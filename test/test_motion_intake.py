@@ -101,6 +101,22 @@ def test_any_message_is_taken_in_without_an_error(values, sits):
         assert not (np.array(values_of(sample, ('roll_variance', 'pitch_rate_variance'))) <= 0.0).any()
 
 
+@pytest.mark.parametrize('is_blank', [True, False])
+def test_an_orientation_that_was_never_filled_in_is_not_measured(is_blank):
+    """From a turn by three degrees on, and until it is filled in; one that stands still is an orientation."""
+    sensor, turned = Intake(STRAIGHT, StampSettings()), 0.0
+    for number, stamp in enumerate(even(100, 4).tolist()):
+        rate = 0.2 if is_blank and number else 0.0
+        turned += 0.01 * rate
+        sample, reasons = sensor.take(
+            reading(stamp)._replace(orientation=(0.0, 0.0, 0.0, 1.0), rates=(rate, 0.0, 0.001 * (-1) ** number))
+        )
+        if abs(turned - np.radians(3.0)) > 0.005:
+            assert (intake.BLANK_ORIENTATION in reasons) == (turned > np.radians(3.0)) == np.isnan(sample.roll)
+    sample, reasons = sensor.take(reading(stamp + 10_000_000, roll=0.1))
+    assert sample.roll == pytest.approx(0.1) and intake.BLANK_ORIENTATION not in reasons
+
+
 def even(rate, duration, start=0.0):
     """Even stamps, ns."""
     return EPOCH_NS + np.round((start + np.arange(round(duration * rate)) / rate) * 1e9).astype(np.int64)
@@ -153,6 +169,39 @@ def test_even_stamps_all_follow(rate):
 def test_what_cannot_follow_is_left_out_and_counted(stamps, counted, left_out):
     kept, counts, _ = place_all(stamps)
     assert counts == counted and set(range(len(stamps))) - set(kept) == left_out
+
+
+@pytest.mark.parametrize(
+    ('by', 'reason', 'left_out'),
+    [
+        (0.5, reasons_of.STEPPED, 0),
+        (5.0, reasons_of.STEPPED, 1),
+        (3600.0, reasons_of.STEPPED, 1),
+        (-0.5, reasons_of.JUMPED_BACK, 3),
+        (-3600.0, reasons_of.JUMPED_BACK, 1),
+    ],
+)
+def test_a_clock_that_is_set_while_messages_arrive_is_no_silent_sensor(by, reason, left_out):
+    stamps = even(100, 4)
+    stamps[200:] += round(by * 1e9)
+    late = np.random.default_rng(1).exponential(2e-3, stamps.size)
+    late[150] = 0.3  # as in a queue
+    order = StampOrder()
+    placed = [order.place(stamp, 0.01 * k + late[k]) for k, stamp in enumerate(stamps.tolist())]
+    assert Counter(reason for each in placed for reason in each.reasons) == {reason: 1}
+    assert sum(not each.kept for each in placed) == left_out
+    # by the same stamps, of messages that were as long in coming, the sensor was silent
+    order = StampOrder()
+    silent = [order.place(stamp, (stamp - EPOCH_NS) * 1e-9 + late[k]) for k, stamp in enumerate(stamps.tolist())]
+    counts = Counter(reason for each in silent for reason in each.reasons)
+    assert counts == {reason if by < 0.0 else reasons_of.GAP if by < 1.0 else reasons_of.LONG_GAP: 1}
+
+
+def test_a_sensor_that_stamps_zero_for_a_while_was_not_silent():
+    stamps = even(100, 20)
+    stamps[500:1500] = 0
+    kept, counts, _ = place_all(stamps)
+    assert counts == {reasons_of.DUPLICATE: 999} and len(kept) == 1000
 
 
 @pytest.mark.parametrize('behind', [0.053, 0.5, 7.0, 1e6])

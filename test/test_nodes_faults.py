@@ -1,6 +1,7 @@
 """The fault table over DDS: each is counted under its own reason, none stops a node, good data are forecast again."""
 
 from math import nan
+from time import sleep
 
 import pytest
 
@@ -63,8 +64,10 @@ FAULTS = {
     'repeated': (lambda craft: craft.bad(stamp=craft.stamp), 'duplicate-stamp'),
     'late': (lambda craft: craft.bad(stamp=craft.stamp - SECOND // 10 - STEP // 2), 'out-of-order'),
     'bag loop': (lambda craft: craft.wait(-30.0), 'clock-jumped-back'),
-    'gap': (lambda craft: craft.wait(0.3), 'gap'),
-    'long gap': (lambda craft: craft.wait(20.0), 'gap-too-long'),
+    'gap': (lambda craft: (craft.wait(0.3), sleep(0.3)), 'gap'),
+    'long gap': (lambda craft: (craft.wait(2.0), sleep(2.0)), 'gap-too-long'),
+    'clock set ahead': (lambda craft: craft.wait(3600.0), 'clock-stepped'),
+    'clock set back a little': (lambda craft: craft.wait(-0.6), 'clock-jumped-back'),
     'NaN rates': ({'rates': (nan, 0.0, 0.0)}, 'not-finite'),
     'all NaN': ({'orientation': (nan,) * 4, 'rates': (nan,) * 3, 'force': (nan,) * 3}, 'nothing-usable'),
     'zero quaternion': ({'orientation': (0.0,) * 4}, 'bad-quaternion'),

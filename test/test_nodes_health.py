@@ -145,6 +145,54 @@ def test_a_backlog_is_none_of_the_clocks():
     assert 'use_sim_time' in report(other, 1.0, age=86400.0).message
 
 
+@pytest.mark.parametrize('age, side', [(3600.0, '3600.0 s behind'), (-3600.0, '3600.0 s ahead of')])
+def test_stamps_are_behind_the_clock_or_ahead_of_it(age, side):
+    health = StreamHealth('imu/data')
+    receive(health, 0.0, 1.0, age=age)
+    assert f'stamps are {side} the clock' in report(health, 1.0, age=age).message
+
+
+def test_no_condition_hides_another_in_the_message_or_in_the_log():
+    health, changes = StreamHealth('imu/data'), Changes()
+    logged = []
+    for second in range(60):
+        receive(health, second, second + 1.0, age=7.0)
+        health.note_publishers(2)
+        counts = COUNTS | {'out-of-order': 100 * max(second - 40, 0), 'gap': 3 * max(second - 50, 0)}
+        told = report(health, second + 1.0, age=7.0, counts=counts)
+        if changes.is_news(told.level, second + 1.0, told.codes):
+            logged.append(second)
+    for what in ('more than one node publishes', 'out-of-order (100 times', 'gap (3 times', 'behind the clock'):
+        assert what in told.message
+    assert told.level == WARN and logged == [0, 41, 51]
+
+
+def test_a_node_without_the_simulated_clock_reports_that_and_a_sensor_that_stops():
+    health, told = StreamHealth('imu/data'), []
+    for second in range(12):
+        if second < 8:
+            for k in range(10):
+                health.note_message(EPOCH_NS + (10 * second + k) * 10**8, 0, second + 0.1 * k, second + 0.1 * k)
+        told.append(health.report(second + 1.0, 0, COUNTS, 0, 0.1))
+    assert told[1].level == OK and told[7].level == WARN and 'nothing publishes /clock' in told[7].message
+    assert told[11].level == ERROR and 'no message on imu/data for' in told[11].message
+    assert 'nothing publishes /clock' in told[11].message and 'the clock of this machine' not in told[11].message
+
+
+def test_a_topic_that_does_not_connect_or_is_of_another_type_is_reported_as_such():
+    health = StreamHealth('/imu/data')
+    report(health, 0.0)
+    health.note_mismatch('/imu/data')
+    assert 'incompatible QoS' in report(health, 1.0).message
+    told = [report(health, now) for now in (3.0, 5.0, 7.0)][-1]
+    assert told.level == ERROR and 'incompatible QoS' in told.message and 'remap' not in told.message
+    other = StreamHealth('/imu/data')
+    report(other, 0.0)
+    other.note_publishers(0, ['sensor_msgs/msg/MagneticField'])
+    told = [report(other, now) for now in (3.0, 5.0)][-1]
+    assert told.level == ERROR and 'is published as sensor_msgs/msg/MagneticField' in told.message
+
+
 @pytest.mark.parametrize('age, level', [(0.8, OK), (1.2, WARN)])
 def test_stamps_may_differ_from_the_clock_by_a_second(age, level):
     health = StreamHealth('imu/data')

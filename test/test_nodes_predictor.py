@@ -95,11 +95,11 @@ def test_waves_that_cannot_be_fitted_warn_until_they_can(sailing):
         sail(1)
         if predictor.sea.worker.work:
             break
-        levels.append(predictor.health.holding)
+        levels.append([each.code for each in predictor.health.holding])
     assert levels and all('waves-not-fitted' in told for told in levels)
     predictor.sea.worker.finish()
     sail(1)
-    assert predictor.health.holding == '' and predictor.health.counts[NOT_FITTED] == 1
+    assert not predictor.health.holding and predictor.health.counts[NOT_FITTED] == 1
 
 
 def test_a_sea_state_that_comes_with_a_sample_that_is_passed_over_is_told(predictor, monkeypatch):

@@ -87,6 +87,19 @@ def test_a_candidate_without_a_forecast_has_no_weight_and_comes_in_unproven():
     assert np.isnan(blend.combine(0, nothing, nothing[..., None], [0]).mean).all()
 
 
+def test_after_a_break_a_candidate_that_knows_little_has_no_weight_however_little_it_erred():
+    blend = _blend()
+    _take(blend, [0.1, 0.3], 600)
+    mean, covariance = np.array([1.0, 2.0])[:, None, None] * np.ones((2, 3, 1)), np.full((2, 3, 1, 1), 0.09)
+    covariance[0] = 4.0
+    before, after = (blend.combine(0, mean, covariance, [0], after_break=each) for each in (False, True))
+    assert before.mean == pytest.approx(1.0, abs=0.05) and after.mean == pytest.approx(2.0, abs=0.05)
+    # of one that claims what it did before, nothing changes
+    covariance[0] = 0.01
+    before, after = (blend.combine(0, mean, covariance, [0], after_break=each) for each in (False, True))
+    assert after.mean == pytest.approx(before.mean)
+
+
 def test_a_refitted_candidate_is_not_held_to_what_its_last_model_did():
     blend = _blend()
     _take(blend, [100.0, 1.0], 600)

@@ -37,7 +37,7 @@ class DiagnosticsPublisher:
             )
         )
         for report in reports:
-            if self._changes[report.name].is_news(report.level, monotonic()):
+            if self._changes[report.name].is_news(report.level, monotonic(), report.codes):
                 self._log(report)
 
     def _log(self, report: Report) -> None:

@@ -12,7 +12,15 @@ from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import window_settings
-from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, waiting, watched_publisher
+from swath_sysid.nodes.qos import (
+    IMU_TOPIC,
+    LATCHED,
+    arrival_time,
+    imu_subscription,
+    note_publishers,
+    waiting,
+    watched_publisher,
+)
 from swath_sysid.pipeline.health import BufferHealth, Report
 
 
@@ -47,7 +55,7 @@ class ImuBuffer(Node):
     def _add(self, message: Imu) -> None:
         begun, clock_ns = perf_counter(), self.get_clock().now().nanoseconds
         reading = imu_reading(message)
-        step = self.window.add(reading)
+        step = self.window.add(reading, arrival_time(self))
         if step.finished is not None:
             self.health.decays += 1
             decay = step.finished.segment
@@ -84,7 +92,7 @@ class ImuBuffer(Node):
         return response
 
     def _reports(self) -> list[Report]:
-        self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
+        note_publishers(self, self._subscription, self.health)
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
 
 

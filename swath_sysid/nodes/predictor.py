@@ -20,7 +20,16 @@ from swath_sysid.nodes.forecast_publishers import forecast_publishers
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import pipeline_settings
-from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
+from swath_sysid.nodes.qos import (
+    IMU_TOPIC,
+    LATCHED,
+    NEWEST,
+    arrival_time,
+    imu_subscription,
+    note_publishers,
+    waiting,
+    watched_subscription,
+)
 from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.nodes.upstream_topics import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
@@ -87,7 +96,7 @@ class Predictor(Node):
     def _add(self, reading: ImuReading, is_passed_over: bool) -> None:
         if self.sea.is_fitting:
             self.sea.hand_over(reading.stamp_ns)
-        step = self.pipeline.begin(self.pipeline.intake.take(reading))
+        step = self.pipeline.begin(self.pipeline.intake.take(reading, arrival_time(self)))
         if not is_passed_over:
             self._publish(self._messages.next_of(step))
         step = self.pipeline.finish(step)
@@ -143,7 +152,7 @@ class Predictor(Node):
 
     def _reports(self) -> list[Report]:
         self._use_new_models()  # also while the sensor is silent
-        self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
+        note_publishers(self, self._subscription, self.health)
         self.health.note_predictors(self.count_publishers(self._publisher_of[NEXT_TOPIC].topic_name))
         return [*self.health.reports(perf_counter(), self.get_clock().now().nanoseconds), *self.upstream.reports()]
 

@@ -2,6 +2,8 @@
 
 import importlib
 from collections.abc import Callable
+from math import nan
+from time import perf_counter
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -12,9 +14,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
+from swath_sysid.attitude.motion.stamps import NANOSECOND
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC
-from swath_sysid.pipeline.health import QOS_MISMATCH, Reasons
+from swath_sysid.pipeline.health import Reasons, StreamHealth
 
 #: Reliable, transient local, depth 1: a late subscriber gets the last one.
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -31,6 +34,8 @@ OVERRIDABLE = QoSOverridingOptions.with_default_policies()  #: By the parameters
 
 BAG_DEPTH = 1000  #: So long a queue that a bag loses nothing.
 
+IMU_TYPE = 'sensor_msgs/msg/Imu'
+
 THRUSTERS = {'port': 'thrusters/left/thrust', 'starboard': 'thrusters/right/thrust'}
 
 
@@ -40,6 +45,12 @@ def imu_subscription(node: Node, kind: type, callback: Callable, depth: int, hea
     """
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
     return watched_subscription(node, kind, IMU_TOPIC, callback, qos, health)
+
+
+def note_publishers(node: Node, subscription: Subscription, health: StreamHealth) -> None:
+    """Tell the health of the IMU's stream how many nodes publish its topic, and what else is published there."""
+    types = [each.topic_type for each in node.get_publishers_info_by_topic(subscription.topic_name)]
+    health.note_publishers(types.count(IMU_TYPE), sorted({*types} - {IMU_TYPE}))
 
 
 def waiting(subscription: Subscription, most: int) -> list:
@@ -55,6 +66,13 @@ def waiting(subscription: Subscription, most: int) -> list:
     return messages
 
 
+def arrival_time(node: Node) -> float:
+    """Now, s, by a clock that is never set or, where time is simulated, by that; NaN before there is any."""
+    if node.get_parameter('use_sim_time').value:
+        return node.get_clock().now().nanoseconds * NANOSECOND or nan
+    return perf_counter()
+
+
 def bag_qos(is_latched: bool, is_reliable: bool = True, depth: int = BAG_DEPTH) -> QoSProfile:
     """The QoS of topics from and to bags; a reliable publisher connects with every subscription."""
     return QoSProfile(
@@ -66,7 +84,8 @@ def bag_qos(is_latched: bool, is_reliable: bool = True, depth: int = BAG_DEPTH) 
 
 def watched_publisher(node: Node, kind: Any, topic: str, qos: QoSProfile | int, health: Reasons) -> Publisher:
     """A publisher whose incompatible subscriptions are counted."""
-    events = PublisherEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
+    resolved = node.resolve_topic_name(topic)
+    events = PublisherEventCallbacks(incompatible_qos=lambda event: health.note_mismatch(resolved))
     return node.create_publisher(kind, topic, qos, event_callbacks=events, qos_overriding_options=OVERRIDABLE)
 
 
@@ -74,7 +93,8 @@ def watched_subscription(
     node: Node, kind: type, topic: str, callback: Callable, qos: QoSProfile, health: Reasons
 ) -> Subscription:
     """A subscription whose incompatible publishers are counted."""
-    events = SubscriptionEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
+    resolved = node.resolve_topic_name(topic)
+    events = SubscriptionEventCallbacks(incompatible_qos=lambda event: health.note_mismatch(resolved))
     return node.create_subscription(
         kind, topic, callback, qos, event_callbacks=events, qos_overriding_options=OVERRIDABLE
     )

@@ -84,18 +84,19 @@ class Upstream:
         if not self.sources:
             return []
         values: dict[str, object] = {}
-        problems = []
+        problems: dict[str, str] = {}
         for source in self.sources.values():
             values[f'received_{source.topic}'] = source.arrivals.received
             values[f'left_out_{source.topic}'] = source.left_out
             if not source.arrivals.received:
-                problems.append(self._why_silent(source))
+                problems[source.topic] = self._why_silent(source)
             elif silence := source.arrivals.silence(self._pipeline.newest_ns):
-                problems.append(
+                problems[source.topic] = (
                     f'no message on {source.topic} for {silence:.0f} s: check its sensor and the link to it'
                 )
         names = ', '.join(name for source in self.sources.values() for name in source.fields)
-        return [Report('upstream', WARN if problems else OK, '; '.join(problems) or f'receiving {names}', values)]
+        message = '; '.join(problems.values()) or f'receiving {names}'
+        return [Report('upstream', WARN if problems else OK, message, values, tuple(problems))]
 
     def _take(self, source: Source, message: Any) -> None:
         source.arrivals.note(self._pipeline.newest_ns)

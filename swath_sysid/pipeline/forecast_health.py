@@ -50,8 +50,8 @@ class PredictorHealth(health.StreamHealth):
         interval = None if isnan(state.sample_interval) else state.sample_interval
         refused = [f'{self._refusal}; the previous model stays'] if self._refusal else []
         message = '; '.join([*refused, *(advice.message for advice in state.advice)])
-        is_wrong = refused or not {advice.code for advice in state.advice} <= EXPECTED
-        level, message = health.WARN if is_wrong else health.OK, message or 'forecasting with the identified model'
+        codes = tuple({advice.code for advice in state.advice} - EXPECTED) + (health.BAD_MODEL,) * len(refused)
+        level, message = health.WARN if codes else health.OK, message or 'forecasting with the identified model'
         values: dict[str, object] = {
             **{f'has_model_{axis}': state.has_model[axis] for axis in AXES},
             'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,
@@ -75,7 +75,7 @@ class PredictorHealth(health.StreamHealth):
                     values[f'nrmse_{axis}_{lead}s_{candidate}'] = float(state.candidate_nrmse[k, a, number])
         return [
             self.report(now, now_ns, self._pipeline.counts, self._pipeline.used, interval),
-            health.Report('forecast', level, message, values),
+            health.Report('forecast', level, message, values, codes),
             installation_report(self._pipeline.installation),
         ]
 
@@ -86,7 +86,11 @@ def installation_report(check: InstallationCheck) -> health.Report:
     level, message = health.OK, check.described
     if contradictions:
         level, message = health.WARN, '; '.join(each.message for each in contradictions)
-    codes = ' '.join(dict.fromkeys(each.code for each in contradictions))
+    codes = tuple(dict.fromkeys(each.code for each in contradictions))
     return health.Report(
-        'installation', level, message, {'contradictions': codes or 'none', 'judgements': check.judgements}
+        'installation',
+        level,
+        message,
+        {'contradictions': ' '.join(codes) or 'none', 'judgements': check.judgements},
+        codes,
     )

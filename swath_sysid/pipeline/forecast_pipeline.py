@@ -8,7 +8,16 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion import intake
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Installation
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
-from swath_sysid.attitude.motion.stamps import JUMPED_BACK, LOST, OUT_OF_ORDER, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.stamps import (
+    GAP,
+    JUMPED_BACK,
+    LONG_GAP,
+    LOST,
+    OUT_OF_ORDER,
+    STAMP_REASONS,
+    STEPPED,
+    StampSettings,
+)
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import (
     FORECASTER_REASONS,
@@ -68,6 +77,7 @@ class ForecastPipeline:
         self.intake = intake.Intake(self.settings.installation, self.settings.stamps)
         self.models: dict[str, IdentifiedModel | None] = dict.fromkeys(AXES)  #: By axis.
         self._first_ns: int | None = None
+        self._since_used = 0
         self.newest_ns = 0  #: Stamp of the newest message; 0 before any.
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
@@ -112,6 +122,7 @@ class ForecastPipeline:
         """
         sample, reasons = converted
         step = ForecastStep()
+        self._since_used += 1
         if sample is not None:
             stamp_ns, elapsed = sample.stamp_ns, None
             if self._first_ns is None:
@@ -121,13 +132,19 @@ class ForecastPipeline:
             self.newest_ns = stamp_ns
             self.used += 1
             # seconds since the epoch would resolve 0.2 us only
-            step = self.forecaster.observe(sample, (stamp_ns - self._first_ns) * intake.NANOSECOND, elapsed)
+            stamp = (stamp_ns - self._first_ns) * intake.NANOSECOND
+            step = self.forecaster.observe(sample, stamp, elapsed, self._since_used)
+            # those that were left out have come after all
+            step = step._replace(lost=max(step.lost - self._since_used + 1, min(step.lost, 0)))
+            self._since_used = 0
+            if STEPPED in step.reasons:
+                reasons = tuple(each for each in reasons if each not in (JUMPED_BACK, STEPPED, GAP, LONG_GAP))
         if reasons:
             step = step._replace(reasons=reasons + step.reasons)
         for reason in step.reasons:
             self.counts[reason] += 1
         # one that is late came after all
-        self.counts[LOST] = max(self.counts[LOST] + step.lost - (OUT_OF_ORDER in reasons), 0)
+        self.counts[LOST] = max(self.counts[LOST] + step.lost - reasons.count(OUT_OF_ORDER), 0)
         return step
 
     def finish(self, step: ForecastStep) -> ForecastStep:

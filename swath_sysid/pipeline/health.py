@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isnan
-from typing import TYPE_CHECKING
+from math import inf, isnan
+from typing import TYPE_CHECKING, NamedTuple
 
 from swath_sysid.attitude.motion.intake import NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.stamps import LOST, StampSettings
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 OK, WARN, ERROR, STALE = range(4)  #: Levels of diagnostic_msgs/DiagnosticStatus.
 
 SEVERAL_PUBLISHERS, SEVERAL_PREDICTORS = 'several-publishers', 'several-predictors'
-QOS_MISMATCH = 'qos-mismatch'
+QOS_MISMATCH, OTHER_TYPE = 'qos-mismatch', 'other-message-type'
 SILENT = 'sensor-silent'
 BAD_MODEL = 'bad-model'
 BAD_LOADING = 'bad-loading'
@@ -39,6 +39,7 @@ FRAME_CHANGED = 'frame-id-changed'
 NO_MESSAGE_YET, QUEUED = 'no-message-yet', 'messages-queued'
 #: States that are reported but not counted.
 CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory', 'clock-stands-still'
+NO_CLOCK = 'no-clock'
 
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
 
@@ -64,6 +65,7 @@ class Report:
     level: int  #: `OK`, `WARN` or `ERROR`.
     message: str
     values: dict[str, object] = field(default_factory=dict)
+    codes: tuple[str, ...] = ()  #: Of the conditions that the message warns of.
 
     def status_of(self, node: str) -> tuple[int, str, str, dict[str, str]]:
         """Level, name, message and values of a DiagnosticStatus of a node, by its full name without first slash."""
@@ -71,24 +73,39 @@ class Report:
         return self.level, f'{node}: {self.name}', self.message, texts
 
 
+class Condition(NamedTuple):
+    """One of the conditions that a report warns of."""
+
+    level: int
+    code: str
+    sentence: str
+
+
 class Changes:
-    """Which changes of a level deserve a line in a log."""
+    """Which changes of a level, or of the conditions behind it, deserve a line in a log."""
 
     def __init__(self) -> None:
         self._logged = OK
+        self._seen: dict[str, float] = {}
         self._has_been_well = False
         self._better_since: float | None = None
 
-    def is_news(self, level: int, now: float) -> bool:
-        """Whether to log this level now, s: a worse one at once, the end of a warning when it has stayed away."""
+    def is_news(self, level: int, now: float, codes: Iterable[str] = ()) -> bool:
+        """Whether to log this level with these conditions now, s.
+
+        A worse level and another condition at once, the end of a warning when it has stayed away.
+        """
+        others = [code for code in codes if now - self._seen.get(code, -inf) >= CALM_SINCE_WARNING]
+        self._seen |= dict.fromkeys(codes, now)
         if level >= self._logged:
             self._better_since = None
         elif self._better_since is None:
             self._better_since = now
         lasted = self._better_since is not None and now - self._better_since >= CALM_SINCE_WARNING
         is_first = level == OK and not self._has_been_well
-        if level > self._logged or (level < self._logged and (self._logged == ERROR or is_first or lasted)):
-            self._logged, self._better_since = level, None
+        is_better = level < self._logged and (self._logged == ERROR or is_first or lasted)
+        if level > self._logged or is_better or others:
+            self._logged, self._better_since = level if is_better else max(level, self._logged), None
             self._has_been_well = self._has_been_well or level == OK
             return True
         return False
@@ -100,24 +117,30 @@ class Reasons:
     def __init__(self, reasons: Iterable[str], cures: Mapping[str, str] = CURES):
         self._cures = cures
         self.counts = dict.fromkeys(reasons, 0)
-        self._holding: dict[str, str] = {}
+        self._holding: dict[str, Condition] = {}
         self._reported_counts = dict(self.counts)
         self._lasting: list[str] = []
         self._grown: set[str] = set()  #: Reasons that grew before the last call of `fresh`.
+        self.mismatched: set[str] = set()  #: Topics with an incompatible publisher or subscription.
 
     def note(self, reason: str, about: str | None = None, sentence: str = '') -> None:
         """Count one more of a reason; one ``about`` something holds until that is settled."""
         self.counts[reason] += 1
         if about is not None:
             cure = self._cures[reason]
-            self._holding[about] = f'{reason}: {sentence}; {cure}' if sentence else f'{reason}: {cure}'
+            self._holding[about] = Condition(WARN, reason, f'{reason}: {f"{sentence}; " if sentence else ""}{cure}')
 
-    def note_while(self, holds: bool, reason: str) -> None:
+    def note_mismatch(self, topic: str) -> None:
+        """Count a publisher or a subscription of a topic that does not connect."""
+        self.note(QOS_MISMATCH)
+        self.mismatched.add(topic)
+
+    def note_while(self, holds: bool, reason: str, sentence: str = '') -> None:
         """Count a reason when it begins to hold; it holds until this is called without."""
         if not holds:
             self.settle(reason)
         elif reason not in self._holding:
-            self.note(reason, reason)
+            self.note(reason, reason, sentence)
 
     def settle(self, about: str) -> None:
         """End what was noted about something."""
@@ -133,10 +156,14 @@ class Reasons:
         self._grown = set(grown)
         return {reason: growth for reason, growth in grown.items() if reason not in known}
 
-    def worst(self, fresh: Mapping[str, int]) -> str:
-        """The reason that grew most, how often, and what to do about it."""
-        reason = max(fresh, key=lambda each: fresh[each])
-        return f'{reason} ({fresh[reason]} times lately): {self._cures[reason]}'
+    def grown(self, fresh: Mapping[str, int]) -> list[Condition]:
+        """The reasons that grew, the most frequent first: how often, and what to do about each."""
+        reasons = sorted(fresh, key=lambda each: -fresh[each])
+        where = {QOS_MISMATCH: f' on {", ".join(sorted(self.mismatched))}'} if self.mismatched else {}
+        return [
+            Condition(WARN, each, f'{each}{where.get(each, "")} ({fresh[each]} times lately): {self._cures[each]}')
+            for each in reasons
+        ]
 
     @property
     def lasting(self) -> str:
@@ -144,9 +171,19 @@ class Reasons:
         return '; '.join(f'{reason}: {self._cures[reason]}' for reason in self._lasting)
 
     @property
-    def holding(self) -> str:
-        """What to do about all that still holds; empty where nothing does."""
-        return '; '.join(dict.fromkeys(self._holding.values()))
+    def holding(self) -> list[Condition]:
+        """What to do about all that still holds."""
+        return list(self._holding.values())
+
+
+def worst_of(found: Sequence[Condition]) -> tuple[int, str]:
+    """The worst level of some conditions, and the sentences of all."""
+    return max(each.level for each in found), '; '.join(dict.fromkeys(each.sentence for each in found))
+
+
+def codes_of(found: Iterable[Condition]) -> tuple[str, ...]:
+    """Their codes."""
+    return tuple(each.code for each in found)
 
 
 def is_unusual(silence: float, interval: float) -> bool:
@@ -179,7 +216,7 @@ class StreamHealth(Reasons):
     """How the messages of one topic arrive, counting further reasons beside those of every stream."""
 
     def __init__(self, topic: str, reasons: Iterable[str] = ()):
-        super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED, *reasons))
+        super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, OTHER_TYPE, SILENT, FRAME_CHANGED, *reasons))
         self.topic = topic
         self._ages: deque[float] = deque(maxlen=REMEMBERED_AGES)
         self.received = 0
@@ -209,9 +246,10 @@ class StreamHealth(Reasons):
                 self.note(FRAME_CHANGED)
             self._frame_id = frame_id
 
-    def note_publishers(self, count: int) -> None:
-        """Count the appearance of a second publisher."""
+    def note_publishers(self, count: int, others: Iterable[str] = ()) -> None:
+        """Count the appearance of a second publisher, and of one of other message types."""
         self.note_while(count > 1, SEVERAL_PUBLISHERS)
+        self.note_while(bool(others), OTHER_TYPE, f'{self.topic} is published as {", ".join(others)}')
 
     def report(
         self, now: float, now_ns: int, core_counts: Mapping[str, int], used: int, interval: float | None = None
@@ -229,7 +267,8 @@ class StreamHealth(Reasons):
             self._ages.append(max(age, 0.0))
         counts = {**core_counts, **self.counts}
         is_stopped = now_ns == self._reported_ns and not self._since_report
-        level, message = self._verdict(age, self.fresh(counts), is_stopped)
+        found = self._conditions(age, self.fresh(counts), now, now_ns)
+        level, message = worst_of(found) if found else (OK, self._well(age, is_stopped))
         period = None if self._reported_at is None else now - self._reported_at
         values: dict[str, object] = {
             'rate_hz': self._since_report / period if period else 0.0,
@@ -243,38 +282,55 @@ class StreamHealth(Reasons):
         self._reported_at, self._reported_ns = now, now_ns
         self._spent = self._longest = 0.0
         self._since_report = 0
-        return Report('imu', level, message, values)
+        return Report('imu', level, message, values, codes_of(found))
 
     def _note_silence(self, now: float, now_ns: int) -> None:
-        """Add the time passed by both clocks: none while that of the stamps stands still."""
+        """Add the time passed by both clocks: none while that of the stamps stands still after it has gone on."""
         before = self._begun if self._reported_at is None else self._reported_at
-        by_stamps = max((now_ns - self._reported_ns) * 1e-9, 0.0)
+        by_stamps = max((now_ns - self._reported_ns) * 1e-9, 0.0) if now_ns else inf
         if self._since_report and self._arrival is not None:
             self._silence = min(now - self._arrival, by_stamps)
         elif before is not None:
             self._silence += min(now - before, by_stamps)
 
-    def _verdict(self, age: float | None, fresh: Mapping[str, int], clock_is_stopped: bool) -> tuple[int, str]:
-        if age is None:
-            if self._silence <= DISCOVERY:
-                return OK, f'waiting for the first message on {self.topic}'
-            return ERROR, f'no message on {self.topic} yet: {CURES[NO_MESSAGE_YET]}'
+    def _conditions(self, age: float | None, fresh: Mapping[str, int], now: float, now_ns: int) -> list[Condition]:
+        """All that there is to warn of, the worst first."""
+        found = []
+        if age is None and self._silence > DISCOVERY:
+            sentence = f'no message on {self.topic} yet'
+            if self.topic in self.mismatched:
+                found.append(Condition(ERROR, QOS_MISMATCH, f'{sentence}: {CURES[QOS_MISMATCH]}'))
+            elif OTHER_TYPE in self._holding:
+                found.append(Condition(ERROR, OTHER_TYPE, f'{sentence}: {self._holding[OTHER_TYPE].sentence}'))
+            else:
+                found.append(Condition(ERROR, NO_MESSAGE_YET, f'{sentence}: {CURES[NO_MESSAGE_YET]}'))
         if SILENT in self._holding:
-            return ERROR, f'no message on {self.topic} for {self._silence:.1f} s: {CURES[SILENT]}'
-        if SEVERAL_PUBLISHERS in self._holding:
-            return WARN, CURES[SEVERAL_PUBLISHERS]
-        if fresh:
-            return WARN, self.worst(fresh)
-        if self.holding:
-            return WARN, self.holding
-        late = age - min(self._ages)
-        if late > LARGEST_STAMP_AGE:
-            return WARN, f'messages arrive {late:.1f} s late: {CURES[QUEUED]}'
-        if abs(age) > LARGEST_STAMP_AGE:
-            return WARN, f'stamps differ from the clock by {age:.1f} s: {CURES[CLOCKS_DIFFER]}'
+            found.append(
+                Condition(ERROR, SILENT, f'no message on {self.topic} for {self._silence:.1f} s: {CURES[SILENT]}')
+            )
+        if not now_ns and now - (self._begun or 0.0) > DISCOVERY:
+            found.append(Condition(WARN, NO_CLOCK, CURES[NO_CLOCK]))
+        known = {each.code for each in found}
+        found += [each for each in self.holding if each.code not in known]
+        known = {each.code for each in found}
+        found += [each for each in self.grown(fresh) if each.code not in known]
+        if age is not None and now_ns:
+            late = age - min(self._ages)
+            if late > LARGEST_STAMP_AGE:
+                found.append(Condition(WARN, QUEUED, f'messages arrive {late:.1f} s late: {CURES[QUEUED]}'))
+            elif abs(age) > LARGEST_STAMP_AGE:
+                side = 'behind' if age > 0.0 else 'ahead of'
+                sentence = f'stamps are {abs(age):.1f} s {side} the clock of this machine: {CURES[CLOCKS_DIFFER]}'
+                found.append(Condition(WARN, CLOCKS_DIFFER, sentence))
+        return found
+
+    def _well(self, age: float | None, clock_is_stopped: bool) -> str:
+        """The message where there is nothing to warn of."""
+        if age is None:
+            return f'waiting for the first message on {self.topic}'
         if clock_is_stopped:
-            return OK, f'no message on {self.topic} while the clock stands still: {CURES[CLOCK_STANDS]}'
-        return OK, f'receiving {self.topic}' + (f'; {self.lasting}' if self.lasting else '')
+            return f'no message on {self.topic} while the clock stands still: {CURES[CLOCK_STANDS]}'
+        return f'receiving {self.topic}' + (f'; {self.lasting}' if self.lasting else '')
 
 
 class BufferHealth(StreamHealth):
@@ -327,11 +383,10 @@ class IdentifierHealth(Reasons):
         self, models: str, steps_back: int, is_busy: bool, verdicts: Mapping[str, object] | None = None
     ) -> Report:
         """The report now, and start a new period; ``steps_back``: how many models `rollback` can return to."""
-        fresh = list(self.fresh(self.counts))
+        held = self.holding
+        found = held + [each for each in self.grown(self.fresh(self.counts)) if each.code not in codes_of(held)]
         doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
-        level, message = OK, doing
-        if fresh or self.holding:
-            level, message = WARN, self.holding or f'{fresh[0]}: {CURES[fresh[0]]}'
+        level, message = worst_of(found) if found else (OK, doing)
         values: dict[str, object] = {
             'state': 'identifying' if is_busy else 'ready',
             'progress': self.progress,
@@ -344,7 +399,7 @@ class IdentifierHealth(Reasons):
             'slower_because': self.slower_because,
             **self.counts,
         }
-        return Report('identification', level, message, values)
+        return Report('identification', level, message, values, codes_of(found))
 
 
 def verdict_values(models: Mapping[str, Judged | None]) -> dict[str, object]:
@@ -363,8 +418,8 @@ def stability_report(watch: StabilityWatch) -> Report:
     if found is None:
         return Report('stability', OK, 'too few estimates of the natural period yet', {'estimates': watch.count})
     level, message = OK, 'the natural period of roll has not changed'
-    for advice in found.advice:
-        level, message = WARN, advice.message
+    if found.advice:
+        level, message = WARN, '; '.join(advice.message for advice in found.advice)
     return Report(
         'stability',
         level,

@@ -18,7 +18,12 @@ from swath_sysid.manoeuvring.formats.model_file import (
 from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, acting_thrust
-from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlook, ManoeuvreOutlookSettings, OdometryReading
+from swath_sysid.manoeuvring.prediction.pipeline import (
+    ManoeuvreOutlook,
+    ManoeuvreOutlookSettings,
+    ManoeuvringHealth,
+    OdometryReading,
+)
 from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, STATES, ManoeuvreFilter, ManoeuvreFilterSettings
 from swath_sysid.manoeuvring.prediction.skill import filtered, score_forecasts
 
@@ -241,3 +246,14 @@ def test_thrust_stamped_by_another_clock_before_the_first_odometry_acts():
         if step.leads:
             last = step.leads[0]
     assert last.yaw_rate > 0.05
+
+
+def test_a_silent_odometry_hides_neither_a_refused_model_nor_late_messages():
+    outlook = ManoeuvreOutlook(SETTINGS, MODEL)
+    health = ManoeuvringHealth('/odometry', outlook)
+    health.note_refused_model('the model has no sway')
+    outlook.counts['late'] += 3
+    (told,) = health.reports(0.0)
+    assert told.level == 2 and 'no odometry on /odometry' in told.message
+    assert 'the model has no sway' in told.message and 'late (3 times lately)' in told.message
+    assert set(told.codes) == {'sensor-silent', 'bad-model', 'late'}

@@ -7,7 +7,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import Installation
-from swath_sysid.attitude.motion.sensor_checks import contradictions_in
+from swath_sysid.attitude.motion.sensor_checks import contradictions_in, is_blank
 from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.common.advice import Advice, counted
@@ -263,6 +263,11 @@ def _craft_channels(
 ) -> tuple[Readings, list[Advice]]:
     """The channels of a trial and the yaw from cleaned readings, and advice."""
     advice: list[Advice] = []
+    if _has(readings, (*QUATERNION, *GYRO)) and is_blank(
+        time, np.column_stack(_parts(readings, QUATERNION)), np.column_stack(_parts(readings, GYRO))
+    ):
+        readings = {part: values for part, values in readings.items() if part not in QUATERNION}
+        advice.append(Advice.of('blank-orientation', name=name))
     angles = _angles(readings, installation, name)
     if _has(readings, QUATERNION):
         invalid = int(np.count_nonzero(~attitude.is_orientation(*_parts(readings, QUATERNION))))

@@ -9,6 +9,7 @@ import numpy as np
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.cleaning import limit_of
+from swath_sysid.attitude.motion.sensor_checks import BlankOrientation
 from swath_sysid.attitude.motion.stamps import NANOSECOND, StampOrder, StampSettings
 
 NOT_FINITE = 'not-finite'
@@ -19,8 +20,18 @@ NO_RATES = 'no-rates'
 UNKNOWN_COVARIANCE = 'unknown-covariance'
 ABSURD_COVARIANCE = 'absurd-covariance'
 NEAR_VERTICAL = 'near-vertical'
+BLANK_ORIENTATION = 'blank-orientation'
 EMPTY = 'nothing-usable'
-_PARTS = NOT_FINITE, ABSURD, BAD_QUATERNION, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE, ABSURD_COVARIANCE
+_PARTS = (
+    NOT_FINITE,
+    ABSURD,
+    BAD_QUATERNION,
+    NO_ORIENTATION,
+    NO_RATES,
+    UNKNOWN_COVARIANCE,
+    ABSURD_COVARIANCE,
+    BLANK_ORIENTATION,
+)
 #: Everything that is counted; only the last two leave the whole sample out.
 INTAKE_REASONS = (*_PARTS, NEAR_VERTICAL, EMPTY)
 
@@ -182,19 +193,23 @@ class Intake:
     def __init__(self, installation: Installation, stamps: StampSettings) -> None:
         self._installation = installation
         self._order = StampOrder(stamps)
+        self._blank = BlankOrientation()
 
     @property
     def interval(self) -> float | None:
         """Typical time between samples, s; None before the second."""
         return self._order.interval
 
-    def take(self, reading: ImuReading) -> ConvertedReading:
-        """Convert the next message; the reasons are of `STAMP_REASONS` also."""
-        placed, reasons, stamp_ns = self._order.place(reading.stamp_ns)
+    def take(self, reading: ImuReading, arrival: float = nan) -> ConvertedReading:
+        """Convert the next message, which came at a time of a steady clock, s; also reasons of `STAMP_REASONS`."""
+        placed, reasons, stamp_ns = self._order.place(reading.stamp_ns, arrival)
         if not placed:
             return ConvertedReading(None, reasons)
         if stamp_ns != reading.stamp_ns:
             reading = reading._replace(stamp_ns=stamp_ns)
+        if self._blank.add(reading.orientation, reading.rates, self._order.interval or 0.0):
+            reading = reading._replace(orientation_covariance=(NOT_MEASURED, *reading.orientation_covariance[1:]))
+            reasons += (BLANK_ORIENTATION,)
         converted = convert(reading, self._installation)
         return ConvertedReading(converted.sample, reasons + converted.reasons) if reasons else converted
 

@@ -34,6 +34,7 @@ WINDOW_BINS = 300
 MAX_STRETCHES = 20  #: Of a long record, over which they are spread; up to twice as many are judged.
 
 FROZEN = 5.0  #: s of fresh stamps with the same values.
+IDENTITY = (0.0, 0.0, 0.0, 1.0)  #: Quaternion of no rotation.
 MIN_TURN = np.radians(3.0)  #: rad that the rates turn while the angles stand still; no angle is as coarse.
 GRAVITY_TOLERANCE = 0.2  #: Of gravity; consumer accelerometers are within a few percent.
 MIN_UPRIGHT = np.cos(np.radians(45.0))  #: Cosine of the largest mean list at which a craft floats.
@@ -211,6 +212,28 @@ def _repeats(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.
     walk = np.sqrt(0.5 * np.mean(np.diff(rates, axis=0) ** 2, axis=0) * len(rates)) * step
     is_turning = np.any(turned > np.maximum(MIN_TURN, SIGNIFICANT * walk))
     return _found('angles-frozen', seconds=FROZEN) if angles_still and is_turning else []
+
+
+class BlankOrientation:
+    """Notices quaternions that were never filled in: the identity in every message while the gyroscope turns."""
+
+    def __init__(self) -> None:
+        self._turned = np.zeros(3)
+
+    def add(self, orientation: Sequence[float], rates: Sequence[float], interval: float) -> bool:
+        """Add the quaternion x, y, z, w of a message and its rates, rad/s, an interval, s, after the one before."""
+        if tuple(orientation) != IDENTITY:
+            self._turned[:] = 0.0
+            return False
+        turn = interval * np.asarray(rates)
+        self._turned += np.where(np.isfinite(turn), turn, 0.0)
+        return bool(np.any(np.abs(self._turned) > MIN_TURN))
+
+
+def is_blank(time: np.ndarray, orientation: np.ndarray, rates: np.ndarray) -> bool:
+    """The same of a whole record: time (N,), s, quaternions (N, 4) and rates (N, 3)."""
+    turned = np.nancumsum(rates[1:] * np.diff(time)[:, None], axis=0)
+    return bool(np.all(orientation == IDENTITY) and np.any(np.abs(turned) > MIN_TURN))
 
 
 def mean_up(angles: np.ndarray) -> np.ndarray | None:

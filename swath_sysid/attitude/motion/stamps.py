@@ -1,8 +1,9 @@
 """A sensor's stamps: whether they count seconds, what to leave out, and when the clock itself has moved."""
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -14,12 +15,12 @@ from swath_sysid.common.errors import InputError
 DUPLICATE = 'duplicate-stamp'
 OUT_OF_ORDER = 'out-of-order'
 STRAY = 'stray-stamp'
-JUMPED_BACK = 'clock-jumped-back'
+JUMPED_BACK, STEPPED = 'clock-jumped-back', 'clock-stepped'
 GAP, LOST = 'gap', 'lost-sample'
 LONG_GAP = 'gap-too-long'
 RATE_CHANGED = 'rate-changed'
 #: The reasons that an order gives; the first three leave the sample out. What was lost is found by a sensor's clock.
-STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, GAP, LONG_GAP, RATE_CHANGED)
+STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, STEPPED, GAP, LONG_GAP, RATE_CHANGED)
 
 NANOSECOND = constants.nano  #: s.
 GAP_INTERVALS = 2.5
@@ -52,14 +53,18 @@ class Placed(NamedTuple):
 
 
 class StampOrder:
-    """Orders the stamps of one sensor. A stamp that is far back or far ahead is held as suspect until the next one
-    shows whether it was a stray packet or the clock has jumped.
+    """Orders the stamps of one sensor.
+
+    A stamp that is far back or far ahead is held as suspect until the next one shows whether it was a stray packet or
+    the clock has jumped; one that is a little behind, until others have followed it for longer than a gap.
     """
 
     def __init__(self, settings: StampSettings | None = None) -> None:
         self._settings = settings or StampSettings()
         self._last: int | None = None
-        self._suspect: int | None = None
+        self._suspects: tuple[int, ...] = ()
+        self._lags: deque[float] = deque(maxlen=SETTLING_SAMPLES)
+        self._left_out = 0
         self._interval: float | None = None
         self._settled_interval: float | None = None
         self._looked_at = 0.0
@@ -71,13 +76,22 @@ class StampOrder:
         """Typical time between samples, s; None before the second."""
         return self._interval
 
-    def place(self, stamp_ns: int) -> Placed:
-        """Place the next stamp, ns."""
+    def place(self, stamp_ns: int, arrival: float = nan) -> Placed:
+        """Place the next stamp, ns, which came at a time of a steady clock, s; NaN where that is not known."""
+        lag = arrival - stamp_ns * NANOSECOND
+        placed = self._place(stamp_ns, lag)
+        self._left_out += 1
+        if placed.kept:
+            self._lags.append(lag)
+            self._left_out = 0
+        return placed
+
+    def _place(self, stamp_ns: int, lag: float) -> Placed:
         if self._last is None:
             self._last = stamp_ns
             return Placed(True, (), stamp_ns)
         elapsed = (stamp_ns - self._last) * NANOSECOND
-        if stamp_ns == self._last or stamp_ns == self._suspect:
+        if stamp_ns == self._last or stamp_ns in self._suspects[-1:]:
             return Placed(False, (DUPLICATE,))
         if self._interval is not None and abs(elapsed) < self._settings.backward_jump:
             intervals = elapsed / self._interval
@@ -85,42 +99,50 @@ class StampOrder:
             if elapsed < 0.0 and intervals > -1.0 and self._jitter > JITTER:
                 self._last += 1
                 return Placed(True, (), self._last)
-        if -self._settings.backward_jump <= elapsed < 0.0:
-            return Placed(False, (OUT_OF_ORDER,))
         longest = inf if self._interval is None else max(self._settings.gap_limit, 2.0 * GAP_INTERVALS * self._interval)
         if elapsed < 0.0 or elapsed > longest:
-            return self._doubt(stamp_ns, elapsed)
-        reasons = self._judge_interval(elapsed)
-        if self._suspect is not None:
-            reasons = self._refuted() + reasons
+            return self._doubt(stamp_ns, elapsed, lag)
+        reasons = self._refuted() + self._judge_interval(elapsed, lag)
         self._last = stamp_ns
         return Placed(True, reasons, stamp_ns)
 
-    def _doubt(self, stamp_ns: int, elapsed: float) -> Placed:
-        if self._suspect is not None and stamp_ns > self._suspect:
-            self._last, self._suspect = stamp_ns, None
-            return Placed(True, (JUMPED_BACK if elapsed < 0.0 else LONG_GAP,), stamp_ns)
-        reasons = self._refuted()
-        self._suspect = stamp_ns
-        return Placed(False, reasons)
+    def _doubt(self, stamp_ns: int, elapsed: float, lag: float) -> Placed:
+        suspects, is_near = self._suspects, self._is_near(stamp_ns)
+        if not suspects or stamp_ns < suspects[-1] or self._is_near(suspects[-1]) != is_near:
+            reasons, self._suspects = self._refuted(), (stamp_ns,)
+            return Placed(False, reasons)
+        if is_near and (stamp_ns - suspects[0]) * NANOSECOND < GAP_INTERVALS * (self._interval or 0.0):
+            self._suspects = *suspects, stamp_ns
+            return Placed(False)
+        self._last, self._suspects = stamp_ns, ()
+        if elapsed < 0.0:
+            return Placed(True, (JUMPED_BACK,), stamp_ns)
+        # a sensor that repeated its stamps was not silent
+        gap = (LONG_GAP,) if self._left_out < 2 else ()
+        return Placed(True, (STEPPED,) if self._is_step(elapsed, lag) else gap, stamp_ns)
+
+    def _is_near(self, stamp_ns: int) -> bool:
+        """Whether a stamp that cannot follow is behind, by less than a clock is set back."""
+        return self._last is not None and 0.0 < (self._last - stamp_ns) * NANOSECOND <= self._settings.backward_jump
+
+    def _is_step(self, elapsed: float, lag: float) -> bool:
+        """Whether the clock has jumped ahead, because a message came sooner after its stamp than any can."""
+        return bool(self._lags) and lag < min(self._lags) - 0.5 * elapsed
 
     def _refuted(self) -> tuple[str, ...]:
-        """The reason to count for a suspect that the next stamp does not follow."""
-        if self._suspect is None:
-            return ()
-        reason = OUT_OF_ORDER if self._last is not None and self._suspect < self._last else STRAY
-        self._suspect = None
-        return (reason,)
+        """The reasons to count for suspects that the next stamp does not follow."""
+        suspects, self._suspects = self._suspects, ()
+        return tuple(OUT_OF_ORDER if self._last is not None and each < self._last else STRAY for each in suspects)
 
-    def _judge_interval(self, elapsed: float) -> tuple[str, ...]:
+    def _judge_interval(self, elapsed: float, lag: float) -> tuple[str, ...]:
         if self._interval is None:
             self._interval = self._looked_at = elapsed
             return ()
-        is_gap = elapsed > GAP_INTERVALS * self._interval
+        gap = (STEPPED if self._is_step(elapsed, lag) else GAP,) if elapsed > GAP_INTERVALS * self._interval else ()
         step = FOLLOWING[self._settled_interval is not None]
         self._interval *= min(max(elapsed / self._interval, 1.0 - step), 1.0 + step)
         changed = self._has_changed(self._interval)
-        return (*([GAP] if is_gap else ()), *([RATE_CHANGED] if changed else ()))
+        return (*gap, *([RATE_CHANGED] if changed else ()))
 
     def _has_changed(self, interval: float) -> bool:
         if self._settled_interval is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from math import ceil, inf, pi
+from math import ceil, inf, nan, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -157,9 +157,9 @@ class MotionWindow:
         self._watch.restart()
         self._watch.on = on
 
-    def add(self, reading: ImuReading) -> WindowStep:
-        """Add one message."""
-        return self.add_converted(self._intake.take(reading))
+    def add(self, reading: ImuReading, arrival: float = nan) -> WindowStep:
+        """Add one message, which came at a time of a steady clock, s; NaN where that is not known."""
+        return self.add_converted(self._intake.take(reading, arrival))
 
     def add_converted(self, converted: ConvertedReading) -> WindowStep:
         """Add one converted message."""

@@ -5,6 +5,8 @@ from collections import deque
 from collections.abc import Sequence
 from math import degrees, inf
 
+import numpy as np
+
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
@@ -93,6 +95,8 @@ class AxisFilter:
         rejected = restarted = False
         if linked and hull.is_started:
             of_angle, of_rate = variances
+            if not even and elapsed > self._agreement.span:
+                self._agreement.restart()
             of_rate += self._agreement.take(elapsed, angle, rate, of_angle, of_rate)
             self.noise_to_hull = of_angle, of_rate
             observed = hull.observe(elapsed, angle, rate, of_angle, of_rate)
@@ -104,6 +108,25 @@ class AxisFilter:
             hull.start(angle, rate, *variances)
         self.size.follow(*self.motion, elapsed)
         return rejected, restarted
+
+    def evidence_of_step(self, angle: float, rate: float, usual: float, elapsed: float) -> float:
+        """Log likelihood ratio of angle and rate, NaN where not measured, ``usual`` s against ``elapsed`` s later.
+
+        After the elapsed s they may also be anything of the size of the motion.
+        """
+        if not self.hull.is_started:
+            return 0.0
+        values = np.array([angle, rate])
+        seen = np.isfinite(values)
+        noise = np.where(np.isfinite(self.noise), self.noise, 0.0)
+        size = self.size.activity * np.array([1.0, 2.0 * math.pi / self.size.period])
+        means, spreads = self.hull.forecast(np.array([usual, max(elapsed, usual)]))
+        means, spreads = np.vstack([means, [self.size.mean, 0.0]]), np.concatenate([spreads, np.diag(size**2)[None]])
+        spreads = (spreads + np.diag(noise))[:, seen][:, :, seen]
+        errors = (values - means)[:, seen]
+        squares = np.einsum('ki,kij,kj->k', errors, np.linalg.inv(spreads), errors)
+        log = -0.5 * (squares + np.linalg.slogdet(spreads)[1])
+        return float(log[0] - log[1:].max())
 
     def advice(self) -> tuple[Advice, ...]:
         """What contradicts the hull's model: what the filter learns, its own verdict, and the size of the motion."""
@@ -287,7 +310,8 @@ class AgreementMeter:
         self.restart()
 
     @property
-    def _span(self):
+    def span(self) -> float:
+        """s over which the rate is integrated."""
         return _SPAN * self.period
 
     def restart(self) -> None:
@@ -313,10 +337,10 @@ class AgreementMeter:
         departure = angle - self._integral + elapsed / 12.0 * change
         past = self._past
         past.append((self._time, departure))
-        while len(past) > 1 and self._time - past[1][0] > self._span - 1e-6:
+        while len(past) > 1 and self._time - past[1][0] > self.span - 1e-6:
             past.popleft()
         span = self._time - past[0][0]
-        if span > self._span - 1e-6:
+        if span > self.span - 1e-6:
             self._seconds = min(self._seconds + elapsed, MEMORY_OF_SIZE * self.period)
             gain = elapsed / self._seconds
             chance = 2.0 * angle_variance + rate_variance * elapsed * span
@@ -326,6 +350,6 @@ class AgreementMeter:
         return self._excess(elapsed)
 
     def _excess(self, elapsed: float):
-        if self._seconds < 10.0 * self._span or self._square < _BEYOND_CHANCE * self._chance:
+        if self._seconds < 10.0 * self.span or self._square < _BEYOND_CHANCE * self._chance:
             return 0.0
-        return (self._square - self._chance) / (self._span * elapsed)
+        return (self._square - self._chance) / (self.span * elapsed)

@@ -64,6 +64,7 @@ class Bank:
         self._period = period
         self._horizon = leads[-1] + 2.0 * step
         self._library: SeaLibrary  # which `begin` begins
+        self._since_break = math.inf  #: Rows.
         whole = leads / step
         are_rows = np.abs(whole - np.round(whole)) < 0.02
         self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._steps.size == whole.size
@@ -98,6 +99,11 @@ class Bank:
         ]
         return np.array(known).T.ravel()
 
+    @property
+    def _is_after_break(self) -> bool:
+        """Whether rows were missing within the newest period."""
+        return self._since_break * self._step < self._period
+
     def set_period(self, period: float) -> None:
         """Count memories in another period of the motion, s."""
         self._period = period
@@ -108,6 +114,12 @@ class Bank:
         self._library = SeaLibrary(self._steps, self._step, self._period, self._horizon)
         for row in past:
             self._library.step(row)
+
+    def restart(self) -> None:
+        """Forget the motion, not what is known of the sea."""
+        self.begin(np.empty((0, 0)))
+        for space in self.spaces.values():
+            space.restart()
 
     def use(self, name: str, model: InnovationsModel, past: np.ndarray) -> None:
         """Put a new model to use, after the newest rows (N, width)."""
@@ -153,6 +165,7 @@ class Bank:
 
     def step(self, row: np.ndarray) -> None:
         """Take the next row in every candidate."""
+        self._since_break += 1
         for candidate in self._on_rows.values():
             candidate.step(row)
         for place in self._library.begun_anew():
@@ -160,6 +173,7 @@ class Bank:
 
     def skip(self, count: int) -> None:
         """Step over missing rows."""
+        self._since_break = 0
         self.blend.skip(count)
         for candidate in self._on_rows.values():
             candidate.skip(count)
@@ -176,6 +190,7 @@ class Bank:
             np.array([axis.rows_since_surprise for axis in self._axes]),
             np.array([axis.hull.is_free for axis in self._axes], dtype=int),
             np.array([max(axis.size.present, axis.size.activity) for axis in self._axes]),
+            self._is_after_break,
         )
         for axis in self._axes:
             axis.rows_since_surprise += steps
@@ -184,7 +199,8 @@ class Bank:
         """The average of the candidates at the leads, ``age`` s after the newest row."""
         at_row = age == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
-        ahead = self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
+        known = self._noise, self._present
+        ahead = self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, *known, self._is_after_break)
         return self._bounded(ahead)
 
     def _bounded(self, ahead: Forecast) -> Forecast:
@@ -236,6 +252,9 @@ class Bank:
             mean[level, :, place], mean[level, :, place + len(AXES)] = axis.size.mean, 0.0
             covariance[level, :, place::2, place::2] = np.diag(size**2)
         noise = self._present if self._clock.is_smoothed else self._noise
+        for space in self.spaces.values():
+            # as far off as the innovations of a model that is accepted
+            space.doubt = HEALTHY_STRAIN if self._is_after_break else 1.0
         for name, candidate in self._on_rows.items():
             mean[self._place[name]], of_readings = candidate.forecast(leads, age)
             covariance[self._place[name]] = without_noise(of_readings, noise)

@@ -13,11 +13,12 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.stamps import STEPPED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE, AxisFilter
 from swath_sysid.attitude.prediction.bank import HULL, Bank, ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import Forecast
-from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilterSettings
+from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
@@ -150,6 +151,7 @@ class Forecaster:
         self._heading = 0.0, 0.0
         self._due = self._refit_due = self._sea_state_due = -math.inf
         self._is_linked = False
+        self._steps = 0  #: Since the newest row, where some are missing.
         self._has_waves = False
         self._bank: Bank | None = None
         self._first: CraftSample | None = None
@@ -189,13 +191,18 @@ class Forecaster:
         """
         self._upstream.take(name, stamp, value)
 
-    def observe(self, sample: CraftSample, stamp: float, elapsed: float | None) -> ForecastStep:
+    def observe(self, sample: CraftSample, stamp: float, elapsed: float | None, count: int = 1) -> ForecastStep:
         """Take one sample, NaN where not measured, stamped in s, ``elapsed`` s after the one before.
 
-        ``elapsed`` is None at the first sample and after the clock was set back. The step holds what is known at once,
-        the forecast one sample ahead; `issue` must complete it before the next sample.
+        ``elapsed`` is None at the first sample and after the clock was set back; ``count`` messages have come since the
+        one before. The step holds what is known at once, the forecast one sample ahead; `issue` must complete it before
+        the next sample.
         """
         since = elapsed if self._is_linked and elapsed is not None else math.inf
+        usual = count * self._clock.interval
+        is_step = self._is_linked and self._clock_has_stepped(sample, usual, since)
+        if is_step:
+            since = usual
         # after a longer silence the motion is forgotten, hull and sea are not
         linked = since <= MEMORY_OF_SIZE * self._scale.period
         self._stamp, self._sampled = stamp, Sampled(0.0, 1)
@@ -206,7 +213,8 @@ class Forecaster:
         else:
             self._break_off()
             self._first = sample
-        reasons = self._follow_axes(sample, self._sampled, linked)
+        reasons = (STEPPED,) if is_step else ()
+        reasons += self._follow_axes(sample, self._sampled, linked)
         # the heading is not forecast: the last one measured is held
         yaw, yaw_rate = self._heading
         self._heading = (
@@ -216,6 +224,17 @@ class Forecaster:
         ahead = None if self._bank is None else self._ahead(sample.stamp_ns)
         return ForecastStep(reasons, sample, self._sampled.intervals - 1, ahead)
 
+    def _clock_has_stepped(self, sample: CraftSample, usual: float, elapsed: float) -> bool:
+        """Whether the motion has gone on by ``usual`` s only, while the stamps have by ``elapsed`` s."""
+        if not elapsed - usual > self._scale.period / ROWS_A_PERIOD:
+            return False
+        elapsed = min(elapsed, MEMORY_OF_SIZE * self._scale.period)
+        evidence = 0.0
+        for name, axis in self._axes.items():
+            angle, rate, *_ = _OF_AXIS[name](sample)
+            evidence += axis.evidence_of_step(angle, rate, usual, elapsed)
+        return evidence > CONVINCING
+
     def issue(self, step: ForecastStep) -> ForecastStep:
         """Complete the step of the newest sample with the forecasts that are due, which take longer."""
         sample, bank = step.sample, self._bank
@@ -223,13 +242,13 @@ class Forecaster:
             return step
         sea = self._take_over(bank)
         filtered = [axis.motion if axis.hull.is_started else None for axis in self._axes.values()]
-        steps = 0
         for age, row in self._clock.take(sample, self._sampled, filtered):
-            steps += 1
+            self._steps += 1
             if row is not None:
-                self._take_row(bank, steps, self._stamp - age, row)
-                steps = 0
-        if self._time < self._due:
+                self._take_row(bank, self._steps, self._stamp - age, row)
+                self._steps = 0
+        # after missing rows the first one shows what can be forecast
+        if self._time < self._due or self._steps:
             return step if sea is None else step._replace(sea=sea)
         bank = self._look_at_period(bank)
         self._schedule()
@@ -245,9 +264,10 @@ class Forecaster:
             axis.size.restart()
         if self._bank is not None:
             self._upstream.skip(2 * MAX_LAGS)
-            self._bank.begin(self._newest(0))
-        self._skip_rows(2 * MAX_LAGS)
-        self._clock.restart()
+            self._bank.restart()
+        self._skip_rows(2 * MAX_LAGS - 1)
+        self._steps = 1
+        self._clock.pause()
         self._clock.sensor.restart()
         if self._calm is not None:
             self._calm.quiescence.clear()
@@ -312,7 +332,7 @@ class Forecaster:
         if before is not None:
             self._bank.blend.carry_over(before.blend)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
-        self._has_waves, self._waiting = False, None
+        self._has_waves, self._waiting, self._steps = False, None, 0
         self._refit_due = -math.inf
         self._follow_period(self._bank)
 

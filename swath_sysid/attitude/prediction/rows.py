@@ -140,6 +140,11 @@ class RowClock:
         self._filtered: list[float] = []
         self._clear_block()
 
+    def pause(self) -> None:
+        """Forget the samples since the newest row: the next row is of a whole number of samples yet to come."""
+        self.restart()
+        self._ticks = 0
+
     def _clear_block(self):
         self._sums, self._counts = [0.0] * len(ATTITUDE), [0] * len(ATTITUDE)
 
@@ -222,11 +227,14 @@ class RowClock:
             self._lag = self._lag + elapsed - ticks * self._tick
             shares = [min((first + place * self._tick) / elapsed, 1.0) for place in range(ticks)]
         if elapsed > max(LONGEST_FILLED * self.period, 1.5 * self.interval):
-            missing = max(round((self._ticks * self._tick + elapsed) / self.step), 1) - 1
+            # the rows to come are whole steps after those before, and of so many samples: fewer are less smooth
+            ticks = max(round(self._ticks + elapsed / self._tick), 1)
+            missing = math.ceil((ticks - 1) / self.samples)
             self.restart()
+            self._ticks = ticks - 1 - missing * self.samples
             self._newest, shares = list(_channels_of(sample)), [1.0]
             rows: list[tuple[float, list[float] | None]] = [
-                ((missing - place) * self.step, None) for place in range(missing)
+                ((ticks - (place + 1) * self.samples) * self._tick, None) for place in range(missing)
             ]
         else:
             rows = []
@@ -259,6 +267,8 @@ class RowClock:
         else:
             self._values = list(values)
         self._ticks += 1
+        if self._ticks == 0:
+            self._clear_block()
         if self._ticks < self.samples:
             return False
         self._ticks = 0

@@ -56,8 +56,9 @@ class InnovationsFilter:
 
     Targets are channels, or the difference ``X_rate`` of a channel ``X``; NaN without either. ``horizon``, s, is the
     longest lead and age together; ``steps`` are those of `forecast` without leads. ``strain`` is the running mean of
-    squared innovations over their expectation; one is healthy. ``state`` (n,) and ``state_covariance`` (n, n), None
-    where the state is known, are those after the newest row.
+    squared innovations over their expectation; one is healthy. ``doubt`` multiplies the part of a forecast's variance
+    that is the state's: a model may err about a state that it has not followed. ``state`` (n,) and ``state_covariance``
+    (n, n), None where the state is known, are those after the newest row.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class InnovationsFilter:
         self.model = model
         self.targets = tuple(targets)
         self.horizon = horizon
+        self.doubt = 1.0
         self._places = np.array(model.places, dtype=int)
         self._scale = 1.0 / model.scale
         self._following = np.vstack([model.c, model.a])
@@ -190,8 +192,9 @@ class InnovationsFilter:
             # means at steps -1, 0, ... and covariances at steps 0, 1, ..., until the next row comes
             means = self._of_past @ np.concatenate([self.state, *self._recent])
             free, p, of_state = self._free, self.state_covariance, self._of_state
-            covariances = free if p is None else free + of_state @ p @ of_state.transpose(0, 2, 1)
-            self._stepped = means.reshape(-1, len(self.targets)) + self._offset, covariances
+            if p is not None:
+                free = free + self.doubt * (of_state @ p @ of_state.transpose(0, 2, 1))
+            self._stepped = means.reshape(-1, len(self.targets)) + self._offset, free
         means, covariances = self._stepped
         if leads is None:
             return means[1:][self._at], covariances[self._at]
@@ -279,6 +282,19 @@ class SparseFilter:
     def is_contradicted(self) -> bool:
         """As of `InnovationsFilter`."""
         return self._space.is_contradicted
+
+    @property
+    def doubt(self) -> float:
+        """As of `InnovationsFilter`."""
+        return self._space.doubt
+
+    @doubt.setter
+    def doubt(self, factor: float) -> None:
+        self._space.doubt = factor
+
+    def restart(self) -> None:
+        """As of `InnovationsFilter`."""
+        self._space.restart()
 
     def seed(self, rows: np.ndarray) -> None:
         """Restart and step through recent rows (N, width), the newest among them."""

@@ -16,7 +16,19 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, Region
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.prediction.filter_settings import MEASURABLE, ManoeuvreFilterSettings
-from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report, verdict_values
+from swath_sysid.pipeline.health import (
+    BAD_MODEL,
+    ERROR,
+    OK,
+    SILENT,
+    WARN,
+    Condition,
+    Reasons,
+    Report,
+    codes_of,
+    verdict_values,
+    worst_of,
+)
 
 LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
 NOT_FINITE, OUTLIER, FOLLOWED, NO_THRUST = 'not-finite', 'outlier', 'sensor-followed', 'no-thrust'
@@ -254,20 +266,20 @@ class ManoeuvringHealth(Reasons):
 
     def reports(self, now: float) -> list[Report]:
         """The report now, s, and start a new period."""
-        fresh = self.fresh(self._pipeline.counts)
-        level, text = OK, 'forecasting with the identified model'
+        found = self.grown(self.fresh(self._pipeline.counts))
         model = self._pipeline.identified
         if self._arrival is None or now - self._arrival > self._pipeline.settings.gap_limit:
-            level, text = ERROR, f'no odometry on {self._topic}: check that it is published there, or remap the topic'
-        elif fresh:
-            level, text = WARN, self.worst(fresh)
-        elif self._refusal:
-            level, text = WARN, f'{self._refusal}; the previous model stays'
+            sentence = f'no odometry on {self._topic}: check that it is published there, or remap the topic'
+            found.insert(0, Condition(ERROR, SILENT, sentence))
+        if self._refusal:
+            found.append(Condition(WARN, BAD_MODEL, f'{self._refusal}; the previous model stays'))
         elif not self._pipeline.has_model:
-            level = WARN
-            text = 'no model yet, steady motion is assumed: give model_file, or publish one on manoeuvring/model'
+            sentence = 'no model yet, steady motion is assumed: give model_file, or publish one on manoeuvring/model'
+            found.append(Condition(WARN, 'no-model', sentence))
         elif model is not None and model.verdict not in ('', ADEQUATE):
-            level, text = WARN, f'the model is {model.verdict}: {model.verdict_sentence}'
+            sentence = f'the model is {model.verdict}: {model.verdict_sentence}'
+            found.append(Condition(WARN, 'model-doubtful', sentence))
+        level, text = worst_of(found) if found else (OK, 'forecasting with the identified model')
         values: dict[str, object] = {
             'received': self._received,
             'bad_models': self._bad_models,
@@ -275,4 +287,4 @@ class ManoeuvringHealth(Reasons):
             **verdict_values({'manoeuvring': model}),
             **self._pipeline.counts,
         }
-        return [Report('manoeuvre', level, text, values)]
+        return [Report('manoeuvre', level, text, values, codes_of(found))]
