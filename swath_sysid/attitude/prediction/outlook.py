@@ -127,7 +127,7 @@ class CalmForecaster:
         self.quiescence.learn(of_row, what_came)
         activity = 2 * [axis.size.activity for axis in self._axes]
         activity += [max(abs(value), LEAST_SIZE) for value in whole[0, len(ATTITUDE) :].tolist()]
-        turned = [axis.size.reach.amplitude for axis in self._axes]
+        turned = [max(axis.size.reach.amplitude, LEAST_SIZE) for axis in self._axes]
         period = self.quiescence.period = self._axes[0].size.period
         reach = [*turned, *[2.0 * math.pi / period * each for each in turned]]
         reach += [math.nan] * (whole.shape[1] - len(ATTITUDE))
