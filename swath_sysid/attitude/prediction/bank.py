@@ -101,7 +101,7 @@ class Bank:
 
     @property
     def _is_after_break(self) -> bool:
-        """Whether rows were missing within the newest period."""
+        """Whether a period or more was missing until within the newest one."""
         return self._since_break * self._step < self._period
 
     def set_period(self, period: float) -> None:
@@ -173,7 +173,8 @@ class Bank:
 
     def skip(self, count: int) -> None:
         """Step over missing rows."""
-        self._since_break = 0
+        if count * self._step > self._period:
+            self._since_break = 0
         self.blend.skip(count)
         for candidate in self._on_rows.values():
             candidate.skip(count)
