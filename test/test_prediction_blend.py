@@ -92,11 +92,16 @@ def test_after_a_break_a_candidate_that_knows_little_has_no_weight_however_littl
     _take(blend, [0.1, 0.3], 600)
     mean, covariance = np.array([1.0, 2.0])[:, None, None] * np.ones((2, 3, 1)), np.full((2, 3, 1, 1), 0.09)
     covariance[0] = 4.0
-    before, after = (blend.combine(0, mean, covariance, [0], after_break=each) for each in (False, True))
+
+    def combined(is_after_break):
+        blend.is_after_break = is_after_break
+        return blend.combine(0, mean, covariance, [0])
+
+    before, after = combined(False), combined(True)
     assert before.mean == pytest.approx(1.0, abs=0.05) and after.mean == pytest.approx(2.0, abs=0.05)
     # of one that claims what it did before, nothing changes
     covariance[0] = 0.01
-    before, after = (blend.combine(0, mean, covariance, [0], after_break=each) for each in (False, True))
+    before, after = combined(False), combined(True)
     assert after.mean == pytest.approx(before.mean)
 
 

@@ -99,11 +99,6 @@ class Bank:
         ]
         return np.array(known).T.ravel()
 
-    @property
-    def _is_after_break(self) -> bool:
-        """Whether a period or more was missing until within the newest one."""
-        return self._since_break * self._step < self._period
-
     def set_period(self, period: float) -> None:
         """Count memories in another period of the motion, s."""
         self._period = period
@@ -191,7 +186,6 @@ class Bank:
             np.array([axis.rows_since_surprise for axis in self._axes]),
             np.array([axis.hull.is_free for axis in self._axes], dtype=int),
             np.array([max(axis.size.present, axis.size.activity) for axis in self._axes]),
-            self._is_after_break,
         )
         for axis in self._axes:
             axis.rows_since_surprise += steps
@@ -200,8 +194,7 @@ class Bank:
         """The average of the candidates at the leads, ``age`` s after the newest row."""
         at_row = age == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
         mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
-        known = self._noise, self._present
-        ahead = self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, *known, self._is_after_break)
+        ahead = self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
         return self._bounded(ahead)
 
     def _bounded(self, ahead: Forecast) -> Forecast:
@@ -253,9 +246,11 @@ class Bank:
             mean[level, :, place], mean[level, :, place + len(AXES)] = axis.size.mean, 0.0
             covariance[level, :, place::2, place::2] = np.diag(size**2)
         noise = self._present if self._clock.is_smoothed else self._noise
+        # a period or more was missing until within the newest one
+        self.blend.is_after_break = is_after_break = self._since_break * self._step < self._period
         for space in self.spaces.values():
             # as far off as the innovations of a model that is accepted
-            space.doubt = HEALTHY_STRAIN if self._is_after_break else 1.0
+            space.doubt = HEALTHY_STRAIN if is_after_break else 1.0
         for name, candidate in self._on_rows.items():
             mean[self._place[name]], of_readings = candidate.forecast(leads, age)
             covariance[self._place[name]] = without_noise(of_readings, noise)

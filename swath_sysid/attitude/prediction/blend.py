@@ -65,6 +65,8 @@ class Blend:
         self.blended_square = np.zeros((steps, axes))
         self.coverage = np.full((steps, axes), 1.0 - _MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self.mean_square.shape)
+        #: Whether candidates are taken to err by no less than their variance: their past errors do not apply.
+        self.is_after_break = False
 
     def set_period(self, step: float, period: float) -> None:
         """Count memories in a period of the motion; a row is a step, both s."""
@@ -81,7 +83,6 @@ class Blend:
         foreseeable: np.ndarray | float = np.inf,
         free: np.ndarray | int = 0,
         size: np.ndarray | float = 1.0,
-        after_break: bool = False,
     ) -> None:
         """Score the forecasts that this row's angles (A,), NaN where missing, make known, and keep those issued at it.
 
@@ -89,7 +90,6 @@ class Blend:
         ``foreseeable`` (A,) counts rows since an unforeseen moment acted: errors of earlier forecasts are not used
         unless that happens all the time. ``free`` (A,) is one where nothing acts on the craft. ``size`` (A,) is that of
         the motion now: what an error says of the next ones is relative to it, where the motion has grown.
-        ``after_break``: candidates are taken to err by no less than their variance.
         """
         rows = self._issued.shape[0]
         then, now = (self._row - self.steps) % rows, self._row % rows
@@ -113,7 +113,7 @@ class Blend:
         self._learn(errors, blended, of_average, interval, noise_variance, was_free, growth)
         self._was_free[now] = free
         self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
-        own = self._weights(self._places, self._axes, variance + noise_variance, after_break)
+        own = self._weights(self._places, self._axes, variance + noise_variance)
         weights = present_weights(own, np.isfinite(mean))
         variance = _weighted(weights, variance)
         half = _QUANTILE**2 * (self.scale * variance + noise_variance)
@@ -178,9 +178,9 @@ class Blend:
         self._spread[(slice(None), *was_free)] = time, mean_ratio, tail, scale
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 
-    def _weights(self, steps: np.ndarray, axes: np.ndarray, variance: np.ndarray, after_break: bool) -> np.ndarray:
+    def _weights(self, steps: np.ndarray, axes: np.ndarray, variance: np.ndarray) -> np.ndarray:
         """Weights (E, L, M) at steps (L,) for targets of axes (M,), of which the candidates claim a variance."""
-        if after_break:
+        if self.is_after_break:
             square = np.maximum(self.mean_square[:, steps], np.nan_to_num(variance[..., : self._axes.size]))
             return error_weights(square, self._time[steps], self._prior)[..., np.ravel(axes)]
         return self.weights[:, steps[:, None], np.atleast_2d(axes)]
@@ -199,18 +199,17 @@ class Blend:
         axis_of: Sequence[int],
         noise_variance: float | np.ndarray = 0.0,
         least_variance: float | np.ndarray = 0.0,
-        after_break: bool = False,
     ) -> Forecast:
         """Weighted average of the true motion at the leads, from the candidates' forecasts issued at this stamp.
 
         The candidates' means (E, L, M) and covariances (E, L, M, M) are of the true motion, NaN without a forecast;
-        ``axis_of`` is each target's axis, the angles come first; no variance is less than ``least_variance``;
-        ``after_break`` as of `take`. Within the first row the errors are not known: the sooner, the more the first
-        candidate counts, which follows every sample.
+        ``axis_of`` is each target's axis, the angles come first; no variance is less than ``least_variance``. Within
+        the first row the errors are not known: the sooner, the more the first candidate counts, which follows every
+        sample.
         """
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
         claimed = np.diagonal(covariance, axis1=2, axis2=3) + noise_variance
-        weights, scale = self._weights(self.place_of_lead, places[1], claimed, after_break), self.scale[places]
+        weights, scale = self._weights(self.place_of_lead, places[1], claimed), self.scale[places]
         if self._of_row[0] < 1.0:
             weights = self._of_row * weights
             weights[0] += 1.0 - self._of_row
