@@ -9,7 +9,6 @@ import numpy as np
 from scipy.constants import day
 from scipy.signal import welch
 
-from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.attitude.motion.trial import AXES, CHANNELS, Trial
 from swath_sysid.attitude.motion.vertical import (
     ACCELERATION,
@@ -21,8 +20,6 @@ from swath_sysid.attitude.motion.vertical import (
 )
 from swath_sysid.attitude.prediction.point import Point, point_motion
 from swath_sysid.attitude.prediction.quiescence import quantity_at
-from swath_sysid.attitude.prediction.state_space import RIDGE
-from swath_sysid.attitude.prediction.variate_analysis import ROWS_A_COEFFICIENT
 from swath_sysid.common.errors import InputError
 
 #: Order of each regression, given enough past; ``ar`` reads its own angle, ``var`` every channel.
@@ -37,6 +34,8 @@ ROWS_A_PERIOD = 30.0  #: A slower sensor gives one row per sample.
 EVEN = 1.5  #: Usual intervals between two samples from which one was lost.
 #: Periods that show the period, looked for in so many samples and in a longer past by this factor, and so on.
 FIRST_PERIODS, FEWEST_SAMPLES, LONGER = 2.0, 8, 1.25
+RIDGE = 1e-8  #: Of the coefficients, over the variance of each channel.
+ROWS_A_COEFFICIENT = 8.0
 LONGEST_SEGMENT = 1024  #: Samples that a spectrum is made of.
 LONGEST_PAUSE = day  #: s; a longer one within a record is an error of its stamps.
 ON_A_SAMPLE = 0.02  #: Usual intervals from a sample within which a time is the sample's.
@@ -277,6 +276,7 @@ def _ahead(constant: np.ndarray, coefficients: np.ndarray, targets: Sequence[int
     return (1.0 - share) * constant_of[below] + share * constant_of[above], matrix
 
 
+_BRIDGED = 1.0  #: s; a shorter gap is bridged linearly, a longer one ends a stretch.
 _WITH_RATES = ('heave', 'heave_rate', 'vertical_velocity', 'vertical_velocity_rate', 'vertical_acceleration')
 WITHOUT_RATES = ('roll', 'pitch', 'accel_x', 'accel_y', 'accel_z')
 
@@ -310,9 +310,7 @@ def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretc
     if time.size < 2:
         raise InputError(f'{name} holds no two samples with all of {", ".join(names)}: check the sensor')
     step = float(np.median(np.diff(time)))
-    # a shorter gap is bridged linearly
-    longest = max(StampSettings.gap_limit, EVEN * step)
-    parts = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > longest) + 1)
+    parts = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > max(_BRIDGED, 1.5 * step)) + 1)
     stretches = []
     for part in parts:
         begin, end = time[part[[0, -1]]]
