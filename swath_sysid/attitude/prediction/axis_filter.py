@@ -208,10 +208,9 @@ class MotionSize:
         self._elapsed += elapsed
         self.reach.add(self._elapsed, angle)
         slow = elapsed / min(self._memory * self.period, self._elapsed) if elapsed > 0.0 else 0.0
-        quick, steady = (
-            min(1.0, elapsed / min(time * self.period, max(self._elapsed, elapsed, 1e-9)))
-            for time in (_ACTIVITY_TIME, _PRESENT_TIME)
-        )
+        known = max(self._elapsed, 1e-9)
+        quick = elapsed / min(_ACTIVITY_TIME * self.period, known)
+        steady = elapsed / min(_PRESENT_TIME * self.period, known)
         if self.mean != self.mean:
             self.mean = angle
         self.mean += slow * (angle - self.mean)
@@ -220,8 +219,8 @@ class MotionSize:
         self._rate_square += slow * (rate * rate - self._rate_square)
         # both halves of the oscillation's energy, so that the size does not oscillate with the phase
         share = self._square / max(self._rate_square, LEAST_SIZE**2)
-        self._recent += quick * (0.5 * (square + share * rate * rate) - self._recent)
-        self._present += steady * (square - self._present)
+        self._recent += min(1.0, quick) * (0.5 * (square + share * rate * rate) - self._recent)
+        self._present += min(1.0, steady) * (square - self._present)
 
     @property
     def deviation(self) -> float:
@@ -289,11 +288,13 @@ class NoiseMeter:
         self.take(value)
         if not reported > 0.0:
             return 0.0
+        if self._count < _MEMORY:
+            return reported
         least, most = sorted((self._average, self._finer))
-        is_settled = self._count == _MEMORY
-        is_less = max(least, self._least) * _TOLD_WRONG < reported
+        measured = max(least, self._least)
+        is_less = measured * _TOLD_WRONG < reported
         is_more = self._finer > _TOLD_WRONG * reported and most < _ALIKE * least
-        return max(least, self._least) if is_settled and (is_less or is_more) else reported
+        return measured if is_less or is_more else reported
 
 
 class AgreementMeter:

@@ -245,15 +245,17 @@ class Bank:
             level, size = self._place[LEVEL], np.array([1.0, 2.0 * math.pi / self._period]) * axis.size.activity
             mean[level, :, place], mean[level, :, place + len(AXES)] = axis.size.mean, 0.0
             covariance[level, :, place::2, place::2] = np.diag(size**2)
-        noise = self._present if self._clock.is_smoothed else self._noise
         # a period or more was missing until within the newest one
         self.blend.is_after_break = is_after_break = self._since_break * self._step < self._period
         for space in self.spaces.values():
             # as far off as the innovations of a model that is accepted
             space.doubt = HEALTHY_STRAIN if is_after_break else 1.0
         for name, candidate in self._on_rows.items():
-            mean[self._place[name]], of_readings = candidate.forecast(leads, age)
-            covariance[self._place[name]] = without_noise(of_readings, noise)
+            mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
+        noise = self._present if self._clock.is_smoothed else self._noise
+        if noise.any():
+            of_readings = [self._place[name] for name in self._on_rows]
+            covariance[of_readings] = without_noise(covariance[of_readings], noise)
         strained = {
             self._place[name]: each.strain for name, each in self._fitted.items() if each.strain > HEALTHY_STRAIN
         }
@@ -288,10 +290,10 @@ class Bank:
 
 
 def without_noise(covariance: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Covariances (L, M, M) of readings less the variances (M,) of their noise; correlations stay."""
-    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    """Covariances (..., M, M) of readings less the variances (M,) of their noise; correlations stay."""
+    variance = np.diagonal(covariance, axis1=-2, axis2=-1)
     share = np.maximum(1.0 - noise / np.maximum(variance, 1e-300), MIN_SHARE)
-    return covariance * np.sqrt(share[:, :, None] * share[:, None, :])
+    return covariance * np.sqrt(share[..., :, None] * share[..., None, :])
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ and makes every so many samples a row.
 import math
 from collections import deque
 from collections.abc import Sequence
+from itertools import chain
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -213,11 +214,8 @@ class RowClock:
         """
         elapsed = sampled.intervals * self.interval
         before, self._newest = self._newest, list(_channels_of(sample))
-        motions = [motion or _UNKNOWN for motion in filtered]
-        filtered_before, self._filtered = (
-            self._filtered,
-            [value for part in zip(*motions, strict=True) for value in part],
-        )
+        angles_and_rates = zip(*(motion or _UNKNOWN for motion in filtered), strict=True)
+        filtered_before, self._filtered = self._filtered, list(chain.from_iterable(angles_and_rates))
         if abs(self.interval / self._tick - 1.0) < _NEW_STEP:
             shares = [(place + 1) / sampled.intervals for place in range(sampled.intervals)]
             elapsed = sampled.intervals * self._tick
