@@ -181,6 +181,12 @@ def worst_of(found: Sequence[Condition]) -> tuple[int, str]:
     return max(each.level for each in found), '; '.join(dict.fromkeys(each.sentence for each in found))
 
 
+def joined(found: Sequence[Condition], others: Iterable[Condition]) -> list[Condition]:
+    """Some conditions and, of others, those that they do not tell already."""
+    told = codes_of(found)
+    return [*found, *(each for each in others if each.code not in told)]
+
+
 def codes_of(found: Iterable[Condition]) -> tuple[str, ...]:
     """Their codes."""
     return tuple(each.code for each in found)
@@ -310,10 +316,7 @@ class StreamHealth(Reasons):
             )
         if not now_ns and now - (self._begun or 0.0) > DISCOVERY:
             found.append(Condition(WARN, NO_CLOCK, CURES[NO_CLOCK]))
-        known = {each.code for each in found}
-        found += [each for each in self.holding if each.code not in known]
-        known = {each.code for each in found}
-        found += [each for each in self.grown(fresh) if each.code not in known]
+        found = joined(joined(found, self.holding), self.grown(fresh))
         if age is not None and now_ns:
             late = age - min(self._ages)
             if late > LARGEST_STAMP_AGE:
@@ -383,8 +386,7 @@ class IdentifierHealth(Reasons):
         self, models: str, steps_back: int, is_busy: bool, verdicts: Mapping[str, object] | None = None
     ) -> Report:
         """The report now, and start a new period; ``steps_back``: how many models `rollback` can return to."""
-        held = self.holding
-        found = held + [each for each in self.grown(self.fresh(self.counts)) if each.code not in codes_of(held)]
+        found = joined(self.holding, self.grown(self.fresh(self.counts)))
         doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
         level, message = worst_of(found) if found else (OK, doing)
         values: dict[str, object] = {
