@@ -8,35 +8,27 @@ from std_srvs.srv import SetBool, Trigger
 
 from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
 from swath_sysid.formats.messages import imu_reading, window_message
+from swath_sysid.nodes import qos
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import window_settings
-from swath_sysid.nodes.qos import (
-    IMU_TOPIC,
-    LATCHED,
-    arrival_time,
-    imu_subscription,
-    note_publishers,
-    waiting,
-    watched_publisher,
-)
 from swath_sysid.pipeline.health import BufferHealth, Report
 
 
 class ImuBuffer(Node):
     """imu/data in, motion/window out, services ~/publish_window, ~/clear and ~/record."""
 
-    waits_for = IMU_TOPIC  #: The topic without which it does nothing.
+    waits_for = qos.IMU_TOPIC  #: The topic without which it does nothing.
 
     def __init__(self) -> None:
         super().__init__('imu_buffer')
         self.parameters = NodeParameters(self, 'imu_buffer', window_settings, self._change)
         self.window = MotionWindow(self.parameters.settings)
         self.window.record(self.parameters['record_at_start'])
-        self.health = BufferHealth(self.resolve_topic_name(IMU_TOPIC), self.window)
-        self._publisher = watched_publisher(self, PointCloud2, 'motion/window', LATCHED, self.health)
-        self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
+        self.health = BufferHealth(self.resolve_topic_name(qos.IMU_TOPIC), self.window)
+        self._publisher = qos.watched_publisher(self, PointCloud2, 'motion/window', qos.LATCHED, self.health)
+        self._subscription = qos.imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self.create_service(Trigger, '~/publish_window', self._on_publish_window)
         self.create_service(Trigger, '~/clear', self._on_clear)
         self.create_service(SetBool, '~/record', self._on_record)
@@ -49,13 +41,13 @@ class ImuBuffer(Node):
 
     def _on_imu(self, message: Imu) -> None:
         # all that wait at once: beside a busy predictor each return to the executor costs this thread milliseconds
-        for each in (message, *waiting(self._subscription, self.parameters['queue_depth'])):
+        for each in (message, *qos.waiting(self._subscription, self.parameters['queue_depth'])):
             self._add(each)
 
     def _add(self, message: Imu) -> None:
         begun, clock_ns = perf_counter(), self.get_clock().now().nanoseconds
         reading = imu_reading(message)
-        step = self.window.add(reading, arrival_time(self))
+        step = self.window.add(reading, qos.arrival_time(self))
         if step.finished is not None:
             self.health.decays += 1
             decay = step.finished.segment
@@ -92,7 +84,7 @@ class ImuBuffer(Node):
         return response
 
     def _reports(self) -> list[Report]:
-        note_publishers(self, self._subscription, self.health)
+        qos.note_publishers(self, self._subscription, self.health)
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
 
 

@@ -14,22 +14,13 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC, NEXT_TOPIC
+from swath_sysid.nodes import qos
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_slower
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.forecast_publishers import forecast_publishers
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import pipeline_settings
-from swath_sysid.nodes.qos import (
-    IMU_TOPIC,
-    LATCHED,
-    NEWEST,
-    arrival_time,
-    imu_subscription,
-    note_publishers,
-    waiting,
-    watched_subscription,
-)
 from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.nodes.upstream_topics import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
@@ -43,7 +34,7 @@ PASSED_OVER_NS = 100_000_000
 class Predictor(Node):
     """imu/data, model/description, craft/loading and upstream channels in, forecast/* out."""
 
-    waits_for = IMU_TOPIC  #: The topic without which it does nothing.
+    waits_for = qos.IMU_TOPIC  #: The topic without which it does nothing.
 
     def __init__(self) -> None:
         super().__init__('predictor')
@@ -53,7 +44,7 @@ class Predictor(Node):
         self._depth, self._is_in_step = self.parameters['queue_depth'], self.parameters['in_step']
         self.upstream = Upstream(self, self.parameters['upstream'], self._depth)
         self.pipeline = ForecastPipeline(self.upstream.settings(self.parameters.settings))
-        self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
+        self.health = PredictorHealth(self.resolve_topic_name(qos.IMU_TOPIC), self.pipeline)
         report_slower(self, self.health, why_slower())
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self._is_in_step)
         self._messages, self._publisher_of = forecast_publishers(self, self.parameters, self.health)
@@ -63,12 +54,12 @@ class Predictor(Node):
         self._intake = ModelIntake(
             lambda text: description_from_yaml(text, DESCRIPTION_TOPIC) if text else ({}, {}), self._refuse_model
         )
-        watched_subscription(
-            self, String, DESCRIPTION_TOPIC, lambda message: self._intake.submit(message.data), LATCHED, self.health
+        qos.watched_subscription(
+            self, String, DESCRIPTION_TOPIC, lambda message: self._intake.submit(message.data), qos.LATCHED, self.health
         )
-        watched_subscription(self, Float64, 'craft/loading', self._on_loading, NEWEST, self.health)
+        qos.watched_subscription(self, Float64, 'craft/loading', self._on_loading, qos.NEWEST, self.health)
         self.upstream.listen(self.pipeline, self.health)
-        self._subscription = imu_subscription(self, Imu, self._on_imu, self._depth, self.health)
+        self._subscription = qos.imu_subscription(self, Imu, self._on_imu, self._depth, self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
     def destroy_node(self) -> None:
@@ -84,7 +75,7 @@ class Predictor(Node):
         clock_ns = self.get_clock().now().nanoseconds
         if self.upstream.sources:
             self.upstream.take_waiting()
-        messages = [message, *waiting(self._subscription, self._depth)]
+        messages = [message, *qos.waiting(self._subscription, self._depth)]
         readings = [imu_reading(each) for each in messages]
         forecast_from = readings[0 if self._is_in_step else -1].stamp_ns - PASSED_OVER_NS
         for each, reading in zip(messages, readings, strict=True):
@@ -96,7 +87,7 @@ class Predictor(Node):
     def _add(self, reading: ImuReading, is_passed_over: bool) -> None:
         if self.sea.is_fitting:
             self.sea.hand_over(reading.stamp_ns)
-        step = self.pipeline.begin(self.pipeline.intake.take(reading, arrival_time(self)))
+        step = self.pipeline.begin(self.pipeline.intake.take(reading, qos.arrival_time(self)))
         if not is_passed_over:
             self._publish(self._messages.next_of(step))
         step = self.pipeline.finish(step)
@@ -152,7 +143,7 @@ class Predictor(Node):
 
     def _reports(self) -> list[Report]:
         self._use_new_models()  # also while the sensor is silent
-        note_publishers(self, self._subscription, self.health)
+        qos.note_publishers(self, self._subscription, self.health)
         self.health.note_predictors(self.count_publishers(self._publisher_of[NEXT_TOPIC].topic_name))
         return [*self.health.reports(perf_counter(), self.get_clock().now().nanoseconds), *self.upstream.reports()]
 
