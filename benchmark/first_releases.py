@@ -13,6 +13,7 @@ import argparse
 from itertools import product
 
 import numpy as np
+from shortest_leads import ANGLE_NOISE, RATE_NOISE, TOLD
 
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
@@ -24,7 +25,6 @@ PERIODS = 1.0, 1.4, 2.0, 2.8, 3.5, 4.5, 6.0, 8.0  #: s.
 SECONDS = (0.0, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 8.0), (8.0, 12.0)
 LEAD, PERIODS_AHEAD = 0.1, (0.25, 0.5, 1.0, 2.0)
 REST, LEAN, HELD, PUSH = 5.0, 1.5, 3.0, 0.5  #: s.
-TOLD = {'_variance': 3e-4, '_rate_variance': 2e-3}
 
 
 class Release:
@@ -72,7 +72,7 @@ def forecasts(release: Release, period: float, rate: float, seed: int):
     found = []
     for time in np.arange(0.0, release.begin + SECONDS[-1][1], 1.0 / rate).tolist():
         angle, angular_rate = (value.item() for value in release.motion(np.array([time])))
-        noise = rng.normal(size=4) * [3e-4, 3e-4, 2e-3, 2e-3]
+        noise = rng.normal(size=4) * [ANGLE_NOISE, RATE_NOISE, ANGLE_NOISE, RATE_NOISE]
         values = {'roll': angle, 'roll_rate': angular_rate, 'pitch': 0.0, 'pitch_rate': 0.0}
         values = {name: value + each for (name, value), each in zip(values.items(), noise.tolist(), strict=True)}
         unknown = dict.fromkeys(CraftSample._fields, np.nan)

@@ -178,11 +178,13 @@ def show(name, axis, span, of_all, of_clean):
 def main():
     """Print the table of the faults asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('faults', nargs='*', choices=[[], *FAULTS], metavar='FAULT', help=f'of {", ".join(FAULTS)}')
+    parser.add_argument('faults', nargs='*', metavar='FAULT', help=f'of {", ".join(FAULTS)}')
     parser.add_argument('--seeds', type=int, default=8)
     parser.add_argument('--size', type=float, default=1.0, help='the motion as many times larger; 0: at rest')
     parser.add_argument('--hulls', action='store_true', help='with the true hulls')
     given = parser.parse_args()
+    if unknown := set(given.faults) - set(FAULTS):
+        parser.error(f'{", ".join(sorted(unknown))} is none of {", ".join(FAULTS)}')
     faults = ['clean', *(name for name in given.faults or FAULTS if name != 'clean')]
     found = {name: [] for name in faults}
     reasons = {name: Counter() for name in faults}

@@ -12,41 +12,42 @@ names.
 import argparse
 
 import numpy as np
-from record_forecasts import BUOY, DATA
+from record_forecasts import buoy
 
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.formats.reading import read_trial
+from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.pipeline.record_run import run_through
 
 LEADS = 0.5, 1.0, 2.0, 5.0
 PERIOD = 3.3  #: s; of the buoy.
 SPANS = (0.0, 0.25), (0.25, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, 40.0)
-ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
 STILL = np.radians(0.002)
 
 
-def buoy():
-    """The moored buoy's angles and rates about their means (N, 4), ten a second."""
-    trial = read_trial(DATA / BUOY, frame='frd')
+#: What follows a change, of the motion (N, 4) that would have come without it and that of a still craft.
+CHANGES = {
+    'onset': lambda after, still: after,
+    'turn': lambda after, still: after[:, [1, 0, 3, 2]],
+    'doubled': lambda after, still: 2.0 * after,
+    'halved': lambda after, still: 0.5 * after,
+    'rest': lambda after, still: still,
+    'none': lambda after, still: after,
+}
+
+
+def motion_of_buoy():
+    """Its angles and rates about their means (N, 4), ten a second."""
+    trial = buoy()
     motion = np.stack([trial.channels[name] for name in ATTITUDE], axis=1)
     return np.nan_to_num(motion - np.nanmean(motion, axis=0))
 
 
 def changed(motion, kind, row, seed=0):
     """The motion with a change at a row."""
-    before, after = motion[:row], motion[row:]
     still = np.random.default_rng(seed).normal(size=motion.shape) * STILL * np.array([1.0, 1.0, 3.0, 3.0])
-    return np.vstack(
-        {
-            'none': lambda: [before, after],
-            'onset': lambda: [still[: len(before)], after],
-            'rest': lambda: [before, still[row:]],
-            'turn': lambda: [before, after[:, [1, 0, 3, 2]]],
-            'doubled': lambda: [before, 2.0 * after],
-            'halved': lambda: [before, 0.5 * after],
-        }[kind]()
-    )
+    before = still if kind == 'onset' else motion
+    return np.vstack([before[:row], CHANGES[kind](motion[row:], still[row:])])
 
 
 def scores(motion, start):
@@ -67,12 +68,14 @@ def scores(motion, start):
 def main() -> None:
     """Print a line for each change, axis and span."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('changes', nargs='*', default=['onset', 'turn', 'doubled', 'halved', 'rest', 'none'])
+    parser.add_argument('changes', nargs='*', default=[*CHANGES], help=f'of {", ".join(CHANGES)} (default: all)')
     parser.add_argument('--change', type=float, default=100.0, help='s after the first sample')
     parser.add_argument('--starts', type=int, default=6, help='at different times of the record')
     given = parser.parse_args()
+    if unknown := set(given.changes) - set(CHANGES):
+        parser.error(f'{", ".join(sorted(unknown))} is none of {", ".join(CHANGES)}')
     row, length = round(10.0 * given.change), round(10.0 * (given.change + SPANS[-1][1] * PERIOD))
-    whole = buoy()
+    whole = motion_of_buoy()
     starts = np.linspace(0, len(whole) - length, given.starts).astype(int)
     print(f'leads {LEADS} s; error | held | stated, over the motion')
     for kind in given.changes:

@@ -21,6 +21,7 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 
 LEADS = 0.02, 0.05, 0.1, 0.2, 0.5
 ANGLE_NOISE, RATE_NOISE = 3e-4, 2e-3  #: rad and rad/s; as told.
+TOLD = {'_variance': ANGLE_NOISE, '_rate_variance': RATE_NOISE}
 DRIFT = 2e-4
 PERIOD, SIZE = 3.0, 0.05  #: s and rad; of the roll.
 
@@ -58,9 +59,6 @@ def samples(sea: Sea, rate: float, seconds: float, noise: float, seed: int):
     for k, time in enumerate((1.0 + DRIFT) * times):
         values = {name: value.item(k) for name, value in measured.items()}
         yield CraftSample(**{**unknown, **told, **values, 'stamp_ns': round(time * 1e9)})
-
-
-TOLD = {'_variance': ANGLE_NOISE, '_rate_variance': RATE_NOISE}
 
 
 def scores(rate: float, noise: float, seconds: float, seed: int):
