@@ -40,7 +40,7 @@ setup(
     package_data={
         NAME: [
             'py.typed',
-            *(f'{room}/*.yaml' for room in ('cli', 'common', 'nodes/parameters', 'page')),
+            *(f'{room}/*.yaml' for room in ('cli', 'common', 'formats', 'nodes/parameters', 'page')),
             *(
                 f'{room}/*.yaml'
                 for room in ('tank', 'tank/campaign', 'tank/papers', 'manoeuvring', 'manoeuvring/paper')

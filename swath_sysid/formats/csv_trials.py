@@ -12,9 +12,10 @@ from swath_sysid.attitude.motion.stamps import check_time_base, motion_period
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.columns import MOTION_QUANTITIES, UNKNOWN, Table, agree, read_table
+from swath_sysid.formats.columns import UNKNOWN, Table, agree, read_table
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.text_tables import Progress, write_table
+from swath_sysid.formats.vocabulary import MOTION_QUANTITIES
 
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}  #: rad, with some rounding.
 BROKEN_SHARE = 0.01  #: Of values beyond all limits, which may be broken packets.
@@ -75,14 +76,14 @@ def read_csv(
         advice=(*table.advice, *_unit_advice(table)),
     )
     motions = [values for name, values in trial.channels.items() if name not in ACCEL]
-    stamps, first = trial.time + (table.start - trial.time[0]), table.columns[0]
-    check_time_base(stamps, motions, str(path), first.name, first.unit)
+    clock = table.clock
+    check_time_base(trial.time + (clock.start - trial.time[0]), motions, str(path), clock.name, clock.columns[-1].unit)
     return trial
 
 
 def write_csv(path: str | Path, trial: Trial) -> None:
     """Write every channel of a trial as a CSV file, whole or not at all, that `read_csv` reads back exactly."""
-    units = {name: allowed[0] for name, _, allowed in MOTION_QUANTITIES}
+    units = {each.reading: each.units[0] for each in MOTION_QUANTITIES}
     remarks = {'frame': 'flu', 'draft_m': trial.draft, 'initial_angle_rad': trial.initial_angle}
     channels = {f'{name}_{units[name]}': values for name, values in trial.channels.items()}
     write_table(path, remarks, {'time_s': trial.time, **channels})

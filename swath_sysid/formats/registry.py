@@ -38,4 +38,7 @@ FOREIGN = {
     b'\x28\xb5\x2f\xfd': 'compressed with zstd: unpack it, or give its bag folder',
     b'\xd0\xcf\x11\xe0': 'an old spreadsheet: save it as .xlsx or CSV',
     b'\xfa\xff': 'a binary MTi log: export it as text in MT Manager',
+    b'ULog\x01\x12\x35': 'a PX4 log: convert it with ulog2csv and give the CSV file of vehicle_attitude',
+    b'\xa3\x95': 'an ArduPilot log: convert it with mavlogdump.py --types ATT --format csv',
+    b'format: swath_sysid': 'a model file, where a record is expected: the record comes first',
 }

@@ -14,7 +14,8 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.text_tables import BlockParser, NamedColumns, Progress, TableHead, check_size, with_unit
+from swath_sysid.formats.text_tables import BlockParser, NamedColumns, Progress, TableHead, check_size
+from swath_sysid.formats.vocabulary import with_unit
 
 END_OF_HEADER = re.compile(r'^\*\*\*End_of_Header\*\*\*.*\n', re.MULTILINE)
 NEXT_HEADER = re.compile(r'^Channels[\t,]', re.MULTILINE)

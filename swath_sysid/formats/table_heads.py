@@ -1,0 +1,92 @@
+"""Where a table begins in rows of cells, and what its columns are called, whatever stands above."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, time, timedelta
+from typing import Any
+
+from swath_sysid.formats.cells import MISSING, kind_of_text
+from swath_sysid.formats.vocabulary import is_known, is_unit, with_unit
+
+RULE = re.compile(r'[-=_*+#|~. ]*')  #: A line that only separates.
+ROWS_OF_NAMES = 4  #: Above the numbers, among which the names are looked for.
+
+Row = Sequence[Any]  #: Of cells: texts, numbers, times, None.
+
+
+@dataclass(frozen=True)
+class Located:
+    """A table in rows."""
+
+    names: tuple[str, ...]  #: With the units of a row of their own; empty where no row holds names.
+    first: int  #: The first row of numbers.
+    used: tuple[int, ...]  #: Rows of names and units.
+
+
+def kind_of_cell(cell: Any) -> str:
+    """``number``, ``date``, ``day`` or ``clock``; ``text``; or nothing where it is empty."""
+    if isinstance(cell, str):
+        cell = cell.strip().strip('"\'').strip()
+        return '' if cell.lower() in MISSING else kind_of_text(cell)
+    if cell is None:
+        return ''
+    if isinstance(cell, datetime):
+        return 'date'
+    return 'clock' if isinstance(cell, time | timedelta) else 'number'
+
+
+def balance(row: Row) -> tuple[int, int]:
+    """How many cells hold a value, and how many a text."""
+    kinds = [kind_of_cell(cell) for cell in row]
+    return sum(kind not in ('', 'text') for kind in kinds), kinds.count('text')
+
+
+def locate(rows: Sequence[Row], comments: Sequence[Row | None] = ()) -> Located | None:
+    """The table in rows: the largest run of rows that hold more values than texts, below the names. Comments are rows by
+    their place, of which the names are taken where no other row holds any; those places are empty among the rows.
+    """
+    best, size, begun, held = None, 0, None, 0
+    for at, row in enumerate((*rows, ('end',))):
+        values, texts = balance(row)
+        if values and values >= texts:
+            begun, held = (at, 0) if begun is None else (begun, held)
+            held += values
+        elif texts and begun is not None:
+            if held > size:
+                best, size = begun, held
+            begun = None
+    if best is None:
+        return None
+    above = [at for at in range(best) if _is_title(rows[at])]
+    lines = {at: rows[at] for at in above}
+    if not lines:
+        lines = {at: row for at, row in enumerate(comments[:best]) if row is not None and _is_title(row)}
+    names, used = _names(lines)
+    return Located(names, best, used)
+
+
+def _is_title(row: Row) -> bool:
+    texts = ''.join(str(cell) for cell in row if cell is not None)
+    return bool(re.search(r'[^\W\d_]|°', texts)) and not RULE.fullmatch(texts)
+
+
+def _names(lines: dict[int, Row]) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """The names among the last lines above the numbers: the line with most that are known, else the lowest."""
+    last = sorted(lines)[-ROWS_OF_NAMES:]
+    texts = {at: [str('' if cell is None else cell).strip().strip('"\'').strip() for cell in lines[at]] for at in last}
+    named = [at for at in last if not _are_units(texts[at])] or last
+    if not named:
+        return (), ()
+    at = max(named, key=lambda each: (sum(map(is_known, filter(None, texts[each]))), each))
+    units = next((each for each in last if each > at and _are_units(texts[each])), None)
+    if units is None:
+        return tuple(texts[at]), (at,)
+    below = [*texts[units], *[''] * len(texts[at])]
+    return tuple(with_unit(name, unit) for name, unit in zip(texts[at], below, strict=False)), (at, units)
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a row holds units: of columns that are not read, they need not be known."""
+    filled = [cell for cell in cells if cell]
+    return any(map(is_unit, filled)) and not any(is_known(cell) and not is_unit(cell) for cell in filled)
