@@ -27,7 +27,8 @@ TURNS = (*(2.0**bits * unit for bits in (16, 31, 32) for unit in (1e-3, 1e-6)), 
 HOUR = 3600.0  #: s that summer time ends by.
 NEAR_STEPS = 10.0  #: Typical steps within which the row after a turn follows.
 DRIFT = 1e-3  #: Share by which two clocks of a file differ before they are two.
-SIZES = {**UNITS, 'date': 1.0, 'day': 1.0, 'clock': 1.0, 'week': WEEK, 'days': DAY}  #: s.
+SIZES_OF_TEXT = dict.fromkeys(('date', 'day', 'clock'), 1.0)  #: s.
+SIZES = {**UNITS, **SIZES_OF_TEXT, 'week': WEEK, 'days': DAY}  #: s.
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,9 @@ def clocks_of(plain: Sequence[str], table: NamedColumns) -> Clocks:
     found += [(column(k, 'clock'),) for k in hours if not days]
     for names in (TIME_NAMES, FURTHER_TIMES):
         for name in names:
-            here = {unit: k for k in places([name], '') for stem, unit in ways[k].items() if stem == name.replace('_', '')}
+            here = {
+                unit: k for k in places([name], '') for stem, unit in ways[k].items() if stem == name.replace('_', '')
+            }
             weeks = places(WEEK_NAMES, '')
             for unit in sorted(here.keys() & {*TIME, SAMPLES}, key=[*TIME, SAMPLES].index):
                 is_of_week = bool(weeks) and name in FURTHER_TIMES
@@ -91,7 +94,9 @@ def clocks_of(plain: Sequence[str], table: NamedColumns) -> Clocks:
     for prefix in ('', *(f'{name}_' for name in TIME_NAMES)):
         if all(f'{prefix}{part}' in plain for part in parts):
             found.append(tuple(column(plain.index(f'{prefix}{part}'), unit) for part, unit in parts.items()))
-    return [each for at, each in enumerate(found) if each[-1].index not in {c.index for other in found[:at] for c in other}]
+    return [
+        each for at, each in enumerate(found) if each[-1].index not in {c.index for other in found[:at] for c in other}
+    ]
 
 
 def with_unit_by_size(column: Column, values: np.ndarray) -> Column:
@@ -131,7 +136,7 @@ def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, in
     if not odd.any() or not np.any(steps > 0.0):
         return time, 0
     typical = float(np.median(steps[steps > 0.0]))
-    if unit in ('date', 'day', 'clock'):
+    if unit in SIZES_OF_TEXT:
         turns = [DAY, HOUR]
     else:
         turns = [turn * (scale * 1e3 if unit == SAMPLES else 1.0) for turn in TURNS]
@@ -144,7 +149,8 @@ def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, in
         if found.any():
             time = time.copy()
             time[known[1:]] -= np.cumsum(np.where(found, whole * turn, 0.0))
-            return time, int(np.count_nonzero(found))
+            # midnight is no fault of a clock
+            return time, 0 if turn == DAY and unit in SIZES_OF_TEXT else int(np.count_nonzero(found))
     return time, 0
 
 
@@ -154,9 +160,13 @@ def chosen(clocks: Sequence[Clock]) -> tuple[Clock, tuple[Advice, ...]]:
     for other in clocks[1:]:
         (forward, jitter), (forward_too, jitter_too) = _quality(best.time), _quality(other.time)
         differ = abs(_duration(other) / (_duration(best) or np.inf) - 1.0) > DRIFT
-        if forward_too > 1.05 * forward or forward_too > 0.95 * forward and (
-            jitter_too < jitter - 0.1
-            or (differ and jitter_too < jitter + 0.1 and abs(other.start) > EPOCH_SECONDS >= abs(best.start))
+        if (
+            forward_too > 1.05 * forward
+            or forward_too > 0.95 * forward
+            and (
+                jitter_too < jitter - 0.1
+                or (differ and jitter_too < jitter + 0.1 and abs(other.start) > EPOCH_SECONDS >= abs(best.start))
+            )
         ):
             best = other
     drifts = {

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -36,8 +36,8 @@ UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
 
 UNKNOWN = 'columns-unknown'  #: Code of the errors that an assignment of columns mends.
 
-#: From a table's columns and values, (columns, N), to those whose units the values leave no doubt of.
-Judge = Callable[[Clock, Sequence[Column], np.ndarray], Sequence[Column]]
+#: From a table's columns and values, (columns, N), to unit and reason of those without one that leave no doubt of it.
+Judge = Callable[[Clock, Sequence[Column], np.ndarray], Mapping[int, tuple[str, str]]]
 Lacking = Callable[[set[str]], str]  #: What is missing beside the readings found.
 
 
@@ -136,11 +136,14 @@ def read_table(
         values = np.vstack([np.arange(values.shape[1]), values])
     clock, clock_advice = _clock(path, match, values)
     values = values[len(times) :]
-    known = judge(clock, match.columns, values) if judge else match.columns
+    judged = judge(clock, match.columns, values) if judge else {}
+    known = [replace(c, unit=judged[place][0]) if place in judged else c for place, c in enumerate(match.columns)]
     _refuse_lacking(path, match, known, quantities, lacking, values)
     unitless = [column.name for column in known if column.unit is None]
     read = [place for place, column in enumerate(known) if column.unit is not None]
     advice += clock_advice
+    for place, (unit, reason) in judged.items():
+        advice += (Advice.of('unit-judged', name=shown(known[place].name), unit=unit, reason=reason),)
     if unitless:
         advice += (Advice.of('unit-missing', columns=listed_names(unitless), unit_advice=UNIT_ADVICE),)
     if meant := _likely_meant(match, quantities):
@@ -192,7 +195,12 @@ def _with_unit(name: str, unit: str) -> str:
 
 def _names(quantities: Iterable[Quantity]) -> dict[str, tuple[str, str]]:
     """Every name that a column should have, to its reading and unit."""
-    return {_with_unit(name, unit): (each.reading, unit) for each in quantities for name in each.names for unit in each.units}
+    return {
+        _with_unit(name, unit): (each.reading, unit)
+        for each in quantities
+        for name in each.names
+        for unit in each.units
+    }
 
 
 def _matched(
@@ -243,7 +251,8 @@ def _refuse_lacking(
         return
     unitless = [(at, column) for at, column in enumerate(columns) if column.unit is None]
     if unitless and values is not None:
-        at, column = unitless[0]
+        order = [each.reading for each in quantities]
+        at, column = min(unitless, key=lambda each: order.index(each[1].reading))
         units = next(each.units for each in quantities if each.reading == column.reading)
         name, largest = shown(column.name), np.nanmax(np.abs(values[at]), initial=0.0)
         raise InputError(
@@ -264,7 +273,7 @@ def _refuse_lacking(
 
 def _of_hundredths(largest: float, units: Sequence[str]) -> str:
     """The factor of an angle that is none in degrees."""
-    return ', or :cdeg for hundredths of a degree, which such values are likely to be' * bool(largest > 180.0 and 'cdeg' in units)
+    return ' (:cdeg if it is in hundredths of a degree)' if largest > 180.0 and 'cdeg' in units else ''
 
 
 def _nearest(known: Iterable[str], names: Sequence[str]) -> str:
@@ -324,9 +333,7 @@ def _with_assigned(
 def _assigned_place(path: str | Path, table: NamedColumns, source: str) -> tuple[int, str]:
     """Place of the column ``name:unit``, and its unit; one that the column's own name states may be left out."""
     name, colon, unit = source.rpartition(':')
-    bare = [
-        UNIT_IN_BRACKETS.sub(lambda stated: stated[0] * (unit_of(stated[1]) is None), each) for each in table.names
-    ]
+    bare = [UNIT_IN_BRACKETS.sub(lambda stated: stated[0] * (unit_of(stated[1]) is None), each) for each in table.names]
     for wanted, given in ((source, ''), (name, unit))[: 1 + len(colon)]:
         for names in (table.names, bare):
             for place, each in enumerate(names):

@@ -1,24 +1,28 @@
 """Trials in tables: column names that say their units, and numbers."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import Installation, euler_angles
-from swath_sysid.attitude.motion.cleaning import ACCEL, QUATERNION, assemble_trial
+from swath_sysid.attitude.motion.cleaning import ACCEL, QUATERNION, WRAP, assemble_trial, counts_whole_turns
+from swath_sysid.attitude.motion.rate_comparison import compare_rates, is_near
 from swath_sysid.attitude.motion.stamps import check_time_base, motion_period
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.clocks import Clock, Column
 from swath_sysid.formats.columns import UNKNOWN, Table, agree, read_table
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.text_tables import Progress, write_table
-from swath_sysid.formats.vocabulary import MOTION_QUANTITIES
+from swath_sysid.formats.vocabulary import MOTION_QUANTITIES, UNITS
 
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}  #: rad, with some rounding.
-BROKEN_SHARE = 0.01  #: Of values beyond all limits, which may be broken packets.
+RATES_OF = {'roll': ('roll_rate', 'gyro_x'), 'pitch': ('pitch_rate', 'gyro_y')}
+ANGLE_UNITS = MOTION_QUANTITIES[0].units
 
 AMPLITUDES_RAD = 0.03, 0.7  #: Half the range of angles in rad of a craft that moves by 2 to 40 deg.
 MIN_SAMPLES_A_CYCLE = 8  #: Noise of a sensor at rest turns faster.
@@ -61,7 +65,7 @@ def read_csv(
     reported. Frame and mounting, where they are not given, are
     those that the file states. Parameters and errors are those of `swath_sysid.formats.reading.read_trial`.
     """
-    table = read_table(path, MOTION_QUANTITIES, _lacking, progress, columns)
+    table = read_table(path, MOTION_QUANTITIES, _lacking, progress, columns, _units_by_values)
     _check_units(table)
     readings = table.readings()
     _refuse_contradicting_orientation(path, readings)
@@ -118,16 +122,64 @@ def _angles(table: Table, unit: str) -> dict[str, tuple[str, np.ndarray]]:
 
 
 def _check_units(table: Table) -> None:
-    """Refuse angles that are called rad and can only be degrees."""
-    for name, (angle, known) in _angles(table, 'rad').items():
-        if np.quantile(np.abs(known), 1.0 - BROKEN_SHARE, method='lower') > LARGEST_ANGLES[angle]:
-            other = re.sub('rad', 'deg', name, flags=re.IGNORECASE)
-            cure = f"call it '{shown(other)}'" if other != name else 'assign it with that unit'
+    """Refuse angles whose values their unit cannot have."""
+    for column, row in zip(table.columns, table.values, strict=True):
+        known = np.abs(row[np.isfinite(row)]) * column.scale
+        if column.reading not in LARGEST_ANGLES or not known.size or counts_whole_turns(row * column.scale):
+            continue
+        name, angle, unit = shown(column.name), column.reading, column.unit
+        if unit != 'rad' and _wraps(row, 2.0 * np.pi):
             raise InputError(
-                f"{table.path}: '{shown(name)}' goes to {np.abs(known).max():.4g}, more than an angle in rad can be: "
-                f'if it is in degrees, {cure}',
+                f"{table.path}: '{name}' jumps by 2 pi and never exceeds it, so it is in rad, not in {unit}: assign it as "
+                f"in '{angle}={name}:rad'",
                 UNKNOWN,
             )
+        if np.quantile(known, 1.0 - LOST_SHARE, method='lower') <= LARGEST_ANGLES[angle]:
+            continue
+        largest = known.max() / column.scale
+        if unit == 'rad' and largest <= 180.0:
+            other = re.sub('rad', 'deg', column.name, flags=re.IGNORECASE)
+            cure = f"call it '{shown(other)}'" if other != column.name else 'assign it with that unit'
+            cure = f'if it is in degrees, {cure}'
+        else:
+            cure = f"if it is in hundredths of a degree, assign it as in '{angle}={name}:cdeg'"
+        raise InputError(
+            f"{table.path}: '{name}' goes to {largest:.4g}, more than an angle in {unit} can be: {cure}", UNKNOWN
+        )
+
+
+def _wraps(values: np.ndarray, turn: float) -> bool:
+    """Whether an angle (N,) jumps by a turn, more than once, and stays within one."""
+    known = values[np.isfinite(values)]
+    jumps = np.count_nonzero(np.abs(np.diff(known)) > WRAP * turn)
+    return bool(jumps > 1 and np.ptp(known) < 1.01 * turn)
+
+
+def _units_by_values(clock: Clock, columns: Sequence[Column], values: np.ndarray) -> dict[int, tuple[str, str]]:
+    """Place to unit and reason, of angles that state no unit where their values or rates leave no doubt of it."""
+    found = {}
+    known = {column.reading: row * column.scale for column, row in zip(columns, values, strict=True) if column.unit}
+    for place, column in enumerate(columns):
+        if column.unit is not None or column.reading not in LARGEST_ANGLES:
+            continue
+        by_turn = next(
+            (unit for unit, turn in (('rad', 2.0 * np.pi), ('deg', 360.0)) if _wraps(values[place], turn)), None
+        )
+        rate = next((known[name] for name in RATES_OF[column.reading] if name in known), None)
+        if by_turn is not None:
+            found[place] = by_turn, 'it jumps by a whole turn'
+        elif rate is not None and (by_rate := _unit_by_rate(clock.time, values[place], rate)):
+            found[place] = by_rate, 'its rate says so'
+    return found
+
+
+def _unit_by_rate(time: np.ndarray, angle: np.ndarray, rate: np.ndarray) -> str | None:
+    """The unit in which an angle (N,) has a slope that is its rate, rad/s."""
+    unknown = np.full((time.size, 2), np.nan)
+    rates = np.column_stack([rate, unknown])
+    slopes = compare_rates(float(np.nanmedian(np.diff(time))), np.column_stack([angle, unknown[:, 0]]), rates)
+    gains = [slope.gain for slope in slopes if slope.follows]
+    return next((unit for unit in ANGLE_UNITS for gain in gains if is_near(gain, UNITS[unit])), None)
 
 
 def _unit_advice(table: Table) -> tuple[Advice, ...]:

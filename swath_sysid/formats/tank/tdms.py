@@ -56,7 +56,7 @@ def _shifts(channels: dict[str, Any]) -> list[float]:
     offsets = [float(each.get('wf_start_offset', 0.0)) for each in said]
     later = [numbers_of(start - starts[0]) if isinstance(start, np.datetime64) else np.nan for start in starts]
     seconds = np.nan_to_num(np.array(later, dtype=float)) + offsets - offsets[0]
-    return [float(s) / (each.get('wf_increment') or np.inf) for s, each in zip(seconds, said, strict=True)]
+    return [round(float(s) / (each.get('wf_increment') or np.inf), 6) for s, each in zip(seconds, said, strict=True)]
 
 
 def _reader(path: str | Path, group: str, names: Sequence[str], shifts: Sequence[float]) -> Read:

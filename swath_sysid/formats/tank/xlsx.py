@@ -34,7 +34,10 @@ OPERATIONS: dict[type, Callable[..., float]] = {
 }
 FUNCTIONS: dict[str, Callable[..., float]] = {
     'PI': lambda: math.pi,
-    **{name.upper(): getattr(math, name) for name in ('degrees', 'radians', 'sqrt', 'sin', 'cos', 'tan', 'asin', 'atan')},
+    **{
+        name.upper(): getattr(math, name)
+        for name in ('degrees', 'radians', 'sqrt', 'sin', 'cos', 'tan', 'asin', 'atan')
+    },
 }
 
 
@@ -59,7 +62,9 @@ def _table(path: str | Path, title: str) -> NamedColumns | None:
     if found is None or not found.names:
         return None
     remarks = {}
-    for cells in ([cell for cell in above[at] if cell is not None] for at in range(found.first) if at not in found.used):
+    for cells in (
+        [cell for cell in above[at] if cell is not None] for at in range(found.first) if at not in found.used
+    ):
         key, colon, value = str(cells[0] if cells else '').lstrip('#% ').partition(':')
         remarks[key.strip().lower()] = value.strip() if colon and value.strip() else str(cells[1]) if cells[1:] else ''
     kinds = {place: kind_of_cell(cell) for place, cell in enumerate(above[found.first])}
@@ -76,7 +81,9 @@ def _rows(path: str | Path, title: str, books: Sequence[bool]) -> Iterator[Row]:
     try:
         for first, *others in zip(*(book[title].iter_rows(values_only=True) for book in opened), strict=True):
             for row in others:
-                first = [_computed(cell, row) if known is None else known for known, cell in zip(first, row, strict=True)]
+                first = [
+                    _computed(cell, row) if known is None else known for known, cell in zip(first, row, strict=True)
+                ]
             yield first
     finally:
         for book in opened:
@@ -92,7 +99,9 @@ def _computed(cell: Any, row: Row) -> Any:
     if not _is_formula(cell):
         return cell
     try:
-        return float(_value(ast.parse(cell[1:LONGEST_FORMULA].replace('^', '**').replace('$', ''), mode='eval').body, row))
+        return float(
+            _value(ast.parse(cell[1:LONGEST_FORMULA].replace('^', '**').replace('$', ''), mode='eval').body, row)
+        )
     except (ArithmeticError, KeyError, IndexError, RecursionError, SyntaxError, TypeError, ValueError):
         return None
 
