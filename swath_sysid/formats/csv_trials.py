@@ -149,10 +149,10 @@ def _check_units(table: Table) -> None:
 
 
 def _wraps(values: np.ndarray, turn: float) -> bool:
-    """Whether an angle (N,) jumps by a turn, more than once, and stays within one."""
+    """Whether an angle (N,) jumps by a turn, more than once, and fills one."""
     known = values[np.isfinite(values)]
     jumps = np.count_nonzero(np.abs(np.diff(known)) > WRAP * turn)
-    return bool(jumps > 1 and np.ptp(known) < 1.01 * turn)
+    return bool(jumps > 1 and 0.97 * turn < np.ptp(known) < 1.01 * turn)
 
 
 def _units_by_values(clock: Clock, columns: Sequence[Column], values: np.ndarray) -> dict[int, tuple[str, str]]:

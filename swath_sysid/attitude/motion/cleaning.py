@@ -115,7 +115,7 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
 
 def _refuse_loss(lost: int, number: int, what: str, cause: str, source: str) -> None:
     """Refuse a record of which a large share is lost for one cause."""
-    if lost > LOST_SHARE * number and lost >= MIN_ROWS:
+    if LOST_SHARE * number < lost < number and lost >= MIN_ROWS:
         raise InputError(f'{source}: {lost} of {number} {what} ({lost / number:.0%}) {cause}')
 
 
