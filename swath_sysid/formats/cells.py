@@ -52,15 +52,13 @@ def known_number(cell: str) -> float:
 
 
 def seconds_of_text(cell: str) -> float:
-    """Seconds since 1970 of a date, with or without a zone (UTC then), or of the day; a number stays. Of ``1/2/2026`` the
-    order of day and month is a guess: `unwrapped` undoes what it does at midnight.
+    """Seconds since 1970 of a date, with or without a zone (UTC then), or of the day; a number stays. In
+    ``1/2/2026`` the order of day and month is a guess, which `clocks.unwrapped` corrects at midnight.
     """
+    cell = cell.strip()
     try:
-        return known_number(cell)
-    except ValueError:
-        cell = cell.strip()
-    try:
-        return _since_1970(datetime.fromisoformat(cell))
+        is_iso = cell[4:5] == '-' or cell[8:9] in ('T', 't')
+        return _since_1970(datetime.fromisoformat(cell)) if is_iso else known_number(cell)
     except ValueError:
         found = next((match for form in _FORMS.values() if (match := form.fullmatch(cell))), None)
         if found is None:

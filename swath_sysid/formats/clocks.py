@@ -126,7 +126,7 @@ def clock_of(columns: Sequence[Column], values: Sequence[np.ndarray]) -> Clock:
 
 
 def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, int]:
-    """A time (N,), s, that goes on where its counter starts again, and how often it did: at midnight, at the end of summer
+    """A time (N,), s, that continues where its clock restarts, and how often that is: at midnight, at the end of summer
     time, where day and month were exchanged, or at the largest number of a counter.
     """
     known = np.flatnonzero(np.isfinite(time))

@@ -26,6 +26,8 @@ from swath_sysid.formats.vocabulary import (
     listed_names,
     matched,
     plain_name,
+    readings_of,
+    spelt_names,
     unit_of,
 )
 
@@ -53,6 +55,12 @@ class _Match:
     def has_units(self, lacking: Lacking) -> bool:
         """Whether it has what is needed with units."""
         return any(clock[-1].unit for clock in self.clocks) and not lacking({c.reading for c in self.columns if c.unit})
+
+    def by_other_names(self, quantities: Iterable[Quantity]) -> bool:
+        """Whether a column is read that no first choice of a name tells."""
+        known = spelt_names(quantities)
+        names = (self.plain[column.index] for column in self.columns if column.index is not None)
+        return any(known.keys().isdisjoint(stem for stem, _ in readings_of(name)) for name in names)
 
 
 @dataclass(frozen=True)
@@ -113,8 +121,8 @@ def read_table(
     assigned: Mapping[str, str] | None = None,
     judge: Judge | None = None,
 ) -> Table:
-    """Read the known columns of a file from its one table that has them; ``assigned`` gives columns by the quantity that
-    they hold, as in ``{'roll': 'Phi:deg'}``.
+    """Read the known columns of a file from its one table that has them; ``assigned`` gives columns by the quantity
+    that they hold, as in ``{'roll': 'Phi:deg'}``.
     """
     with reading(path), known_by_name(path):
         matches, problems = [], []
@@ -149,7 +157,10 @@ def read_table(
     if meant := _likely_meant(match, quantities):
         advice += (Advice.of('columns-misspelt', pairs=meant),)
     columns = [known[place] for place in read]
-    understood = _understood(match.table, clock, columns)
+    understood = _understood(clock, columns)
+    if match.by_other_names(quantities):
+        advice += (Advice.of('columns-understood', columns=understood),)
+    understood = '; '.join(filter(None, (match.table.place, understood)))
     return Table(path, match.table.remarks, clock, tuple(columns), values[read], advice, understood)
 
 
@@ -172,11 +183,11 @@ def _clock(path: str | Path, match: _Match, values: np.ndarray) -> tuple[Clock, 
     return chosen(clocks)
 
 
-def _understood(table: NamedColumns, clock: Clock, columns: Sequence[Column]) -> str:
+def _understood(clock: Clock, columns: Sequence[Column]) -> str:
     """Which columns were read as what, in one line."""
     said = [f"{column.reading} '{shown(column.name)}' ({column.unit or 'no unit'})" for column in columns]
     units = ' and '.join(str(column.unit) for column in clock.columns)
-    return '; '.join(filter(None, (table.place, ', '.join([f"time '{shown(clock.name)}' ({units})", *said]))))
+    return ', '.join([f"time '{shown(clock.name)}' ({units})", *said])
 
 
 def agree(one: np.ndarray, other: np.ndarray) -> bool:
@@ -256,8 +267,8 @@ def _refuse_lacking(
         units = next(each.units for each in quantities if each.reading == column.reading)
         name, largest = shown(column.name), np.nanmax(np.abs(values[at]), initial=0.0)
         raise InputError(
-            f"{path} has a column '{name}' without a unit, with values up to {largest:.4g}: {UNIT_ADVICE}, or assign it, "
-            f"as in '{column.reading}={name}:{units[-1]}'{_of_hundredths(largest, units)}",
+            f"{path} has a column '{name}' without a unit, with values up to {largest:.4g}: {UNIT_ADVICE}, or assign "
+            f"it, as in '{column.reading}={name}:{units[-1]}'{_of_hundredths(largest, units)}",
             UNKNOWN,
         )
     meant = _likely_meant(match, quantities)

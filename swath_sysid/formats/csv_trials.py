@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,7 +83,7 @@ def read_csv(
     motions = [values for name, values in trial.channels.items() if name not in ACCEL]
     clock = table.clock
     check_time_base(trial.time + (clock.start - trial.time[0]), motions, str(path), clock.name, clock.columns[-1].unit)
-    return trial
+    return replace(trial, understood=table.understood)
 
 
 def write_csv(path: str | Path, trial: Trial) -> None:
@@ -130,8 +131,8 @@ def _check_units(table: Table) -> None:
         name, angle, unit = shown(column.name), column.reading, column.unit
         if unit != 'rad' and _wraps(row, 2.0 * np.pi):
             raise InputError(
-                f"{table.path}: '{name}' jumps by 2 pi and never exceeds it, so it is in rad, not in {unit}: assign it as "
-                f"in '{angle}={name}:rad'",
+                f"{table.path}: '{name}' jumps by 2 pi and never exceeds it, so it is in rad, not in {unit}: assign it "
+                f"as in '{angle}={name}:rad'",
                 UNKNOWN,
             )
         if np.quantile(known, 1.0 - LOST_SHARE, method='lower') <= LARGEST_ANGLES[angle]:

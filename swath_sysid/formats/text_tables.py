@@ -109,8 +109,8 @@ class TableHead:
 
 
 def read_head(path: str | Path) -> TableHead:
-    """What precedes the numbers: the table is where the most numbers are, the names are above it, or in the last comments
-    (as numpy.savetxt writes them).
+    """What precedes the numbers: the table is where the most numbers are; the names are above it, or in the last
+    comments (as numpy.savetxt writes them).
     """
     with _opened(path) as file:
         head = file.read(BLOCK_BYTES)
@@ -217,7 +217,8 @@ class BlockParser:
                 line, cell = self.first_text[index]
                 raise InputError(
                     f"{self.head.path}: {lost / (lost + number):.0%} of the cells of '{shown(self.head.names[index])}' "
-                    f"are not numbers, the first '{shown(cell)}' in line {line}: leave such cells empty, or export it again"
+                    f"are not numbers, the first '{shown(cell)}' in line {line}: leave such cells empty, or export it "
+                    'again'
                 )
         if self.first_text:
             (line, cell), index = min((said, index) for index, said in self.first_text.items())
@@ -358,7 +359,7 @@ def _cells(line: str, delimiter: str | None) -> list[str]:
 
 
 def _with_clocks(names: tuple[str, ...], rows: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], dict[int, str]]:
-    """The names, also of a clock time that blanks separate from its date, and which columns hold dates or clock times."""
+    """The names, with one for a clock time that a blank separates from its date, and the columns of dates and times."""
     kinds: dict[int, str] = {}
     for row in rows[:ROWS_OF_SAMPLE]:
         for place, cell in enumerate(row):

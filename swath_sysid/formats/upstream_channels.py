@@ -17,8 +17,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import read_table
 from swath_sysid.formats.files import existing, reading, shown
 from swath_sysid.formats.messages import SECOND_NS, imu_reading, typestore
-from swath_sysid.formats.vocabulary import Quantity, plain_name
 from swath_sysid.formats.topics import IMU
+from swath_sysid.formats.vocabulary import Quantity, plain_name
 from swath_sysid.pipeline.record_run import UpstreamSeries
 
 if TYPE_CHECKING:

@@ -203,7 +203,7 @@ def _longest_increasing(values: np.ndarray) -> np.ndarray:
 
 
 def counts_whole_turns(angle: np.ndarray) -> bool:
-    """Whether an angle (N,), rad, runs from 0 to a whole turn: it jumps where it passes zero, or lies beyond half a turn."""
+    """Whether an angle (N,), rad, runs from 0 to a turn: it jumps where it passes zero, or exceeds half a turn."""
     known = angle[np.isfinite(angle)]
     turn = 2.0 * np.pi
     if not known.size or known.max() <= np.pi:

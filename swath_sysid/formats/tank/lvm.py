@@ -1,7 +1,7 @@
 """LabVIEW measurement files: text with a header for the file and one for each segment.
 
-Columns are channels with their ``Y_Unit_Label``; the time is ``X_Value``, or follows from ``Delta_X``; segments that go on
-in time are one table, others are ``segment 1``, ``segment 2``, ...
+Columns are channels with their ``Y_Unit_Label``; the time is ``X_Value``, or follows from ``Delta_X``; segments that
+continue in time are one table, others are ``segment 1``, ``segment 2``, ...
 """
 
 import os

@@ -1,7 +1,8 @@
 """LabVIEW TDMS files.
 
 Columns are channels with their ``unit_string``; the time is a channel, or the interval of the waveform
-(``wf_increment``), and waveforms that start later (``wf_start_time``, ``wf_start_offset``) are shifted; tables are groups.
+(``wf_increment``), and waveforms that start later (``wf_start_time``, ``wf_start_offset``) are shifted; tables are
+groups.
 """
 
 import logging
