@@ -172,7 +172,7 @@ def _clock(path: str | Path, match: _Match, values: np.ndarray) -> tuple[Clock, 
         known = [with_unit_by_size(column, row) for column, row in zip(columns, rows, strict=True)]
         at += len(columns)
         if all(column.unit is not None for column in known):
-            clocks.append(clock_of(known, rows))
+            clocks.append(clock_of(known, list(rows)))
     if not clocks:
         name = shown(match.clocks[0][0].name)
         raise InputError(

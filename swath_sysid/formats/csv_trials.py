@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -79,11 +78,14 @@ def read_csv(
         draft=table.remark('draft_m'),
         initial_angle=table.remark('initial_angle_rad') if degrees is None else float(np.radians(degrees)),
         advice=(*table.advice, *_unit_advice(table)),
+        understood=table.understood,
     )
     motions = [values for name, values in trial.channels.items() if name not in ACCEL]
     clock = table.clock
-    check_time_base(trial.time + (clock.start - trial.time[0]), motions, str(path), clock.name, clock.columns[-1].unit)
-    return replace(trial, understood=table.understood)
+    check_time_base(
+        trial.time + (clock.start - trial.time[0]), motions, str(path), clock.name, clock.columns[-1].unit or ''
+    )
+    return trial
 
 
 def write_csv(path: str | Path, trial: Trial) -> None:

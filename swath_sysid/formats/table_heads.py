@@ -43,8 +43,8 @@ def balance(row: Row) -> tuple[int, int]:
 
 
 def locate(rows: Sequence[Row], comments: Sequence[Row | None] = ()) -> Located | None:
-    """The table in rows: the largest run of rows with at least as many values as texts, and the names above it. Comments
-    are rows by their place; the names are taken from them where no other row holds any.
+    """The table in rows: the largest run of rows with at least as many values as texts, and the names above. Comments
+    are rows by their place; names are taken from them where no other row holds any.
     """
     best, size, begun, held = None, 0, None, 0
     for at, row in enumerate((*rows, ('end',))):

@@ -216,9 +216,9 @@ def counts_whole_turns(angle: np.ndarray) -> bool:
 def _within_half_turns(channels: Channels) -> tuple[Channels, list[Advice]]:
     """Angles from 0 to 360 deg as those from -180 to 180."""
     turned = [name for name in ('roll', 'pitch') if name in channels and counts_whole_turns(channels[name])]
-    halves = {name: np.remainder(channels[name] + np.pi, 2.0 * np.pi) - np.pi for name in turned}
+    halves: Channels = {name: np.remainder(channels[name] + np.pi, 2.0 * np.pi) - np.pi for name in turned}
     advice = [Advice.of('angles-unwrapped', channels=' and '.join(turned))] if turned else []
-    return {**channels, **halves}, advice
+    return channels | halves, advice
 
 
 def _plausible_channels(channels: Channels, source: str) -> tuple[Channels, list[Advice]]:
@@ -285,6 +285,7 @@ def assemble_trial(
     draft: float | None = None,
     initial_angle: float | None = None,
     advice: Sequence[Advice] = (),
+    understood: str = '',
 ) -> Trial:
     """A trial from the readings of a sensor, (N,) each, in SI units: cleaned, in the craft's axes, with Euler rates.
     Readings are any of ``roll``, ``pitch``, ``yaw`` or ``quaternion_x`` ... ``_w``; ``heading``, clockwise from north;
@@ -306,6 +307,7 @@ def assemble_trial(
         initial_angle=initial_angle,
         advice=(*advice, *cleaning_advice, *motion_advice, *contradictions),
         usable_share=len(time) / recorded,
+        understood=understood,
     )
     if not trial.axes:
         raise InputError(f'{name} holds no usable roll or pitch, neither angle nor rate: check what the sensor sends')
