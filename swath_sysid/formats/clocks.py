@@ -12,23 +12,19 @@ from swath_sysid.formats.vocabulary import (
     DATE_NAMES,
     FURTHER_TIMES,
     SAMPLES,
+    SPANS,
     TIME,
     TIME_NAMES,
+    TURNS,
     UNITS,
     WEEK_NAMES,
     readings_of,
 )
 
-DAY, WEEK = 86400.0, 604800.0  #: s.
-EPOCH_SECONDS = 1e8  #: A time that begins beyond this counts from an epoch.
-MONTH = 27 * DAY  #: s; a step of so many whole days exchanged day and month.
-#: s after which counters start again: of 16, 31 and 32 bits in ms or us, of a day, of a GPS week.
-TURNS = (*(2.0**bits * unit for bits in (16, 31, 32) for unit in (1e-3, 1e-6)), DAY, WEEK)
-HOUR = 3600.0  #: s that summer time ends by.
 NEAR_STEPS = 10.0  #: Typical steps within which the row after a turn follows.
 DRIFT = 1e-3  #: Share by which two clocks of a file differ before they are two.
 SIZES_OF_TEXT = dict.fromkeys(('date', 'day', 'clock'), 1.0)  #: s.
-SIZES = {**UNITS, **SIZES_OF_TEXT, 'week': WEEK, 'days': DAY}  #: s.
+SIZES = {**UNITS, **SIZES_OF_TEXT, 'week': SPANS['week'], 'days': SPANS['day']}  #: s.
 
 
 @dataclass(frozen=True)
@@ -107,10 +103,10 @@ def with_unit_by_size(column: Column, values: np.ndarray) -> Column:
     steps = np.diff(known)
     first, step = (abs(known[0]), np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else (0.0, np.inf)
     unit = None
-    if step < 2.0 / DAY:
+    if step < 2.0 / SPANS['day']:
         unit = 'days'  # in seconds faster than any sensor of motion
-    elif first > EPOCH_SECONDS:
-        unit = TIME[min(3, int(np.log10(first / EPOCH_SECONDS) // 3))]
+    elif first > SPANS['epoch']:
+        unit = TIME[min(3, int(np.log10(first / SPANS['epoch']) // 3))]
     return Column(column.reading, column.name, column.index, unit)
 
 
@@ -118,7 +114,7 @@ def clock_of(columns: Sequence[Column], values: Sequence[np.ndarray]) -> Clock:
     """The time of columns in their units, added."""
     scaled = [row if column.scale == 1.0 else row * column.scale for column, row in zip(columns, values, strict=True)]
     start = sum(map(first_finite, scaled))
-    if abs(start) > EPOCH_SECONDS or columns[-1].unit == 'clock':
+    if abs(start) > SPANS['epoch'] or columns[-1].unit == 'clock':
         # subtracted before the nanoseconds are added: a double resolves an epoch to 0.2 us only
         scaled = [row - first_finite(row) for row in scaled]
     time, turns = unwrapped(sum(scaled[1:], scaled[0]), columns[-1].unit or '', columns[-1].scale)
@@ -132,25 +128,25 @@ def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, in
     known = np.flatnonzero(np.isfinite(time))
     values = time[known]
     steps = np.diff(values)
-    odd = (steps < 0.0) | (steps > MONTH)
+    odd = (steps < 0.0) | (steps > SPANS['month'])
     if not odd.any() or not np.any(steps > 0.0):
         return time, 0
     typical = float(np.median(steps[steps > 0.0]))
     if unit in SIZES_OF_TEXT:
-        turns = [DAY, HOUR]
+        turns = [SPANS['day'], SPANS['hour']]
     else:
         turns = [turn * (scale * 1e3 if unit == SAMPLES else 1.0) for turn in TURNS]
         turns = [turn for turn in turns if 0.0 <= values.min() and values.max() < turn + typical]
     for turn in turns:
         whole = np.where(odd, np.round(steps / turn), 0.0)
         over = steps - whole * turn
-        found = (whole < 0.0) | (whole * turn > MONTH)
+        found = (whole < 0.0) | (whole * turn > SPANS['month'])
         found &= (over > 0.0) & (over <= NEAR_STEPS * typical) & (4.0 * typical < turn)
         if found.any():
             time = time.copy()
             time[known[1:]] -= np.cumsum(np.where(found, whole * turn, 0.0))
             # midnight is no fault of a clock
-            return time, 0 if turn == DAY and unit in SIZES_OF_TEXT else int(np.count_nonzero(found))
+            return time, 0 if turn == SPANS['day'] and unit in SIZES_OF_TEXT else int(np.count_nonzero(found))
     return time, 0
 
 
@@ -165,7 +161,7 @@ def chosen(clocks: Sequence[Clock]) -> tuple[Clock, tuple[Advice, ...]]:
             or forward_too > 0.95 * forward
             and (
                 jitter_too < jitter - 0.1
-                or (differ and jitter_too < jitter + 0.1 and abs(other.start) > EPOCH_SECONDS >= abs(best.start))
+                or (differ and jitter_too < jitter + 0.1 and abs(other.start) > SPANS['epoch'] >= abs(best.start))
             )
         ):
             best = other

@@ -10,6 +10,7 @@ from swath_sysid.formats.cells import MISSING, kind_of_text
 from swath_sysid.formats.vocabulary import is_known, is_unit, with_unit
 
 RULE = re.compile(r'[-=_*+#|~. ]*')  #: A line that only separates.
+ROWS_OF_SAMPLE = 400  #: In which a table is looked for.
 ROWS_OF_NAMES = 4  #: Above the numbers, among which the names are looked for.
 
 Row = Sequence[Any]  #: Of cells: texts, numbers, times, None.

@@ -15,7 +15,7 @@ from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import MISSING, known_number, seconds_of_text
 from swath_sysid.formats.files import BLOCK_BYTES, replacing, shown
-from swath_sysid.formats.table_heads import Located, balance, kind_of_cell, locate
+from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, balance, kind_of_cell, locate
 from swath_sysid.formats.vocabulary import INTERVALS, RATES, plain_name
 
 LARGEST_UNPACKED = 1 << 28  #: Numbers, or bytes of text, in one packed file, whatever its own size.
@@ -68,7 +68,7 @@ COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a c
 UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
 TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text may hold.
-SAMPLE_BYTES, ROWS_OF_SAMPLE = 1 << 15, 40  #: Of the head of a file, in which its table is looked for first.
+SAMPLE_BYTES = 1 << 15  #: Of the head of a file, in which its table is looked for first.
 
 QUOTED = re.compile(r'"([^"\n]*)"')
 WIDE = re.compile(r'\s\s+|\t')  #: Between names of several words.
@@ -335,7 +335,7 @@ def _located(lines: Sequence[str]) -> tuple[Located, str | None, list[list[str]]
 
 def _delimiter_of_numbers(lines: Sequence[str]) -> str | None:
     """The mark that leaves the most values and the fewest texts in the last lines."""
-    last = [line for line in lines if line and not _is_comment(line)][-ROWS_OF_SAMPLE:]
+    last = [line for line in lines if line and not _is_comment(line)][-ROWS_OF_SAMPLE // 8 :]
 
     def gain(mark: str | None) -> int:
         return sum(max(0, values - texts) for values, texts in (balance(_split(line, mark)) for line in last))

@@ -38,6 +38,8 @@ TIME_NAMES, FURTHER_TIMES = _TABLE['time']['names'], _TABLE['time']['also']
 DATE_NAMES, WEEK_NAMES = _TABLE['date'], _TABLE['week']
 #: Of a number beside the columns that stands in for a time, per second and in seconds.
 RATES, INTERVALS = _TABLE['rates'], _TABLE['intervals']
+SPANS: dict[str, float] = _TABLE['spans']  #: Of clocks, s.
+TURNS: Sequence[float] = _TABLE['turns']  #: s after which counters start again.
 MOTION_QUANTITIES, MANOEUVRE_QUANTITIES = _quantities('motion'), _quantities('manoeuvre')
 
 UNIT_IN_BRACKETS = re.compile(r'\s*[\[(](.*)[\])]$')

@@ -20,7 +20,6 @@ MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
 
 BURST_STEP = 0.1  #: Of the mean step; shorter ones lie within a burst.
-LARGEST_PAUSE = 3.0  #: Motion from one burst to the next, over that from sample to sample; of a pause it is larger.
 WRAP = 0.8  #: Of a turn; angles that count a whole turn jump by more where they pass zero.
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
 
@@ -131,7 +130,7 @@ def _burst_stamps(time: np.ndarray, channels: Channels) -> np.ndarray | None:
         return None
     for values in channels.values():
         moved = np.abs(np.diff(values))
-        if np.nanmean(moved[begins]) > LARGEST_PAUSE * np.nanmean(moved[~begins]):
+        if np.nanmean(moved[begins]) > GAP_INTERVALS * np.nanmean(moved[~begins]):
             return None
     return time[np.maximum.accumulate(np.r_[0, np.where(begins, np.arange(1, time.size), 0)])]
 

@@ -19,10 +19,10 @@ import numpy as np
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import numbers_of
 from swath_sysid.formats.files import shown
-from swath_sysid.formats.table_heads import Located, Row, kind_of_cell, locate
+from swath_sysid.formats.schema import LONGEST_TEXT
+from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, Row, kind_of_cell, locate
 from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, check_size
 
-ROWS_ABOVE, LONGEST_FORMULA = 400, 200  #: Rows in which the table is looked for, and characters.
 OPERATIONS: dict[type, Callable[..., float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -55,9 +55,9 @@ def tables(path: str | Path) -> list[NamedColumns]:
 
 
 def _table(path: str | Path, title: str) -> NamedColumns | None:
-    written = islice(_rows(path, title, (False,)), ROWS_ABOVE)
+    written = islice(_rows(path, title, (False,)), ROWS_OF_SAMPLE)
     books = (True, False) if any(map(_is_formula, chain.from_iterable(written))) else (True,)
-    above = list(islice(_rows(path, title, books), ROWS_ABOVE))
+    above = list(islice(_rows(path, title, books), ROWS_OF_SAMPLE))
     found = locate(above)
     if found is None or not found.names:
         return None
@@ -99,9 +99,7 @@ def _computed(cell: Any, row: Row) -> Any:
     if not _is_formula(cell):
         return cell
     try:
-        return float(
-            _value(ast.parse(cell[1:LONGEST_FORMULA].replace('^', '**').replace('$', ''), mode='eval').body, row)
-        )
+        return float(_value(ast.parse(cell[1:LONGEST_TEXT].replace('^', '**').replace('$', ''), mode='eval').body, row))
     except (ArithmeticError, KeyError, IndexError, RecursionError, SyntaxError, TypeError, ValueError):
         return None
 
@@ -130,7 +128,7 @@ def _reader(path: str | Path, title: str, found: Located, books: Sequence[bool])
             if any(cell is not None for cell in row):
                 rows.append([row[place] if place < len(row) else None for place in places])
             if progress is not None:
-                progress(len(rows) / (len(rows) + ROWS_ABOVE))
+                progress(len(rows) / (len(rows) + ROWS_OF_SAMPLE))
         values = np.stack([numbers_of(np.array(column, dtype=object)) for column in zip(*rows, strict=True)])
         empty = next((place for place, row in zip(places, values, strict=True) if not np.isfinite(row).any()), None)
         if empty is not None and len(books) > 1:
