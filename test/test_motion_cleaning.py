@@ -75,7 +75,9 @@ def test_absurd_values_become_missing():
     assert (cleaned['roll'][6], cleaned['roll_rate'][7]) == (3.1, -34.9)
     assert channels['roll'][5] == 3.2, 'the input is not written to'
     assert codes(advice) == ['absurd-values', 'missing-values']
-    assert 'roll: 1 of 100, roll_rate: 1 of 100, pitch: 1 of 100, accel_z: 1 of 100, gyro_z: 1 of 100' in advice[0].message
+    assert (
+        'roll: 1 of 100, roll_rate: 1 of 100, pitch: 1 of 100, accel_z: 1 of 100, gyro_z: 1 of 100' in advice[0].message
+    )
 
 
 def test_gaps_and_empty_channels_are_told_and_uneven_steps_are_not():

@@ -10,10 +10,11 @@ import numpy as np
 MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
 
 _NUMBER = re.compile(
-    r"[-+\u2212\u2013]?(\d+(['\u2019\u00a0\u202f ]\d{3})*([.,]\d{3})*([.,]\d+|\.)?|[.,]\d+)([eEdD][-+]?\d+)?\s?[°%]?"
+    r"[-+\u2212\u2013]?((\d{1,3}(['\u2019\u00a0\u202f ]\d{3})+|\d{1,3}([.,]\d{3})+|\d+)([.,]\d+|\.)?|[.,]\d+)"
+    r'([eEdD][-+]?\d+)?\s?[°%]?'
 )
 _ISO = re.compile(r'\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?', re.IGNORECASE)
-_CLOCK = r'((?P<h>\d{1,2}):)?(?P<m>\d\d?):(?P<s>\d\d([.,:]\d+)?)\s*(?P<half>[ap]\.?m\.?)?'
+_CLOCK = r'((?P<h>\d{1,2}):)?(?P<m>\d\d?):(?P<s>\d\d([.,:]\d+)?)\s*(?P<half>[ap]\.?m\.?)?(Z|[+-]\d\d:?\d\d)?'
 _YEAR_FIRST = r'(?P<Y>\d{4})(?P<mark>[-/.])(?P<M>\d\d?)(?P=mark)(?P<D>\d\d?)'
 _YEAR_LAST = r'(?P<a>\d\d?)(?P<by>[-/.])(?P<b>\d\d?)(?P=by)(?P<y>\d{4})'
 _DAY = f'({_YEAR_FIRST}|{_YEAR_LAST})'

@@ -59,12 +59,24 @@ def locate(rows: Sequence[Row], comments: Sequence[Row | None] = ()) -> Located 
             begun = None
     if best is None:
         return None
-    above = [at for at in range(best) if _is_title(rows[at])]
-    lines = {at: rows[at] for at in above}
+    found = _below_names(rows, comments, best)
+    # a header that is repeated, as by a logger that was started again, ends no table
+    earlier = rows.index(rows[found.used[0]]) if found.used and rows[found.used[0]] else best
+    again = next((at for at in range(earlier, best) if _holds_values(rows[at])), best)
+    return found if again == best else _below_names(rows, comments, again)
+
+
+def _below_names(rows: Sequence[Row], comments: Sequence[Row | None], first: int) -> Located:
+    lines = {at: rows[at] for at in range(first) if _is_title(rows[at])}
     if not lines:
-        lines = {at: row for at, row in enumerate(comments[:best]) if row is not None and _is_title(row)}
+        lines = {at: row for at, row in enumerate(comments[:first]) if row is not None and _is_title(row)}
     names, used = _names(lines)
-    return Located(names, best, used)
+    return Located(names, first, used)
+
+
+def _holds_values(row: Row) -> bool:
+    values, texts = balance(row)
+    return values > 0 and values >= texts
 
 
 def _is_title(row: Row) -> bool:

@@ -4,7 +4,7 @@ import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -71,7 +71,7 @@ TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text 
 SAMPLE_BYTES = 1 << 15  #: Of the head of a file, in which its table is looked for first.
 
 QUOTED = re.compile(r'"([^"\n]*)"')
-WIDE = re.compile(r'\s\s+|\t')  #: Between names of several words.
+WIDE, BEFORE_UNIT = re.compile(r'\s\s+|\t'), re.compile(r'\s+(?=[\[(])')  #: Beside names of several words.
 THOUSANDS = re.compile(r'[-+]?\d{1,3}(,\d{3})+')
 GROUPED = re.compile(r"\d(['\u2019\u00a0\u202f ])\d{3}(?!\d)")  #: A mark between groups of three digits.
 #: Signs and blanks as word processors write them, in UTF-8 or a code page of one byte.
@@ -319,10 +319,11 @@ def _located(lines: Sequence[str]) -> tuple[Located, str | None, list[list[str]]
         rows = [[] if _is_comment(line) else _cells(line, delimiter) for line in sample]
         comments = [_cells(_without_mark(line), delimiter) if _is_comment(line) else None for line in sample]
         found = locate(rows, comments)
-        if found is not None and delimiter is None and len(found.names) != (width := len(rows[found.first])):
-            # names of several words
-            wide = [WIDE.split(line) for line in sample[: found.first]]
-            rows[: found.first] = [line if len(line) == width else rows[at] for at, line in enumerate(wide)]
+        if found is not None and delimiter is None and len(found.names) not in (widths := _widths(rows[found.first])):
+            # names of several words, or with a unit behind a blank
+            for at, line in enumerate(sample[: found.first]):
+                ways = (WIDE.split(line), BEFORE_UNIT.sub('', line).split())
+                rows[at] = next((cells for cells in ways if len(cells) in widths), rows[at])
             found = locate(rows, comments)
         if found is not None and found.names:
             return found, delimiter, rows
@@ -333,14 +334,26 @@ def _located(lines: Sequence[str]) -> tuple[Located, str | None, list[list[str]]
     return Located(names, at + 1, (at,)), _delimiter(lines[at]), []
 
 
+def _widths(row: Sequence[str]) -> set[int]:
+    """How many names a row may have: one for a date and its clock time, if a blank separates these."""
+    kinds = [kind_of_cell(cell) for cell in row]
+    return {len(row), len(row) - (('day', 'clock') in pairwise(kinds))}
+
+
 def _delimiter_of_numbers(lines: Sequence[str]) -> str | None:
     """The mark that leaves the most values and the fewest texts in the last lines."""
     last = [line for line in lines if line and not _is_comment(line)][-ROWS_OF_SAMPLE // 8 :]
 
-    def gain(mark: str | None) -> int:
-        return sum(max(0, values - texts) for values, texts in (balance(_split(line, mark)) for line in last))
+    balances = {mark: [_balance(line, mark) for line in last] for mark in (';', '\t', '|', ',', None)}
+    clean = {mark: [values > 1 and not texts for values, texts in found] for mark, found in balances.items() if mark}
+    sure = next((mark for mark, lines in clean.items() if sum(lines) > 0.9 * len(lines)), None)
+    return sure or max(balances, key=lambda mark: sum(max(0, values - texts) for values, texts in balances[mark]))
 
-    return max((';', '\t', ',', None, '|'), key=gain)
+
+def _balance(line: str, mark: str | None) -> tuple[int, int]:
+    """How many cells hold a value, and how many a text; of a comma between columns no blank separates digits."""
+    cells = _split(line, mark)
+    return balance([cell.replace(' ', '_') if mark == ',' and ':' not in cell else cell for cell in cells])
 
 
 def _split(line: str, mark: str | None) -> list[str]:

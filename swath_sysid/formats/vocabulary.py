@@ -44,11 +44,13 @@ MOTION_QUANTITIES, MANOEUVRE_QUANTITIES = _quantities('motion'), _quantities('ma
 
 UNIT_IN_BRACKETS = re.compile(r'\s*[\[(](.*)[\])]$')
 #: How a date or a clock time is written, where a unit would stand: ``hh:mm:ss.ms``.
-_PATTERN = re.compile(r'(?=.*[:./-])([hmsdyjatfnu]|[:./\- ])+', re.IGNORECASE)
+_PATTERN = re.compile(r'(?=[^\[(]*(h:|:m|yy|jj|aa))[hmsdyjaftnu:./\- ]+', re.IGNORECASE)
 
 
 def plain_name(name: str) -> str:
-    """``Roll rate [deg/s]`` as ``roll_rate_deg_s``."""
+    """``Roll rate [deg/s]`` as ``roll_rate_deg_s``, ``Time [hh:mm:ss]`` as ``time``."""
+    if (unit := UNIT_IN_BRACKETS.search(name)) and _PATTERN.fullmatch(unit[1]):
+        name = name[: unit.start()]
     plain = name.lower().replace('°', 'deg').replace('º', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
     plain = unicodedata.normalize('NFKD', plain.replace('ß', 'ss'))
     plain = re.sub('[^a-z0-9]+', '_', re.sub('[\u0300-\u036f]', '', plain)).strip('_')

@@ -59,16 +59,17 @@ def clean(
 
 def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndarray, Channels, list[Advice]]:
     """The rows with a stamp of their own, in order, and advice on the others."""
-    bursts = _burst_stamps(time, channels)
-    if bursts is not None and (spread := _spread_evenly(bursts)[0]) is not None:
-        interval = float(np.median(np.diff(spread)))
-        each = round(time.size / np.unique(bursts).size)
-        return spread, channels, [Advice.of('bursts', each=each, interval=interval)]
     with np.errstate(invalid='ignore'):
-        if np.isfinite(time).all() and np.all(np.diff(time) > 0):
-            return time, channels, []
+        is_ordered = np.isfinite(time).all() and np.all(np.diff(time) > 0)
     advice: list[Advice] = []
     rows = np.flatnonzero(np.isfinite(time))
+    in_bursts = _out_of_bursts(time[rows], channels, rows)
+    if in_bursts is not None:
+        time, is_ordered = time.copy(), rows.size == time.size
+        time[rows], spread = in_bursts
+        advice.append(spread)
+    if is_ordered:
+        return time, channels, advice
     if rows.size < time.size:
         cause = 'have no readable time: check the device that wrote it'
         _refuse_loss(time.size - rows.size, time.size, 'rows', cause, source)
@@ -118,21 +119,25 @@ def _refuse_loss(lost: int, number: int, what: str, cause: str, source: str) -> 
         raise InputError(f'{source}: {lost} of {number} {what} ({lost / number:.0%}) {cause}')
 
 
-def _burst_stamps(time: np.ndarray, channels: Channels) -> np.ndarray | None:
-    """The stamp of its burst for each row of a record whose samples arrive several at once; None of any other. Within a
-    burst the motion goes on as from one burst to the next, which it does not over a pause of the recorder.
+def _out_of_bursts(time: np.ndarray, channels: Channels, rows: np.ndarray) -> tuple[np.ndarray, Advice] | None:
+    """Even stamps for rows that arrive several at once, and advice; None where they do not. Within a burst the motion
+    goes on as from one burst to the next, which it does not over a pause of the recorder.
     """
     steps = np.diff(time)
     if time.size < MIN_ROWS or not np.all(steps > 0.0):
         return None
     begins = steps > BURST_STEP * steps.mean()
-    if np.count_nonzero(begins) > 0.5 * steps.size or np.count_nonzero(begins) < MIN_ROWS:
+    if not MIN_ROWS <= np.count_nonzero(begins) <= 0.5 * steps.size:
         return None
     for values in channels.values():
-        moved = np.abs(np.diff(values))
+        moved = np.abs(np.diff(values[rows]))
         if np.nanmean(moved[begins]) > GAP_INTERVALS * np.nanmean(moved[~begins]):
             return None
-    return time[np.maximum.accumulate(np.r_[0, np.where(begins, np.arange(1, time.size), 0)])]
+    spread, _ = _spread_evenly(time[np.maximum.accumulate(np.r_[0, np.where(begins, np.arange(1, time.size), 0)])])
+    if spread is None:
+        return None
+    each, interval = round(time.size / (1 + np.count_nonzero(begins))), float(np.median(np.diff(spread)))
+    return spread, Advice.of('bursts', each=each, interval=interval)
 
 
 def _refuse_reversed(time: np.ndarray, source: str) -> None:
