@@ -7,7 +7,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import Installation
-from swath_sysid.attitude.motion.sensor_checks import contradictions_in, is_blank
+from swath_sysid.attitude.motion.sensor_checks import FROZEN, contradictions_in, is_blank
 from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.common.advice import Advice, counted
@@ -39,7 +39,8 @@ def clean(
     time, channels, advice = _in_time(time, channels, source)
     channels, turn_advice = _within_half_turns(channels)
     channels, value_advice = _plausible_channels(channels, source)
-    advice += [*turn_advice, *value_advice]
+    channels, stuck_advice = _without_stuck(time, channels)
+    advice += [*turn_advice, *value_advice, *stuck_advice]
     if time.size < MIN_ROWS:
         raise InputError(
             f'{source} holds {counted(time.size, "row")} with a stamp of its own and at least {MIN_ROWS} are '
@@ -223,6 +224,31 @@ def _within_half_turns(channels: Channels) -> tuple[Channels, list[Advice]]:
     halves: Channels = {name: np.remainder(channels[name] + np.pi, 2.0 * np.pi) - np.pi for name in turned}
     advice = [Advice.of('angles-unwrapped', channels=' and '.join(turned))] if turned else []
     return channels | halves, advice
+
+
+def _without_stuck(time: np.ndarray, channels: Channels) -> tuple[Channels, list[Advice]]:
+    """Angles without those that a sensor repeats after it lost the craft, where no rate can tell: they stand still away
+    from their mean to the end of the record, or stop and go on with a jump, as no craft that is held and released does.
+    """
+    angles = {name: channels[name] for name in ('roll', 'pitch') if name in channels}
+    if not angles or time.size < MIN_ROWS or any('rate' in name or name in (*GYRO, *QUATERNION) for name in channels):
+        return channels, []
+    moved = np.max([np.abs(np.diff(values)) for values in angles.values()], axis=0)
+    edges = np.flatnonzero(np.diff(np.r_[1.0, moved, 1.0] == 0.0))
+    usual = float(np.median(moved[moved > 0.0])) if np.any(moved > 0.0) else np.inf
+    advice = []
+    for first, last in edges.reshape(-1, 2).tolist():
+        if time[last] - time[first] < FROZEN or first == 0:
+            continue
+        is_away = any(abs(v[first] - np.nanmedian(v[:first])) > np.nanstd(v[:first]) for v in angles.values())
+        jumps = min(moved[first - 1], moved[last] if last < moved.size else 0.0) >= usual
+        if jumps or (is_away and last == moved.size):
+            share = (last - first) / time.size
+            advice.append(Advice.of('angles-stuck', start=time[first], end=time[last], share=share))
+            rows = np.arange(time.size)
+            stands = (rows > first) & (rows <= last)
+            angles = {name: np.where(stands, np.nan, values) for name, values in angles.items()}
+    return channels | angles, advice
 
 
 def _plausible_channels(channels: Channels, source: str) -> tuple[Channels, list[Advice]]:
