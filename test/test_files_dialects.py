@@ -5,6 +5,7 @@ from collections import Counter
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -197,3 +198,62 @@ def test_no_dialect_is_read_wrong_and_most_are_read(tmp_path):
 
     run()
     assert outcomes['read'] >= 0.8 * sum(outcomes.values()), outcomes
+
+
+#: Files as owners have them: what is reported, the record without a fault that each holds, and from which of its rows on.
+FIELD = {
+    'bursts.csv': ('bursts', 'plain.csv'),
+    'clock_only.csv': ('', 'plain.csv'),
+    'date_and_time.csv': ('', 'plain.csv'),
+    'dinghy_0_to_2pi_rad.csv': ('angles-unwrapped gaps', 'dinghy_iso_dates_pm180.csv'),
+    'dinghy_iso_dates_pm180.csv': ('gaps', 'dinghy_iso_dates_pm180.csv'),
+    'dinghy_tracker.log': ('unit-judged unit-judged angles-unwrapped gaps', 'dinghy_iso_dates_pm180.csv'),
+    'flume_3031_2_frozen.csv': ('angles-stuck', 'flume_3031_2_frozen.csv'),
+    'flume_5041_2_200hz.csv': ('', 'flume_5041_2_200hz.csv'),
+    'flume_6041_1_200hz.csv': ('', 'flume_6041_1_200hz.csv'),
+    'formula_roll.xlsx': ('', 'plain.csv'),
+    'gps_tow.csv': ('time-unwrapped', 'plain.csv'),
+    'n20_5041_2.csv': ('', 'flume_5041_2_200hz.csv'),
+    'nul_tail.csv': ('zero-bytes', 'plain.csv'),
+    'openfast_like.out': ('columns-understood', 'openfast_like.out'),
+    'quat_ident_all.csv': ('blank-orientation body-rates', 'quat_ident_all.csv'),
+    'roll_0_360.csv': ('angles-unwrapped', 'plain.csv'),
+    'segments_no_x.lvm': ('', 'plain.csv'),
+    'start_offset_differs.tdms': ('missing-values', 'plain.csv'),
+    'text_columns.xlsx': ('', 'plain.csv'),
+    'two_clocks.csv': ('two-clocks', 'plain.csv'),
+    'v4.mat': ('', 'plain.csv'),
+    'waves_wrap16.csv': ('time-unwrapped', 'plain_waves.csv'),
+}
+
+
+@pytest.mark.parametrize('name', FIELD)
+def test_files_of_owners_hold_the_motion_that_was_measured(data_folder, name):
+    told, whole = FIELD[name]
+    path = data_folder.parent / 'field' / name
+    if not path.is_file():
+        pytest.skip(f'no files of owners at {path.parent}')
+    trial, expected = read_trial(path), read_trial(path.with_name(whole))
+    assert ' '.join(advice.code for advice in trial.advice) == told
+    for channel, values in trial.channels.items():
+        if channel in expected.channels:
+            reference = np.interp(
+                trial.time - trial.time[0], expected.time - expected.time[0], expected.channels[channel]
+            )
+            known = np.isfinite(values)
+            # numbers were written with fewer digits, or angles in hundredths of a radian
+            assert np.abs(values - reference)[known].max() < (0.0051 if 'dinghy' in name else 1e-3)
+
+
+def test_a_file_in_hundredths_of_a_degree_is_read_with_its_unit_only(data_folder):
+    path = data_folder.parent / 'field' / 'hakusan_hundredths.txt'
+    with pytest.raises(
+        InputError, match="'Rolling' without a unit, .* up to 1088: .*'roll=Rolling:deg' .:cdeg if it is in"
+    ):
+        read_trial(path)
+    with pytest.raises(
+        InputError, match="goes to 1088, .*if it is in hundredths of a degree, assign it as in 'roll=Rolling:cdeg'"
+    ):
+        read_trial(path, columns={'roll': 'Rolling:deg'})
+    trial = read_trial(path, columns={'roll': 'Rolling:cdeg', 'pitch': 'Pitching:cdeg'})
+    assert np.degrees(trial.roll[0]) == pytest.approx(-1.39) and trial.time.size == 1000
