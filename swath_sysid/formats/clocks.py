@@ -21,8 +21,6 @@ from swath_sysid.formats.vocabulary import (
     readings_of,
 )
 
-NEAR_STEPS = 10.0  #: Typical steps within which the row after a turn follows.
-DRIFT = 1e-3  #: Share by which two clocks of a file differ before they are two.
 SIZES_OF_TEXT = dict.fromkeys(('date', 'day', 'clock'), 1.0)  #: s.
 SIZES = {**UNITS, **SIZES_OF_TEXT, 'week': SPANS['week'], 'days': SPANS['day']}  #: s.
 
@@ -141,7 +139,7 @@ def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, in
         whole = np.where(odd, np.round(steps / turn), 0.0)
         over = steps - whole * turn
         found = (whole < 0.0) | (whole * turn > SPANS['month'])
-        found &= (over > 0.0) & (over <= NEAR_STEPS * typical) & (4.0 * typical < turn)
+        found &= (over > 0.0) & (over <= SPANS['near_steps'] * typical) & (4.0 * typical < turn)
         if found.any():
             time = time.copy()
             time[known[1:]] -= np.cumsum(np.where(found, whole * turn, 0.0))
@@ -155,7 +153,7 @@ def chosen(clocks: Sequence[Clock]) -> tuple[Clock, tuple[Advice, ...]]:
     best = clocks[0]
     for other in clocks[1:]:
         (forward, jitter), (forward_too, jitter_too) = _quality(best.time), _quality(other.time)
-        differ = abs(_duration(other) / (_duration(best) or np.inf) - 1.0) > DRIFT
+        differ = abs(_duration(other) / (_duration(best) or np.inf) - 1.0) > SPANS['drift']
         if (
             forward_too > 1.05 * forward
             or forward_too > 0.95 * forward
@@ -169,7 +167,7 @@ def chosen(clocks: Sequence[Clock]) -> tuple[Clock, tuple[Advice, ...]]:
         each.name: share
         for each in clocks
         if each is not best and _quality(each.time)[0] > 0.0
-        and DRIFT < (share := abs(_duration(each) / _duration(best) - 1.0)) < 0.5
+        and SPANS['drift'] < (share := abs(_duration(each) / _duration(best) - 1.0)) < 0.5
     }  # fmt: skip
     advice = [Advice.of('two-clocks', best=shown(best.name), other=shown(n), share=s) for n, s in drifts.items()]
     if best.turns:

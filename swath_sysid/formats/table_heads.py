@@ -11,7 +11,6 @@ from swath_sysid.formats.vocabulary import is_known, is_unit, with_unit
 
 RULE = re.compile(r'[-=_*+#|~. ]*')  #: A line that only separates.
 ROWS_OF_SAMPLE = 400  #: In which a table is looked for.
-ROWS_OF_NAMES = 4  #: Above the numbers, among which the names are looked for.
 
 Row = Sequence[Any]  #: Of cells: texts, numbers, times, None.
 
@@ -85,8 +84,8 @@ def _is_title(row: Row) -> bool:
 
 
 def _names(lines: dict[int, Row]) -> tuple[tuple[str, ...], tuple[int, ...]]:
-    """The names among the last lines above the numbers: the line with most that are known, else the lowest."""
-    last = sorted(lines)[-ROWS_OF_NAMES:]
+    """The names among the lines above the numbers: the line with most that are known, else the lowest."""
+    last = sorted(lines)
     texts = {at: [str('' if cell is None else cell).strip().strip('"\'').strip() for cell in lines[at]] for at in last}
     named = [at for at in last if not _are_units(texts[at])] or last
     if not named:

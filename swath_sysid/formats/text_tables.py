@@ -68,7 +68,6 @@ COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a c
 UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
 TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text may hold.
-SAMPLE_BYTES = 1 << 15  #: Of the head of a file, in which its table is looked for first.
 
 QUOTED = re.compile(r'"([^"\n]*)"')
 WIDE, BEFORE_UNIT = re.compile(r'\s\s+|\t'), re.compile(r'\s+(?=[\[(])')  #: Beside names of several words.
@@ -312,7 +311,7 @@ def _encoding_without_mark(start: bytes) -> str | None:
 
 def _located(lines: Sequence[str]) -> tuple[Located, str | None, list[list[str]]]:
     """The table in the first lines of a file, the mark between its columns, and the cells of the lines."""
-    for size in (SAMPLE_BYTES, BLOCK_BYTES):
+    for size in (BLOCK_BYTES >> 5, BLOCK_BYTES):
         ends = accumulate(len(line) + 1 for line in lines)
         sample = [line for line, end in zip(lines, ends, strict=True) if end <= size] or list(lines[:2])
         delimiter = _delimiter_of_numbers(sample)

@@ -19,7 +19,6 @@ MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 #: rad, rad, rad/s, m/s^2, m; beyond these a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
 
-BURST_STEP = 0.1  #: Of the mean step; shorter ones lie within a burst.
 WRAP = 0.8  #: Of a turn; angles that count a whole turn jump by more where they pass zero.
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
 
@@ -127,7 +126,7 @@ def _out_of_bursts(time: np.ndarray, channels: Channels, rows: np.ndarray) -> tu
     steps = np.diff(time)
     if time.size < MIN_ROWS or not np.all(steps > 0.0):
         return None
-    begins = steps > BURST_STEP * steps.mean()
+    begins = steps > steps.mean() / GAP_INTERVALS
     if not MIN_ROWS <= np.count_nonzero(begins) <= 0.5 * steps.size:
         return None
     for values in channels.values():
