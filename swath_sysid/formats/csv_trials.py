@@ -40,21 +40,22 @@ def read_csv(
 ) -> Trial:
     """Read a trial from a CSV file, or from a table of another format.
 
-    Columns are found by name, in any order; capitals, spaces, brackets and slashes do not matter:
-    ``Roll rate [deg/s]`` is ``roll_rate_deg_s``. Delimiters are comma, semicolon, tab or spaces;
-    with the others than the comma, numbers may have decimal commas.
+    The table is found where its numbers begin, and its columns by name, in any order; capitals, accents, spaces,
+    brackets and slashes do not matter: ``Roll rate [deg/s]`` is ``roll_rate_deg_s``, and units may stand in a row of
+    their own. Delimiters are comma, semicolon, tab, bar or spaces; with the others than the comma, numbers may have
+    decimal commas.
 
     ===================================== ======================= ===========================
     column                                units                   reading
     ===================================== ======================= ===========================
-    time, t, stamp, timestamp             s, ms, us, ns, samples  needed; no unit where it holds ISO 8601 dates
-    roll, pitch, yaw                      rad, deg                Euler angles
+    time, t, stamp, timestamp             s, ms, us, ns, samples  needed; no unit where it holds dates or clock times
+    roll, pitch, yaw                      rad, mrad, deg, cdeg    Euler angles
     heading                               rad, deg                clockwise from north
     quaternion_x, _y, _z, _w              (none)                  orientation
     roll_rate, pitch_rate, yaw_rate       rad_s, deg_s, dps       Euler rates
     gyro_x, _y, _z                        rad_s, deg_s, dps       body rates
     accel_x, _y, _z                       m_s2, g                 specific force
-    heave                                 m                       along the frame's vertical
+    heave                                 m, cm, mm               along the frame's vertical
     ===================================== ======================= ===========================
 
     Comment lines above (``# key: value``) may give ``draft_m``, ``initial_angle_deg`` or
@@ -111,7 +112,8 @@ def _refuse_contradicting_orientation(path: str | Path, readings: dict[str, np.n
         return
     roll, pitch, _ = euler_angles(*(readings[part] for part in QUATERNION))
     for name, angle in (('roll', roll), ('pitch', pitch)):
-        if name in readings and np.isfinite(angle).any() and not agree(readings[name], angle):
+        apart = np.remainder(readings.get(name, angle) - angle + np.pi, 2.0 * np.pi) - np.pi
+        if np.isfinite(angle).any() and not agree(angle + apart, angle):
             raise InputError(f'{path}: its {name} and its quaternion contradict each other: leave out the wrong one')
 
 

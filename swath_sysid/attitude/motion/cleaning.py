@@ -364,6 +364,11 @@ def _craft_channels(
         readings = {part: values for part, values in readings.items() if part not in QUATERNION}
         advice.append(Advice.of('blank-orientation', name=name))
     angles = _angles(readings, installation, name)
+    if not _has(readings, QUATERNION) and _has(readings, ('roll', 'pitch')):
+        # the last tenth before a quarter turn, where an error of the roll is six times that of the sensor
+        steep = np.abs(readings['pitch'])[np.abs(readings['pitch']) > 0.9 * 0.5 * np.pi]
+        if steep.size >= MIN_ROWS:
+            advice.append(Advice.of('near-vertical', pitch=np.degrees(steep.max())))
     if _has(readings, QUATERNION):
         invalid = int(np.count_nonzero(~attitude.is_orientation(*_parts(readings, QUATERNION))))
         if invalid:
