@@ -200,7 +200,7 @@ def test_no_dialect_is_read_wrong_and_most_are_read(tmp_path):
     assert outcomes['read'] >= 0.8 * sum(outcomes.values()), outcomes
 
 
-#: Files as owners have them: what is reported, the record without a fault that each holds, and from which of its rows on.
+#: What is reported of files as owners have them, and the record without a fault that each holds.
 FIELD = {
     'bursts.csv': ('bursts', 'plain.csv'),
     'clock_only.csv': ('', 'plain.csv'),

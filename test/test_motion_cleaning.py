@@ -231,7 +231,7 @@ def test_euler_angles_near_the_vertical_are_reported(steepest, is_told):
 def test_angles_that_a_sensor_repeats_are_left_out_but_not_a_craft_that_is_held(ends, goes_on, is_left_out):
     time = np.arange(0.0, 60.0, 0.05)
     roll = 0.2 * np.sin(4.0 * time)
-    first, last = (380 if ends else 409), (time.size if ends else 600)
+    first, last = (386 if ends else 409), (time.size if ends else 600)
     roll[first:last] = roll[first - 1]
     roll[last:] = roll[first - 1] * np.cos(4.0 * (time[last:] - time[last - 1])) + goes_on if not ends else 0.0
     _, cleaned, advice = clean(time, {'roll': roll})

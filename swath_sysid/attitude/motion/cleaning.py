@@ -66,8 +66,8 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
     in_bursts = _out_of_bursts(time[rows], channels, rows)
     if in_bursts is not None:
         time, is_ordered = time.copy(), rows.size == time.size
-        time[rows], spread = in_bursts
-        advice.append(spread)
+        time[rows], told = in_bursts
+        advice.append(told)
     if is_ordered:
         return time, channels, advice
     if rows.size < time.size:
