@@ -1,5 +1,6 @@
 """The tables in a file, whatever format it has."""
 
+import re
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -28,7 +29,10 @@ def kind_of(path: str | Path) -> TankFormat | None:
     if len(start) == MATLAB_4.size and any(map(_is_matlab_4, (MATLAB_4, MATLAB_4_BIG), repeat(start))):
         return TANK[0]
     for kind in TANK:
-        if start.startswith(kind.start) and (not kind.member or _is_archive_of(path, kind)):
+        if not start.startswith(kind.start) or kind.member and not _is_archive_of(path, kind):
+            continue
+        is_nmea = kind.module == 'nmea' and re.match(rb'\$[A-Z]{5},', start)
+        if kind.start or is_nmea or Path(path).suffix.lower() == kind.ending:
             return kind
     for magic, what in FOREIGN.items():
         if start.startswith(magic):
