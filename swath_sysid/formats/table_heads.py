@@ -92,6 +92,9 @@ def _names(lines: dict[int, Row]) -> tuple[tuple[str, ...], tuple[int, ...]]:
         return (), ()
     at = max(named, key=lambda each: (sum(map(is_known, filter(None, texts[each]))), each))
     units = next((each for each in last if each > at and _are_units(texts[each])), None)
+    above = [each for each in last if each < at][-1:]
+    if units is None and above and len(texts[above[0]]) == len(texts[at]) and all(map(is_unit, texts[above[0]])):
+        units = above[0]
     if units is None:
         return tuple(texts[at]), (at,)
     below = [*texts[units], *[''] * len(texts[at])]

@@ -133,7 +133,7 @@ def read_head(path: str | Path) -> TableHead:
     decimal_comma, thousands = (False, '') if delimiter == ',' else _marks_of(lines[found.first :], delimiter)
     return TableHead(
         names=names,
-        remarks=_remarks(above, delimiter),
+        remarks=_remarks(above),
         delimiter=delimiter,
         decimal_comma=decimal_comma,
         first_line=found.first + 1,
@@ -346,7 +346,8 @@ def _delimiter_of_numbers(lines: Sequence[str]) -> str | None:
     balances = {mark: [_balance(line, mark) for line in last] for mark in (';', '\t', '|', ',', None)}
     clean = {mark: [values > 1 and not texts for values, texts in found] for mark, found in balances.items() if mark}
     sure = next((mark for mark, lines in clean.items() if sum(lines) > 0.9 * len(lines)), None)
-    return sure or max(balances, key=lambda mark: sum(max(0, values - texts) for values, texts in balances[mark]))
+    gains = {mark: [(values - texts, values) for values, texts in found] for mark, found in balances.items()}
+    return sure or max(gains, key=lambda mark: [sum(each) for each in zip(*(g for g in gains[mark] if g[0] >= 0))])
 
 
 def _balance(line: str, mark: str | None) -> tuple[int, int]:
@@ -434,11 +435,11 @@ def _delimiter(line: str) -> str | None:
     return next((mark for mark in (';', '\t', ',') if mark in line), None)
 
 
-def _remarks(lines: Iterable[str], delimiter: str | None) -> dict[str, str]:
+def _remarks(lines: Iterable[str]) -> dict[str, str]:
     """What comments say, and other lines of the sample rate."""
     remarks = {}
     for line in lines:
-        mark = ':' if ':' in line else delimiter or '='
+        mark = ':' if ':' in line else _delimiter(line) or '='
         key, _, value = _without_mark(line).partition(mark)
         if mark == ':' and _is_comment(line) or value and plain_name(key) in (*RATES, *INTERVALS):
             remarks[key.strip(' "').lower()] = value.strip(' "\t;,')

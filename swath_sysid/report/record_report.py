@@ -69,7 +69,7 @@ def _of_waves(motion: AxisMotion, advice: Advice) -> Advice:
         try:
             sea_of(motion)
         except InputError as error:
-            return Advice(error.code, str(error))
+            return Advice(error.code or advice.code, str(error))
     return advice
 
 
