@@ -347,7 +347,9 @@ def _delimiter_of_numbers(lines: Sequence[str]) -> str | None:
     clean = {mark: [values > 1 and not texts for values, texts in found] for mark, found in balances.items() if mark}
     sure = next((mark for mark, lines in clean.items() if sum(lines) > 0.9 * len(lines)), None)
     gains = {mark: [(values - texts, values) for values, texts in found] for mark, found in balances.items()}
-    return sure or max(gains, key=lambda mark: [sum(each) for each in zip(*(g for g in gains[mark] if g[0] >= 0))])
+    return sure or max(
+        gains, key=lambda mark: [sum(each) for each in zip(*(g for g in gains[mark] if g[0] >= 0), strict=True)]
+    )
 
 
 def _balance(line: str, mark: str | None) -> tuple[int, int]:
