@@ -161,7 +161,8 @@ def read_table(
     if match.by_other_names(quantities):
         advice += (Advice.of('columns-understood', columns=understood),)
     understood = '; '.join(filter(None, (match.table.place, understood)))
-    return Table(path, match.table.remarks, clock, tuple(columns), values[read], advice, understood)
+    values = values if len(read) == len(values) else values[read]
+    return Table(path, match.table.remarks, clock, tuple(columns), values, advice, understood)
 
 
 def _clock(path: str | Path, match: _Match, values: np.ndarray) -> tuple[Clock, tuple[Advice, ...]]:

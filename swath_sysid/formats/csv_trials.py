@@ -162,7 +162,9 @@ def _wraps(values: np.ndarray, turn: float) -> bool:
 
 def _units_by_values(clock: Clock, columns: Sequence[Column], values: np.ndarray) -> dict[int, tuple[str, str]]:
     """Place to unit and reason, of angles that state no unit where their values or rates leave no doubt of it."""
-    found = {}
+    found: dict[int, tuple[str, str]] = {}
+    if all(column.unit is not None for column in columns):
+        return found
     known = {column.reading: row * column.scale for column, row in zip(columns, values, strict=True) if column.unit}
     for place, column in enumerate(columns):
         if column.unit is not None or column.reading not in LARGEST_ANGLES:

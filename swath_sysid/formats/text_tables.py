@@ -128,7 +128,7 @@ def read_head(path: str | Path) -> TableHead:
     names, kinds = _with_clocks(found.names, [row for row in rows[found.first :] if any(row)])
     if not any(re.search(r'[^\W\d_]', name) for name in names):
         raise InputError(f"{path} has no line of column names: put one above the numbers, such as 'time_s,roll_deg'")
-    _refuse_extra_cells(path, lines[found.first :], names, delimiter)
+    _refuse_extra_cells(path, lines[found.first :][:ROWS_OF_SAMPLE], names, delimiter)
     above = [line for at, line in enumerate(lines[: found.first]) if line and at not in found.used]
     decimal_comma, thousands = (False, '') if delimiter == ',' else _marks_of(lines[found.first :], delimiter)
     return TableHead(
