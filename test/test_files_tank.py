@@ -3,6 +3,7 @@
 import struct
 import sys
 from datetime import UTC, datetime, timedelta
+from decimal import Decimal
 from types import SimpleNamespace
 
 import numpy as np
@@ -321,3 +322,36 @@ def test_a_px4_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monke
     monkeypatch.setitem(sys.modules, 'pyulog', None)
     with pytest.raises(InputError, match='pip install pyulog'):
         read_trial(tmp_path / 'a.ulg')
+
+
+def test_decimals_compounds_formulas_and_matlab_4(tmp_path):
+    pyarrow, h5py, openpyxl = map(pytest.importorskip, ('pyarrow', 'h5py', 'openpyxl'))
+    from pyarrow import parquet
+
+    rounded = [Decimal(f'{angle:.6f}') for angle in ROLL]
+    parquet.write_table(pyarrow.table({'time_s': TIME, 'roll_deg': rounded}), tmp_path / 'a.parquet')
+    compound = np.rec.fromarrays([TIME, ROLL], names='time_s,roll_deg')
+    with h5py.File(tmp_path / 'a.h5', 'w') as file:
+        file['run'] = compound
+    savemat(tmp_path / '4.mat', {'time_s': TIME, 'roll_deg': ROLL}, format='4')
+    book = openpyxl.Workbook()
+    book.active.append(['time_s', 'Phi', 'roll_deg', 'lost'])
+    for row, (t, angle) in enumerate(zip(TIME, np.radians(ROLL), strict=True), 2):
+        book.active.append([float(t), f'={float(angle)!r}/2', f'=DEGREES($B{row}*2^1)+0*PI()', '=Sheet2!A1'])
+    book.save(tmp_path / 'a.xlsx')
+    for name in ('a.parquet', 'a.h5', '4.mat', 'a.xlsx'):
+        trial = read_trial(tmp_path / name)
+        assert trial.time == pytest.approx(TIME) and np.degrees(trial.roll) == pytest.approx(ROLL, abs=1e-6)
+    with pytest.raises(InputError, match="formulas of 'lost' have no stored values"):
+        read_trial(tmp_path / 'a.xlsx', columns={'roll': 'lost:deg'})
+
+
+def test_waveforms_that_start_later_are_shifted(tmp_path):
+    nptdms = pytest.importorskip('nptdms')
+    said = {'wf_increment': STEP, 'unit_string': 'deg'}
+    with nptdms.TdmsWriter(tmp_path / 'a.tdms') as writer:
+        first = nptdms.ChannelObject('Run', 'Roll', ROLL[:-3], properties=said | {'wf_start_offset': 0.0})
+        later = nptdms.ChannelObject('Run', 'Pitch', ROLL[3:], properties=said | {'wf_start_offset': 3 * STEP})
+        writer.write_segment([first, later])
+    trial = read_trial(tmp_path / 'a.tdms')
+    assert trial.pitch[3:] == pytest.approx(trial.roll[3:]) and np.isnan(trial.pitch[:3]).all()

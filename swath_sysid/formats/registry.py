@@ -30,7 +30,7 @@ TANK = (
 TANK_ENDINGS = tuple(dict.fromkeys(each.ending for each in TANK))
 #: Of the storage files of bags, with their first bytes.
 BAGS = {'.mcap': b'\x89MCAP0\r\n', '.db3': b'SQLite format 3\0'}
-ENDINGS = ('.csv', *BAGS, '.txt', '.tsv', *TANK_ENDINGS)
+ENDINGS = ('.csv', *BAGS, '.txt', '.tsv', '.out', *TANK_ENDINGS)
 TABLES = f'CSV, {", ".join(TANK_ENDINGS[:-1])} or {TANK_ENDINGS[-1]}'  #: As a sentence lists them.
 
 #: First bytes of files that are none of ours, and what to do with them.
