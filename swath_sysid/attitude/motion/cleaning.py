@@ -126,7 +126,8 @@ def _out_of_bursts(time: np.ndarray, channels: Channels, rows: np.ndarray) -> tu
     steps = np.diff(time)
     if time.size < MIN_ROWS or not np.all(steps > 0.0):
         return None
-    begins = steps > steps.mean() / GAP_INTERVALS
+    # over their number first: damaged stamps may be as large as a double
+    begins = steps > np.sum(steps / steps.size) / GAP_INTERVALS
     if not MIN_ROWS <= np.count_nonzero(begins) <= 0.5 * steps.size:
         return None
     for values in channels.values():
