@@ -40,7 +40,7 @@ setup(
     package_data={
         NAME: [
             'py.typed',
-            *(f'{room}/*.yaml' for room in ('cli', 'common', 'nodes/parameters', 'page')),
+            *(f'{room}/*.yaml' for room in ('cli', 'common', 'formats', 'nodes/parameters', 'page')),
             *(
                 f'{room}/*.yaml'
                 for room in ('tank', 'tank/campaign', 'tank/papers', 'manoeuvring', 'manoeuvring/paper')
@@ -82,6 +82,8 @@ setup(
         'page': ['fastapi>=0.109.1', 'nicegui>=3.0,<4', 'uvicorn>=0.22'],
         # each reads one format of data acquisition: .mat of version 7.3 and .h5, .tdms, .xlsx, .parquet
         'tank': TANK,
+        # PX4 logs
+        'logs': ['pyulog'],
         'test': [
             'hypothesis',
             'mypy',

@@ -17,6 +17,7 @@ import swath_sysid  # noqa: E402
 from swath_sysid.cli.main import VERBS, build_parser  # noqa: E402
 from swath_sysid.common.advice import FLAGS, REASONS, SENTENCES  # noqa: E402
 from swath_sysid.formats.registry import TANK  # noqa: E402
+from swath_sysid.formats.vocabulary import MOTION_QUANTITIES  # noqa: E402
 from swath_sysid.nodes.parameters.parameter_files import yaml_value  # noqa: E402
 from swath_sysid.nodes.parameters.table import NODES, table_of  # noqa: E402
 
@@ -128,6 +129,12 @@ def tank_formats():
     return '\n'.join(rows) + '\n'
 
 
+def column_names():
+    """The further names that a column may have, as a Markdown table."""
+    rows = [f'| {q.reading} | {", ".join(f"`{name}`" for name in q.also)} |' for q in MOTION_QUANTITIES if q.also]
+    return '\n'.join(['| quantity | further names |', '|---|---|', *rows]) + '\n'
+
+
 def warnings_table():
     """Every warning with its sentences and flags, as a Markdown table; values are in italics by name."""
     sentences: dict[str, list[str]] = {}
@@ -152,4 +159,5 @@ write('commands.md', commands())
 write('parameters.md', parameters())
 write('parts/counted.md', reasons_table())
 write('parts/tank_formats.md', tank_formats())
+write('parts/column_names.md', column_names())
 write('warnings.md', all_warnings())

@@ -1,7 +1,10 @@
 """Files of data acquisition: each gives the motion that the CSV file of the same record gives."""
 
+import struct
 import sys
 from datetime import UTC, datetime, timedelta
+from decimal import Decimal
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import text_tables as named_columns
 from swath_sysid.formats.reading import read_trial
+from swath_sysid.formats.vocabulary import plain_name
 
 STEP = 0.05
 TIME = STEP * np.arange(400)
@@ -33,7 +37,7 @@ def write_iso(path, columns):
 
 
 def variables(columns):
-    return {named_columns.plain_name(name): values for name, values in columns.items()}
+    return {plain_name(name): values for name, values in columns.items()}
 
 
 def write_mat(path, columns):
@@ -58,7 +62,7 @@ def write_tdms(path, columns):
     nptdms = pytest.importorskip('nptdms')
     channels = []
     for name, values in columns.items():
-        plain, _, unit = named_columns.plain_name(name).rpartition('_')
+        plain, _, unit = plain_name(name).rpartition('_')
         channels.append(nptdms.ChannelObject('Run 1', plain, values, properties={'unit_string': unit}))
     with nptdms.TdmsWriter(path) as writer:
         writer.write_segment([nptdms.GroupObject('Setup'), *channels])
@@ -101,6 +105,15 @@ def write_parquet(path, columns):
     parquet.write_table(pyarrow.table(columns), path, row_group_size=150)
 
 
+def write_outb(path, columns):
+    """As OpenFAST does without compression."""
+    step = columns['time_s'][1] - columns['time_s'][0]
+    values = np.column_stack([each for name, each in columns.items() if name != 'time_s'])
+    units = [f'({plain_name(name).rpartition("_")[2]})' for name in columns]
+    head = struct.pack('<hiiddi', 3, values.shape[1], len(values), columns['time_s'][0], step, 4) + b'calm'
+    path.write_bytes(head + b''.join(text.encode().ljust(10) for text in (*columns, *units)) + values.tobytes())
+
+
 WRITERS = {
     'iso.csv': write_iso,
     '5.mat': write_mat,
@@ -110,6 +123,7 @@ WRITERS = {
     'a.lvm': write_lvm,
     'a.xlsx': write_xlsx,
     'a.parquet': write_parquet,
+    'a.outb': write_outb,
 }
 PACKED = [name for name in WRITERS if not name.endswith('.csv')]
 
@@ -149,7 +163,7 @@ def test_names_and_units_are_matched_as_in_csv(tmp_path, kind, quantity, unit, c
     unit += '/s' if quantity not in ('roll', 'pitch') else ''
     names = written.format(spelt('time'), clock), written.format(spelt(quantity), unit)
     if kind.endswith('mat'):
-        names = [named_columns.plain_name(name) for name in names]
+        names = [plain_name(name) for name in names]
     scale = {'s': 1.0, 'ms': 1e3, 'us': 1e6}[clock]
     columns = {names[0]: scale * TIME, names[1]: np.radians(ROLL) if 'rad' in unit else ROLL, 'remark': 0 * TIME}
     write_csv(tmp_path / 'a.csv', columns)
@@ -237,7 +251,7 @@ def test_assigned_columns_on_the_command_line(tmp_path, capsys):
 
 
 def test_what_is_missing_or_too_large_is_one_sentence(tmp_path, monkeypatch):
-    for name in ('a.xlsx', '73.mat', 'a.tdms', 'a.parquet', '5.mat', 'a.lvm'):
+    for name in ('a.xlsx', '73.mat', 'a.tdms', 'a.parquet', '5.mat', 'a.lvm', 'a.outb'):
         path = tmp_path / name
         WRITERS[name](path, COLUMNS)
         with monkeypatch.context() as changed:
@@ -258,3 +272,86 @@ def test_what_is_missing_or_too_large_is_one_sentence(tmp_path, monkeypatch):
     savemat(tmp_path / 'two.mat', {'one': {'x': TIME, 'y': TIME}, 'other': {'z': ROLL, 'w': ROLL}})
     with pytest.raises(InputError, match='2 tables, one/x, one/y, other/z, other/w; of the first: .* no time column'):
         read_trial(tmp_path / 'two.mat')
+
+
+def sentence(body):
+    checksum = 0
+    for byte in body.encode():
+        checksum ^= byte
+    return f'${body}*{checksum:02X}'
+
+
+@pytest.mark.parametrize(
+    'form',
+    [
+        'PASHR,{clock},90.00,T,{roll:.4f},{pitch:.4f},0.1,0.1,0.1,0.1,1,1',
+        'GPZDA,{clock},01,05,2026,00,00|IIXDR,A,{pitch:.4f},D,PTCH,A,{roll:.4f},D,ROLL',
+        'GPRMC,{clock},A,5000.0,N,00100.0,E,1.0,90.0,010526,,|PRDID,{pitch:.4f},{roll:.4f},90.0',
+    ],
+)
+def test_sentences_of_nmea_hold_the_attitude_in_forward_right_down(tmp_path, form):
+    clocks = [f'{2359 if t < 10 else 0:04d}{50 + t if t < 10 else t - 10:05.2f}' for t in TIME]
+    told = [form.format(clock=clock, roll=angle, pitch=0.5 * angle) for clock, angle in zip(clocks, ROLL, strict=True)]
+    lines = [sentence(body) for line in told for body in line.split('|')]
+    damaged = lines[-1].replace('*', '1*')
+    (tmp_path / 'a.log').write_text('\r\n'.join([*lines, damaged]))
+    trial = read_trial(tmp_path / 'a.log')
+    assert trial.time - trial.time[0] == pytest.approx(TIME, abs=1e-6)
+    assert np.degrees(trial.roll) == pytest.approx(ROLL, abs=1e-4)
+    assert np.degrees(trial.pitch) == pytest.approx(-0.5 * ROLL, abs=1e-4)
+    (tmp_path / 'a.log').write_text(sentence('GPGGA,120000,5000.0,N,00100.0,E,1,08,0.9,1,M,1,M,,'))
+    with pytest.raises(InputError, match='without a sentence of the attitude'):
+        read_trial(tmp_path / 'a.log')
+
+
+def test_a_px4_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monkeypatch):
+    (tmp_path / 'a.ulg').write_bytes(b'ULog\x01\x12\x35' + bytes(20))
+    half, stamps = np.radians(ROLL) / 2.0, 1e6 * TIME.astype('float64') + 5e6
+    angle = {'timestamp': stamps, 'q[0]': np.cos(half), 'q[1]': np.sin(half), 'q[2]': 0 * half, 'q[3]': 0 * half}
+    rate = np.radians(np.gradient(ROLL, TIME))
+    topics = {
+        'vehicle_attitude': angle,
+        'sensor_combined': {'timestamp': stamps, **{f'gyro_rad[{k}]': rate * (k == 0) for k in range(3)}}
+        | {f'accelerometer_m_s2[{k}]': -9.81 * (k == 2) + 0 * half for k in range(3)},
+    }
+    log = SimpleNamespace(data_list=[SimpleNamespace(name=name, data=data) for name, data in topics.items()])
+    monkeypatch.setitem(sys.modules, 'pyulog', SimpleNamespace(ULog=lambda path, wanted: log))
+    trial = read_trial(tmp_path / 'a.ulg')
+    assert trial.time - trial.time[0] == pytest.approx(TIME) and np.degrees(trial.roll) == pytest.approx(ROLL)
+    assert trial.roll_rate == pytest.approx(rate) and np.mean(trial.accel_z) == pytest.approx(9.81, abs=0.1)
+    monkeypatch.setitem(sys.modules, 'pyulog', None)
+    with pytest.raises(InputError, match='pip install pyulog'):
+        read_trial(tmp_path / 'a.ulg')
+
+
+def test_decimals_compounds_formulas_and_matlab_4(tmp_path):
+    pyarrow, h5py, openpyxl = map(pytest.importorskip, ('pyarrow', 'h5py', 'openpyxl'))
+    from pyarrow import parquet
+
+    rounded = [Decimal(f'{angle:.6f}') for angle in ROLL]
+    parquet.write_table(pyarrow.table({'time_s': TIME, 'roll_deg': rounded}), tmp_path / 'a.parquet')
+    compound = np.rec.fromarrays([TIME, ROLL], names='time_s,roll_deg')
+    with h5py.File(tmp_path / 'a.h5', 'w') as file:
+        file['run'] = compound
+    savemat(tmp_path / '4.mat', {'time_s': TIME, 'roll_deg': ROLL}, format='4')
+    book = openpyxl.Workbook()
+    book.active.append(['time_s', 'Phi', 'roll_deg', 'lost'])
+    for row, (t, angle) in enumerate(zip(TIME, np.radians(ROLL), strict=True), 2):
+        book.active.append([float(t), f'={float(angle)!r}/2', f'=DEGREES($B{row}*2^1)+0*PI()', '=Sheet2!A1'])
+    book.save(tmp_path / 'a.xlsx')
+    for name in ('a.parquet', 'a.h5', '4.mat', 'a.xlsx'):
+        trial = read_trial(tmp_path / name)
+        assert trial.time == pytest.approx(TIME) and np.degrees(trial.roll) == pytest.approx(ROLL, abs=1e-6)
+    with pytest.raises(InputError, match="formulas of 'lost' have no stored values"):
+        read_trial(tmp_path / 'a.xlsx', columns={'roll': 'lost:deg'})
+
+
+def test_waveforms_that_start_later_are_shifted(tmp_path):
+    nptdms = pytest.importorskip('nptdms')
+    said = {'wf_increment': STEP, 'unit_string': 'deg'}
+    with nptdms.TdmsWriter(tmp_path / 'a.tdms') as writer:
+        first = nptdms.ChannelObject('Run', 'Roll', ROLL[:-3], properties=said | {'wf_start_offset': 0.0})
+        later = nptdms.ChannelObject('Run', 'Pitch', ROLL[3:], properties=said | {'wf_start_offset': 3 * STEP})
+        writer.write_segment([first, later])
+    trial = read_trial(tmp_path / 'a.tdms')
+    assert trial.pitch[3:] == pytest.approx(trial.roll[3:]) and np.isnan(trial.pitch[:3]).all()

@@ -55,8 +55,8 @@ def longest_increasing_length(values):
 @given(st.lists(st.integers(0, 12), min_size=8, max_size=40))
 def test_no_more_rows_are_lost_than_must_be(stamps):
     time = np.array(stamps, dtype=float)
-    best = longest_increasing_length(stamps)
-    if best < MIN_ROWS:
+    best, own = longest_increasing_length(stamps), 1 + np.count_nonzero(np.diff(time))
+    if best < MIN_ROWS or own - best >= MIN_ROWS:
         with pytest.raises(InputError):
             clean(time, {'roll': 0 * time})
     else:
@@ -75,7 +75,9 @@ def test_absurd_values_become_missing():
     assert (cleaned['roll'][6], cleaned['roll_rate'][7]) == (3.1, -34.9)
     assert channels['roll'][5] == 3.2, 'the input is not written to'
     assert codes(advice) == ['absurd-values', 'missing-values']
-    assert 'roll: 1, roll_rate: 1, pitch: 1, accel_z: 1, gyro_z: 1' in advice[0].message
+    assert (
+        'roll: 1 of 100, roll_rate: 1 of 100, pitch: 1 of 100, accel_z: 1 of 100, gyro_z: 1 of 100' in advice[0].message
+    )
 
 
 def test_gaps_and_empty_channels_are_told_and_uneven_steps_are_not():
@@ -215,3 +217,39 @@ def test_an_orientation_that_was_never_filled_in_is_left_out_of_a_record(amplitu
     is_blank = amplitude > 0.0
     assert ('blank-orientation' in {each.code for each in trial.advice}) == is_blank == (trial.roll is None)
     assert trial.roll_rate is not None
+
+
+@pytest.mark.parametrize('steepest, is_told', [(82.0, True), (80.0, False)])
+def test_euler_angles_near_the_vertical_are_reported(steepest, is_told):
+    time = np.arange(0.0, 20.0, 0.05)
+    pitch = np.radians(steepest) * np.sin(time)
+    trial = assemble_trial(time, {'roll': 0.1 * np.sin(2.0 * time), 'pitch': pitch})
+    assert ('near-vertical' in codes(trial.advice)) == is_told
+
+
+@pytest.mark.parametrize('ends, goes_on, is_left_out', [(True, 0.0, True), (False, 0.2, True), (False, 0.0, False)])
+def test_angles_that_a_sensor_repeats_are_left_out_but_not_a_craft_that_is_held(ends, goes_on, is_left_out):
+    time = np.arange(0.0, 60.0, 0.05)
+    roll = 0.2 * np.sin(4.0 * time)
+    first, last = (386 if ends else 409), (time.size if ends else 600)
+    roll[first:last] = roll[first - 1]
+    roll[last:] = roll[first - 1] * np.cos(4.0 * (time[last:] - time[last - 1])) + goes_on if not ends else 0.0
+    _, cleaned, advice = clean(time, {'roll': roll})
+    assert ('angles-stuck' in codes(advice)) == is_left_out
+    assert np.isnan(cleaned['roll'][first + 1 : last]).all() == is_left_out
+
+
+@pytest.mark.parametrize('lost, is_read', [(4, True), (6, False)])
+def test_a_record_that_loses_more_than_a_twentieth_for_one_cause_is_refused(lost, is_read):
+    time, roll = np.arange(200) * 0.05, 0.1 * np.sin(np.arange(200) * 0.1)
+    places = np.arange(5, 5 + 2 * lost) * 9
+    for damaged_time, damaged, cause in (
+        (np.where(np.isin(np.arange(200), places), np.nan, time), roll, 'no readable time'),
+        (time, np.where(np.isin(np.arange(200), places), 9.0, roll), 'are impossible, up to 9'),
+        (np.where(np.isin(np.arange(200), places), time - 2.0, time), roll, 'steps back'),
+    ):
+        if is_read:
+            assert clean(damaged_time, {'roll': damaged})[2]
+        else:
+            with pytest.raises(InputError, match=cause):
+                clean(damaged_time, {'roll': damaged})

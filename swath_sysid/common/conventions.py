@@ -14,6 +14,8 @@ CONFIDENCE = 0.95  #: Of the intervals that are stated.
 LEVELS = REJECTED, DOUBTFUL, ADEQUATE = 'rejected', 'doubtful', 'adequate'  #: Of verdicts, the worst first.
 
 
+LOST_SHARE = 0.05  #: Of the rows or values of a record, from which what is lost for one cause makes it no record.
+
 ROUNDING = 1e-9  #: What is smaller, in its unit, is zero but for rounding.
 
 

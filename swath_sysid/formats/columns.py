@@ -2,135 +2,90 @@
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
-from scipy import constants
 
 from swath_sysid.common.advice import Advice, did_you_mean
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.clocks import Clock, Clocks, Column, chosen, clock_of, clocks_of, with_unit_by_size
 from swath_sysid.formats.files import reading, shown
 from swath_sysid.formats.table_files import known_by_name, tables_in
-from swath_sysid.formats.text_tables import NamedColumns, Progress, listed_names, plain_name
-
-#: Units as the names of columns end in them, with their size in SI.
-UNITS = {
-    **{'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9},
-    **{'rad': 1.0, 'deg': np.pi / 180, 'rad_s': 1.0, 'deg_s': np.pi / 180, 'dps': np.pi / 180},
-    **{
-        'm': 1.0,
-        'm_s': 1.0,
-        'km_h': constants.kmh,
-        'kn': constants.knot,
-        'm_s2': 1.0,
-        'g': constants.g,
-        'n': 1.0,
-        '': 1.0,
-    },
-}
-TIME, ANGLE, RATE, SPEED = ('s', 'ms', 'us', 'ns'), ('rad', 'deg'), ('rad_s', 'deg_s', 'dps'), ('m_s', 'km_h', 'kn')
-SAMPLES = 'samples'  #: The unit of a time column that numbers the samples; a comment line says how many a second.
-
-TIME_NAMES = ('time', 't', 'stamp', 'timestamp', 'header_stamp')
-#: Of a number beside the columns that stands in for a time, per second and in seconds.
-RATES, INTERVALS = ('sample_rate_hz', 'sample_rate', 'rate_hz', 'fs', 'fs_hz'), ('dt', 'dt_s')
-DATE_NAMES = (*TIME_NAMES, 'date', 'datetime', 'date_time', 'utc', 'time_utc', 'utc_time')  #: Of dates, without a unit.
-
-#: A reading, the names of its column without the unit, and its units.
-Quantity = tuple[str, Sequence[str], Sequence[str]]
-MOTION_QUANTITIES: tuple[Quantity, ...] = (
-    *((angle, (angle, f'{angle}_angle'), ANGLE) for angle in ('roll', 'pitch', 'yaw')),
-    ('heading', ('heading',), ANGLE),
-    *((f'{angle}_rate', (f'{angle}_rate',), RATE) for angle in ('roll', 'pitch', 'yaw')),
-    ('heave', ('heave',), ('m',)),
-    *((f'gyro_{part}', (f'gyro_{part}', f'gyr_{part}', f'angular_velocity_{part}'), RATE) for part in 'xyz'),
-    *(
-        (f'accel_{part}', (f'accel_{part}', f'acc_{part}', f'linear_acceleration_{part}'), ('m_s2', 'g'))
-        for part in 'xyz'
-    ),
-    *((f'quaternion_{part}', (f'quaternion_{part}', f'orientation_{part}', f'q{part}'), ('',)) for part in 'xyzw'),
-)
-MANOEUVRE_QUANTITIES: tuple[Quantity, ...] = (
-    *(
-        (f'{side}_{kind}', (f'{side}_{kind}', f'{other}_{kind}', f'{kind}_{side}', f'{kind}_{other}'), (unit,))
-        for kind, unit in (('thrust', 'n'), ('command', ''), ('pwm', 'us'))
-        for side, other in (('port', 'left'), ('starboard', 'right'))
-    ),
-    ('surge', ('surge', 'u', 'surge_speed'), SPEED),
-    ('sway', ('sway', 'v', 'sway_speed'), SPEED),
-    ('yaw_rate', ('yaw_rate', 'r'), RATE),
-    ('heading', ('heading', 'yaw', 'psi'), ANGLE),
-    *((name, (name,), ('m',)) for name in ('x', 'y', 'east', 'north')),
+from swath_sysid.formats.text_tables import NamedColumns, Progress
+from swath_sysid.formats.vocabulary import (
+    FURTHER_TIMES,
+    INTERVALS,
+    RATES,
+    SAMPLES,
+    TIME,
+    TIME_NAMES,
+    UNIT_IN_BRACKETS,
+    Quantity,
+    listed_names,
+    matched,
+    plain_name,
+    readings_of,
+    spelt_names,
+    unit_of,
 )
 
-EPOCH_SECONDS = 1e8  #: A time that begins beyond this counts from an epoch.
 SIMILAR = 0.85  #: Likeness, from 0 to 1, of a name that may be a slip of the pen.
 SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3  #: Difference of two columns of one quantity, as share or in SI, by rounding.
 
 UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
 
-
 UNKNOWN = 'columns-unknown'  #: Code of the errors that an assignment of columns mends.
+
+#: From a table's columns and values, (columns, N), to unit and reason of those without one that leave no doubt of it.
+Judge = Callable[[Clock, Sequence[Column], np.ndarray], Mapping[int, tuple[str, str]]]
+Lacking = Callable[[set[str]], str]  #: What is missing beside the readings found.
 
 
 @dataclass(frozen=True)
-class Column:
-    """A column that is read: what it holds, its position and its unit."""
+class _Match:
+    """A table that has what is needed."""
 
-    reading: str
-    name: str  #: As written.
-    index: int | None  #: None of a time that only a sample rate gives.
-    unit: str
+    table: NamedColumns
+    plain: Sequence[str]
+    clocks: Clocks
+    columns: tuple[Column, ...]  #: Without those of the time; some without a unit.
 
-    @property
-    def scale(self) -> float:
-        """Its unit in SI."""
-        return UNITS.get(self.unit, 1.0)
+    def has_units(self, lacking: Lacking) -> bool:
+        """Whether it has what is needed with units."""
+        return any(clock[-1].unit for clock in self.clocks) and not lacking({c.reading for c in self.columns if c.unit})
 
-
-#: A table that has what is needed: its plain names, its columns to read, and the names of those that lack a unit.
-_Match = tuple[NamedColumns, Sequence[str], tuple[Column, ...], list[str]]
+    def by_other_names(self, quantities: Iterable[Quantity]) -> bool:
+        """Whether a column is read that no first choice of a name tells."""
+        known = spelt_names(quantities)
+        names = (self.plain[column.index] for column in self.columns if column.index is not None)
+        return any(known.keys().isdisjoint(stem for stem, _ in readings_of(name)) for name in names)
 
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of a file that are known, the time first, and what was found amiss."""
+    """The columns of a file that are known, its time, and what was found amiss."""
 
     path: str | Path
     remarks: dict[str, str]
+    clock: Clock
     columns: tuple[Column, ...]
     values: np.ndarray  #: (columns, N), as written.
     advice: tuple[Advice, ...]
+    understood: str = ''  #: Which columns were read as what, in one line.
 
     def remark(self, key: str) -> float | None:
         """The number in a comment line, None where there is none."""
         said = self.remarks.get(key)
         try:
-            return float(said.replace(',', '.')) if said else None
+            return float(re.sub(r'\s*(hz|s)$', '', said.replace(',', '.'), flags=re.IGNORECASE)) if said else None
         except ValueError as error:
             raise InputError(f"{self.path} says '{key}: {shown(str(said))}' instead of a number: correct it") from error
 
-    @property
-    def start(self) -> float:
-        """The first time, s, from whatever it counts."""
-        return _first_finite(self.values[0]) * self.columns[0].scale
-
     def time(self) -> np.ndarray:
         """Seconds, from the first sample where the column counts from an epoch."""
-        parts = [
-            row if column.scale == 1.0 else row * column.scale
-            for column, row in zip(self.columns, self.values, strict=True)
-            if column.reading == 'time'
-        ]
-        time, further = parts[0], parts[1:]
-        if abs(self.start) > EPOCH_SECONDS:
-            # subtracted before the nanoseconds are added: a double resolves an epoch to 0.2 us only
-            time = sum(further, time - self.start)
-            return time - _first_finite(time)
-        rate = self._rate() if self.columns[0].unit == SAMPLES else 1.0
-        return sum(further, time) / rate
+        return self.clock.time / (self._rate() if self.clock.columns[0].unit == SAMPLES else 1.0)
 
     def _rate(self) -> float:
         """Samples a second, as the file says beside its columns."""
@@ -150,24 +105,24 @@ class Table:
             row = row if column.scale == 1.0 else row * column.scale
             if column.reading not in found:
                 found[column.reading], first[column.reading] = row, column.name
-            elif column.reading not in ('time', 'yaw', 'heading') and not agree(found[column.reading], row):
+            elif column.reading not in ('yaw', 'heading') and not agree(found[column.reading], row):
                 raise InputError(
                     f"{self.path}: its columns '{shown(first[column.reading])}' and '{shown(column.name)}' "
                     'contradict each other: leave out the wrong one'
                 )
-        del found['time']
         return found
 
 
 def read_table(
     path: str | Path,
     quantities: Iterable[Quantity],
-    lacking: Callable[[set[str]], str],
+    lacking: Lacking,
     progress: Progress | None = None,
     assigned: Mapping[str, str] | None = None,
+    judge: Judge | None = None,
 ) -> Table:
-    """Read the known columns of a file from its one table that has them. ``lacking`` says what is missing beside the
-    readings found, ``assigned`` gives columns by the quantity that they hold, as in ``{'roll': 'Phi:deg'}``.
+    """Read the known columns of a file from its one table that has them; ``assigned`` gives columns by the quantity
+    that they hold, as in ``{'roll': 'Phi:deg'}``.
     """
     with reading(path), known_by_name(path):
         matches, problems = [], []
@@ -177,17 +132,63 @@ def read_table(
                 matches.append(_matched(path, table, quantities, lacking, assigned or {}))
             except InputError as error:
                 problems.append(error)
+        with_units = [match for match in matches if match.has_units(lacking)]
+        matches = with_units if len(with_units) == 1 else matches
         if len(matches) != 1:
             raise _choice_is_open(path, tables, matches, problems)
-        table, plain, columns, unitless = matches[0]
-        values, advice = table.read([column.index for column in columns if column.index is not None], progress)
-    if columns[0].index is None:
+        (match,) = matches
+        times = [column for columns in match.clocks for column in columns]
+        columns = [*times, *match.columns]
+        values, advice = match.table.read([column.index for column in columns if column.index is not None], progress)
+    if times[0].index is None:
         values = np.vstack([np.arange(values.shape[1]), values])
+    clock, clock_advice = _clock(path, match, values)
+    values = values[len(times) :]
+    judged = judge(clock, match.columns, values) if judge else {}
+    known = [replace(c, unit=judged[place][0]) if place in judged else c for place, c in enumerate(match.columns)]
+    _refuse_lacking(path, match, known, quantities, lacking, values)
+    unitless = [column.name for column in known if column.unit is None]
+    read = [place for place, column in enumerate(known) if column.unit is not None]
+    advice += clock_advice
+    for place, (unit, reason) in judged.items():
+        advice += (Advice.of('unit-judged', name=shown(known[place].name), unit=unit, reason=reason),)
     if unitless:
         advice += (Advice.of('unit-missing', columns=listed_names(unitless), unit_advice=UNIT_ADVICE),)
-    if meant := _likely_meant(table, plain, columns, quantities):
+    if meant := _likely_meant(match, quantities):
         advice += (Advice.of('columns-misspelt', pairs=meant),)
-    return Table(path, table.remarks, columns, values, advice)
+    columns = [known[place] for place in read]
+    understood = _understood(clock, columns)
+    if match.by_other_names(quantities):
+        advice += (Advice.of('columns-understood', columns=understood),)
+    understood = '; '.join(filter(None, (match.table.place, understood)))
+    values = values if len(read) == len(values) else values[read]
+    return Table(path, match.table.remarks, clock, tuple(columns), values, advice, understood)
+
+
+def _clock(path: str | Path, match: _Match, values: np.ndarray) -> tuple[Clock, tuple[Advice, ...]]:
+    """The best time of a table, of which the first rows of values are the candidates."""
+    clocks, at = [], 0
+    for columns in match.clocks:
+        rows = values[at : at + len(columns)]
+        known = [with_unit_by_size(column, row) for column, row in zip(columns, rows, strict=True)]
+        at += len(columns)
+        if all(column.unit is not None for column in known):
+            clocks.append(clock_of(known, list(rows)))
+    if not clocks:
+        name = shown(match.clocks[0][0].name)
+        raise InputError(
+            f"{path} has a column '{name}' without a unit: call it time_s, time_ms, time_us or time_ns, "
+            f"or assign it, as in 'time={name}:s'",
+            UNKNOWN,
+        )
+    return chosen(clocks)
+
+
+def _understood(clock: Clock, columns: Sequence[Column]) -> str:
+    """Which columns were read as what, in one line."""
+    said = [f"{column.reading} '{shown(column.name)}' ({column.unit or 'no unit'})" for column in columns]
+    units = ' and '.join(str(column.unit) for column in clock.columns)
+    return ', '.join([f"time '{shown(clock.name)}' ({units})", *said])
 
 
 def agree(one: np.ndarray, other: np.ndarray) -> bool:
@@ -205,9 +206,12 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def _names(quantities: Iterable[Quantity]) -> dict[str, tuple[str, str]]:
-    """Every name that a column may have, to its reading and unit."""
+    """Every name that a column should have, to its reading and unit."""
     return {
-        _with_unit(name, unit): (known, unit) for known, names, units in quantities for name in names for unit in units
+        _with_unit(name, unit): (each.reading, unit)
+        for each in quantities
+        for name in each.names
+        for unit in each.units
     }
 
 
@@ -215,33 +219,80 @@ def _matched(
     path: str | Path,
     table: NamedColumns,
     quantities: Iterable[Quantity],
-    lacking: Callable[[set[str]], str],
+    lacking: Lacking,
     assigned: Mapping[str, str],
 ) -> _Match:
     """The columns to read of a table that has what is needed."""
     plain = _with_assigned(path, table, quantities, assigned)
-    columns, unitless = _find_columns(path, table, plain, quantities)
-    missing = lacking({column.reading for column in columns})
-    if missing and unitless:
-        quantity = plain_name(unitless[0])
-        unit = next(units[-1] for _, names, units in quantities if quantity in names)
-        example = f"'{quantity}={shown(unitless[0])}:{unit}'"
+    clocks = clocks_of(plain, table)
+    if not clocks:
+        key = _rate_key(table.remarks)
+        if key is None:
+            raise InputError(
+                f'{path} has no time column: looked for time_s, time_ms, time_us, time_ns (or t_, stamp_, timestamp_), '
+                f'time with dates such as 2026-05-01T12:00:00.25Z, or a number {RATES[0]} or fs; found '
+                f'{listed_names(table.names)}: name the columns so, or assign them, as in '
+                f"'time={_nearest(TIME_NAMES, table.names)}:s'",
+                UNKNOWN,
+            )
+        clocks = [(Column('time', key, None, SAMPLES),)]
+    columns = [
+        Column(known, table.names[k], k, unit) for k, (known, unit) in sorted(matched(plain, quantities).items())
+    ]
+    match = _Match(table, plain, clocks, tuple(columns))
+    read = {column.index for column in (*columns, *(each for clock in clocks for each in clock))}
+    twice = next((at for at in sorted(k for k in read if k is not None) if plain.count(plain[at]) > 1), None)
+    if twice is not None:
+        raise InputError(f"{path} has two columns '{shown(table.names[twice])}': leave one out, or rename it")
+    _refuse_lacking(path, match, columns, quantities, lacking)
+    return match
+
+
+def _refuse_lacking(
+    path: str | Path,
+    match: _Match,
+    columns: Sequence[Column],
+    quantities: Iterable[Quantity],
+    lacking: Lacking,
+    values: np.ndarray | None = None,
+) -> None:
+    """Refuse a table without what is needed; as long as its values are unknown, columns without a unit may hold it."""
+    readings = {column.reading for column in columns if values is None or column.unit is not None}
+    missing = lacking(readings)
+    if not missing:
+        return
+    unitless = [(at, column) for at, column in enumerate(columns) if column.unit is None]
+    if unitless and values is not None:
+        order = [each.reading for each in quantities]
+        at, column = min(unitless, key=lambda each: order.index(each[1].reading))
+        units = next(each.units for each in quantities if each.reading == column.reading)
+        name, largest = shown(column.name), np.nanmax(np.abs(values[at]), initial=0.0)
         raise InputError(
-            f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}, or assign it, as in {example}",
+            f"{path} has a column '{name}' without a unit, with values up to {largest:.4g}: {UNIT_ADVICE}, or assign "
+            f"it, as in '{column.reading}={name}:{units[-1]}'{_of_hundredths(largest, units)}",
             UNKNOWN,
         )
-    if missing:
-        meant = _likely_meant(table, plain, columns, quantities)
-        listed = listed_names(table.names) + (f' ({meant})' if meant else '')
-        (quantity, _, units), *_ = quantities
-        if not units[-1]:
-            raise InputError(f'{path} has no {missing}; found {listed}: choose one of these')
-        name = next((each for k, each in enumerate(table.names) if k not in {c.index for c in columns}), 'NAME')
-        example = f"'{quantity}={shown(name)}:{units[-1]}'"
-        raise InputError(
-            f'{path} has no {missing}; found {listed}: name the columns so, or assign them, as in {example}', UNKNOWN
-        )
-    return table, plain, columns, unitless
+    meant = _likely_meant(match, quantities)
+    listed = listed_names(match.table.names) + (f' ({meant})' if meant else '')
+    first = next(iter(quantities))
+    if not first.units[-1]:
+        raise InputError(f'{path} has no {missing}; found {listed}: choose one of these')
+    example = f"'{first.reading}={_nearest(first.names, match.table.names)}:{first.units[-1]}'"
+    raise InputError(
+        f'{path} has no {missing}; found {listed}: name the columns so, or assign them, as in {example}', UNKNOWN
+    )
+
+
+def _of_hundredths(largest: float, units: Sequence[str]) -> str:
+    """The factor of an angle that is none in degrees."""
+    return ' (:cdeg if it is in hundredths of a degree)' if largest > 180.0 and 'cdeg' in units else ''
+
+
+def _nearest(known: Iterable[str], names: Sequence[str]) -> str:
+    """The name in a file that is nearest to one of those known; NAME where none is."""
+    plain = {plain_name(name): name for name in names}
+    near = [found for each in known for found in get_close_matches(each, plain, 1)]
+    return shown(plain[near[0]]) if near else 'NAME'
 
 
 def _choice_is_open(
@@ -249,8 +300,8 @@ def _choice_is_open(
 ) -> InputError:
     """Why not one table of a file is the one to read."""
     if matches:
-        table, column = matches[0][0], matches[0][2][-1]
-        listed = listed_names([match[0].name for match in matches])
+        table, column = matches[0].table, matches[0].columns[-1]
+        listed = listed_names([match.table.name for match in matches])
         return InputError(
             f'{path} holds {len(matches)} tables that can be read ({listed}): choose one by assigning a column of it, '
             f"as in '{column.reading}={table.name}/{column.name}:{column.unit}'",
@@ -267,31 +318,34 @@ def _with_assigned(
 ) -> list[str]:
     """The plain names, where the caller assigns a quantity those that say so; no other column holds it then."""
     plain = [plain_name(name) for name in table.names]
-    known = _names(quantities)
-    known |= {name: ('time', '') for name in (*DATE_NAMES, *(_with_unit(n, u) for n in TIME_NAMES for u in TIME))}
-    units = {name: allowed for _, names, allowed in quantities for name in names} | dict.fromkeys(TIME_NAMES, TIME)
-    for quantity, source in assigned.items():
+    known = {
+        name: each
+        for each in (Quantity('time', TIME_NAMES, (*TIME, SAMPLES, ''), FURTHER_TIMES), *quantities)
+        for name in (each.reading, *each.names, *each.also)
+    }
+    for said, source in assigned.items():
         place, unit = _assigned_place(path, table, source)
-        wanted = _with_unit(plain_name(quantity), plain_name(unit))
-        if wanted not in known and plain_name(quantity) in units:
-            ends = ' or '.join(f':{each}' for each in units[plain_name(quantity)])
-            raise InputError(f"'{shown(quantity)}={shown(source)}' states no unit of {quantity}: end it with {ends}")
-        if wanted not in known:
-            listed = ', '.join(('time', *(reading for reading, _, _ in quantities)))
-            meant = did_you_mean(quantity, units)
-            raise InputError(f"there is no quantity '{shown(quantity)}'{meant}: choose from {listed}")
-        plain = ['' if known.get(each, ('',))[0] == known[wanted][0] else each for each in plain]
-        plain[place] = wanted
+        quantity = known.get(plain_name(said))
+        if quantity is None:
+            listed = ', '.join(('time', *(each.reading for each in quantities)))
+            raise InputError(f"there is no quantity '{shown(said)}'{did_you_mean(said, known)}: choose from {listed}")
+        unit = unit_of(unit) or plain_name(unit)
+        if unit not in quantity.units:
+            ends = ' or '.join(dict.fromkeys((f':{quantity.units[0]}', f':{[u for u in quantity.units if u][-1]}')))
+            raise InputError(f"'{shown(said)}={shown(source)}' states no unit of {said}: end it with {ends}")
+        if quantity.reading == 'time':
+            others = [column.index for clock in clocks_of(plain, table) for column in clock]
+        else:
+            others = [at for at, (reading, _) in matched(plain, quantities).items() if reading == quantity.reading]
+        plain = ['' if at in others else name for at, name in enumerate(plain)]
+        plain[place] = _with_unit(quantity.names[0], unit)
     return plain
 
 
 def _assigned_place(path: str | Path, table: NamedColumns, source: str) -> tuple[int, str]:
     """Place of the column ``name:unit``, and its unit; one that the column's own name states may be left out."""
     name, colon, unit = source.rpartition(':')
-    bare = [
-        re.sub(r'\s*[\[(](.*)[\])]$', lambda stated: stated[0] * (plain_name(stated[1]) not in UNITS), each)
-        for each in table.names
-    ]
+    bare = [UNIT_IN_BRACKETS.sub(lambda stated: stated[0] * (unit_of(stated[1]) is None), each) for each in table.names]
     for wanted, given in ((source, ''), (name, unit))[: 1 + len(colon)]:
         for names in (table.names, bare):
             for place, each in enumerate(names):
@@ -302,78 +356,18 @@ def _assigned_place(path: str | Path, table: NamedColumns, source: str) -> tuple
     raise InputError(f"{path} has no column '{shown(name)}'{meant}: assign one of {listed}", UNKNOWN)
 
 
-def _find_columns(
-    path: str | Path, head: NamedColumns, plain: Sequence[str], quantities: Iterable[Quantity]
-) -> tuple[tuple[Column, ...], list[str]]:
-    """The columns to read, those of the time first, and the names of those that lack a unit."""
-    known = _names(quantities)
-    bare = {name for _, names, units in quantities for name in names if '' not in units}
-    columns = _time_columns(plain, head)
-    if not columns:
-        unitless = next((head.names[k] for k, name in enumerate(plain) if name in TIME_NAMES), None)
-        if unitless is not None:
-            raise InputError(
-                f"{path} has a column '{shown(unitless)}' without a unit: call it time_s, time_ms, time_us or time_ns, "
-                f"or assign it, as in 'time={shown(unitless)}:s'",
-                UNKNOWN,
-            )
-        key = _rate_key(head.remarks)
-        if key is None:
-            raise InputError(
-                f'{path} has no time column: looked for time_s, time_ms, time_us, time_ns (or t_, stamp_, timestamp_), '
-                f'time with dates such as 2026-05-01T12:00:00.25Z, or a number {RATES[0]} or fs; found '
-                f'{listed_names(head.names)}: name the columns so, or assign them, as in '
-                f"'time={shown(head.names[0])}:s'",
-                UNKNOWN,
-            )
-        columns = [Column('time', key, None, SAMPLES)]
-    columns += [
-        Column(known[name][0], head.names[k], k, known[name][1]) for k, name in enumerate(plain) if name in known
-    ]
-    read = [column.name if column.index is None else plain[column.index] for column in columns]
-    twice = next((column.name for k, column in enumerate(columns) if read[k] in read[:k]), None)
-    if twice is not None:
-        raise InputError(f"{path} has two columns '{shown(twice)}': leave one out, or rename it")
-    return tuple(columns), [head.names[k] for k, name in enumerate(plain) if name in bare]
-
-
-def _time_columns(plain: Sequence[str], head: NamedColumns) -> list[Column]:
-    """The column (or the two columns, seconds and nanoseconds) of the time, by the first of its names that is there."""
-    with_units = [(_with_unit(name, unit), unit) for name in TIME_NAMES for unit in (*TIME, SAMPLES)]
-    dated = {*DATE_NAMES, *(name for name, _ in with_units)}
-    for place in sorted(head.dates):
-        if place < len(plain) and plain[place] in dated:
-            return [Column('time', head.names[place], place, 's')]
-    for name, unit in with_units:
-        if name in plain:
-            return [Column('time', head.names[k], k, unit) for k, each in enumerate(plain) if each == name]
-    for prefix in ('', *(f'{name}_' for name in TIME_NAMES)):
-        parts = {f'{prefix}sec': 's', f'{prefix}nanosec': 'ns'}
-        if parts.keys() <= set(plain):
-            places = [(plain.index(name), unit) for name, unit in parts.items()]
-            return [Column('time', head.names[k], k, unit) for k, unit in places]
-    return []
-
-
-def _likely_meant(
-    head: NamedColumns, plain: Sequence[str], columns: Sequence[Column], quantities: Iterable[Quantity]
-) -> str:
+def _likely_meant(match: _Match, quantities: Iterable[Quantity]) -> str:
     """Names that are not read and near to the name of a reading that is not there, with that name."""
-    there = {column.reading for column in columns}
+    there = {column.reading for column in match.columns}
     missing = [name for name, (known, _) in _names(quantities).items() if known not in there]
-    read = {column.index for column in columns}
+    read = {column.index for column in (*match.columns, *(column for clock in match.clocks for column in clock))}
     pairs = []
-    for place, name in enumerate(plain):
+    for place, name in enumerate(match.plain):
         near = [] if place in read else get_close_matches(name, missing, 1, SIMILAR)
-        pairs += [f"'{shown(head.names[place])}': did you mean {near[0]}?" for near in [near] if near]
+        pairs += [f"'{shown(match.table.names[place])}': did you mean {near[0]}?" for near in [near] if near]
     return ', '.join(pairs[:3])
 
 
 def _rate_key(remarks: Mapping[str, str]) -> str | None:
     """What says the sample rate or interval."""
     return next((key for key in remarks if plain_name(key) in (*RATES, *INTERVALS)), None)
-
-
-def _first_finite(values: np.ndarray) -> float:
-    finite = np.flatnonzero(np.isfinite(values))
-    return values[finite[0]] if finite.size else 0.0

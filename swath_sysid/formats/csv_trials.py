@@ -1,23 +1,28 @@
 """Trials in tables: column names that say their units, and numbers."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import Installation, euler_angles
-from swath_sysid.attitude.motion.cleaning import ACCEL, QUATERNION, assemble_trial
+from swath_sysid.attitude.motion.cleaning import ACCEL, QUATERNION, WRAP, assemble_trial, counts_whole_turns
+from swath_sysid.attitude.motion.rate_comparison import compare_rates, is_near
 from swath_sysid.attitude.motion.stamps import check_time_base, motion_period
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.columns import MOTION_QUANTITIES, UNKNOWN, Table, agree, read_table
+from swath_sysid.formats.clocks import Clock, Column
+from swath_sysid.formats.columns import UNKNOWN, Table, agree, read_table
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.text_tables import Progress, write_table
+from swath_sysid.formats.vocabulary import MOTION_QUANTITIES, UNITS
 
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}  #: rad, with some rounding.
-BROKEN_SHARE = 0.01  #: Of values beyond all limits, which may be broken packets.
+RATES_OF = {'roll': ('roll_rate', 'gyro_x'), 'pitch': ('pitch_rate', 'gyro_y')}
+ANGLE_UNITS = MOTION_QUANTITIES[0].units
 
 AMPLITUDES_RAD = 0.03, 0.7  #: Half the range of angles in rad of a craft that moves by 2 to 40 deg.
 MIN_SAMPLES_A_CYCLE = 8  #: Noise of a sensor at rest turns faster.
@@ -35,21 +40,22 @@ def read_csv(
 ) -> Trial:
     """Read a trial from a CSV file, or from a table of another format.
 
-    Columns are found by name, in any order; capitals, spaces, brackets and slashes do not matter:
-    ``Roll rate [deg/s]`` is ``roll_rate_deg_s``. Delimiters are comma, semicolon, tab or spaces;
-    with the others than the comma, numbers may have decimal commas.
+    The table is found where its numbers begin, and its columns by name, in any order; capitals, accents, spaces,
+    brackets and slashes do not matter: ``Roll rate [deg/s]`` is ``roll_rate_deg_s``, and units may stand in a row of
+    their own. Delimiters are comma, semicolon, tab, bar or spaces; with the others than the comma, numbers may have
+    decimal commas.
 
     ===================================== ======================= ===========================
     column                                units                   reading
     ===================================== ======================= ===========================
-    time, t, stamp, timestamp             s, ms, us, ns, samples  needed; no unit where it holds ISO 8601 dates
-    roll, pitch, yaw                      rad, deg                Euler angles
+    time, t, stamp, timestamp             s, ms, us, ns, samples  needed; no unit where it holds dates or clock times
+    roll, pitch, yaw                      rad, mrad, deg, cdeg    Euler angles
     heading                               rad, deg                clockwise from north
     quaternion_x, _y, _z, _w              (none)                  orientation
     roll_rate, pitch_rate, yaw_rate       rad_s, deg_s, dps       Euler rates
     gyro_x, _y, _z                        rad_s, deg_s, dps       body rates
     accel_x, _y, _z                       m_s2, g                 specific force
-    heave                                 m                       along the frame's vertical
+    heave                                 m, cm, mm               along the frame's vertical
     ===================================== ======================= ===========================
 
     Comment lines above (``# key: value``) may give ``draft_m``, ``initial_angle_deg`` or
@@ -60,7 +66,7 @@ def read_csv(
     reported. Frame and mounting, where they are not given, are
     those that the file states. Parameters and errors are those of `swath_sysid.formats.reading.read_trial`.
     """
-    table = read_table(path, MOTION_QUANTITIES, _lacking, progress, columns)
+    table = read_table(path, MOTION_QUANTITIES, _lacking, progress, columns, _units_by_values)
     _check_units(table)
     readings = table.readings()
     _refuse_contradicting_orientation(path, readings)
@@ -73,16 +79,19 @@ def read_csv(
         draft=table.remark('draft_m'),
         initial_angle=table.remark('initial_angle_rad') if degrees is None else float(np.radians(degrees)),
         advice=(*table.advice, *_unit_advice(table)),
+        understood=table.understood,
     )
     motions = [values for name, values in trial.channels.items() if name not in ACCEL]
-    stamps, first = trial.time + (table.start - trial.time[0]), table.columns[0]
-    check_time_base(stamps, motions, str(path), first.name, first.unit)
+    clock = table.clock
+    check_time_base(
+        trial.time + (clock.start - trial.time[0]), motions, str(path), clock.name, clock.columns[-1].unit or ''
+    )
     return trial
 
 
 def write_csv(path: str | Path, trial: Trial) -> None:
     """Write every channel of a trial as a CSV file, whole or not at all, that `read_csv` reads back exactly."""
-    units = {name: allowed[0] for name, _, allowed in MOTION_QUANTITIES}
+    units = {each.reading: each.units[0] for each in MOTION_QUANTITIES}
     remarks = {'frame': 'flu', 'draft_m': trial.draft, 'initial_angle_rad': trial.initial_angle}
     channels = {f'{name}_{units[name]}': values for name, values in trial.channels.items()}
     write_table(path, remarks, {'time_s': trial.time, **channels})
@@ -103,7 +112,8 @@ def _refuse_contradicting_orientation(path: str | Path, readings: dict[str, np.n
         return
     roll, pitch, _ = euler_angles(*(readings[part] for part in QUATERNION))
     for name, angle in (('roll', roll), ('pitch', pitch)):
-        if name in readings and np.isfinite(angle).any() and not agree(readings[name], angle):
+        apart = np.remainder(readings.get(name, angle) - angle + np.pi, 2.0 * np.pi) - np.pi
+        if np.isfinite(angle).any() and not agree(angle + apart, angle):
             raise InputError(f'{path}: its {name} and its quaternion contradict each other: leave out the wrong one')
 
 
@@ -117,16 +127,66 @@ def _angles(table: Table, unit: str) -> dict[str, tuple[str, np.ndarray]]:
 
 
 def _check_units(table: Table) -> None:
-    """Refuse angles that are called rad and can only be degrees."""
-    for name, (angle, known) in _angles(table, 'rad').items():
-        if np.quantile(np.abs(known), 1.0 - BROKEN_SHARE, method='lower') > LARGEST_ANGLES[angle]:
-            other = re.sub('rad', 'deg', name, flags=re.IGNORECASE)
-            cure = f"call it '{shown(other)}'" if other != name else 'assign it with that unit'
+    """Refuse angles whose values their unit cannot have."""
+    for column, row in zip(table.columns, table.values, strict=True):
+        known = np.abs(row[np.isfinite(row)]) * column.scale
+        if column.reading not in LARGEST_ANGLES or not known.size or counts_whole_turns(row * column.scale):
+            continue
+        name, angle, unit = shown(column.name), column.reading, column.unit
+        if unit != 'rad' and _wraps(row, 2.0 * np.pi):
             raise InputError(
-                f"{table.path}: '{shown(name)}' goes to {np.abs(known).max():.4g}, more than an angle in rad can be: "
-                f'if it is in degrees, {cure}',
+                f"{table.path}: '{name}' jumps by 2 pi and never exceeds it, so it is in rad, not in {unit}: assign it "
+                f"as in '{angle}={name}:rad'",
                 UNKNOWN,
             )
+        if np.quantile(known, 1.0 - LOST_SHARE, method='lower') <= LARGEST_ANGLES[angle]:
+            continue
+        largest = known.max() / column.scale
+        if unit == 'rad' and largest <= 180.0:
+            other = re.sub('rad', 'deg', column.name, flags=re.IGNORECASE)
+            cure = f"call it '{shown(other)}'" if other != column.name else 'assign it with that unit'
+            cure = f'if it is in degrees, {cure}'
+        else:
+            cure = f"if it is in hundredths of a degree, assign it as in '{angle}={name}:cdeg'"
+        raise InputError(
+            f"{table.path}: '{name}' goes to {largest:.4g}, more than an angle in {unit} can be: {cure}", UNKNOWN
+        )
+
+
+def _wraps(values: np.ndarray, turn: float) -> bool:
+    """Whether an angle (N,) jumps by a turn, more than once, and fills one."""
+    known = values[np.isfinite(values)]
+    jumps = np.count_nonzero(np.abs(np.diff(known)) > WRAP * turn)
+    return bool(jumps > 1 and 0.97 * turn < np.ptp(known) < 1.01 * turn)
+
+
+def _units_by_values(clock: Clock, columns: Sequence[Column], values: np.ndarray) -> dict[int, tuple[str, str]]:
+    """Place to unit and reason, of angles that state no unit where their values or rates leave no doubt of it."""
+    found: dict[int, tuple[str, str]] = {}
+    if all(column.unit is not None for column in columns):
+        return found
+    known = {column.reading: row * column.scale for column, row in zip(columns, values, strict=True) if column.unit}
+    for place, column in enumerate(columns):
+        if column.unit is not None or column.reading not in LARGEST_ANGLES:
+            continue
+        by_turn = next(
+            (unit for unit, turn in (('rad', 2.0 * np.pi), ('deg', 360.0)) if _wraps(values[place], turn)), None
+        )
+        rate = next((known[name] for name in RATES_OF[column.reading] if name in known), None)
+        if by_turn is not None:
+            found[place] = by_turn, 'it jumps by a whole turn'
+        elif rate is not None and (by_rate := _unit_by_rate(clock.time, values[place], rate)):
+            found[place] = by_rate, 'its rate says so'
+    return found
+
+
+def _unit_by_rate(time: np.ndarray, angle: np.ndarray, rate: np.ndarray) -> str | None:
+    """The unit in which an angle (N,) has a slope that is its rate, rad/s."""
+    unknown = np.full((time.size, 2), np.nan)
+    rates = np.column_stack([rate, unknown])
+    slopes = compare_rates(float(np.nanmedian(np.diff(time))), np.column_stack([angle, unknown[:, 0]]), rates)
+    gains = [slope.gain for slope in slopes if slope.follows]
+    return next((unit for unit in ANGLE_UNITS for gain in gains if is_near(gain, UNITS[unit])), None)
 
 
 def _unit_advice(table: Table) -> tuple[Advice, ...]:

@@ -11,7 +11,8 @@ from swath_sysid.attitude.motion.cleaning import ACCEL, GYRO, QUATERNION, assemb
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import reading
-from swath_sysid.formats.text_tables import Progress, listed_names, read_columns, read_head
+from swath_sysid.formats.text_tables import Progress, read_columns, read_head
+from swath_sysid.formats.vocabulary import listed_names
 
 SAMPLE_TIME_FINE_HZ = 10_000  #: Ticks a second of the sensor's clock.
 

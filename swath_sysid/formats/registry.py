@@ -8,7 +8,7 @@ class TankFormat:
     """A format of data acquisition."""
 
     what: str
-    start: bytes  #: Its first bytes.
+    start: bytes  #: Its first bytes; empty where only the ending tells it.
     ending: str
     module: str  #: In `swath_sysid.formats.tank`.
     library: str  #: As pip names it.
@@ -23,11 +23,14 @@ TANK = (
     TankFormat('a spreadsheet', b'PK\x03\x04', '.xlsx', 'xlsx', 'openpyxl', 'xl/workbook.xml'),
     TankFormat('a Parquet table', b'PAR1', '.parquet', 'parquet', 'pyarrow'),
     TankFormat('an HDF5 file', b'\x89HDF\r\n\x1a\n', '.h5', 'hdf5', 'h5py'),
+    TankFormat('a PX4 log', b'ULog\x01\x12\x35', '.ulg', 'ulg', 'pyulog'),
+    TankFormat('an OpenFAST output', b'', '.outb', 'outb', 'numpy'),
+    TankFormat('an NMEA log', b'', '.nmea', 'nmea', 'numpy'),
 )
 TANK_ENDINGS = tuple(dict.fromkeys(each.ending for each in TANK))
 #: Of the storage files of bags, with their first bytes.
 BAGS = {'.mcap': b'\x89MCAP0\r\n', '.db3': b'SQLite format 3\0'}
-ENDINGS = ('.csv', *BAGS, '.txt', '.tsv', *TANK_ENDINGS)
+ENDINGS = ('.csv', *BAGS, '.txt', '.tsv', '.out', *TANK_ENDINGS)
 TABLES = f'CSV, {", ".join(TANK_ENDINGS[:-1])} or {TANK_ENDINGS[-1]}'  #: As a sentence lists them.
 
 #: First bytes of files that are none of ours, and what to do with them.
@@ -38,4 +41,6 @@ FOREIGN = {
     b'\x28\xb5\x2f\xfd': 'compressed with zstd: unpack it, or give its bag folder',
     b'\xd0\xcf\x11\xe0': 'an old spreadsheet: save it as .xlsx or CSV',
     b'\xfa\xff': 'a binary MTi log: export it as text in MT Manager',
+    b'\xa3\x95': 'an ArduPilot log: convert it with mavlogdump.py --types ATT --format csv',
+    b'format: swath_sysid': 'a model file, where a record is expected: the record comes first',
 }

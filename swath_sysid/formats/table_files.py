@@ -1,12 +1,15 @@
 """The tables in a file, whatever format it has."""
 
+import re
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
+from itertools import repeat
 from pathlib import Path
+from struct import Struct
 
 import numpy as np
 
@@ -16,13 +19,20 @@ from swath_sysid.formats.files import shown
 from swath_sysid.formats.registry import FOREIGN, TANK, TANK_ENDINGS, TankFormat
 from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, read_columns, read_head
 
+MATLAB_4, MATLAB_4_BIG = Struct('<5i'), Struct('>5i')
+
 
 def kind_of(path: str | Path) -> TankFormat | None:
     """The format of a file by its first bytes, None for a text; foreign files are refused."""
     with open(path, 'rb') as file:
-        start = file.read(16)
+        start = file.read(MATLAB_4.size)
+    if len(start) == MATLAB_4.size and any(map(_is_matlab_4, (MATLAB_4, MATLAB_4_BIG), repeat(start))):
+        return TANK[0]
     for kind in TANK:
-        if start.startswith(kind.start) and (not kind.member or _is_archive_of(path, kind)):
+        if not start.startswith(kind.start) or kind.member and not _is_archive_of(path, kind):
+            continue
+        is_nmea = kind.module == 'nmea' and re.match(rb'\$[A-Z]{5},', start)
+        if kind.start or is_nmea or Path(path).suffix.lower() == kind.ending:
             return kind
     for magic, what in FOREIGN.items():
         if start.startswith(magic):
@@ -35,12 +45,19 @@ def tables_in(path: str | Path) -> list[NamedColumns]:
     kind = kind_of(path)
     if kind is None:
         head = read_head(path)
-        return [NamedColumns(head.names, partial(read_columns, path, head), head.remarks, head.dates)]
+        read = partial(read_columns, path, head)
+        return [NamedColumns(head.names, read, head.remarks, head.kinds, place=head.place)]
     with _guarded(path, kind):
         tables = import_module(f'swath_sysid.formats.tank.{kind.module}').tables(path)
     if not tables:
         raise InputError(f'{path} is {kind.what} without columns of numbers: save a vector or column for each signal')
     return [replace(table, read=partial(_read, path, kind, table.read)) for table in tables]
+
+
+def _is_matlab_4(header: Struct, start: bytes) -> bool:
+    """Whether a file begins as a variable of MATLAB version 4, which has no magic."""
+    kind, rows, columns, imaginary, name = header.unpack(start)
+    return 0 <= kind < 5000 and kind % 1000 < 60 and min(rows, columns) > 0 and imaginary in (0, 1) and 1 < name < 64
 
 
 @contextmanager

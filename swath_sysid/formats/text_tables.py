@@ -4,23 +4,21 @@ import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, time, timedelta
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.cells import MISSING, known_number, seconds_of_text
 from swath_sysid.formats.files import BLOCK_BYTES, replacing, shown
+from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, balance, kind_of_cell, locate
+from swath_sysid.formats.vocabulary import INTERVALS, RATES, plain_name
 
 LARGEST_UNPACKED = 1 << 28  #: Numbers, or bytes of text, in one packed file, whatever its own size.
-
-#: ISO 8601, with or without a zone.
-ISO_TIME = re.compile(r'"?\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?"?', re.I)
-
-#: How a missing value may be written, beside nan.
-MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
 
 Progress = Callable[[float], None]  #: Takes the share done, 0 to 1.
 #: From the places of columns to their values, (columns, N), and advice; dates become seconds since 1970.
@@ -34,56 +32,11 @@ class NamedColumns:
     names: tuple[str, ...]  #: As written.
     read: Read
     remarks: dict[str, str] = field(default_factory=dict)  #: What the file says beside it, keys in lower case.
-    dates: frozenset[int] = frozenset()  #: Places, from 0, of columns of dates with times.
+    kinds: Mapping[int, str] = field(
+        default_factory=dict
+    )  #: ``date``, ``day`` or ``clock`` of columns, by place from 0.
     name: str = ''  #: Of the sheet, group or struct.
-
-
-def plain_name(name: str) -> str:
-    """``Roll rate [deg/s]`` as ``roll_rate_deg_s``."""
-    plain = name.lower().replace('°', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
-    plain = re.sub('[^a-z0-9]+', '_', plain).strip('_')
-    return re.sub('_(per|p)_', '_', plain)
-
-
-def with_unit(name: str, unit: str) -> str:
-    """``Roll [deg]``, unless the name says its unit already."""
-    known = not plain_name(unit) or f'_{plain_name(name)}'.endswith(f'_{plain_name(unit)}')
-    return name if known else f'{name} [{unit}]'
-
-
-def listed_names(names: Sequence[str]) -> str:
-    """The names of columns, fit for one line of a message."""
-    listed = ', '.join(shown(name) for name in names[:12])
-    return f'{listed} and {len(names) - 12} more' if len(names) > 12 else listed
-
-
-def known_number(cell: str) -> float:
-    """A number, NaN where it is missing."""
-    return np.nan if cell.strip().lower() in MISSING else float(cell)
-
-
-def seconds_of_text(cell: str) -> float:
-    """Seconds since 1970 of a date, with or without a zone (UTC then); a number stays."""
-    try:
-        return known_number(cell)
-    except ValueError:
-        return _since_1970(datetime.fromisoformat(cell.strip()))
-
-
-def is_date(cell: Any) -> bool:
-    """Whether a cell holds a date with its time."""
-    return isinstance(cell, datetime) or isinstance(cell, str) and bool(ISO_TIME.fullmatch(cell.strip()))
-
-
-def numbers_of(values: Any) -> np.ndarray:
-    """Values of any kind as float64, dates as seconds since 1970; NaN for anything else."""
-    array = np.asarray(values)
-    if array.dtype.kind in 'Mm':
-        whole = array.astype(f'{array.dtype.kind}8[ns]').astype(np.int64) / 1e9
-        return np.where(np.isnat(array), np.nan, whole)
-    if array.dtype.kind in 'biuf':
-        return array.astype(float)
-    return np.array([_number_of(cell) for cell in array.tolist()], dtype=float)
+    place: str = ''  #: Where it was found and how it is written, where that is unusual.
 
 
 def of_arrays(columns: Mapping[str, np.ndarray], remarks: Mapping[str, str], name: str) -> NamedColumns:
@@ -111,29 +64,21 @@ def by_length(columns: Iterable[tuple[str, np.ndarray]]) -> list[dict[str, np.nd
     return list(groups.values())
 
 
-def _since_1970(moment: datetime) -> float:
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def _number_of(cell: Any) -> float:
-    try:
-        if isinstance(cell, datetime):
-            return _since_1970(cell)
-        if isinstance(cell, time):
-            cell = datetime.combine(datetime.min, cell) - datetime.min
-        if isinstance(cell, timedelta):
-            return cell.total_seconds()
-        return seconds_of_text(cell) if isinstance(cell, str) else float(cell)
-    except (TypeError, ValueError):
-        return np.nan
-
-
 COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
 UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
 TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text may hold.
 
 QUOTED = re.compile(r'"([^"\n]*)"')
+WIDE, BEFORE_UNIT = re.compile(r'\s\s+|\t'), re.compile(r'\s+(?=[\[(])')  #: Beside names of several words.
+THOUSANDS = re.compile(r'[-+]?\d{1,3}(,\d{3})+')
+GROUPED = re.compile(r"\d(['\u2019\u00a0\u202f ])\d{3}(?!\d)")  #: A mark between groups of three digits.
+#: Signs and blanks as word processors write them, in UTF-8 or a code page of one byte.
+OTHER_MARKS = (
+    (re.compile(rb'\xe2\x88\x92|\xe2\x80\x93|(?<![\x80-\xff])\x96(?=[\d.,])'), b'-'),
+    (re.compile(rb'\xc2\xa0|\xe2\x80\xaf|(?<![\x80-\xff])\xa0'), b' '),
+    (re.compile(rb'\xe2\x80\x99'), b"'"),
+)
 
 Readers = dict[int | str, Callable[[str], float]]  #: Of the cells of columns, by their places.
 
@@ -142,51 +87,61 @@ Readers = dict[int | str, Callable[[str], float]]  #: Of the cells of columns, b
 class TableHead:
     """What precedes the numbers of a table, and how they are written."""
 
-    names: tuple[str, ...]  #: As written.
+    names: tuple[str, ...]  #: As written, with units of a line of their own.
     remarks: dict[str, str]  #: ``key: value`` of the comment lines, keys in lower case.
     delimiter: str | None  #: None: any white space.
     decimal_comma: bool  #: Whether numbers are written 0,5 rather than 0.5.
     first_line: int  #: The number of the first line of data, from 1.
     offset: int  #: Where it begins, bytes.
-    dates: frozenset[int] = frozenset()  #: Places, from 0, of columns of dates with times.
+    kinds: Mapping[int, str] = field(default_factory=dict)  #: Those of `NamedColumns`.
+    thousands: str = ''  #: What stands between groups of three digits.
+    path: str = ''
+    names_line: int = 1  #: From 1.
+
+    @property
+    def place(self) -> str:
+        """Where the table is and how it is written, unless it is a CSV file from its first line on."""
+        marks = {';': 'semicolons', '\t': 'tabs', '|': 'bars', None: 'blanks'}
+        said = [f'names in line {self.names_line}'] * (self.names_line > 1)
+        said += [f'{marks[self.delimiter]} between columns' for _ in marks.keys() & {self.delimiter}]
+        return ', '.join([*said, *['decimal commas'] * self.decimal_comma])
 
 
 def read_head(path: str | Path) -> TableHead:
-    """What precedes the numbers: names on the first line, or on the last comment (as numpy.savetxt writes them)."""
+    """What precedes the numbers: the table is where the most numbers are; the names are above it, or in the last
+    comments (as numpy.savetxt writes them).
+    """
     with _opened(path) as file:
         head = file.read(BLOCK_BYTES)
-    if not head.strip():
+    if not head.strip(b'\0 \t\r\n'):
         raise InputError(f'{path} is empty: record or export it again')
-    if head.translate(None, TEXT_BYTES):
+    if head.translate(None, TEXT_BYTES + b'\0') or b'\0' in head[:64]:
         raise InputError(f'{path} is not a text file in UTF-8 or UTF-16: give a CSV, an MTi text export or a bag')
-    lines = head.splitlines(keepends=True)
-    first = next((at for at, line in enumerate(lines) if line.strip() and not _is_comment(line)), None)
-    if first is None:
+    raw = head.splitlines(keepends=True)
+    lines = [_text(line).strip(' \r\n\0') for line in raw]
+    if all(not line or _is_comment(line) for line in lines):
         raise InputError(f'{path} holds only comments: give a file with a line of column names and lines of numbers')
-    comments = [_text(line).strip() for line in lines[:first] if line.strip()]
-    line, names_line = _text(lines[first]).strip(), ''
-    if not _is_numbers(line):
-        names_line, first = line, first + 1
-        line = _text(lines[first]).strip() if first < len(lines) else ''
-    elif comments:
-        names_line = _without_mark(comments.pop())
-    offset = sum(map(len, lines[:first]))
+    found, delimiter, rows = _located(lines)
+    offset = sum(map(len, raw[: found.first]))
     if offset == BLOCK_BYTES:
         raise InputError(f'{path} has a first line longer than {BLOCK_BYTES} bytes: write one row per sample')
-    names = tuple(name.strip().strip('"\'').strip() for name in names_line.split(_delimiter(names_line)))
-    if not any(re.search('[A-Za-z]', name) for name in names):
+    names, kinds = _with_clocks(found.names, [row for row in rows[found.first :] if any(row)])
+    if not any(re.search(r'[^\W\d_]', name) for name in names):
         raise InputError(f"{path} has no line of column names: put one above the numbers, such as 'time_s,roll_deg'")
-    delimiter = _delimiter_of_numbers(line, _delimiter(names_line))
-    sample = _text(head[offset:])
-    _refuse_extra_cells(path, sample, names, delimiter)
+    _refuse_extra_cells(path, lines[found.first :][:ROWS_OF_SAMPLE], names, delimiter)
+    above = [line for at, line in enumerate(lines[: found.first]) if line and at not in found.used]
+    decimal_comma, thousands = (False, '') if delimiter == ',' else _marks_of(lines[found.first :], delimiter)
     return TableHead(
         names=names,
-        remarks=_remarks(comments),
+        remarks=_remarks(above),
         delimiter=delimiter,
-        decimal_comma=delimiter != ',' and _has_decimal_commas(sample, delimiter),
-        first_line=first + 1,
+        decimal_comma=decimal_comma,
+        first_line=found.first + 1,
         offset=offset,
-        dates=frozenset(place for place, cell in enumerate(line.split(delimiter)) if ISO_TIME.fullmatch(cell.strip())),
+        kinds=kinds,
+        thousands=thousands,
+        path=str(path),
+        names_line=found.used[0] + 1 if found.used else 1,
     )
 
 
@@ -202,7 +157,7 @@ def read_columns(
         file.seek(head.offset)
         while block := file.read(BLOCK_BYTES):
             rest = file.readline(BLOCK_BYTES)
-            if len(rest) == BLOCK_BYTES:
+            if len(rest) == BLOCK_BYTES and rest.strip(b'\0'):
                 raise InputError(f'{path} has a line longer than {BLOCK_BYTES} bytes: write one row per sample')
             parser.parse(block + rest)
             if progress is not None:
@@ -225,16 +180,21 @@ class BlockParser:
     def __init__(self, head: TableHead, indices: Sequence[int]) -> None:
         self.head = head
         self.indices = indices
-        self.dates: Readers = {index: seconds_of_text for index in indices if index in head.dates}
+        self.dates: Readers = {index: seconds_of_text for index in indices if index in head.kinds}
         self.readers: Readers = {index: self.dates.get(index, known_number) for index in indices}
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line
-        self.text_cells = 0
-        self.first_text: tuple[int, str, str] | None = None
+        self.text_cells: dict[int, int] = {}  #: By place, in rows that hold a number.
+        self.first_text: dict[int, tuple[int, str]] = {}  #: Line and cell, by place.
         self.short_rows = 0
         self.first_short: int | None = None
+        self.zeros = 0
 
     def parse(self, block: bytes) -> None:
+        if b'\0' in block:
+            self.zeros += block.count(b'\0')
+            # with the line that was being written
+            block = b'\n'.join(b'' if b'\0' in line else line for line in block.split(b'\n'))
         lines = self._plain(block).split('\n')
         try:
             rows = self._parse_fast(lines)
@@ -247,17 +207,32 @@ class BlockParser:
         return np.concatenate(self.blocks, axis=1)
 
     def advice(self) -> tuple[Advice, ...]:
+        """What was lost; a column of numbers of which a large share is text is refused."""
         advice = []
-        if self.first_text is not None:
-            line, column, cell = self.first_text
-            advice.append(
-                Advice.of('text-in-numbers', number=self.text_cells, cell=shown(cell), line=line, column=shown(column))
-            )
+        known = sum(np.count_nonzero(np.isfinite(block), axis=1) for block in self.blocks)
+        for index, number in zip(self.indices, np.asarray(known).tolist(), strict=True):
+            lost = self.text_cells.get(index, 0)
+            if number and lost > LOST_SHARE * (lost + number):
+                line, cell = self.first_text[index]
+                raise InputError(
+                    f"{self.head.path}: {lost / (lost + number):.0%} of the cells of '{shown(self.head.names[index])}' "
+                    f"are not numbers, the first '{shown(cell)}' in line {line}: leave such cells empty, or export it "
+                    'again'
+                )
+        if self.first_text:
+            (line, cell), index = min((said, index) for index, said in self.first_text.items())
+            lost, name = sum(self.text_cells.values()), shown(self.head.names[index])
+            advice.append(Advice.of('text-in-numbers', number=lost, cell=shown(cell), line=line, column=name))
         if self.short_rows:
             advice.append(Advice.of('short-rows', number=self.short_rows, line=self.first_short))
+        if self.zeros:
+            advice.append(Advice.of('zero-bytes', number=self.zeros))
         return tuple(advice)
 
     def _plain(self, block: bytes) -> str:
+        if not block.isascii():
+            for form, mark in OTHER_MARKS:
+                block = form.sub(mark, block)
         text = block.decode('latin-1')
         if '\r' in text:
             text = text.replace('\r\n', '\n').replace('\r', '\n')
@@ -265,6 +240,8 @@ class BlockParser:
             if self.head.delimiter == ',':
                 text = QUOTED.sub(lambda cell: cell[1].replace(',', '.'), text)
             text = text.replace('"', '')
+        if self.head.thousands:
+            text = re.sub(rf'(?<=\d){re.escape(self.head.thousands)}(?=\d\d\d(?!\d))', '', text)
         return text.replace(',', '.') if self.head.decimal_comma else text
 
     def _parse_fast(self, lines: list[str]) -> np.ndarray:
@@ -299,8 +276,8 @@ class BlockParser:
         try:
             return self.readers[index](cell)
         except ValueError:
-            self.text_cells += 1
-            self.first_text = self.first_text or (line, self.head.names[index], cell.strip())
+            self.text_cells[index] = self.text_cells.get(index, 0) + 1
+            self.first_text.setdefault(index, (line, cell.strip()))
             return np.nan
 
 
@@ -332,12 +309,89 @@ def _encoding_without_mark(start: bytes) -> str | None:
     return None
 
 
-def _refuse_extra_cells(path: str | Path, sample: str, names: Sequence[str], delimiter: str | None) -> None:
+def _located(lines: Sequence[str]) -> tuple[Located, str | None, list[list[str]]]:
+    """The table in the first lines of a file, the mark between its columns, and the cells of the lines."""
+    for size in (BLOCK_BYTES >> 5, BLOCK_BYTES):
+        ends = accumulate(len(line) + 1 for line in lines)
+        sample = [line for line, end in zip(lines, ends, strict=True) if end <= size] or list(lines[:2])
+        delimiter = _delimiter_of_numbers(sample)
+        rows = [[] if _is_comment(line) else _cells(line, delimiter) for line in sample]
+        comments = [_cells(_without_mark(line), delimiter) if _is_comment(line) else None for line in sample]
+        found = locate(rows, comments)
+        if found is not None and delimiter is None and len(found.names) not in (widths := _widths(rows[found.first])):
+            # names of several words, or with a unit behind a blank
+            for at, line in enumerate(sample[: found.first]):
+                ways = (WIDE.split(line), BEFORE_UNIT.sub('', line).split())
+                rows[at] = next((cells for cells in ways if len(cells) in widths), rows[at])
+            found = locate(rows, comments)
+        if found is not None and found.names:
+            return found, delimiter, rows
+    at = next(at for at, line in enumerate(lines) if line and not _is_comment(line))
+    if found is not None and found.first == at:
+        return found, delimiter, rows
+    names = tuple(_cells(lines[at], _delimiter(lines[at])))
+    return Located(names, at + 1, (at,)), _delimiter(lines[at]), []
+
+
+def _widths(row: Sequence[str]) -> set[int]:
+    """How many names a row may have: one for a date and its clock time, if a blank separates these."""
+    kinds = [kind_of_cell(cell) for cell in row]
+    return {len(row), len(row) - (('day', 'clock') in pairwise(kinds))}
+
+
+def _delimiter_of_numbers(lines: Sequence[str]) -> str | None:
+    """The mark that leaves the most values and the fewest texts in the last lines."""
+    last = [line for line in lines if line and not _is_comment(line)][-ROWS_OF_SAMPLE // 8 :]
+
+    balances = {mark: [_balance(line, mark) for line in last] for mark in (';', '\t', '|', ',', None)}
+    clean = {mark: [values > 1 and not texts for values, texts in found] for mark, found in balances.items() if mark}
+    sure = next((mark for mark, lines in clean.items() if sum(lines) > 0.9 * len(lines)), None)
+    gains = {mark: [(values - texts, values) for values, texts in found] for mark, found in balances.items()}
+    return sure or max(
+        gains, key=lambda mark: [sum(each) for each in zip(*(g for g in gains[mark] if g[0] >= 0), strict=True)]
+    )
+
+
+def _balance(line: str, mark: str | None) -> tuple[int, int]:
+    """How many cells hold a value, and how many a text; of a comma between columns no blank separates digits."""
+    cells = _split(line, mark)
+    return balance([cell.replace(' ', '_') if mark == ',' and ':' not in cell else cell for cell in cells])
+
+
+def _split(line: str, mark: str | None) -> list[str]:
+    if mark == ',' and '"' in line:
+        line = QUOTED.sub(lambda cell: cell[1].replace(',', '.'), line)
+    return [cell.strip().strip('"\'').strip() for cell in line.split(mark)]
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    """The cells of a line; names may be separated by another mark than numbers."""
+    cells, other = _split(line, delimiter), _delimiter(line)
+    values, texts = balance(cells)
+    if texts > values and other not in (None, delimiter):
+        return max(cells, _split(line, other), key=len)
+    return cells
+
+
+def _with_clocks(names: tuple[str, ...], rows: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], dict[int, str]]:
+    """The names, with one for a clock time that a blank separates from its date, and the columns of dates and times."""
+    kinds: dict[int, str] = {}
+    for row in rows[:ROWS_OF_SAMPLE]:
+        for place, cell in enumerate(row):
+            if (kind := kind_of_cell(cell)) in ('date', 'day', 'clock'):
+                kinds.setdefault(place, kind)
+    width = len(rows[0]) if rows else 0
+    for place, kind in sorted(kinds.items()):
+        if kind == 'day' and kinds.get(place + 1) == 'clock' and len(names) == width - 1:
+            names = (*names[: place + 1], 'time of day', *names[place + 1 :])
+    return names, kinds
+
+
+def _refuse_extra_cells(path: str | Path, rows: Sequence[str], names: Sequence[str], delimiter: str | None) -> None:
     """Refuse rows with more cells than names: decimal commas between commas, or columns without a name."""
     if delimiter != ',':
         return
-    rows = [line for line in sample.splitlines() if line.strip() and not line.startswith(COMMENT_MARKS)]
-    counts = [len(QUOTED.sub('0', row).rstrip(', \t').split(',')) for row in rows]
+    counts = [len(QUOTED.sub('0', row).rstrip(', \t').split(',')) for row in rows if row and not _is_comment(row)]
     most = int(np.median(counts)) if counts else 0
     if most > len(names):
         raise InputError(
@@ -346,10 +400,19 @@ def _refuse_extra_cells(path: str | Path, sample: str, names: Sequence[str], del
         )
 
 
-def _has_decimal_commas(sample: str, delimiter: str | None) -> bool:
-    """Whether a cell holds a comma and none a comma beside a point, as numbers with thousands marked do."""
-    cells = [cell for line in sample.splitlines() for cell in line.split(delimiter) if ',' in cell]
-    return bool(cells) and not any('.' in cell for cell in cells)
+def _marks_of(rows: Sequence[str], delimiter: str | None) -> tuple[bool, str]:
+    """Whether numbers have decimal commas, and what stands between their groups of three digits."""
+    lines = [line for line in rows if ',' in line or GROUPED.search(line)]
+    cells = [cell for line in lines for cell in _split(line, delimiter) if kind_of_cell(cell) == 'number']
+    commas = [cell for cell in cells if ',' in cell]
+    if any(re.search(r'\.\d{3},', cell) for cell in commas):
+        return True, '.'
+    points = any(re.search(r'\.\d', cell) for cell in cells)
+    if any('.' in cell for cell in commas) or points and commas and all(THOUSANDS.fullmatch(cell) for cell in commas):
+        return False, ','
+    # blanks and apostrophes are plain ones by then
+    grouped = ("'" if mark[1] in "'\u2019" else ' ' for cell in cells if (mark := GROUPED.search(cell)))
+    return bool(commas), next(grouped, '')
 
 
 def _text(raw: bytes) -> str:
@@ -359,8 +422,8 @@ def _text(raw: bytes) -> str:
         return raw.decode('latin-1')
 
 
-def _is_comment(raw: bytes) -> bool:
-    return _text(raw).strip().startswith(COMMENT_MARKS)
+def _is_comment(line: str) -> bool:
+    return line.startswith(COMMENT_MARKS)
 
 
 def _without_mark(line: str) -> str:
@@ -370,21 +433,16 @@ def _without_mark(line: str) -> str:
     return line
 
 
-def _is_numbers(line: str) -> bool:
-    cells = [cell for cell in re.split(r'[;\t ]|,', line.replace('"', '')) if cell]
-    return all(re.fullmatch(r'[-+]?[\d.]+([eE][-+]?\d+)?|[-+]?nan|[-+]?inf', cell, re.IGNORECASE) for cell in cells)
-
-
 def _delimiter(line: str) -> str | None:
     return next((mark for mark in (';', '\t', ',') if mark in line), None)
 
 
-def _delimiter_of_numbers(line: str, delimiter_of_names: str | None) -> str | None:
-    """The delimiter of the names, unless the numbers below use another one."""
-    present = line.split(delimiter_of_names)
-    return delimiter_of_names if len(present) > 1 or not line else _delimiter(line)
-
-
-def _remarks(comments: Iterable[str]) -> dict[str, str]:
-    pairs = (_without_mark(line).partition(':') for line in comments)
-    return {key.strip().lower(): value.strip() for key, colon, value in pairs if colon}
+def _remarks(lines: Iterable[str]) -> dict[str, str]:
+    """What comments say, and other lines of the sample rate."""
+    remarks = {}
+    for line in lines:
+        mark = ':' if ':' in line else _delimiter(line) or '='
+        key, _, value = _without_mark(line).partition(mark)
+        if mark == ':' and _is_comment(line) or value and plain_name(key) in (*RATES, *INTERVALS):
+            remarks[key.strip(' "').lower()] = value.strip(' "\t;,')
+    return remarks

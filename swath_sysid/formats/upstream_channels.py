@@ -17,8 +17,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import read_table
 from swath_sysid.formats.files import existing, reading, shown
 from swath_sysid.formats.messages import SECOND_NS, imu_reading, typestore
-from swath_sysid.formats.text_tables import plain_name
 from swath_sysid.formats.topics import IMU
+from swath_sysid.formats.vocabulary import Quantity, plain_name
 from swath_sysid.pipeline.record_run import UpstreamSeries
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def _of_table(path: Path, names: Sequence[str], columns: Mapping[str, str]) -> d
         return f"column '{shown(missing[0])}' for an upstream channel" if missing else ''
 
     assigned = {quantity: source for quantity, source in columns.items() if plain_name(quantity) == 'time'}
-    table = read_table(path, [(each, (each,), ('',)) for each in plain], lacking, None, assigned)
+    table = read_table(path, [Quantity(each, (each,), ('',)) for each in plain], lacking, None, assigned)
     time, found = table.time(), {}
     for each, values in table.readings().items():
         known = np.isfinite(values) & np.isfinite(time)

@@ -25,6 +25,7 @@ def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
     return finite_or_none(
         {
             'source': trial.source,
+            'read_as': trial.understood,
             'samples': int(trial.time.size),
             'start_s': float(trial.time[0]),
             'end_s': float(trial.time[-1]),
@@ -68,7 +69,7 @@ def _of_waves(motion: AxisMotion, advice: Advice) -> Advice:
         try:
             sea_of(motion)
         except InputError as error:
-            return Advice(error.code, str(error))
+            return Advice(error.code or advice.code, str(error))
     return advice
 
 
@@ -77,6 +78,7 @@ def record_in_words(data: dict) -> list[str]:
     lines = [
         f'{data["source"]}: {data["samples"]} samples from {data["start_s"]:.2f} to {data["end_s"]:.2f} s, '
         f'{data["rate_hz"]:.1f} Hz, longest interval {data["longest_interval_s"]:.3g} s',
+        *[f'  read as: {data["read_as"]}' for _ in data['read_as'][:1]],
         f'  channels: {", ".join(data["channels"])}',
     ]
     for axis, found in data['axes'].items():

@@ -7,11 +7,11 @@ import numpy as np
 
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import Installation
-from swath_sysid.attitude.motion.sensor_checks import contradictions_in, is_blank
+from swath_sysid.attitude.motion.sensor_checks import FROZEN, contradictions_in, is_blank
 from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.common.advice import Advice, counted
-from swath_sysid.common.conventions import ROUNDING
+from swath_sysid.common.conventions import LOST_SHARE, ROUNDING
 from swath_sysid.common.errors import InputError
 
 MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
@@ -19,6 +19,7 @@ MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 #: rad, rad, rad/s, m/s^2, m; beyond these a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
 
+WRAP = 0.8  #: Of a turn; angles that count a whole turn jump by more where they pass zero.
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
 
 Channels = dict[str, np.ndarray]
@@ -29,13 +30,16 @@ def clean(
 ) -> tuple[np.ndarray, Channels, tuple[Advice, ...]]:
     """Clean a record, time (N,) in s and channels (N,) in SI units: increasing stamps, NaN for missing values. The
     longest increasing sequence of stamps is kept. Rows that share rounded stamps are spread evenly, impossible values
-    (`limit_of`) become NaN, channels without a finite value are left out; gaps are only reported.
+    (`limit_of`) become NaN, channels without a finite value are left out; gaps are only reported. A record that loses
+    more than `LOST_SHARE` of its rows or values for one cause is refused.
     """
     time = np.asarray(time, dtype=float)
     channels = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
     time, channels, advice = _in_time(time, channels, source)
-    channels, value_advice = _plausible_channels(channels)
-    advice += value_advice
+    channels, turn_advice = _within_half_turns(channels)
+    channels, value_advice = _plausible_channels(channels, source)
+    channels, stuck_advice = _without_stuck(time, channels)
+    advice += [*turn_advice, *value_advice, *stuck_advice]
     if time.size < MIN_ROWS:
         raise InputError(
             f'{source} holds {counted(time.size, "row")} with a stamp of its own and at least {MIN_ROWS} are '
@@ -56,11 +60,19 @@ def clean(
 def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndarray, Channels, list[Advice]]:
     """The rows with a stamp of their own, in order, and advice on the others."""
     with np.errstate(invalid='ignore'):
-        if np.isfinite(time).all() and np.all(np.diff(time) > 0):
-            return time, channels, []
+        is_ordered = np.isfinite(time).all() and np.all(np.diff(time) > 0)
     advice: list[Advice] = []
     rows = np.flatnonzero(np.isfinite(time))
+    in_bursts = _out_of_bursts(time[rows], channels, rows)
+    if in_bursts is not None:
+        time, is_ordered = time.copy(), rows.size == time.size
+        time[rows], told = in_bursts
+        advice.append(told)
+    if is_ordered:
+        return time, channels, advice
     if rows.size < time.size:
+        cause = 'have no readable time: check the device that wrote it'
+        _refuse_loss(time.size - rows.size, time.size, 'rows', cause, source)
         advice.append(Advice.of('missing-stamps', rows=counted(time.size - rows.size, 'row')))
     _refuse_reversed(time[rows], source)
     fresh = np.ones(rows.size, dtype=bool)
@@ -89,9 +101,44 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
     ordered = _longest_increasing(time[rows])
     disordered = int(rows.size - np.count_nonzero(ordered))
     if disordered:
+        stepped = np.flatnonzero(np.diff(time[rows]) < 0.0)
+        before, after = time[rows][stepped[0]], time[rows][stepped[0] + 1]
+        cause = (
+            f'are out of order: the time steps back {counted(stepped.size, "time")}, first from {before:.6g} to '
+            f'{after:.6g} s. Split the file where its time starts again, or record a time that does not'
+        )
+        _refuse_loss(disordered, rows.size, 'rows', cause, source)
         advice.append(Advice.of('out-of-order-stamps', rows=counted(disordered, 'row')))
     rows = rows[ordered]
     return time[rows], {name: values[rows] for name, values in channels.items()}, advice
+
+
+def _refuse_loss(lost: int, number: int, what: str, cause: str, source: str) -> None:
+    """Refuse a record of which a large share is lost for one cause."""
+    if LOST_SHARE * number < lost < number and lost >= MIN_ROWS:
+        raise InputError(f'{source}: {lost} of {number} {what} ({lost / number:.0%}) {cause}')
+
+
+def _out_of_bursts(time: np.ndarray, channels: Channels, rows: np.ndarray) -> tuple[np.ndarray, Advice] | None:
+    """Even stamps for rows that arrive several at once, and advice; None where they do not. Within a burst the motion
+    goes on as from one burst to the next, which it does not over a pause of the recorder.
+    """
+    steps = np.diff(time)
+    if time.size < MIN_ROWS or not np.all(steps > 0.0):
+        return None
+    # over their number first: damaged stamps may be as large as a double
+    begins = steps > np.sum(steps / steps.size) / GAP_INTERVALS
+    if not MIN_ROWS <= np.count_nonzero(begins) <= 0.5 * steps.size:
+        return None
+    for values in channels.values():
+        moved = np.abs(np.diff(values[rows]))
+        if np.nanmean(moved[begins]) > GAP_INTERVALS * np.nanmean(moved[~begins]):
+            return None
+    spread, _ = _spread_evenly(time[np.maximum.accumulate(np.r_[0, np.where(begins, np.arange(1, time.size), 0)])])
+    if spread is None:
+        return None
+    each, interval = round(time.size / (1 + np.count_nonzero(begins))), float(np.median(np.diff(spread)))
+    return spread, Advice.of('bursts', each=each, interval=interval)
 
 
 def _refuse_reversed(time: np.ndarray, source: str) -> None:
@@ -160,7 +207,51 @@ def _longest_increasing(values: np.ndarray) -> np.ndarray:
     return keep
 
 
-def _plausible_channels(channels: Channels) -> tuple[Channels, list[Advice]]:
+def counts_whole_turns(angle: np.ndarray) -> bool:
+    """Whether an angle (N,), rad, runs from 0 to a turn: it jumps where it passes zero, or exceeds half a turn."""
+    known = angle[np.isfinite(angle)]
+    turn = 2.0 * np.pi
+    if not known.size or known.max() <= np.pi:
+        return False
+    within = np.mean((known >= 0.0) & (known <= turn + 0.01))
+    jumps = np.abs(np.diff(known)) > WRAP * turn
+    return bool(within >= 1.0 - 0.1 * LOST_SHARE and (jumps.any() or known.min() > np.pi))
+
+
+def _within_half_turns(channels: Channels) -> tuple[Channels, list[Advice]]:
+    """Angles from 0 to 360 deg as those from -180 to 180."""
+    turned = [name for name in ('roll', 'pitch') if name in channels and counts_whole_turns(channels[name])]
+    halves: Channels = {name: np.remainder(channels[name] + np.pi, 2.0 * np.pi) - np.pi for name in turned}
+    advice = [Advice.of('angles-unwrapped', channels=' and '.join(turned))] if turned else []
+    return channels | halves, advice
+
+
+def _without_stuck(time: np.ndarray, channels: Channels) -> tuple[Channels, list[Advice]]:
+    """Angles without those that a sensor repeats after it lost the craft, where no rate can tell: they stand still away
+    from their mean to the end of the record, or stop and go on with a jump, as no craft that is held and released does.
+    """
+    angles = {name: channels[name] for name in ('roll', 'pitch') if name in channels}
+    if not angles or time.size < MIN_ROWS or any('rate' in name or name in (*GYRO, *QUATERNION) for name in channels):
+        return channels, []
+    moved = np.max([np.abs(np.diff(values)) for values in angles.values()], axis=0)
+    edges = np.flatnonzero(np.diff(np.r_[1.0, moved, 1.0] == 0.0))
+    usual = float(np.median(moved[moved > 0.0])) if np.any(moved > 0.0) else np.inf
+    advice = []
+    for first, last in edges.reshape(-1, 2).tolist():
+        if time[last] - time[first] < FROZEN or first == 0:
+            continue
+        is_away = any(abs(v[first] - np.nanmedian(v[:first])) > np.nanstd(v[:first]) for v in angles.values())
+        jumps = min(moved[first - 1], moved[last] if last < moved.size else 0.0) >= usual
+        if jumps or (is_away and last == moved.size):
+            share = (last - first) / time.size
+            advice.append(Advice.of('angles-stuck', start=time[first], end=time[last], share=share))
+            rows = np.arange(time.size)
+            stands = (rows > first) & (rows <= last)
+            angles = {name: np.where(stands, np.nan, values) for name, values in angles.items()}
+    return channels | angles, advice
+
+
+def _plausible_channels(channels: Channels, source: str) -> tuple[Channels, list[Advice]]:
     """The channels that hold something, absurd values as NaN, and advice."""
     plausible: Channels = {}
     missing, absurd = {}, {}
@@ -170,10 +261,13 @@ def _plausible_channels(channels: Channels) -> tuple[Channels, list[Advice]]:
         possible = finite & (np.abs(values) <= limit_of(name))
         absurd[name] = int(np.count_nonzero(finite & ~possible))
         if possible.any():
+            cause = f'are impossible, up to {np.abs(values[finite]).max():.4g} in SI units: give their true unit'
+            _refuse_loss(absurd[name], int(np.count_nonzero(finite)), f'values of {name}', cause, source)
             plausible[name] = values if possible.all() else np.where(possible, values, np.nan)
+    size = next((values.size for values in channels.values()), 0)
     seen = {
-        'absurd-values': _listed(absurd),
-        'missing-values': _listed({name: missing[name] for name in plausible}),
+        'absurd-values': _listed(absurd, size),
+        'missing-values': _listed({name: missing[name] for name in plausible}, size),
         'empty-channel': ', '.join(name for name in channels if name not in plausible),
     }
     return plausible, [Advice.of(code, channels=names) for code, names in seen.items() if names]
@@ -199,8 +293,8 @@ def limit_of(name: str) -> float:
     return LARGEST_VALUES.get(kind, np.inf)
 
 
-def _listed(counts: dict[str, int]) -> str:
-    return ', '.join(f'{name}: {count}' for name, count in counts.items() if count)
+def _listed(counts: dict[str, int], size: int) -> str:
+    return ', '.join(f'{name}: {count} of {size}' for name, count in counts.items() if count)
 
 
 QUATERNION = ('quaternion_x', 'quaternion_y', 'quaternion_z', 'quaternion_w')
@@ -221,6 +315,7 @@ def assemble_trial(
     draft: float | None = None,
     initial_angle: float | None = None,
     advice: Sequence[Advice] = (),
+    understood: str = '',
 ) -> Trial:
     """A trial from the readings of a sensor, (N,) each, in SI units: cleaned, in the craft's axes, with Euler rates.
     Readings are any of ``roll``, ``pitch``, ``yaw`` or ``quaternion_x`` ... ``_w``; ``heading``, clockwise from north;
@@ -242,6 +337,7 @@ def assemble_trial(
         initial_angle=initial_angle,
         advice=(*advice, *cleaning_advice, *motion_advice, *contradictions),
         usable_share=len(time) / recorded,
+        understood=understood,
     )
     if not trial.axes:
         raise InputError(f'{name} holds no usable roll or pitch, neither angle nor rate: check what the sensor sends')
@@ -269,6 +365,11 @@ def _craft_channels(
         readings = {part: values for part, values in readings.items() if part not in QUATERNION}
         advice.append(Advice.of('blank-orientation', name=name))
     angles = _angles(readings, installation, name)
+    if not _has(readings, QUATERNION) and _has(readings, ('roll', 'pitch')):
+        # the last tenth before a quarter turn, where an error of the roll is six times that of the sensor
+        steep = np.abs(readings['pitch'])[np.abs(readings['pitch']) > 0.9 * 0.5 * np.pi]
+        if steep.size >= MIN_ROWS:
+            advice.append(Advice.of('near-vertical', pitch=np.degrees(steep.max())))
     if _has(readings, QUATERNION):
         invalid = int(np.count_nonzero(~attitude.is_orientation(*_parts(readings, QUATERNION))))
         if invalid:

@@ -104,6 +104,7 @@ class Trial:
     initial_angle: float | None = None  #: rad.
     advice: tuple[Advice, ...] = ()  #: What the reader had to repair or leave out.
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
+    understood: str = ''  #: Which columns of a table were read as what, in one line.
 
     @property
     def channels(self) -> dict[str, np.ndarray]:

@@ -1,6 +1,7 @@
 """HDF5 files, among them MATLAB files of version 7.3.
 
-Columns and time are found as in MATLAB files of version 5; groups are structs.
+Columns and time are found as in MATLAB files of version 5; groups and compounds are
+structs.
 """
 
 from pathlib import Path
@@ -33,6 +34,8 @@ def _content(group: Any) -> dict[str, Any]:
             continue  # MATLAB's own
         if hasattr(item, 'items'):
             content[name] = _content(item)
+        elif item.dtype.names:
+            content[name] = {field: np.squeeze(item[field]) for field in item.dtype.names}
         elif item.dtype.kind in 'biuf' and 'MATLAB_empty' not in item.attrs:
             values = np.squeeze(item[()]).T
             if item.attrs.get('MATLAB_class') == b'char':

@@ -1,7 +1,7 @@
 """LabVIEW measurement files: text with a header for the file and one for each segment.
 
-Columns are channels with their ``Y_Unit_Label``; the time is ``X_Value``, or ``Delta_X``; tables are ``segment 1``,
-``segment 2``, ...
+Columns are channels with their ``Y_Unit_Label``; the time is ``X_Value``, or follows from ``Delta_X``; segments that
+continue in time are one table, others are ``segment 1``, ``segment 2``, ...
 """
 
 import os
@@ -9,19 +9,31 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.text_tables import BlockParser, NamedColumns, Progress, TableHead, check_size, with_unit
+from swath_sysid.formats.cells import seconds_of_text
+from swath_sysid.formats.text_tables import BlockParser, NamedColumns, Progress, TableHead, check_size
+from swath_sysid.formats.vocabulary import with_unit
 
 END_OF_HEADER = re.compile(r'^\*\*\*End_of_Header\*\*\*.*\n', re.MULTILINE)
 NEXT_HEADER = re.compile(r'^Channels[\t,]', re.MULTILINE)
 SPECIAL = re.compile(r'^\*\*\*Start_Special\*\*\*.*?^\*\*\*End_Special\*\*\*.*?\n', re.MULTILINE | re.DOTALL)
-ABSCISSA = 'X_Value'
+ABSCISSA, TIME = 'X_Value', 'time [s]'
 
 Fields = Mapping[str, Sequence[str]]  #: Of a header: the values by their key, a value for each channel.
+
+
+class Body(NamedTuple):
+    """The numbers of a segment."""
+
+    start: float  #: s.
+    shift: float  #: Of its column of times, s.
+    interval: float  #: s; 0 where a column holds the time.
+    numbers: str
 
 
 def tables(path: str | Path) -> list[NamedColumns]:
@@ -36,24 +48,45 @@ def tables(path: str | Path) -> list[NamedColumns]:
         raise InputError(f'{path} is cut off, or has no header of its channels: export it again')
     cuts = [len(part) if start is None else start.start() for start, part in zip(starts, parts, strict=True)]
     headers = [_fields(part[cut:], mark) for part, cut in zip(parts, cuts, strict=True)]
-    joined: list[tuple[tuple[str, ...], dict[str, str], list[str]]] = []
-    origin = np.inf
+    joined: list[tuple[tuple[str, ...], list[Body]]] = []
+    ending, zero = np.inf, None
     for header, (part, cut) in zip(headers, list(zip(parts, cuts, strict=True))[1:], strict=False):
         line, _, numbers = part[:cut].partition('\n')
-        names, remarks = _names(path, line.rstrip('\n').split(mark), {**stated, **header})
-        start = float(header.get('X0', ['0'])[0].replace(',', '.'))
-        if joined and start > origin and not remarks and joined[-1][0] == names:
-            joined[-1][2].append(numbers)
+        fields = {**stated, **header}
+        names, interval = _names(path, line.rstrip('\n').split(mark), fields)
+        zero = zero or (_first(header, 'X0'), _stamp(fields))
+        offset = _first(header, 'X0') - zero[0]
+        # where its own start is that of the first segment, the stamp of its header tells them apart
+        start = zero[0] + (offset or _stamp(fields) - zero[1])
+        if joined and start > ending and joined[-1][0] == names:
+            joined[-1][1].append(Body(start, start - _first(header, 'X0'), interval, numbers))
         else:
-            joined.append((names, remarks, [numbers]))
-        origin = start
+            joined.append((names, [Body(start, start - _first(header, 'X0'), interval, numbers)]))
+        ending = start + (numbers.count('\n') - 1.5) * interval
     comma = stated.get('Decimal_Separator', ['.'])[0] == ','
     return [
         NamedColumns(
-            names, partial(_read, TableHead(names, {}, mark, comma, 1, 0), bodies), remarks, name=f'segment {place}'
+            names,
+            partial(_read, TableHead(names, {}, mark, comma, 1, 0, path=str(path)), bodies),
+            name=f'segment {place}',
         )
-        for place, (names, remarks, bodies) in enumerate(joined, 1)
+        for place, (names, bodies) in enumerate(joined, 1)
     ]
+
+
+def _first(fields: Fields, key: str) -> float:
+    try:
+        return float(fields.get(key, ['0'])[0].replace(',', '.'))
+    except ValueError:
+        return 0.0
+
+
+def _stamp(fields: Fields) -> float:
+    """The start of a segment by its header, s since 1970; 0 where it states none."""
+    try:
+        return sum(seconds_of_text(fields[key][0].strip()[:15].replace(',', '.')) for key in ('Date', 'Time'))
+    except (KeyError, ValueError):
+        return 0.0
 
 
 def _fields(header: str, mark: str) -> dict[str, list[str]]:
@@ -61,8 +94,8 @@ def _fields(header: str, mark: str) -> dict[str, list[str]]:
     return {key.strip(): values for key, *values in rows if values}
 
 
-def _names(path: str | Path, names: Sequence[str], fields: Fields) -> tuple[tuple[str, ...], dict[str, str]]:
-    """The columns of a segment with their units, and its interval where no column holds the time."""
+def _names(path: str | Path, names: Sequence[str], fields: Fields) -> tuple[tuple[str, ...], float]:
+    """The columns of a segment with their units, and its interval where no column holds the time, else 0."""
     if ABSCISSA not in names:
         raise InputError(f'{path} has no line of channel names with {ABSCISSA}: export it again, with headers')
     if fields.get('X_Columns', ['One'])[0] == 'Multi' and any(
@@ -71,18 +104,24 @@ def _names(path: str | Path, names: Sequence[str], fields: Fields) -> tuple[tupl
         raise InputError(f'{path} samples its channels at different times: save channels of one rate in a file')
     units = iter(fields.get('Y_Unit_Label', ()))
     known = [name if name == ABSCISSA else with_unit(name, next(units, '')) for name in names]
-    if fields.get('X_Columns', ['One'])[0] == 'No':
-        return tuple(known), {'dt': fields.get('Delta_X', [''])[0].replace(',', '.')}
-    place = known.index(ABSCISSA)
     if fields.get('X_Dimension', ['Time'])[0] == 'Time':
-        known[place] = 'time [s]'
-    return tuple(known), {}
+        known[known.index(ABSCISSA)] = TIME
+    return tuple(known), _first(fields, 'Delta_X') if fields.get('X_Columns', ['One'])[0] == 'No' else 0.0
 
 
 def _read(
-    head: TableHead, bodies: Sequence[str], places: Sequence[int], progress: Progress | None
+    head: TableHead, bodies: Sequence[Body], places: Sequence[int], progress: Progress | None
 ) -> tuple[np.ndarray, tuple[Advice, ...]]:
     parser = BlockParser(head, places)
     for body in bodies:
-        parser.parse(body.encode('latin-1'))
-    return parser.columns(), parser.advice()
+        parser.parse(body.numbers.encode('latin-1'))
+    values = parser.columns()
+    if TIME in head.names and (place := head.names.index(TIME)) in places:
+        times = [
+            body.start + body.interval * np.arange(block.shape[1])
+            if body.interval
+            else block[places.index(place)] + body.shift
+            for body, block in zip(bodies, parser.blocks[1:], strict=True)
+        ]
+        values[places.index(place)] = np.concatenate(times)
+    return values, parser.advice()

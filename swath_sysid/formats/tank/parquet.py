@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.formats.text_tables import NamedColumns, Progress, check_size, numbers_of
+from swath_sysid.formats.cells import numbers_of
+from swath_sysid.formats.text_tables import NamedColumns, Progress, check_size
 
 
 def tables(path: str | Path) -> list[NamedColumns]:
@@ -31,5 +32,5 @@ def tables(path: str | Path) -> list[NamedColumns]:
         return np.concatenate(parts, axis=1), ()
 
     said = {key.decode().lower(): value.decode() for key, value in remarks.items() if not key.startswith(b'ARROW')}
-    dates = frozenset(place for place, kind in enumerate(schema.types) if types.is_timestamp(kind))
+    dates = {place: 'date' for place, kind in enumerate(schema.types) if types.is_timestamp(kind)}
     return [NamedColumns(tuple(schema.names), read, said, dates)]

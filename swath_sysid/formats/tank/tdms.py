@@ -1,7 +1,8 @@
 """LabVIEW TDMS files.
 
 Columns are channels with their ``unit_string``; the time is a channel, or the interval of the waveform
-(``wf_increment``); tables are groups.
+(``wf_increment``), and waveforms that start later (``wf_start_time``, ``wf_start_offset``) are shifted; tables are
+groups.
 """
 
 import logging
@@ -12,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, by_length, check_size, numbers_of, with_unit
+from swath_sysid.formats.cells import numbers_of
+from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, by_length, check_size
+from swath_sysid.formats.vocabulary import with_unit
 
 
 def tables(path: str | Path) -> list[NamedColumns]:
@@ -40,18 +43,33 @@ def _table(path: str | Path, properties: dict[str, Any], group: str, channels: d
     remarks |= {'dt': str(intervals.pop())} if len(intervals) == 1 else {}
     return NamedColumns(
         tuple(with_unit(name, str(channel.properties.get('unit_string', ''))) for name, channel in channels.items()),
-        _reader(path, group, list(channels)),
+        _reader(path, group, list(channels), _shifts(channels)),
         remarks,
-        frozenset(place for place, channel in enumerate(channels.values()) if channel.dtype.kind == 'M'),
+        {place: 'date' for place, channel in enumerate(channels.values()) if channel.dtype.kind == 'M'},
         group,
     )
 
 
-def _reader(path: str | Path, group: str, names: Sequence[str]) -> Read:
+def _shifts(channels: dict[str, Any]) -> list[float]:
+    """How much later each waveform starts than the first one, in samples."""
+    said = [channel.properties for channel in channels.values()]
+    starts = [each.get('wf_start_time', np.datetime64('NaT')) for each in said]
+    offsets = [float(each.get('wf_start_offset', 0.0)) for each in said]
+    later = [numbers_of(start - starts[0]) if isinstance(start, np.datetime64) else np.nan for start in starts]
+    seconds = np.nan_to_num(np.array(later, dtype=float)) + offsets - offsets[0]
+    return [round(float(s) / (each.get('wf_increment') or np.inf), 6) for s, each in zip(seconds, said, strict=True)]
+
+
+def _reader(path: str | Path, group: str, names: Sequence[str], shifts: Sequence[float]) -> Read:
     def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[()]]:
         from nptdms import TdmsFile
 
         with TdmsFile.open(path) as file:
-            return np.stack([numbers_of(file[group][names[place]][:]) for place in places]), ()
+            values = np.stack([numbers_of(file[group][names[place]][:]) for place in places])
+        rows = np.arange(values.shape[1], dtype=float)
+        for row, shift in zip(values, (shifts[place] for place in places), strict=True):
+            if shift:
+                row[:] = np.interp(rows, rows + shift, row, left=np.nan, right=np.nan)
+        return values, ()
 
     return read

@@ -1,86 +1,141 @@
 """Spreadsheets.
 
 Names of columns are the last row of texts above the numbers, or the last two if the second holds units; the time is a
-column, or a number beside ``fs`` above; tables are sheets.
+column, or a number beside ``fs`` above; formulas whose values were not stored are computed from the numbers of their
+row; tables are sheets.
 """
 
+import ast
+import math
+import operator
 import zipfile
-from collections.abc import Sequence
-from datetime import datetime, time, timedelta
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from swath_sysid.formats import text_tables
-from swath_sysid.formats.columns import UNITS
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.cells import numbers_of
+from swath_sysid.formats.files import shown
+from swath_sysid.formats.schema import LONGEST_TEXT
+from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, Row, kind_of_cell, locate
+from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, check_size
+
+OPERATIONS: dict[type, Callable[..., float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: math.pow,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+}
+FUNCTIONS: dict[str, Callable[..., float]] = {
+    'PI': lambda: math.pi,
+    **{
+        name.upper(): getattr(math, name)
+        for name in ('degrees', 'radians', 'sqrt', 'sin', 'cos', 'tan', 'asin', 'atan')
+    },
+}
 
 
-def tables(path: str | Path) -> list[text_tables.NamedColumns]:
+def tables(path: str | Path) -> list[NamedColumns]:
     """The sheets that hold numbers under names."""
     from openpyxl import load_workbook
 
     with zipfile.ZipFile(path) as archive:
-        text_tables.check_size(path, sum(member.file_size for member in archive.infolist()))
-    book = load_workbook(path, read_only=True, data_only=True)
-    found = [_table(path, sheet) for sheet in book.worksheets]
+        check_size(path, sum(member.file_size for member in archive.infolist()))
+    book = load_workbook(path, read_only=True)
+    titles = [sheet.title for sheet in book.worksheets]
     book.close()
+    found = [_table(path, title) for title in titles]
     return [table for table in found if table is not None]
 
 
-def _table(path: str | Path, sheet: Any) -> text_tables.NamedColumns | None:
-    above: list[tuple] = []
-    for row in sheet.iter_rows(values_only=True):
-        if sum(map(_is_number, row)) > sum(map(_is_text, row)):
-            break
-        above.append(row)
-    else:
+def _table(path: str | Path, title: str) -> NamedColumns | None:
+    written = islice(_rows(path, title, (False,)), ROWS_OF_SAMPLE)
+    books = (True, False) if any(map(_is_formula, chain.from_iterable(written))) else (True,)
+    above = list(islice(_rows(path, title, books), ROWS_OF_SAMPLE))
+    found = locate(above)
+    if found is None or not found.names:
         return None
-    at = next((k for k in reversed(range(len(above))) if _texts(above[k])), None)
-    if at is None:
-        return None
-    names = [str(cell or '') for cell in above[at]]
-    # a unit that is not known may belong to a column that is not read; a title has fewer cells
-    filled = [sum(bool(cell) for cell in line) for line in (above[at - 1], names)]
-    if at and filled[0] >= filled[1] and any(unit and text_tables.plain_name(unit) in UNITS for unit in names):
-        names = [text_tables.with_unit(str(name or ''), unit) for name, unit in zip(above[at - 1], names, strict=False)]
     remarks = {}
-    for cells in ([cell for cell in line if cell is not None] for line in above[:at]):
+    for cells in (
+        [cell for cell in above[at] if cell is not None] for at in range(found.first) if at not in found.used
+    ):
         key, colon, value = str(cells[0] if cells else '').lstrip('#% ').partition(':')
         remarks[key.strip().lower()] = value.strip() if colon and value.strip() else str(cells[1]) if cells[1:] else ''
-    dates = frozenset(place for place, cell in enumerate(row) if text_tables.is_date(cell))
-    return text_tables.NamedColumns(
-        tuple(names), _reader(path, sheet.title, len(above) + 1), remarks, dates, sheet.title
-    )
+    kinds = {place: kind_of_cell(cell) for place, cell in enumerate(above[found.first])}
+    kinds = {place: kind for place, kind in kinds.items() if kind in ('date', 'day', 'clock')}
+    place = f'names in row {found.used[0] + 1}' if found.used[0] else ''
+    return NamedColumns(found.names, _reader(path, title, found, books), remarks, kinds, title, place)
 
 
-def _is_number(cell: Any) -> bool:
-    return isinstance(cell, int | float | time | timedelta | datetime) or text_tables.is_date(cell)
+def _rows(path: str | Path, title: str, books: Sequence[bool]) -> Iterator[Row]:
+    """The rows of a sheet: the values that are stored, what was written, or both in one."""
+    from openpyxl import load_workbook
+
+    opened = [load_workbook(path, read_only=True, data_only=stored) for stored in books]
+    try:
+        for first, *others in zip(*(book[title].iter_rows(values_only=True) for book in opened), strict=True):
+            for row in others:
+                first = [
+                    _computed(cell, row) if known is None else known for known, cell in zip(first, row, strict=True)
+                ]
+            yield first
+    finally:
+        for book in opened:
+            book.close()
 
 
-def _is_text(cell: Any) -> bool:
-    return isinstance(cell, str) and not text_tables.is_date(cell)
+def _is_formula(cell: Any) -> bool:
+    return isinstance(cell, str) and cell.startswith('=')
 
 
-def _texts(row: Sequence[Any]) -> bool:
-    cells = [cell for cell in row if cell is not None]
-    return bool(cells) and all(map(_is_text, cells))
+def _computed(cell: Any, row: Row) -> Any:
+    """The value of a formula of numbers and cells of its row; None where it holds anything else."""
+    if not _is_formula(cell):
+        return cell
+    try:
+        return float(_value(ast.parse(cell[1:LONGEST_TEXT].replace('^', '**').replace('$', ''), mode='eval').body, row))
+    except (ArithmeticError, KeyError, IndexError, RecursionError, SyntaxError, TypeError, ValueError):
+        return None
 
 
-def _reader(path: str | Path, title: str, first: int) -> text_tables.Read:
-    def read(places: Sequence[int], progress: text_tables.Progress | None) -> tuple[np.ndarray, tuple[()]]:
-        from openpyxl import load_workbook
+def _value(node: ast.AST, row: Row) -> float:
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return float(number)
+        case ast.UnaryOp(op=sign, operand=part):
+            return OPERATIONS[type(sign)](_value(part, row))
+        case ast.BinOp(left=left, op=sign, right=right):
+            return OPERATIONS[type(sign)](_value(left, row), _value(right, row))
+        case ast.Call(func=ast.Name(id=name), args=parts):
+            return FUNCTIONS[name.upper()](*(_value(part, row) for part in parts))
+        case ast.Name(id=name):
+            letters = name.rstrip('0123456789').upper()
+            place = sum(26**power * (ord(letter) - 64) for power, letter in enumerate(reversed(letters))) - 1
+            return float(_computed(row[place], row))
+    raise ValueError
 
-        book = load_workbook(path, read_only=True, data_only=True)
+
+def _reader(path: str | Path, title: str, found: Located, books: Sequence[bool]) -> Read:
+    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[()]]:
         rows = []
-        for count, row in enumerate(book[title].iter_rows(min_row=first, values_only=True)):
+        for row in islice(_rows(path, title, books), found.first, None):
             if any(cell is not None for cell in row):
                 rows.append([row[place] if place < len(row) else None for place in places])
             if progress is not None:
-                progress(min(1.0, count / (book[title].max_row or np.inf)))
-        book.close()
-        return np.stack(
-            [text_tables.numbers_of(np.array(column, dtype=object)) for column in zip(*rows, strict=True)]
-        ), ()
+                progress(len(rows) / (len(rows) + ROWS_OF_SAMPLE))
+        values = np.stack([numbers_of(np.array(column, dtype=object)) for column in zip(*rows, strict=True)])
+        empty = next((place for place, row in zip(places, values, strict=True) if not np.isfinite(row).any()), None)
+        if empty is not None and len(books) > 1:
+            raise InputError(
+                f"{path}: the formulas of '{shown(found.names[empty])}' have no stored values: open the file in a "
+                'spreadsheet program and save it there'
+            )
+        return values, ()
 
     return read

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.columns import MANOEUVRE_QUANTITIES, Table, read_table
+from swath_sysid.formats.columns import Table, read_table
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.text_tables import write_table
+from swath_sysid.formats.vocabulary import MANOEUVRE_QUANTITIES
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, MEASURED, ManoeuvringTrial

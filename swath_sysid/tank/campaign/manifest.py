@@ -24,7 +24,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats import schema
 from swath_sysid.formats.files import existing, shown, write_text
 from swath_sysid.formats.registry import ENDINGS
-from swath_sysid.formats.text_tables import listed_names
+from swath_sysid.formats.vocabulary import listed_names
 from swath_sysid.tank.extinction import TypeB
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'

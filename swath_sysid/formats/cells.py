@@ -1,0 +1,110 @@
+"""Cells of tables: what kind of value a text holds, and the value."""
+
+import re
+from datetime import UTC, datetime, time, timedelta
+from typing import Any
+
+import numpy as np
+
+#: How a missing value may be written, beside nan.
+MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
+
+_NUMBER = re.compile(
+    r"[-+\u2212\u2013]?((\d{1,3}(['\u2019\u00a0\u202f ]\d{3})+|\d{1,3}([.,]\d{3})+|\d+)([.,]\d+|\.)?|[.,]\d+)"
+    r'([eEdD][-+]?\d+)?\s?[°%]?'
+)
+_ISO = re.compile(r'\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?', re.IGNORECASE)
+_CLOCK = r'((?P<h>\d{1,2}):)?(?P<m>\d\d?):(?P<s>\d\d([.,:]\d+)?)\s*(?P<half>[ap]\.?m\.?)?(Z|[+-]\d\d:?\d\d)?'
+_YEAR_FIRST = r'(?P<Y>\d{4})(?P<mark>[-/.])(?P<M>\d\d?)(?P=mark)(?P<D>\d\d?)'
+_YEAR_LAST = r'(?P<a>\d\d?)(?P<by>[-/.])(?P<b>\d\d?)(?P=by)(?P<y>\d{4})'
+_DAY = f'({_YEAR_FIRST}|{_YEAR_LAST})'
+_FORMS = {
+    'clock': re.compile(_CLOCK, re.IGNORECASE),
+    'day': re.compile(_DAY),
+    'date': re.compile(rf'{_DAY}[,T ]\s*{_CLOCK}', re.IGNORECASE),
+}
+
+
+def kind_of_text(cell: str) -> str:
+    """``number``, ``date`` (with its time), ``day``, ``clock`` or ``text``."""
+    try:
+        float(cell)
+        return 'number' if '_' not in cell else 'text'
+    except ValueError:
+        pass
+    if _NUMBER.fullmatch(cell):
+        return 'number'
+    if _ISO.fullmatch(cell):
+        return 'date'
+    return next((kind for kind, form in _FORMS.items() if form.fullmatch(cell)), 'text')
+
+
+def known_number(cell: str) -> float:
+    """A number, NaN where it is missing; also with Fortran's exponent, or with a sign of degrees behind."""
+    cell = cell.strip()
+    if cell.lower() in MISSING:
+        return np.nan
+    try:
+        return float(cell)
+    except ValueError:
+        if not _NUMBER.fullmatch(cell):
+            raise
+        return float(re.sub('[dD]', 'e', cell.rstrip(' °%\u00c2')))
+
+
+def seconds_of_text(cell: str) -> float:
+    """Seconds since 1970 of a date, with or without a zone (UTC then), or of the day; a number stays. In
+    ``1/2/2026`` the order of day and month is a guess, which `clocks.unwrapped` corrects at midnight.
+    """
+    cell = cell.strip()
+    try:
+        is_iso = cell[4:5] == '-' or cell[8:9] in ('T', 't')
+        return _since_1970(datetime.fromisoformat(cell)) if is_iso else known_number(cell)
+    except ValueError:
+        found = next((match for form in _FORMS.values() if (match := form.fullmatch(cell))), None)
+        if found is None:
+            raise
+    said = found.groupdict()
+    seconds = 0.0
+    if said.get('m'):
+        hour = int(said['h'] or 0) % (12 if said['half'] else 24)
+        late = 12 if (said['half'] or '').lower().startswith('p') else 0
+        seconds = 3600.0 * (hour + late) + 60.0 * int(said['m']) + float(re.sub('[,:]', '.', said['s']))
+    if said.get('Y') or said.get('y'):
+        seconds += _since_1970(datetime(*_year_month_day(said)))
+    return seconds
+
+
+def _year_month_day(said: dict[str, str]) -> tuple[int, int, int]:
+    if said['Y']:
+        return int(said['Y']), int(said['M']), int(said['D'])
+    day, month = int(said['a']), int(said['b'])
+    return int(said['y']), *((day, month) if month > 12 else (month, day))
+
+
+def numbers_of(values: Any) -> np.ndarray:
+    """Values of any kind as float64, dates as seconds since 1970; NaN for anything else."""
+    array = np.asarray(values)
+    if array.dtype.kind in 'Mm':
+        whole = array.astype(f'{array.dtype.kind}8[ns]').astype(np.int64) / 1e9
+        return np.where(np.isnat(array), np.nan, whole)
+    if array.dtype.kind in 'biuf':
+        return array.astype(float)
+    return np.array([_number_of(cell) for cell in array.tolist()], dtype=float)
+
+
+def _since_1970(moment: datetime) -> float:
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def _number_of(cell: Any) -> float:
+    try:
+        if isinstance(cell, datetime):
+            return _since_1970(cell)
+        if isinstance(cell, time):
+            cell = datetime.combine(datetime.min, cell) - datetime.min
+        if isinstance(cell, timedelta):
+            return cell.total_seconds()
+        return seconds_of_text(cell) if isinstance(cell, str) else float(cell)
+    except (TypeError, ValueError):
+        return np.nan

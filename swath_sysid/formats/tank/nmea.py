@@ -1,0 +1,61 @@
+"""NMEA 0183 logs.
+
+Roll, pitch and heading are those of the sentences ``PASHR``, ``PRDID``, ``PSXN,23``, ``PFEC,GPatt`` and ``XDR``
+(forward-right-down); the time is that of the sentence, or of the last ``ZDA``, ``RMC`` or ``GGA``.
+"""
+
+import os
+import re
+from functools import reduce
+from operator import xor
+from pathlib import Path
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.cells import seconds_of_text
+from swath_sysid.formats.text_tables import NamedColumns, check_size, of_arrays
+
+#: What the fields of a sentence are, by how it begins.
+SENTENCES = {
+    'PASHR,': 'time heading - roll pitch',
+    'PRDID,': 'pitch roll heading',
+    'PSXN,23,': 'roll pitch heading',
+    'PFEC,GPatt,': 'heading pitch roll',
+}
+TIMED = ('ZDA,', 'RMC,', 'GGA,')
+LINE = re.compile(r'\$([A-Za-z]+,[^*\r\n]*)(?:\*([0-9A-Fa-f]{2}))?')
+CLOCK = re.compile(r'(\d\d)(\d\d)(\d\d(\.\d*)?)')
+XDR = re.compile(r'A,([-+.\d]+),D,\w*?(PITCH|PTCH|ROLL)', re.IGNORECASE)
+
+
+def tables(path: str | Path) -> list[NamedColumns]:
+    """The one table of the attitude."""
+    check_size(path, os.path.getsize(path))
+    rows, clock = [], ''
+    for said, checksum in LINE.findall(Path(path).read_text('latin-1')):
+        if checksum and reduce(xor, said.encode('latin-1')) != int(checksum, 16):
+            continue
+        if said[2:].startswith(TIMED):
+            clock = said.split(',')[1]
+        row = {name[0].lower(): value for value, name in XDR.findall(said)} if said[2:].startswith('XDR,') else {}
+        for begin, fields in SENTENCES.items():
+            if said.startswith(begin):
+                row = {
+                    name[0]: value for name, value in zip(fields.split(), said[len(begin) :].split(','), strict=False)
+                }
+        if {'r', 'p'} & row.keys():
+            rows.append([_seconds(row.get('t', clock)), *(_number(row.get(name, '')) for name in 'rph')])
+    if not rows:
+        raise InputError(f'{path} is an NMEA log without a sentence of the attitude: log {", ".join(SENTENCES)} or XDR')
+    columns = zip(('time_s', 'roll_deg', 'pitch_deg', 'heading_deg'), np.array(rows).T, strict=True)
+    return [of_arrays({n: v for n, v in columns if np.isfinite(v).any()}, {'frame': 'frd'}, '')]
+
+
+def _seconds(clock: str) -> float:
+    found = CLOCK.fullmatch(clock)
+    return seconds_of_text(':'.join(found.groups()[:3])) if found else np.nan
+
+
+def _number(said: str) -> float:
+    return float(said) if re.fullmatch(r'[-+]?\d+(\.\d*)?', said) else np.nan
