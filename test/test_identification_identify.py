@@ -87,6 +87,16 @@ def test_a_hand_that_lifts_the_craft_again_is_no_motion_of_the_decay_before():
     assert found.model.natural_period == pytest.approx(hull.natural_period, rel=0.003)
 
 
+@pytest.mark.parametrize(('angle', 'since'), [(0.004, 18.0), (0.01, 22.0)])
+def test_a_hand_that_holds_the_craft_off_its_trim_is_no_motion_of_the_basin(angle, since):
+    motion = simulated_trial(hull_named('swath-roll').model, 0.12, 40.0, 25.0, hold=6.0).axis('roll')
+    hand = angle * np.tanh(2.0 * np.sin(2.0 * np.pi / 12.0 * (motion.time - since)))
+    held = np.clip((motion.time - since) / 2.0, 0.0, 1.0)
+    angles = (1.0 - held) * motion.angle + held * hand
+    problem = prepare([replace(motion, angle=angles, rate=np.gradient(angles, motion.time))])
+    assert problem.segments[0].end <= problem.observed[0].time[-1] < since + 1.0
+
+
 @pytest.mark.long
 def test_truth_of_the_published_pitch_hull_within_its_uncertainty():
     errors, scores = [], []
