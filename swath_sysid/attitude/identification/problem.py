@@ -9,7 +9,7 @@ from scipy.special import ndtri, stdtrit
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import Scales
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
-from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND
+from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND, REST_BAND
 from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay, without_spikes
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -193,7 +193,8 @@ def _held_from(motion: AxisMotion, segment: DecaySegment, end: float) -> float:
     """
     after = motion.between(segment.end - 0.5 * segment.period, end)
     away = after.primary - segment.trim
-    side = np.where(np.abs(away) > HOLD_BAND * segment.final_amplitude, np.sign(away), 0.0)
+    least = max(HOLD_BAND * segment.final_amplitude, REST_BAND * segment.initial_amplitude)
+    side = np.where(np.abs(away) > least, np.sign(away), 0.0)
     turns = np.flatnonzero(np.diff(side, prepend=np.nan, append=np.nan) != 0.0)
     first, last = turns[:-1], turns[1:] - 1
     held = first[(side[first] != 0.0) & (after.time[last] - after.time[first] > 0.75 * segment.period)]
