@@ -225,18 +225,27 @@ def _initial_state(motion: AxisMotion, segment: DecaySegment, noise: Noise):
     elapsed = motion.time - motion.time[0]
     first = elapsed <= FIRST_LOOK_PERIODS * segment.period
     first[:4] = True
-    t, one, zero = elapsed[first], np.ones(first.sum()), np.zeros(first.sum())
+    t = elapsed[first]
     if motion.angle is None:
         slope, rate = np.polyfit(t, motion.primary[first], 1)
         return InitialState(_angle_from_rate(motion, segment), float(rate), 0.0)
     trim = float(segment.trim)
-    rows = np.column_stack([one, t, t * t / 2]) / noise.angle
-    right = (motion.angle[first] - trim) / noise.angle
-    if motion.rate is not None:
-        rows = np.concatenate([rows, np.column_stack([zero, one, t]) / noise.rate])
-        right = np.concatenate([right, motion.rate[first] / noise.rate])
-    x, rate, _ = np.linalg.lstsq(rows, right, rcond=None)[0]
-    return InitialState(float(x), float(rate), trim)
+    x, rate = state_at_start(t, motion.angle[first] - trim, None if motion.rate is None else motion.rate[first], noise)
+    return InitialState(x, rate, trim)
+
+
+def state_at_start(
+    elapsed: np.ndarray, angle: np.ndarray, rate: np.ndarray | None, noise: Noise
+) -> tuple[float, float]:
+    """Value and slope at the start of a parabola through angles (N,), and rates if measured, ``elapsed`` s after it."""
+    one, zero = np.ones(elapsed.size), np.zeros(elapsed.size)
+    rows = np.column_stack([one, elapsed, elapsed * elapsed / 2]) / noise.angle
+    right = angle / noise.angle
+    if rate is not None:
+        rows = np.concatenate([rows, np.column_stack([zero, one, elapsed]) / noise.rate])
+        right = np.concatenate([right, rate / noise.rate])
+    value, slope, _ = np.linalg.lstsq(rows, right, rcond=None)[0]
+    return float(value), float(slope)
 
 
 def _frequency(motion: AxisMotion, segment: DecaySegment):
