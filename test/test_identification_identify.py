@@ -45,6 +45,7 @@ from swath_sysid.attitude.identification.selection import (
     rank,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.cli.compare import with_identified
 from swath_sysid.cli.main import main
 from swath_sysid.cli.simulate import published_ratios_for
 from swath_sysid.common.cancelling import Cancelled
@@ -334,6 +335,12 @@ def test_friction_is_found_and_left_out_where_there_is_none(measured):
         assert found.model.terms.get('b0', 0.0) == pytest.approx(friction, abs=0.005)
         assert (found.basin is None) == (measured == 'angle') and found.posterior is not None
         assert found.verdict.level == ADEQUATE
+
+
+def test_the_equation_that_is_identified_is_compared_once():
+    listed = equations_of_axis('roll')
+    assert with_identified(listed, composed(('b1', 'b2', 'r1', 'r3'))) == listed
+    assert with_identified(listed, composed(('b0', 'b1', 'r1')))[-1].terms == ('b0', 'b1', 'r1')
 
 
 def test_published_equations_alike():
