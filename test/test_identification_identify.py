@@ -28,6 +28,7 @@ from swath_sysid.attitude.identification.fit_quality import (
     ADEQUATE,
     DOUBTFUL,
     REJECTED,
+    missed_share,
     posterior_errors,
     vanishing_angle,
 )
@@ -427,6 +428,23 @@ def test_measured_decays_are_adequate(path, data_folder):
     motion = read_trial(place).axis('roll' if is_roll else 'pitch')
     verdict = identify([motion], IdentificationSettings(equation)).verdict
     assert verdict.level == ADEQUATE, str(verdict)
+
+
+@pytest.mark.parametrize('name', ['n20_5041_2', 'flume_5041_2_200hz'])
+def test_the_tail_of_a_wave_run_is_still_forced_at_either_sample_rate(name, data_folder):
+    path = data_folder.parent / f'field/{name}.csv'
+    if not path.exists():
+        pytest.skip('no records as people have them')
+    verdict = identify([read_trial(path).axis('roll')]).verdict
+    assert (verdict.level, verdict.code) == (DOUBTFUL, 'still-forced')
+
+
+def test_a_start_that_a_fit_has_moved_is_missed(found):
+    (state,) = found.states
+    assert missed_share(found) < 0.003
+    for share in (0.05, -0.1):
+        moved = replace(found, states=(replace(state, x=(1.0 + share) * state.x),))
+        assert missed_share(moved) == pytest.approx(abs(share), rel=0.15)
 
 
 def test_the_error_of_the_next_release_is_that_of_its_period(found):

@@ -238,7 +238,9 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
     mismatch = max(rate_mismatch(r.motion, r.segment.period) for r in found.records)
     if not mismatch <= MAX_RATE_MISMATCH:
         yield REJECTED, Advice.of('angle-against-rate', mismatch=mismatch)
-    poor_fit = Advice.of('poor-fit', left=min(errors.of_model, 1.0))
+    # the start is measured where a push or waves acted last
+    driven = errors.missed > errors.unexplained and all(r.segment.beginning == 'pushed' for r in found.records)
+    poor_fit = Advice.of('still-forced' if driven else 'poor-fit', left=min(errors.of_model, 1.0))
     if not errors.unexplained <= UNCERTAIN:
         yield REJECTED, poor_fit
     period = found.model.natural_period
