@@ -13,9 +13,16 @@ from scipy.special import chdtrc
 from swath_sysid.attitude.hull.catalogue import GENERAL_HULL
 from swath_sysid.attitude.hull.decay_model import Equation, composed
 from swath_sysid.attitude.hull.identified_model import HullPosterior
-from swath_sysid.attitude.hull.terms import AT, DAMPING_NAMES, LINEAR_RESTORING
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, LINEAR_RESTORING
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
-from swath_sysid.attitude.identification.log_posterior import LINEAR_PRIOR, Evaluation, LogPosterior, prune, weak_prior
+from swath_sysid.attitude.identification.log_posterior import (
+    LINEAR_PRIOR,
+    Evaluation,
+    LogPosterior,
+    log_evidence,
+    prune,
+    weak_prior,
+)
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit
 from swath_sysid.attitude.identification.problem import Problem, motion_fit, residual_covariance
 
@@ -163,13 +170,17 @@ def pruned_hull(problem: Problem, ratios: np.ndarray, states: Sequence[InitialSt
 
 
 def _by_basin(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]):
-    """With dry friction among the terms where least squares shows it; what has none is smooth for whoever uses the
-    posterior. None where the likelihood's motion, unlike the filter's, runs away.
+    """With dry friction among the terms where it raises the evidence of least squares; what has none is smooth for
+    whoever uses the posterior. None where the likelihood's motion, unlike the filter's, runs away.
     """
     fit = motion_fit(problem, WITH_FRICTION)
-    _, complete = residual_posterior(problem, WITH_FRICTION, fit.pack(ratios, states))
-    rubbing = fit.unpack(complete.z)[0]
-    found = _pruned_in_basin(problem, WITH_FRICTION, (ratios, rubbing), states) if rubbing[AT.b0] > 0.0 else None
+    posterior, complete = residual_posterior(problem, WITH_FRICTION, fit.pack(ratios, states))
+    smooth = np.array([name != 'b0' for name in WITH_FRICTION.terms])
+    held = np.r_[~smooth, np.zeros(complete.z.size - smooth.size, dtype=bool)]
+    (bare,) = posterior.search_each([np.where(held, 0.0, complete.z)], [held])
+    is_shown = log_evidence(posterior, complete, smooth | True) > log_evidence(posterior, bare, smooth)
+    hulls = ratios, fit.unpack(complete.z)[0]
+    found = _pruned_in_basin(problem, WITH_FRICTION, hulls, states) if is_shown else None
     if found is None or 'b0' not in found.equation.terms:
         found = _pruned_in_basin(problem, GENERAL_HULL, (ratios,), states)
     return found
