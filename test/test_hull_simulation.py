@@ -65,6 +65,14 @@ def test_simulation_against_scipy(name, start, time, tolerance):
     assert rate == pytest.approx(expected[1], abs=5 * tolerance)
 
 
+@pytest.mark.parametrize(('angle', 'rest'), [(0.105, -0.005), (-0.105, 0.005), (0.108, -0.008), (0.009, 0.009)])
+def test_dry_friction_takes_a_fixed_angle_each_half_cycle_and_holds_the_hull_where_it_turns(angle, rest):
+    rig = DecayModel.of(trim=0.3, friction_rate=1e-3, b0=0.09, b1=0.0, r1=9.0)
+    angles, rates = simulate(rig, 0.3 + angle, 0.0, np.arange(0.0, 20.0, 0.01))
+    assert angles[-1] - 0.3 == pytest.approx(rest, abs=3e-4)
+    assert np.all(angles[-900:] == angles[-1]) and np.all(rates[-900:] == 0.0)
+
+
 def test_a_capsizing_candidate_does_not_spoil_its_neighbours():
     hulls = [DecayModel.of(b1=0.0, r1=9.0, r3=r3) for r3 in (0.0, -1e4)]
     ratios, active = np.column_stack([hull.ratios for hull in hulls]), hulls[0].equation.active

@@ -28,6 +28,7 @@ from swath_sysid.attitude.identification.fit_quality import (
     ADEQUATE,
     DOUBTFUL,
     REJECTED,
+    missed_share,
     posterior_errors,
     vanishing_angle,
 )
@@ -45,6 +46,7 @@ from swath_sysid.attitude.identification.selection import (
     rank,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.cli.compare import with_identified
 from swath_sysid.cli.main import main
 from swath_sysid.cli.simulate import published_ratios_for
 from swath_sysid.common.cancelling import Cancelled
@@ -85,6 +87,16 @@ def test_a_hand_that_lifts_the_craft_again_is_no_motion_of_the_decay_before():
     found = identify([both])
     assert found.verdict.level == ADEQUATE
     assert found.model.natural_period == pytest.approx(hull.natural_period, rel=0.003)
+
+
+@pytest.mark.parametrize(('angle', 'since'), [(0.01, 22.0), (0.02, 18.0)])
+def test_a_hand_that_holds_the_craft_off_its_trim_is_no_motion_of_the_basin(angle, since):
+    motion = simulated_trial(hull_named('swath-roll').model, 0.12, 40.0, 25.0, hold=6.0).axis('roll')
+    hand = angle * np.tanh(2.0 * np.sin(2.0 * np.pi / 12.0 * (motion.time - since)))
+    held = np.clip((motion.time - since) / 2.0, 0.0, 1.0)
+    angles = (1.0 - held) * motion.angle + held * hand
+    problem = prepare([replace(motion, angle=angles, rate=np.gradient(angles, motion.time))])
+    assert problem.segments[0].end <= problem.observed[0].time[-1] < since + 1.0
 
 
 @pytest.mark.long
@@ -312,16 +324,24 @@ def test_the_next_release_of_a_published_hull_is_reproduced(name):
     assert found.identified_model({}).posterior == found.posterior
 
 
-def test_friction_is_found_where_only_angles_were_measured_and_left_out_where_there_is_none():
+@pytest.mark.parametrize('measured', ['angle', 'angle and rate'])
+def test_friction_is_found_and_left_out_where_there_is_none(measured):
     equation = EQUATIONS['odd-cubic+friction']
     for friction in (0.03, 0.0):
         ratios = {'b0': friction, 'b1': 0.5, 'b2': 0.0, 'r1': 10.0, 'r3': 0.0}
         rig = PUBLISHED_HULLS['swath-pitch'].model.from_terms(equation, ratios, friction_rate=0.006)
         motion = simulated_trial(rig, np.radians(6.0), 15.0, 100.0, SensorNoise(5e-4, 0.004), 1, 1.0).axis('pitch')
-        found = identify([replace(motion, rate=None)])
+        found = identify([motion if 'rate' in measured else replace(motion, rate=None)])
         assert ('b0' in found.model.terms) == (friction > 0.0)
         assert found.model.terms.get('b0', 0.0) == pytest.approx(friction, abs=0.005)
-        assert found.basin is None and found.posterior is not None
+        assert (found.basin is None) == (measured == 'angle') and found.posterior is not None
+        assert found.verdict.level == ADEQUATE
+
+
+def test_the_equation_that_is_identified_is_compared_once():
+    listed = equations_of_axis('roll')
+    assert with_identified(listed, composed(('b1', 'b2', 'r1', 'r3'))) == listed
+    assert with_identified(listed, composed(('b0', 'b1', 'r1')))[-1].terms == ('b0', 'b1', 'r1')
 
 
 def test_published_equations_alike():
@@ -408,6 +428,23 @@ def test_measured_decays_are_adequate(path, data_folder):
     motion = read_trial(place).axis('roll' if is_roll else 'pitch')
     verdict = identify([motion], IdentificationSettings(equation)).verdict
     assert verdict.level == ADEQUATE, str(verdict)
+
+
+@pytest.mark.parametrize('name', ['n20_5041_2', 'flume_5041_2_200hz'])
+def test_the_tail_of_a_wave_run_is_still_forced_at_either_sample_rate(name, data_folder):
+    path = data_folder.parent / f'field/{name}.csv'
+    if not path.exists():
+        pytest.skip('no records as people have them')
+    verdict = identify([read_trial(path).axis('roll')]).verdict
+    assert (verdict.level, verdict.code) == (DOUBTFUL, 'still-forced')
+
+
+def test_a_start_that_a_fit_has_moved_is_missed(found):
+    (state,) = found.states
+    assert missed_share(found) < 0.003
+    for share in (0.05, -0.1):
+        moved = replace(found, states=(replace(state, x=(1.0 + share) * state.x),))
+        assert missed_share(moved) == pytest.approx(abs(share), rel=0.15)
 
 
 def test_the_error_of_the_next_release_is_that_of_its_period(found):

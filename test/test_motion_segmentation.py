@@ -143,9 +143,15 @@ def test_a_strongly_wobbling_hand_does_not_hide_the_release_of_a_heavily_damped_
 
 def test_rate_only():
     time = np.arange(-5.0, 25.0, 1 / RATE_HZ)
-    decay = find_decay(motion_of(time, rate=released(time, np.radians(6.0), 0.05)[1]))
-    assert decay.quantity == 'rate' and 0.2 * PERIOD <= decay.start <= 1.6 * PERIOD
+    rate = released(time, np.radians(6.0), 0.05)[1]
+    decay = find_decay(motion_of(time, rate=rate))
+    assert (decay.quantity, decay.beginning) == ('rate', 'released') and abs(decay.start) < 0.02 * PERIOD
     assert decay.period == pytest.approx(PERIOD, rel=0.02)
+    # a steady push until the largest rate
+    peak = PERIOD / 4 * 0.97
+    pushed = np.where(time < peak, np.clip(time / peak, 0.0, 1.0) * rate[np.argmin(np.abs(time - peak))], rate)
+    decay = find_decay(motion_of(time, rate=pushed))
+    assert decay.beginning == 'pushed' and 0.2 * PERIOD <= decay.start <= 1.6 * PERIOD
 
 
 @pytest.mark.parametrize('seed', range(3))

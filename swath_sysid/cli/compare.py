@@ -6,6 +6,8 @@ import time
 from argparse import Namespace
 
 from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
+from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import Comparison, compare
 from swath_sysid.cli import identify
@@ -15,8 +17,8 @@ from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
 
 OF_IDENTIFY = (
-    'These are the equations of the catalogue. Without --equation, identify fits one general hull and keeps the terms '
-    'that the records show, so its model may have other terms.'
+    'These are the equations of the catalogue and the one that identify finds without --equation: a general hull, of '
+    'which it keeps the terms that the records show.'
 )
 
 
@@ -25,12 +27,13 @@ def run(arguments: Namespace) -> int:
     began = time.perf_counter()
     settings = identify.settings_of(arguments)
     trials, read_advice, axis = trials_of(arguments)
-    equations = equations_of_axis(axis)
-    if arguments.equations is not None:
+    problem = prepare([trial.axis(axis) for trial in trials], settings.start, settings.end)
+    if arguments.equations is None:
+        equations = with_identified(equations_of_axis(axis), identify_problem(problem, settings).model.equation)
+    else:
         # a comma may be within a composition, which has a bar
         names = arguments.equations.split(';' if '|' in arguments.equations else ',')
         equations = tuple(equation_named(name.strip()) for name in names if name.strip())
-    problem = prepare([trial.axis(axis) for trial in trials], settings.start, settings.end)
     with progress_of('compare') as progress:
         found = compare(
             problem,
@@ -52,6 +55,12 @@ def run(arguments: Namespace) -> int:
         if arguments.equations is None:
             print(OF_IDENTIFY)
     return identify.exit_code_of(arguments, choice.verdict.level)
+
+
+def with_identified(equations: tuple[Equation, ...], identified: Equation) -> tuple[Equation, ...]:
+    """Equations, and the one that `identify` finds where none has its terms."""
+    is_listed = any(each.terms == identified.terms for each in equations)
+    return equations if is_listed else (*equations, identified)
 
 
 def _print_ranking(comparison: Comparison) -> None:

@@ -110,8 +110,24 @@ def longest_step(model: DecayModel, amplitude: float = 0.0, steps_per_period: fl
     return 2.0 * math.pi / fastest / steps_per_period
 
 
+def _stick(model: DecayModel, step: float, x: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> None:
+    """Hold a motion (K,) from where it turns with no more restoring moment than dry friction bears, in place: smoothed
+    friction creeps there.
+    """
+    before = np.flatnonzero(rate[:-1] * rate[1:] <= 0.0)
+    change = rate[before] - rate[before + 1]
+    share = np.divide(rate[before], change, out=np.zeros(before.size), where=change != 0.0)
+    turned = x[before] + 0.5 * step * share * rate[before]
+    pull = np.abs(terms.restoring_moment(turned, tuple(model.ratios), model.equation.active))
+    held = np.flatnonzero(pull <= model.ratios[terms.AT.b0])
+    if held.size:
+        after = slice(int(before[held[0]]) + 1, None)
+        x[after], rate[after], acceleration[after] = turned[held[0]], 0.0, 0.0
+
+
 def simulate(model: DecayModel, angle: float, rate: float, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Free decay of one hull, by the classical Runge-Kutta scheme with cubic Hermite interpolation.
+    """Free decay of one hull, by the classical Runge-Kutta scheme with cubic Hermite interpolation. Dry friction holds
+    the hull where it turns with less restoring moment.
 
     Args:
         model: Of the hull.
@@ -134,6 +150,8 @@ def simulate(model: DecayModel, angle: float, rate: float, time: np.ndarray) -> 
     x, speed = np.array([angle - model.trim], dtype=float), np.array([rate], dtype=float)
     hull = model.ratios[:, None], model.equation.active, model.friction_rate
     with np.errstate(over='ignore', invalid='ignore'):
-        angles, rates, accelerations = runge_kutta_population(x, speed, *hull, step, steps)
+        angles, rates, accelerations = motion = runge_kutta_population(x, speed, *hull, step, steps)
+        if 'b0' in model.equation.terms:
+            _stick(model, step, *(each[:, 0] for each in motion))
         found = interpolate(angles, rates, before, weights)[:, 0] + model.trim
         return found, interpolate(rates, accelerations, before, weights)[:, 0]

@@ -51,6 +51,16 @@ class DecayFit:
         measured = zip(self.problem.motions, self.problem.segments, self.states, simulated, strict=True)
         return tuple(RecordFit(motion, segment, state, *motions) for motion, segment, state, motions in measured)
 
+    @cached_property
+    def amplitude_range(self) -> tuple[float, float]:
+        """Smallest and largest amplitude seen, rad: where the model is valid. Without measured angles the largest is
+        that of the fitted motion.
+        """
+        smallest, largest = self.problem.amplitudes_seen
+        if self.problem.motions[0].angle is None:
+            largest = max(float(np.abs(r.angle - r.state.trim).max()) for r in self.records)
+        return min(smallest, 0.9 * largest), largest
+
     @property
     def r2(self) -> float:
         """Share of the variance of the measured motion that the simulated one explains, of each about its own mean."""

@@ -1,7 +1,7 @@
 """Whether a fit can be used: what a record cannot separate, the likely error of the next release, and its cause."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,9 @@ from swath_sysid.attitude.hull.terms import (
     damping_moment,
     term_moments,
 )
-from swath_sysid.attitude.identification.decay_fit import DecayFit
-from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD
+from swath_sysid.attitude.identification.decay_fit import DecayFit, RecordFit
+from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD, InitialState, Noise
+from swath_sysid.attitude.identification.problem import FIRST_LOOK_PERIODS, motion_fit, state_at_start
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.stamps import LONGEST_PERIOD
@@ -184,22 +185,27 @@ class Errors:
     uncertain: float  #: What posterior and trim leave, to either side, or where `other_side` is large to its own.
     other_side: float  #: From an angle to the side without a release, or with the smaller ones.
     unexplained: float  #: What the fit leaves.
+    missed: float = 0.0  #: What a forecast of the releases themselves from their measured starts misses of the fit.
+
+    @property
+    def of_model(self) -> float:
+        """What the model cannot follow."""
+        return float(np.hypot(self.unexplained, self.missed))
 
     @property
     def total(self) -> float:
         """Of the next release."""
-        return float(np.hypot(self.uncertain, self.unexplained))
+        return float(np.hypot(self.uncertain, self.of_model))
 
 
 def judge(found: DecayFit, objective: str) -> tuple[Verdict, tuple[Advice, ...]]:
     """The verdict on a fit, by its gravest warning, and the warnings that leave the verdict as it is."""
     same_side, other_side = posterior_errors(found)
-    angle, rate = (unexplained_share(found, quantity) for quantity in ('angle', 'rate'))
     errors = Errors(
         max(same_side, other_side) if other_side <= ADEQUATE_ERROR else same_side,
         other_side,
-        # a gyro may drift and an angle lag without a fault of the model, as long as little of the rate is left
-        max(angle, rate) if found.rmse is None or not rate <= UNCERTAIN else angle,
+        max(unexplained_share(found, quantity) for quantity in ('angle', 'rate')),
+        missed_share(found),
     )
     findings = list(warnings_of(found, objective, errors))
     causes = [each for each in findings if each[0] != ADEQUATE]
@@ -232,7 +238,9 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
     mismatch = max(rate_mismatch(r.motion, r.segment.period) for r in found.records)
     if not mismatch <= MAX_RATE_MISMATCH:
         yield REJECTED, Advice.of('angle-against-rate', mismatch=mismatch)
-    poor_fit = Advice.of('poor-fit', left=min(errors.unexplained, 1.0))
+    # the start is measured where a push or waves acted last
+    driven = errors.missed > errors.unexplained and all(r.segment.beginning == 'pushed' for r in found.records)
+    poor_fit = Advice.of('still-forced' if driven else 'poor-fit', left=min(errors.of_model, 1.0))
     if not errors.unexplained <= UNCERTAIN:
         yield REJECTED, poor_fit
     period = found.model.natural_period
@@ -245,7 +253,7 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
         # with more, a forecast of rest is as good
         level = DOUBTFUL if error <= 1.0 else REJECTED
         size = f'by {error:.0%} of its motion' if error < 1.0 else 'by more than its motion'
-        yield level, poor_fit if errors.unexplained >= errors.uncertain else Advice.of('motion-uncertain', size=size)
+        yield level, poor_fit if errors.of_model >= errors.uncertain else Advice.of('motion-uncertain', size=size)
     usable = min(r.motion.usable_share for r in found.records)
     if not usable >= LEAST_USABLE:
         yield DOUBTFUL, Advice.of('few-samples', usable=usable)
@@ -298,7 +306,7 @@ def largest_releases(found: DecayFit) -> tuple[float, float]:
     The same amplitude where none does.
     """
     begun = [float(r.state.x) for r in found.records]
-    start = float(np.copysign(found.problem.scales.amplitude, max(begun, key=abs)))
+    start = float(np.copysign(found.amplitude_range[1], max(begun, key=abs)))
     return start, max((x for x in begun if x * start < 0.0), key=abs, default=-start)
 
 
@@ -334,15 +342,81 @@ def posterior_errors(found: DecayFit) -> tuple[float, float]:
     return same, other
 
 
+def missed_share(found: DecayFit) -> float:
+    """Miss of the next `RELEASE_PERIODS` as forecast from the measured starts, over the motion. A fit moves its start
+    to hide what its equation cannot represent. The parabola that measures a start is drawn through the residuals, so
+    the fit's own curvature does not bend it. How far the parabolas through the later half lie from zero is its
+    uncertainty: its effect is subtracted, and a miss within two standard deviations of it is none. Zero where no angle
+    was measured.
+    """
+    problem, records = found.problem, [r for r in found.records if r.motion.angle is not None]
+    if not records:
+        return 0.0
+    period = 2.0 * np.pi / problem.scales.frequency
+    offsets = [_state_offsets(r, problem.noise) for r in records]
+    parts, states = zip(*(_from_start(r, period) for r in records), strict=True)
+    fit = motion_fit(problem, found.model.equation, parts)
+
+    def motion_of(moves: Iterable[np.ndarray]) -> np.ndarray:
+        moved = [replace(s, x=s.x + m[0], rate=s.rate + m[1]) for s, m in zip(states, moves, strict=True)]
+        return np.concatenate([angle for angle, _ in fit.simulated(fit.pack(found.model.ratios, moved))])
+
+    still = np.zeros((len(records), 2))
+    fitted, trims = motion_of(still), np.repeat([s.trim for s in states], [m.size for m in parts])
+    roots = np.stack([still, still])
+    for place, each in enumerate(offsets):
+        later = each[len(each) // 2 + 1 :]
+        root = np.linalg.qr(later, mode='r') / np.sqrt(max(len(later), 1))
+        roots[: len(root), place] = root
+    starts = [each[min(_first_clear(r), len(each) - 1)] for r, each in zip(records, offsets, strict=True)]
+    missed, *by_chance = (float(np.sum((motion_of(moves) - fitted) ** 2)) for moves in (starts, *roots))
+    # a miss within two standard deviations shows nothing, nor does a start whose uncertainty makes the motion run away
+    chance = float(np.nan_to_num(sum(by_chance), nan=np.inf))
+    excess = missed - chance if not missed <= TWO_STD**2 * chance else 0.0
+    share = float(np.sqrt(excess / np.sum((fitted - trims) ** 2)))
+    return share if np.isfinite(share) else np.inf
+
+
+def _first_clear(record: RecordFit) -> int:
+    """Which first look shows free motion only: where no release was seen, the first may hold what remains of it."""
+    return 0 if record.segment.beginning == 'released' else 1
+
+
+def _look_size(record: RecordFit) -> int:
+    elapsed = record.motion.time - record.motion.time[0]
+    return max(4, int(np.searchsorted(elapsed, FIRST_LOOK_PERIODS * record.segment.period)))
+
+
+def _from_start(record: RecordFit, period: float) -> tuple[AxisMotion, InitialState]:
+    """The `RELEASE_PERIODS` that begin with the first clear look, and the fitted state there."""
+    begin = min(_first_clear(record) * _look_size(record), record.motion.size - 1)
+    start = float(record.motion.time[begin])
+    state = replace(record.state, x=float(record.angle[begin]) - record.state.trim, rate=float(record.rate[begin]))
+    return record.motion.between(start, start + RELEASE_PERIODS * period), state
+
+
+def _state_offsets(record: RecordFit, noise: Noise) -> np.ndarray:
+    """Offsets of angle and rate from the fit, (K, 2), as each `FIRST_LOOK_PERIODS` of a record measures them."""
+    motion, size = record.motion, _look_size(record)
+    angle, rate = motion.angle - record.angle, None if motion.rate is None else motion.rate - record.rate
+    found = []
+    for begin in range(0, max(motion.size - size, 0) + 1, size):
+        inside = slice(begin, begin + size)
+        own = None if rate is None else rate[inside] - rate.mean()
+        found.append(state_at_start(motion.time[inside] - motion.time[begin], angle[inside], own, noise))
+    return np.array(found)
+
+
 def unexplained_share(found: DecayFit, quantity: str) -> float:
     """Residual of angle or rate that is not white noise, over the motion; zero where not measured. From the products of
-    neighbouring residuals, in which white noise has no part, less what chance leaves.
+    neighbouring residuals, in which white noise has no part, less what chance leaves. A gyro's bias is no motion.
     """
     error = motion = 0.0
     for record in found.records:
         measured = getattr(record.motion, quantity)
         if measured is not None:
             residual = measured - getattr(record, quantity)
+            residual = residual - (residual.mean() if quantity == 'rate' else 0.0)
             lags = max(1, round(record.segment.period / SEARCH_STEPS_PER_PERIOD / record.motion.sample_interval))
             products = [float(np.mean(residual[lag:] * residual[:-lag])) for lag in range(1, lags + 1)]
             chance = TWO_STD * float(np.mean(residual**2)) / np.sqrt(lags * residual.size)

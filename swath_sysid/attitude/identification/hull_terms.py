@@ -15,13 +15,21 @@ from swath_sysid.attitude.hull.decay_model import Equation, composed
 from swath_sysid.attitude.hull.identified_model import HullPosterior
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, LINEAR_RESTORING
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
-from swath_sysid.attitude.identification.log_posterior import LINEAR_PRIOR, Evaluation, LogPosterior, prune, weak_prior
+from swath_sysid.attitude.identification.log_posterior import (
+    LINEAR_PRIOR,
+    Evaluation,
+    LogPosterior,
+    log_evidence,
+    prune,
+    weak_prior,
+)
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit
 from swath_sysid.attitude.identification.problem import Problem, motion_fit, residual_covariance
 
 CHANCE = 0.001  #: Probability that a likelihood ratio calls a complete equation incomplete, or the same hull changed.
 #: Looked for where an equation lacks them; linear restoring may be a sine's.
 SMOOTH_TERMS = tuple(name for name in GENERAL_HULL.terms if name not in LINEAR_RESTORING)
+WITH_FRICTION = composed(('b0', *GENERAL_HULL.terms))
 
 
 @dataclass(frozen=True)
@@ -42,14 +50,12 @@ class FittedHull:
     posterior: HullPosterior | None = None  #: Of every term; None where the equation was named.
 
 
-def suits_likelihood(problem: Problem, equation: Equation) -> bool:
+def suits_likelihood(problem: Problem) -> bool:
     """Whether coefficients come from the likelihood of a basin that moves: with angle and rate in each record. The
     likelihood takes the two to differ by noise and a bias only, and so separates the craft's motion from the sensor's.
-    An angle alone mostly comes filtered or rounded, from optical tracking, and is trusted far beyond what it is worth;
-    dry friction is not smooth enough for the filter.
+    An angle alone mostly comes filtered or rounded, from optical tracking, and is trusted far beyond what it is worth.
     """
-    both = all(m.angle is not None and m.rate is not None for m in problem.motions)
-    return both and 'b0' not in equation.terms
+    return all(m.angle is not None and m.rate is not None for m in problem.motions)
 
 
 class ResidualPosterior(LogPosterior):
@@ -120,8 +126,8 @@ def absent_by_residuals(
 def basin_fit(
     problem: Problem, equation: Equation, ratios: np.ndarray, states: Sequence[InitialState]
 ) -> BasinFit | AbsentTerm | None:
-    """The likelihood's optimum, started from ratios (9,) and states, or the term whose absence it shows. The equation
-    has no dry friction. None where the motion diverges.
+    """The likelihood's optimum, started from ratios (9,) and states, or the smooth term whose absence it shows. None
+    where the motion diverges.
     """
     likelihood, added = BasinLikelihood(problem, equation), lacking(equation, SMOOTH_TERMS)
     optima, absent = likelihood.minimise(likelihood.starts(ratios, states)), None
@@ -159,31 +165,48 @@ def _shown(posterior: LogPosterior, complete: Evaluation, without: Evaluation, a
 
 def pruned_hull(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]) -> FittedHull:
     """Prune the general hull by the likelihood that suits the records, from least-squares ratios (9,) and states."""
-    found = _by_basin(problem, ratios, states) if suits_likelihood(problem, GENERAL_HULL) else None
+    found = _by_basin(problem, ratios, states) if suits_likelihood(problem) else None
     return found or _by_residuals(problem, ratios, states)
 
 
 def _by_basin(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]):
-    """None where the likelihood's motion, unlike the filter's, runs away."""
-    general = BasinLikelihood(problem, GENERAL_HULL, weak_prior(GENERAL_HULL, problem.decayed_to))
-    optima = general.minimise(general.starts(ratios, states))
+    """With dry friction among the terms where it raises the evidence of least squares; what has none is smooth for
+    whoever uses the posterior. None where the likelihood's motion, unlike the filter's, runs away.
+    """
+    fit = motion_fit(problem, WITH_FRICTION)
+    posterior, complete = residual_posterior(problem, WITH_FRICTION, fit.pack(ratios, states))
+    smooth = np.array([name != 'b0' for name in WITH_FRICTION.terms])
+    held = np.r_[~smooth, np.zeros(complete.z.size - smooth.size, dtype=bool)]
+    (bare,) = posterior.search_each([np.where(held, 0.0, complete.z)], [held])
+    is_shown = log_evidence(posterior, complete, smooth | True) > log_evidence(posterior, bare, smooth)
+    hulls = ratios, fit.unpack(complete.z)[0]
+    found = _pruned_in_basin(problem, WITH_FRICTION, hulls, states) if is_shown else None
+    if found is None or 'b0' not in found.equation.terms:
+        found = _pruned_in_basin(problem, GENERAL_HULL, (ratios,), states)
+    return found
+
+
+def _pruned_in_basin(problem: Problem, general: Equation, hulls: Sequence[np.ndarray], states: Sequence[InitialState]):
+    """A general hull pruned by the likelihood, started from hulls (9,) each."""
+    likelihood = BasinLikelihood(problem, general, weak_prior(general, problem.decayed_to))
+    optima = likelihood.minimise([start for ratios in hulls for start in likelihood.starts(ratios, states)])
     if not optima:
         return None
-    pruned = prune(general, optima[0])
-    equation = _kept(GENERAL_HULL, pruned.kept)
-    left, _, _ = general.unpack(pruned.optimum.z)
+    pruned = prune(likelihood, optima[0])
+    equation = _kept(general, pruned.kept)
+    left, _, _ = likelihood.unpack(pruned.optimum.z)
     parameters = motion_fit(problem, equation).settled(left, states)
     if parameters is None:
         return None
-    every = general.described(general.minimise([*(each.z for each in optima), pruned.optimum.z]))
-    posterior = HullPosterior(GENERAL_HULL, every.ratios[GENERAL_HULL.indices], every.covariance)
+    every = likelihood.described(likelihood.minimise([*(each.z for each in optima), pruned.optimum.z]))
+    posterior = HullPosterior(general, every.ratios[general.indices], every.covariance)
     basin = replace(every, ratios=left, covariance=every.covariance[np.ix_(pruned.kept, pruned.kept)])
     return FittedHull(equation, parameters, basin, posterior)
 
 
 def _by_residuals(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]):
     """By least squares, with dry friction among the terms."""
-    general = composed(('b0', *GENERAL_HULL.terms))
+    general = WITH_FRICTION
     likelihood, complete = residual_posterior(problem, general, motion_fit(problem, general).pack(ratios, states))
     pruned = prune(likelihood, complete)
     # what has no friction is smooth for whoever uses the posterior

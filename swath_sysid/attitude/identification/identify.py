@@ -137,7 +137,7 @@ def refined_in_basin(found: Identification) -> Identification:
     problem, equation, start = found.problem, found.model.equation, (found.model.ratios, found.states)
     if found.objective == 'one-step':
         return found
-    fitted = basin_fit(problem, equation, *start) if suits_likelihood(problem, equation) else None
+    fitted = basin_fit(problem, equation, *start) if suits_likelihood(problem) else None
     if not isinstance(fitted, BasinFit):
         return replace(found, absent_term=fitted or absent_by_residuals(problem, equation, *start))
     parameters = motion_fit(problem, equation).settled(fitted.ratios, found.states)

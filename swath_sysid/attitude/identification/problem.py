@@ -9,7 +9,7 @@ from scipy.special import ndtri, stdtrit
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import Scales
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
-from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND
+from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND, REST_BAND
 from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay, without_spikes
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -183,9 +183,22 @@ def _left_alone_until(motion: AxisMotion, segment: DecaySegment):
     # what is louder than that is pushed again
     limit = max(HOLD_BAND * segment.initial_amplitude, 1.5 * segment.final_amplitude)
     loud = np.flatnonzero(np.abs(after.primary - segment.trim) > limit)
-    if not loud.size:
-        return float(after.time[-1])
-    return max(segment.end, float(after.time[loud[0]]) - segment.period)
+    end = float(after.time[loud[0]]) - segment.period if loud.size else float(after.time[-1])
+    return max(segment.end, min(end, _held_from(motion, segment, end)))
+
+
+def _held_from(motion: AxisMotion, segment: DecaySegment, end: float) -> float:
+    """Half a period before a hand holds the craft away from its trim, s; infinite where none does until ``end``. A free
+    craft, in waves too, crosses its trim every half period.
+    """
+    after = motion.between(segment.end - 0.5 * segment.period, end)
+    away = after.primary - segment.trim
+    least = max(HOLD_BAND * segment.final_amplitude, REST_BAND * segment.initial_amplitude)
+    side = np.where(np.abs(away) > least, np.sign(away), 0.0)
+    turns = np.flatnonzero(np.diff(side, prepend=np.nan, append=np.nan) != 0.0)
+    first, last = turns[:-1], turns[1:] - 1
+    held = first[(side[first] != 0.0) & (after.time[last] - after.time[first] > 0.75 * segment.period)]
+    return float(after.time[held[0]]) - 0.5 * segment.period if held.size else np.inf
 
 
 def block_means(motion: AxisMotion, period: float, blocks: int) -> AxisMotion:
@@ -212,18 +225,27 @@ def _initial_state(motion: AxisMotion, segment: DecaySegment, noise: Noise):
     elapsed = motion.time - motion.time[0]
     first = elapsed <= FIRST_LOOK_PERIODS * segment.period
     first[:4] = True
-    t, one, zero = elapsed[first], np.ones(first.sum()), np.zeros(first.sum())
+    t = elapsed[first]
     if motion.angle is None:
         slope, rate = np.polyfit(t, motion.primary[first], 1)
         return InitialState(_angle_from_rate(motion, segment), float(rate), 0.0)
     trim = float(segment.trim)
-    rows = np.column_stack([one, t, t * t / 2]) / noise.angle
-    right = (motion.angle[first] - trim) / noise.angle
-    if motion.rate is not None:
-        rows = np.concatenate([rows, np.column_stack([zero, one, t]) / noise.rate])
-        right = np.concatenate([right, motion.rate[first] / noise.rate])
-    x, rate, _ = np.linalg.lstsq(rows, right, rcond=None)[0]
-    return InitialState(float(x), float(rate), trim)
+    x, rate = state_at_start(t, motion.angle[first] - trim, None if motion.rate is None else motion.rate[first], noise)
+    return InitialState(x, rate, trim)
+
+
+def state_at_start(
+    elapsed: np.ndarray, angle: np.ndarray, rate: np.ndarray | None, noise: Noise
+) -> tuple[float, float]:
+    """Value and slope at the start of a parabola through angles (N,), and rates if measured, ``elapsed`` s after it."""
+    one, zero = np.ones(elapsed.size), np.zeros(elapsed.size)
+    rows = np.column_stack([one, elapsed, elapsed * elapsed / 2]) / noise.angle
+    right = angle / noise.angle
+    if rate is not None:
+        rows = np.concatenate([rows, np.column_stack([zero, one, elapsed]) / noise.rate])
+        right = np.concatenate([right, rate / noise.rate])
+    value, slope, _ = np.linalg.lstsq(rows, right, rcond=None)[0]
+    return float(value), float(slope)
 
 
 def _frequency(motion: AxisMotion, segment: DecaySegment):

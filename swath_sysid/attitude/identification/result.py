@@ -135,11 +135,6 @@ class Identification(DecayFit):
         return judge(self, self.objective)
 
     @property
-    def amplitude_range(self) -> tuple[float, float]:
-        """Smallest and largest amplitude seen, rad: where the model is valid."""
-        return self.problem.amplitudes_seen
-
-    @property
     def natural_period_std(self) -> float:
         """Standard deviation of the natural period of small motions, s."""
         linear = np.array([float(name in LINEAR_RESTORING) for name in self.model.equation.terms])

@@ -12,7 +12,14 @@ from math import factorial
 import numpy as np
 
 from swath_sysid.attitude.motion import turning_points
-from swath_sysid.attitude.motion.decay_candidates import HELD, HOLD_BAND, DecayCandidate, find_candidates, last_crossing
+from swath_sysid.attitude.motion.decay_candidates import (
+    HELD,
+    HOLD_BAND,
+    REST_BAND,
+    DecayCandidate,
+    find_candidates,
+    last_crossing,
+)
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import EvenSignal
 from swath_sysid.common.advice import Advice
@@ -197,8 +204,12 @@ def _end_of_motion(candidate: DecayCandidate, following: DecayCandidate) -> floa
 def _segment_of(candidate: DecayCandidate, motion: AxisMotion) -> DecaySegment:
     """Cut a candidate to what is free motion."""
     first, beginning = _free_start(candidate)
+    let_go = _let_go(candidate, motion) if candidate.signal.quantity == 'rate' else None
+    if let_go is not None:
+        first, beginning, start = candidate.first, 'released', let_go
+    else:
+        start = _release_time(candidate, motion) if beginning == 'released' else candidate.leaving_time(first)
     last, end, ending = _free_end(candidate, first)
-    start = _release_time(candidate, motion) if beginning == 'released' else candidate.leaving_time(first)
     left = 100.0 * abs(candidate.value[last] - candidate.value[last - 1]) / candidate.double_amplitudes[0]
     turned = candidate.end if last == candidate.last else float(candidate.time[last])
     return DecaySegment(
@@ -248,6 +259,26 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     period = 2.0 * np.pi * fall / (np.arccos(HOLD_BAND) - np.arccos(HELD))
     earliest = max(at - LONGEST_FALL * fall, candidate.arrival, signal.start)
     return max(kink_time(motion, earliest, at - fall, period, level), signal.start)
+
+
+def _let_go(candidate: DecayCandidate, motion: AxisMotion) -> float | None:
+    """When a craft of which only the rate was measured was let go, s; None where it was pushed. At rest for half a
+    period, it came to its largest rate within about a quarter of one, and by then half-way to more than half of it.
+    """
+    signal, first, period = candidate.signal, candidate.first, candidate.period
+    peak = signal.index(candidate.time[first])
+    size = float(candidate.value[first]) - candidate.centre
+    share = (signal.value[: peak + 1] - candidate.centre) / size
+    rest = np.flatnonzero(np.abs(share) < 2.0 * REST_BAND)
+    before = round(0.5 * period / signal.interval)
+    if not rest.size or rest[-1] < before or not np.all(np.abs(share[rest[-1] - before : rest[-1]]) < HOLD_BAND):
+        return None
+    rise = (peak - rest[-1]) * signal.interval
+    # an oscillation from an angle has sqrt(1/2) half-way, what a steady push starts a half
+    if not 1.0 / ASYMMETRY < 4.0 * rise / period < ASYMMETRY or share[(peak + rest[-1]) // 2] < 0.6:
+        return None
+    left = signal.start + signal.interval * float(rest[-1])
+    return kink_time(motion, left - 0.25 * period, left, period, abs(size))
 
 
 def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float, held: float) -> float:

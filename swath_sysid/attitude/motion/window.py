@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import Installation
+from swath_sysid.attitude.motion.decay_candidates import HALF_CYCLES_FOR_REST, HOLD_BAND
 from swath_sysid.attitude.motion.intake import INTAKE_REASONS, ConvertedReading, ImuReading, Intake
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
@@ -230,9 +231,20 @@ class DecayWatch:
         amplitude = decay.initial_amplitude
         if decay.quantity == 'rate':
             amplitude *= decay.period / (2.0 * pi)
-        begun = decay.beginning in ('released', 'pushed')
-        large = amplitude >= self._smallest and decay.cycles >= MIN_CYCLES
-        return begun and large and is_finished(decay, motion)
+        # a group of waves looks like a push, of a few half-cycles
+        pushed = decay.beginning == 'pushed' and decay.cycles >= 0.5 * HALF_CYCLES_FOR_REST
+        released = decay.beginning == 'released' and (decay.cycles >= MIN_CYCLES or has_returned(decay, motion))
+        return (pushed or released) and amplitude >= self._smallest and is_finished(decay, motion)
+
+
+def has_returned(decay: DecaySegment, motion: AxisMotion) -> bool:
+    """Whether a craft whose angle was measured has rested since a decay for as long as it was held before. A hand that
+    inclines it moves it by half a cycle, too, and holds it for a shorter time than it lay upright.
+    """
+    before = motion.between(None, decay.start)
+    near = np.flatnonzero(np.abs(before.primary - decay.trim) < HOLD_BAND * decay.initial_amplitude)
+    held_since = before.time[near[-1]] if near.size else motion.time[0]
+    return decay.quantity == 'angle' and bool(motion.time[-1] - decay.end >= decay.start - held_since)
 
 
 def averaged(table: MotionTable, rate: float) -> MotionTable:
