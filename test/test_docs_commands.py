@@ -57,7 +57,11 @@ NOT_RUN = {
         'python examples/simulate_trials.py': 'takes minutes: the tutorial of a tank trial runs a smaller one',
         'pip install': 'needs other machines',
     },
-    'docs/installation.md': {'python3 -m venv': INSTALLS, 'PIP_BREAK': ROS_APT, 'docker build': 'needs a Docker daemon'},
+    'docs/installation.md': {
+        'python3 -m venv': INSTALLS,
+        'PIP_BREAK': ROS_APT,
+        'docker build': 'needs a Docker daemon',
+    },
     'docs/releasing.md': {'docker build': 'needs a Docker daemon'},
     'docs/tutorials/manoeuvring.md': {'bash examples/': 'takes a minute; the page runs what it calls, one by one'},
 }
