@@ -40,6 +40,8 @@ setup(
     description=MANIFEST.findtext('description'),
     long_description=long_description(),
     long_description_content_type='text/markdown',
+    author=MAINTAINER.text,
+    author_email=MAINTAINER.get('email'),
     maintainer=MAINTAINER.text,
     maintainer_email=MAINTAINER.get('email'),
     license=MANIFEST.findtext('license'),
@@ -51,7 +53,6 @@ setup(
     classifiers=[
         'Development Status :: 4 - Beta',
         'Intended Audience :: Science/Research',
-        'License :: OSI Approved :: Apache Software License',
         'Operating System :: POSIX :: Linux',
         'Programming Language :: Python :: 3',
         'Programming Language :: Python :: 3.11',

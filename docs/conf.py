@@ -68,12 +68,20 @@ def mathml(translator, node):
     if isinstance(node, math):
         translator.body.append(convert(node.astext()))
     else:
-        translator.body.append(f'<div class="formula">{convert(node.astext(), display="block")}</div>')
+        translator.body.append(f'<div class="formula" tabindex="0">{convert(node.astext(), display="block")}</div>')
     raise SkipNode
 
 
+def accessible(app, pagename, templatename, context, doctree):
+    """Captions of the contents are headings of a level, and a wide block can be scrolled with the keys."""
+    context['body'] = context.get('body', '').replace('<pre>', '<pre tabindex="0">')
+    tree = context.get('furo_navigation_tree', '')
+    context['furo_navigation_tree'] = tree.replace('role="heading"', 'role="heading" aria-level="2"')
+
+
 def setup(app):
-    """Napoleon's own handler has the priority 500."""
+    """Napoleon's own handler has the priority 500, the theme's of a page too."""
+    app.connect('html-page-context', accessible, priority=900)
     app.add_html_math_renderer('mathml', (mathml, None), (mathml, None))
     app.connect('autodoc-process-docstring', keep_comment, priority=400)
     app.connect('autodoc-process-docstring', restore_comment, priority=600)

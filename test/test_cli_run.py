@@ -77,7 +77,7 @@ def test_without_ros_or_the_extra_of_the_page_it_says_what_to_install(monkeypatc
     with pytest.raises(InputError, match=re.escape('pip install "swath_sysid[page]"')):
         page.run(argparse.Namespace())
     monkeypatch.setitem(sys.modules, 'rclpy', None)
-    with pytest.raises(InputError, match=r'pip install swath_sysid\[ros\], or source a ROS 2 installation'):
+    with pytest.raises(InputError, match=re.escape('pip install "swath_sysid[ros]", or source a ROS 2')):
         run.run(parsed())
 
 
