@@ -72,9 +72,14 @@ def mathml(translator, node):
     raise SkipNode
 
 
+#: Where a name in code may break: after a mark that is not in a tag.
+NAME = re.compile(r'(?<=[\w~])([/_.=])(?=\w[^<>]*</span>)')
+
+
 def accessible(app, pagename, templatename, context, doctree):
-    """Captions of the contents are headings of a level, and a wide block can be scrolled with the keys."""
-    context['body'] = context.get('body', '').replace('<pre>', '<pre tabindex="0">')
+    """Captions of the contents are headings of a level, wide blocks scroll by keys, names in tables break."""
+    body = context.get('body', '').replace('<pre>', '<pre tabindex="0">')
+    context['body'] = re.sub(r'<td>.*?</td>', lambda cell: NAME.sub(r'\1<wbr>', cell[0]), body, flags=re.DOTALL)
     tree = context.get('furo_navigation_tree', '')
     context['furo_navigation_tree'] = tree.replace('role="heading"', 'role="heading" aria-level="2"')
 
