@@ -26,7 +26,7 @@ html { scrollbar-gutter: stable }
 .lines { min-height: calc(var(--lines) * 1lh); overflow-wrap: anywhere }
 h1 { font-size: 1.125rem; line-height: 1.75rem; margin: 0; letter-spacing: 0 }
 .fault { color: #c62828 } .body--dark .fault { color: #ff8a80 }
-.body--dark .q-btn--flat { color: #90caf9 !important }
+.body--dark .q-btn--flat { --q-primary: #90caf9 }
 """
 TRIAL_COLUMNS = [
     {'name': name, 'label': name, 'field': name, 'align': 'left'} for name in ('file', 'axis', 'loading', 'angle')

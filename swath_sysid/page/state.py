@@ -28,7 +28,7 @@ from swath_sysid.page.release import Release
 SELDOM = 3.0  #: s between looks at what rarely changes: the trials' folder, the predictor's parameters.
 
 SHOWN_ANSWERS = 2
-NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
+NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay has been detected yet.'
 
 #: Label and meaning, in groups.
 GROUPS = [{name: (label, meaning) for name, (label, meaning) in group.items()} for group in GUIDE['buttons']]
