@@ -107,7 +107,7 @@ api = swath_sysid
         (lambda: api.read_trial(RECORD, mounting=(0.0, 0.1)), 'mounting must be 3 values, each a number'),
         (lambda: api.read_trial(RECORD, columns='roll'), 'columns must be a mapping from a text to a text or None'),
         (lambda: api.Trial('abc'), 'time must be an array of numbers'),
-        (lambda: api.Trial(TIME, roll=[[1.0], [1.0, 2.0]]), 'roll must be an array of numbers or None'),
+        (lambda: api.Trial(TIME, roll=[[1.0], ['a']]), 'roll must be an array of numbers or None'),
         (lambda: api.Trial(TIME, roll=[1.0, 2.0]), 'roll has the shape'),
         (lambda: TRIAL.between('start', 3.0), 'Trial.between: start must be a number or None'),
         (lambda: TRIAL.axis(0), 'Trial.axis: name must be a text, not 0'),

@@ -65,8 +65,10 @@ def fits(value: Any, kind: Any) -> bool:
     inner, origin = get_args(kind), get_origin(kind)
     if origin in (Union, UnionType):
         return any(fits(value, each) for each in inner)
-    if kind is np.ndarray and isinstance(value, np.ndarray | list | tuple):
-        return np.asarray(value, dtype=None if _is_even(value) else object).dtype.kind in 'biuf'
+    if kind is np.ndarray and isinstance(value, list | tuple):
+        return all(isinstance(each, Real) or fits(each, kind) for each in value)
+    if kind is np.ndarray:
+        return isinstance(value, np.ndarray) and value.dtype.kind in 'biuf'
     if kind in _PLAIN:
         return isinstance(value, _PLAIN[kind][0]) and (kind is bool or not isinstance(value, bool))
     if origin is Callable:
@@ -81,13 +83,6 @@ def fits(value: Any, kind: Any) -> bool:
         return False
     of_each = inner if origin is tuple and inner[-1] is not ... else (inner[0],) * len(value)
     return len(of_each) == len(value) and all(map(fits, value, of_each))
-
-
-def _is_even(value: Any) -> bool:
-    """Whether an array can be made of what is given: lists in it are of one length."""
-    if isinstance(value, np.ndarray) or not any(isinstance(each, list | tuple | np.ndarray) for each in value):
-        return True
-    return len({len(each) if isinstance(each, list | tuple | np.ndarray) else -1 for each in value}) == 1
 
 
 def in_words(kind: Any) -> str:
@@ -117,12 +112,9 @@ def _given(value: Any) -> str:
     """What was given, as a sentence has it."""
     if value is None or isinstance(value, str | Real):
         return reprlib.repr(value)
-    first = next(iter(value.values() if isinstance(value, Mapping) else value), None) if _is_container(value) else None
-    return _one(type(value).__name__) + ('' if first is None else f' with {_one(type(first).__name__)} in it')
-
-
-def _is_container(value: Any) -> bool:
-    return isinstance(value, list | tuple | Mapping) and not hasattr(value, '_fields')
+    held = value.values() if isinstance(value, dict) else value if type(value) in (list, tuple) else ()
+    of = ''.join(f' with {_one(type(first).__name__)} in it' for first in [*held][:1])
+    return _one(type(value).__name__) + of
 
 
 def _remedy(value: Any, kind: Any) -> str:
