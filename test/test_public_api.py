@@ -165,6 +165,8 @@ def test_the_notebook_runs(monkeypatch, capsys):
     monkeypatch.setattr('matplotlib.pyplot.show', lambda: drawn.append(len(matplotlib.pyplot.gca().lines)))
     cells = json.loads((ROOT / 'examples' / 'first_forecast.ipynb').read_text(encoding='utf-8'))['cells']
     code, names = [''.join(cell['source']) for cell in cells if cell['cell_type'] == 'code'], {}
+    assert set(re.findall(r'(?:from|import) (swath_sysid\S*)', ''.join(code))) == {'swath_sysid'}
+    assert [len(cell['outputs']) for cell in cells if cell['cell_type'] == 'code'] == [0, 1, 1, 2]
     for cell in code:
         exec(cell, names)
         matplotlib.pyplot.close('all')
