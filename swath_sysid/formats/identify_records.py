@@ -99,7 +99,8 @@ def write_model(path: str | Path, models: Fitted | Mapping[str, Fitted]) -> None
 def _identified(fitted: Fitted) -> IdentifiedModel:
     if isinstance(fitted, IdentifiedModel):
         return fitted
-    sources = dict.fromkeys(motion.source for motion in fitted.problem.motions if motion.source)
+    # of a bag the source names the topic, too
+    sources = dict.fromkeys(motion.source.partition(' /')[0] for motion in fitted.problem.motions if motion.source)
     return fitted.identified_model(provenance_of(list(sources)))
 
 
