@@ -135,7 +135,7 @@ def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
     return [
         f'{model.axis}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
         f'+- {math.degrees(found.amplitude_std):.2g}',
-        '  no verdict, which is about the next release from an angle: score forecasts with this model instead',
+        '  no verdict, as there was no release to judge by: score forecasts with this model instead',
         f'  {short_name(motion.source)}: motion in waves from {motion.time[0]:.1f} to {motion.time[-1]:.1f} s',
         f'  natural period {found.natural_period:.3f} s +- {found.natural_period_std:.2g}, equivalent damping ratio '
         f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
