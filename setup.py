@@ -1,5 +1,6 @@
 """Installs swath_sysid, with pip as with colcon; package.xml holds its name, version and description."""
 
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,6 +20,17 @@ def installed(folder, destination):
     return [(target.as_posix(), paths) for target, paths in files.items()]
 
 
+def long_description():
+    """The README with links that lead somewhere from an index of packages, too: to the repository's main branch."""
+    text = Path(__file__).resolve().with_name('README.md').read_text(encoding='utf-8')
+    return re.sub(
+        r'(!?)\[([^]]*)\]\((?!\w+:)',
+        lambda m: f'{m[1]}[{m[2]}]({URLS["repository"]}/{m[1] and "raw" or "blob"}/main/',
+        text,
+    )
+
+
+URLS = {url.get('type'): url.text for url in MANIFEST.findall('url')}
 SHARE = Path('share', NAME)
 TANK = ['h5py>=3.7', 'npTDMS>=1.7', 'openpyxl>=3.0', 'pyarrow>=12.0']
 
@@ -26,13 +38,29 @@ setup(
     name=NAME,
     version=MANIFEST.findtext('version'),
     description=MANIFEST.findtext('description'),
-    long_description=Path(__file__).resolve().with_name('README.md').read_text(encoding='utf-8'),
+    long_description=long_description(),
     long_description_content_type='text/markdown',
+    author=MAINTAINER.text,
+    author_email=MAINTAINER.get('email'),
     maintainer=MAINTAINER.text,
     maintainer_email=MAINTAINER.get('email'),
     license=MANIFEST.findtext('license'),
-    project_urls={url.get('type'): url.text for url in MANIFEST.findall('url')},
-    python_requires='>=3.11',
+    url=URLS['website'],
+    project_urls={**URLS, 'changelog': f'{URLS["repository"]}/blob/main/CHANGELOG.rst'},
+    # ROS 2 Jazzy exists for these
+    python_requires='>=3.11,<3.13',
+    keywords='ROS 2, ship motion, roll, pitch, forecast, system identification, decay, EKF, Kalman filter, SWATH, USV',
+    classifiers=[
+        'Development Status :: 4 - Beta',
+        'Intended Audience :: Science/Research',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Programming Language :: Python :: 3 :: Only',
+        'Topic :: Scientific/Engineering :: Physics',
+        'Typing :: Typed',
+    ],
     # named, so that `pip install -e` puts the checkout on the path: setuptools' import hook, its other way, comes after
     # what an earlier version may have left of the package's folder in site-packages
     package_dir={'': '.'},

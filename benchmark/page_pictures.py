@@ -109,7 +109,7 @@ def main():
         picture('first', 620)
         shown.release(2)
         shown.press('accept')
-        shown.wait_for(lambda: 'Accepted' in shown.text('sentence'), 'acceptance')
+        shown.wait_for(lambda: 'Kept' in shown.text('sentence'), 'acceptance')
         # forecasts of the next release
         shown.press('push')
         time.sleep(6.0)

@@ -69,12 +69,25 @@ def mathml(translator, node):
     if isinstance(node, math):
         translator.body.append(convert(node.astext()))
     else:
-        translator.body.append(f'<div class="formula">{convert(node.astext(), display="block")}</div>')
+        translator.body.append(f'<div class="formula" tabindex="0">{convert(node.astext(), display="block")}</div>')
     raise SkipNode
 
 
+#: Where a name in code may break: after a mark that is not in a tag.
+NAME = re.compile(r'(?<=[\w~])([/_.=])(?=\w[^<>]*</span>)')
+
+
+def accessible(app, pagename, templatename, context, doctree):
+    """Captions of the contents are headings of a level, wide blocks scroll by keys, names in tables break."""
+    body = context.get('body', '').replace('<pre>', '<pre tabindex="0">')
+    context['body'] = re.sub(r'<td>.*?</td>', lambda cell: NAME.sub(r'\1<wbr>', cell[0]), body, flags=re.DOTALL)
+    tree = context.get('furo_navigation_tree', '')
+    context['furo_navigation_tree'] = tree.replace('role="heading"', 'role="heading" aria-level="2"')
+
+
 def setup(app):
-    """Napoleon's own handler has the priority 500."""
+    """Napoleon's own handler has the priority 500, the theme's of a page too."""
+    app.connect('html-page-context', accessible, priority=900)
     app.add_html_math_renderer('mathml', (mathml, None), (mathml, None))
     app.connect('autodoc-process-docstring', keep_comment, priority=400)
     app.connect('autodoc-process-docstring', restore_comment, priority=600)

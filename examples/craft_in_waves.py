@@ -7,18 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid import ForecasterSettings, InputError, Trial, read_trial, read_upstream, run_through
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
-from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.motion.vertical import BAND_HZ
-from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import POINT_MOTION
 from swath_sysid.cli.progress import progress_of
-from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.formats.reading import read_trial
-from swath_sysid.formats.upstream_channels import read_upstream
 from swath_sysid.pipeline.baselines import vertical_record
-from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import SENSOR
 from swath_sysid.report.figures import FORMATS, save_figure
 

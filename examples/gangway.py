@@ -16,7 +16,7 @@ import sys
 import numpy as np
 from craft_in_waves import STEP, carry_out
 
-from swath_sysid.common.errors import InputError
+from swath_sysid import InputError
 from swath_sysid.report.figures import MEASURED, SERIES, new_figure, quiet
 
 DELAY, LAG = 2, 0.3

@@ -14,10 +14,10 @@ import numpy as np
 from craft_in_waves import NOTHING_FORECAST, Voyage, truth_of
 
 import swath_sysid
+from swath_sysid import InputError
 from swath_sysid.attitude.motion.attitude import euler_angles, up_in_body
 from swath_sysid.cli.progress import progress_of
 from swath_sysid.cli.ros import ros_needed
-from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import write_imu_bag
 from swath_sysid.formats.messages import SECOND_NS, stamp_ns
 from swath_sysid.formats.topics import CALM_TOPIC, point_lead_topic

@@ -12,8 +12,8 @@ import sys
 
 import numpy as np
 
+from swath_sysid import Trial
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
-from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.formats.bags import imu_values, writing_bag
 from swath_sysid.formats.messages import SECOND_NS, ImuMessage
 from swath_sysid.formats.topics import IMU

@@ -1,7 +1,7 @@
 """Online motion prediction of small craft: record, identify, forecast."""
 
 from importlib import import_module
-from os.path import isdir
+from os.path import exists, isdir
 
 __version__ = '1.0.0'
 
@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.hull.identified_model import IdentifiedModel as IdentifiedModel
     from swath_sysid.attitude.hull.simulation import simulate as simulate
     from swath_sysid.attitude.identification.fit_quality import Verdict as Verdict
-    from swath_sysid.attitude.identification.identify import identify as identify
     from swath_sysid.attitude.identification.result import Identification as Identification
     from swath_sysid.attitude.identification.result import IdentificationSettings as IdentificationSettings
     from swath_sysid.attitude.motion.intake import ImuReading as ImuReading
@@ -21,8 +20,9 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.sea_fit import fit_sea as fit_sea
     from swath_sysid.common.advice import Advice as Advice
     from swath_sysid.common.errors import InputError as InputError
+    from swath_sysid.formats.identify_records import identify as identify
+    from swath_sysid.formats.identify_records import write_model as write_model
     from swath_sysid.formats.model_file import read_model as read_model
-    from swath_sysid.formats.model_file import write_model as write_model
     from swath_sysid.formats.reading import read_trial as read_trial
     from swath_sysid.formats.upstream_channels import read_upstream as read_upstream
     from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv as read_manoeuvring_csv
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from swath_sysid.pipeline.record_run import samples_of as samples_of
     from swath_sysid.pipeline.scoring import Skill as Skill
     from swath_sysid.pipeline.scoring import score as score
+    from swath_sysid.share import share_folder as share_folder
 
 _HOMES = {
     'formats.reading': ('read_trial',),
@@ -48,11 +49,11 @@ _HOMES = {
     'attitude.hull.catalogue': ('hull_named',),
     'attitude.hull.simulation': ('simulate',),
     'attitude.hull.craft_simulator': ('simulated_trial',),
-    'attitude.identification.identify': ('identify',),
+    'formats.identify_records': ('identify', 'write_model'),
     'attitude.identification.result': ('IdentificationSettings', 'Identification'),
     'attitude.identification.fit_quality': ('Verdict',),
     'attitude.hull.identified_model': ('IdentifiedModel',),
-    'formats.model_file': ('read_model', 'write_model'),
+    'formats.model_file': ('read_model',),
     'pipeline.record_run': ('run_through', 'samples_of'),
     'pipeline.scoring': ('score', 'Skill'),
     'pipeline.forecast_pipeline': ('ForecastPipeline', 'PipelineSettings'),
@@ -70,10 +71,14 @@ _HOMES = {
     'manoeuvring.formats.export.fossen': ('fossen',),
     'common.errors': ('InputError',),
     'common.advice': ('Advice',),
+    'share': ('share_folder',),
 }
 #: Of the rooms that are here: a wing may be absent, and its names with it.
 _HOME_OF = {
-    name: home for home, names in _HOMES.items() for name in names if isdir(f'{__path__[0]}/{home.partition(".")[0]}')
+    name: home
+    for home, names in _HOMES.items()
+    for name in names
+    if isdir(room := f'{__path__[0]}/{home.partition(".")[0]}') or exists(f'{room}.py')
 }
 
 __all__ = list(_HOME_OF)
@@ -85,7 +90,11 @@ if not TYPE_CHECKING:  # a type checker would take every misspelt name for an ob
         """A public name, its module loaded when it is first asked for: the command line starts without numpy."""
         if name not in _HOME_OF:
             raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-        found = globals()[name] = getattr(import_module(f'{__name__}.{_HOME_OF[name]}'), name)
+        found = getattr(import_module(f'{__name__}.{_HOME_OF[name]}'), name)
+        if not isinstance(found, type):  # classes check in their constructors
+            found = import_module(f'{__name__}.common.door').checked(found)
+            found.__module__ = __name__
+        globals()[name] = found
         return found
 
 

@@ -8,10 +8,24 @@ PACKAGE = 'swath_sysid'
 
 
 def share_folder(module_file: str | Path = __file__) -> Path:
-    """The folder that holds package.xml, config/ and launch/ of this very installation: the checkout where it runs from
-    one, else ``share/swath_sysid`` below its prefix. ament's index would need a sourced environment, ignores
-    ``pip install -e``, and may name another version's folder.
+    """The folder with the records, configuration and launch files of this installation.
+
+    It is the checkout where the package runs from one, else ``share/swath_sysid`` below its prefix.
+
+    Args:
+        module_file: A module of the installation.
+
+    Returns:
+        The folder that holds ``records/``, ``config/`` and ``launch/``.
+
+    Raises:
+        InputError: The installation lacks them.
+
+    Example:
+        >>> (share_folder() / 'records' / 'morro_buoy.csv').is_file()
+        True
     """
+    # ament's index would need a sourced environment, ignores `pip install -e`, and may name another version's folder
     package_folder = Path(module_file).resolve().parent
     checkout = package_folder.parent
     for folder in (checkout, *(parent / 'share' / PACKAGE for parent in package_folder.parents)):

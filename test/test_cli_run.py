@@ -3,6 +3,7 @@
 import argparse
 import functools
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -73,10 +74,10 @@ def test_the_simulated_craft_and_the_page_beside_the_nodes_hear_the_same_names(m
 
 def test_without_ros_or_the_extra_of_the_page_it_says_what_to_install(monkeypatch):
     monkeypatch.setattr('swath_sysid.page.server.ui', None)
-    with pytest.raises(InputError, match=r'pip install swath_sysid\[page\]'):
+    with pytest.raises(InputError, match=re.escape('pip install "swath_sysid[page]"')):
         page.run(argparse.Namespace())
     monkeypatch.setitem(sys.modules, 'rclpy', None)
-    with pytest.raises(InputError, match=r'pip install swath_sysid\[ros\], or source a ROS 2 installation'):
+    with pytest.raises(InputError, match=re.escape('pip install "swath_sysid[ros]", or source a ROS 2')):
         run.run(parsed())
 
 

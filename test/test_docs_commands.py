@@ -37,7 +37,7 @@ INSTALLS = 'installs; the stages of .ci/run install by pip and by colcon'
 ROS_APT = 'needs what comes with ROS 2 from apt only'
 #: by page and by how the block begins, with the reason; nothing else is left out
 NOT_RUN = {
-    'README.md': {'make demo': '.ci/run runs make demo and make test', 'pip install': INSTALLS},
+    'README.md': {'pip install': INSTALLS},
     'docs/howto/controllers.md': {
         'python examples/landing.py morro_buoy.csv --frame frd --figure landing.png --live': (
             'takes minutes: test_examples_controllers.py decides landings by what the node publishes'
@@ -57,7 +57,11 @@ NOT_RUN = {
         'python examples/simulate_trials.py': 'takes minutes: the tutorial of a tank trial runs a smaller one',
         'pip install': 'needs other machines',
     },
-    'docs/index.md': {'pip install': INSTALLS},
+    'docs/installation.md': {
+        'python3 -m venv': INSTALLS,
+        'PIP_BREAK': ROS_APT,
+        'docker build': 'needs a Docker daemon',
+    },
     'docs/releasing.md': {'docker build': 'needs a Docker daemon'},
     'docs/tutorials/manoeuvring.md': {'bash examples/': 'takes a minute; the page runs what it calls, one by one'},
 }

@@ -496,7 +496,7 @@ def test_what_the_record_leaves_open_makes_the_verdict(found, scale, level):
         (
             np.inf,
             0.02,
-            'vanishes at about -11.5 deg: release the craft from a negative angle too, but from a smaller one',
+            'vanishes at about -11.5 deg: release the craft from a negative angle too, smaller than that',
         ),
     ],
 )

@@ -77,12 +77,30 @@ def test_what_is_given_wins_over_the_parameter_file_and_that_over_defaults():
         assert launch.find(f"arg[@name='{argument}']").get('default') == ''
         assert action.get('if') == f'$(not-equals given:$(var {argument}) given:)'
     assert [parameter.get('name') for parameter in launch.iter('param')] == ['model_path', 'hull', 'sea_deg']
+    assert launch.find('include').get('file').endswith('/launch/end_once.launch.py')
     # a file that is not there is noticed before any node starts
     actions = [action.tag for action in launch]
     assert actions.index('let') < actions.index('group')
     assert launch.find('let').get('value') == '$(file-content $(var params_file))'
     default = launch.find("arg[@name='params_file']").get('default')
     assert (ROOT / default.replace('$(find-pkg-share swath_sysid)/', '')).is_file()
+
+
+@pytest.mark.parametrize('code, starts', [(2, 1), (1, 2)])
+def test_a_rejected_parameter_ends_a_launch_and_what_died_is_respawned(code, starts, tmp_path):
+    actions = pytest.importorskip('launch.actions', reason='launch comes with ROS 2 from apt only')
+    from launch import LaunchDescription, LaunchService
+
+    spec = importlib.util.spec_from_file_location('end_once', ROOT / 'launch' / 'end_once.launch.py')
+    spec.loader.exec_module(end_once := importlib.util.module_from_spec(spec))
+    # the second start, if there is one, ends the launch
+    words = f'echo started >> log; [ $(wc -l < log) -lt 2 ] && exit {code} || exit 2'
+    process = actions.ExecuteProcess(cmd=['sh', '-c', words], cwd=str(tmp_path), respawn=True, respawn_delay=0.1)
+    service = LaunchService()
+    service.include_launch_description(end_once.generate_launch_description())
+    service.include_launch_description(LaunchDescription([process]))
+    service.run()
+    assert len((tmp_path / 'log').read_text().split()) == starts
 
 
 @pytest.mark.dds

@@ -93,6 +93,7 @@ CONTRACT = {
     'forecast/lead_5_0s': ('sensor_msgs/msg/Imu', 'predictor', False),
     'forecast/horizon': ('trajectory_msgs/msg/JointTrajectory', 'predictor', False),
     'forecast/calm': ('trajectory_msgs/msg/JointTrajectory', 'predictor', True),
+    'forecast/outlook': ('sensor_msgs/msg/JointState', 'predictor', False),
     'forecast/valid_lead': ('std_msgs/msg/Float32MultiArray', 'predictor', False),
 }
 

@@ -66,8 +66,8 @@ def bench():
     bench.close()
 
 
-def wait_for_recorder(bench):
-    wait_for(lambda: ('record', '/') in bench.node.get_node_names_and_namespaces(), 'the recorder')
+def wait_for_recorder(bench, namespace='/'):
+    wait_for(lambda: ('record', namespace) in bench.node.get_node_names_and_namespaces(), 'the recorder')
 
 
 def numbers_on(path, topic):
@@ -139,19 +139,21 @@ def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, be
     assert drawn and drawn <= shown
 
 
-def test_a_recording_holds_what_was_replayed(bag, tmp_path, bench):
+@pytest.mark.parametrize('within', [(), ('--namespace', 'boat')])
+def test_a_recording_holds_what_was_replayed(within, bag, tmp_path, bench):
     whole, copy = tmp_path / 'whole.mcap', tmp_path / 'copy.mcap'
     assert main(['play-through', str(bag), '--output', str(whole), '--with-imu']) == 0
-    with verb('record', '--output', copy, ends=signal.SIGTERM) as recorder:
-        wait_for_recorder(bench)
-        with verb('replay', whole, '--rate', 4, ends=None):
+    with verb('record', '--output', copy, *within, ends=signal.SIGTERM) as recorder:
+        wait_for_recorder(bench, f'/{"".join(within[1:])}')
+        with verb('replay', whole, '--rate', 4, *within, ends=None):
             # it begins once the recorder has subscribed to the IMU, and soon to the rest
             pass
         assert recorder.poll() is None
         assert (tmp_path / 'copy.recording').is_dir() and not copy.exists()
     assert not (tmp_path / 'copy.recording').exists()
     for topic in ('/imu/data', '/forecast/next', '/forecast/lead_1_0s'):
-        assert list(numbers_on(copy, topic).items()) == list(numbers_on(whole, topic).items())
+        place = '/'.join(['', *within[1:]]) + topic
+        assert list(numbers_on(copy, place).items()) == list(numbers_on(whole, topic).items())
 
 
 def test_a_killed_recording_can_be_read(bag, tmp_path):

@@ -41,7 +41,12 @@ def with_metrics(model, releases=1, **metrics):
 @pytest.mark.parametrize(
     ('metrics', 'action', 'fault', 'cure'),
     [
-        ({'verdict': 'adequate', 'motion_error': 0.04}, 'accept', '', 'Next release within 4 %. Accept it'),
+        (
+            {'verdict': 'adequate', 'motion_error': 0.04},
+            'accept',
+            '',
+            'Next release within 4 %. The forecasts use it already. Keep it',
+        ),
         ({'verdict': 'doubtful', 'verdict_sentence': 'from 8 deg'}, 'push', 'doubtful', 'from 8 deg'),
         ({'verdict': 'rejected', 'verdict_sentence': None}, 'push', 'rejected', 'release again'),
         ({'verdict': None, 'verdict_sentence': None}, 'push', 'not judged', 'release again'),

@@ -17,6 +17,7 @@ from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_tri
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.refit import AxisVerdict, RefitOutcome
 from swath_sysid.attitude.motion.attitude import body_rates, euler_angles, quaternion
+from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import MotionWindow
 from swath_sysid.attitude.prediction.forecast import Forecast
@@ -87,9 +88,10 @@ def test_two_runs_give_the_same_messages_bit_for_bit_as_a_type_system_writes_the
     assert len(first) > 800 and first == second
     for _, kind, _, raw in first:
         assert bytes(STORE.serialize_cdr(STORE.deserialize_cdr(raw, kind), kind)) == raw
-    assert {kind.rpartition('/')[2] for _, kind, _, _ in first} == set(
-        'DiagnosticArray Imu JointTrajectory PointCloud2 String Float32 Float32MultiArray Float64MultiArray'.split()
+    kinds = (
+        'DiagnosticArray Imu JointState JointTrajectory PointCloud2 String Float32 Float32MultiArray Float64MultiArray'
     )
+    assert {kind.rpartition('/')[2] for _, kind, _, _ in first} == set(kinds.split())
 
 
 def test_forecasts_are_those_of_the_predictor_core(bag, played):
@@ -300,7 +302,9 @@ def test_templates_write_what_the_type_system_writes(frame_id):
         mean, variance = rng.normal(size=(3, 4)), rng.uniform(1.0, 2.0, (3, 4))
         mean[:, [name.removesuffix('_rate') not in axes for name in ATTITUDE]] = np.nan
         forecast = Forecast(-5, np.array([0.1, 1.1, 2.0]), mean, variance[:, :, None] * np.eye(4), (0.3, 0.1))
-        step = ForecastStep(forecast=forecast, horizon=forecast, outlook=Outlook(np.nan, None, {}))
+        now = CraftSample(-5, 0.01, 0.02, np.nan, 0.04, *(0.0,) * 7)
+        outlook = Outlook(0.75, None, {'roll': 1.5})
+        step = ForecastStep(next=forecast.at(0.1), sample=now, forecast=forecast, horizon=forecast, outlook=outlook)
         found = {topic: STORE.deserialize_cdr(raw, type_of(topic)) for topic, raw in sent.of(step)}
         message, table, values = found['forecast/lead_1_1s'], found['forecast/horizon'], np.nan_to_num(mean[1]).tolist()
         imu, shown = imu_reading(message), np.where(np.isnan(mean[1]), [np.pi**2] * 2 + [100.0] * 2, variance[1])
@@ -310,8 +314,15 @@ def test_templates_write_what_the_type_system_writes(frame_id):
         assert variances == (shown.tolist() if axes else [-1.0, 0.0, -1.0, 0.0])
         assert imu.force == (0.0, 0.0, 0.0) and imu.force_covariance[0] == -1.0
         assert table.joint_names == [f'{axis}{kind}' for axis in axes for kind in ('', '_std')]
-        assert [stamp_ns(point.time_from_start) for point in table.points] == [10**8, 11 * 10**8, 20 * 10**8]
-        pairs = np.stack([mean, np.sqrt(variance)], axis=2)[:, np.isfinite(mean[0])].reshape(3, -1)
+        assert [stamp_ns(point.time_from_start) for point in table.points] == [0, 10**8, 11 * 10**8, 20 * 10**8]
+        # the sample first, and where it lacks a value the forecast of the next one
+        mean = np.vstack([[0.01, 0.02, mean[0, 2], 0.04], mean])
+        pairs = np.stack([mean, np.sqrt(variance[[0, 0, 1, 2]])], axis=2)[:, np.isfinite(forecast.mean[0])].reshape(
+            4, -1
+        )
+        stamped = found['forecast/outlook']
+        assert dict(zip(stamped.name, stamped.position, strict=True)) == {'valid_lead.roll': 1.5, 'quiescence': 0.75}
+        assert stamp_ns(stamped.header.stamp) == -5
         np.testing.assert_array_equal([[*point.positions, *point.velocities] for point in table.points], pairs)
 
 

@@ -5,11 +5,13 @@ import functools
 import importlib
 import inspect
 import json
+import pickle
 import re
 from collections import defaultdict
 from pathlib import Path
 
 import matplotlib.pyplot
+import numpy as np
 import pytest
 from repository import ABSENT, ROOT, are_those
 from test_light import loaded_by
@@ -89,12 +91,82 @@ def test_type_checkers_see_the_public_names_too_and_importing_the_package_loads_
         _ = swath_sysid.forcast
 
 
+RECORD = str(swath_sysid.share_folder() / 'records' / 'kvlcc2_roll_decay.csv')
+HULL = swath_sysid.hull_named('swath-roll')
+KNOWN = swath_sysid.IdentifiedModel.exactly(HULL.model)
+TIME = np.arange(0.0, 10.0, 0.1)
+TRIAL = swath_sysid.Trial(TIME, roll=list(0.1 * np.cos(2.0 * TIME)), pitch=0.0 * TIME)
+api = swath_sysid
+
+
+@pytest.mark.parametrize(
+    ('call', 'right'),
+    [
+        (lambda: api.read_trial(None), 'must be a path, not None'),
+        (lambda: api.read_trial([RECORD]), 'must be a path, not a list with a str'),
+        (lambda: api.read_trial(RECORD, mounting=(0.0, 0.1)), 'mounting must be 3 values, each a number'),
+        (lambda: api.read_trial(RECORD, columns='roll'), 'columns must be a mapping from a text to a text or None'),
+        (lambda: api.Trial('abc'), 'time must be an array of numbers'),
+        (lambda: api.Trial(TIME, roll=[[1.0], ['a']]), 'roll must be an array of numbers or None'),
+        (lambda: api.Trial(TIME, roll=[1.0, 2.0]), 'roll has the shape'),
+        (lambda: TRIAL.between('start', 3.0), 'Trial.between: start must be a number or None'),
+        (lambda: TRIAL.axis(0), 'Trial.axis: name must be a text, not 0'),
+        (lambda: api.hull_named(HULL), 'name must be a text, not a PublishedHull'),
+        (lambda: api.simulate(HULL, 0.1, 0.0, TIME), 'must be a DecayModel, not a PublishedHull: give its model'),
+        (lambda: api.simulate(HULL.model, '5 deg', 0.0, TIME), 'angle must be a number'),
+        (lambda: api.simulate(HULL.model, 0.1, 0.0, 10.0), 'time must be an array of numbers'),
+        (lambda: api.simulate(HULL.model, 0.1, 0.0, []), 'give at least one'),
+        (lambda: api.simulated_trial(HULL.model, 0.1, 9.0, noise=0.1), 'noise must be a SensorNoise, not 0.1'),
+        (lambda: api.simulated_trial(HULL.model, 0.1, 9.0, seed=1.5), 'seed must be a whole number'),
+        (lambda: api.identify(TRIAL), "holds roll and pitch: name the axis to identify, as in axis='roll'"),
+        (lambda: api.identify(TRIAL.axis('roll'), axis='pitch'), 'is about roll, not pitch'),
+        (lambda: api.identify(TIME), 'records must be a Trial, an AxisMotion, a path or a sequence'),
+        (lambda: api.identify(TRIAL.axis('roll'), 'odd-cubic'), 'settings must be an IdentificationSettings'),
+        (lambda: api.IdentificationSettings(equation=3), 'equation must be a text'),
+        (lambda: api.IdentificationSettings(start=True), 'start must be a number or None, not True'),
+        (lambda: api.IdentifiedModel.exactly(HULL), 'must be a DecayModel, not a PublishedHull: give its model'),
+        (lambda: api.write_model(KNOWN, 'craft.yaml'), 'path must be a path, not an IdentifiedModel'),
+        (lambda: api.write_model('craft.yaml', HULL.model), 'models must be an Identification, an IdentifiedModel or'),
+        (lambda: api.run_through(RECORD), 'read it with read_trial'),
+        (lambda: api.run_through(TRIAL, api.PipelineSettings()), 'not a PipelineSettings: give its forecaster'),
+        (lambda: api.run_through(TRIAL, models='craft.yaml'), 'read it with read_model'),
+        (lambda: api.run_through(TRIAL, clock=0.0), 'clock must be a function or None'),
+        (lambda: api.samples_of(TIME), 'trial must be a Trial'),
+        (lambda: api.score(TRIAL, 3), 'run must be a Run, not 3'),
+        (lambda: api.ForecastPipeline(api.ForecasterSettings()), 'settings must be a PipelineSettings or None'),
+        (lambda: api.ForecastPipeline().add(TRIAL), 'takes one ImuReading at a time'),
+        (lambda: api.ForecastPipeline().set_models({'roll': HULL.model}), 'not a dict with a DecayModel in it'),
+        (lambda: api.ForecasterSettings(leads=1.0), 'leads must be a sequence, each item a number'),
+        (lambda: api.fit_sea(TRIAL), 'request must be a SeaRequest'),
+        (lambda: api.read_upstream(RECORD, 'accel_z'), 'names must be a sequence, each item a text'),
+    ],
+)
+def test_arguments_of_a_wrong_kind_are_rejected_with_the_right_one(call, right):
+    with pytest.raises(swath_sysid.InputError, match=re.escape(right)):
+        call()
+
+
+@pytest.mark.parametrize('given', [RECORD, Path(RECORD), swath_sysid.read_trial(RECORD)], ids=['text', 'path', 'trial'])
+def test_a_record_is_identified_and_its_model_kept_in_a_line_each(given, tmp_path):
+    quick = swath_sysid.IdentificationSettings(equation='linear', start=5.0, end=40.0)
+    found = swath_sysid.identify(given, quick, axis='roll')
+    swath_sysid.write_model(tmp_path / 'craft.yaml', found)
+    kept = swath_sysid.read_model(tmp_path / 'craft.yaml')['roll']
+    assert kept.model.ratios == pytest.approx(found.model.ratios)
+    assert len(kept.provenance['sources'][0]['sha256']) == 64
+    swath_sysid.write_model(tmp_path / 'copy.yaml', kept)
+    assert (tmp_path / 'copy.yaml').read_text() == (tmp_path / 'craft.yaml').read_text()
+    assert pickle.loads(pickle.dumps(swath_sysid.identify)) is swath_sysid.identify
+
+
 @pytest.mark.long
 def test_the_notebook_runs(monkeypatch, capsys):
     drawn = []
     monkeypatch.setattr('matplotlib.pyplot.show', lambda: drawn.append(len(matplotlib.pyplot.gca().lines)))
     cells = json.loads((ROOT / 'examples' / 'first_forecast.ipynb').read_text(encoding='utf-8'))['cells']
     code, names = [''.join(cell['source']) for cell in cells if cell['cell_type'] == 'code'], {}
+    assert set(re.findall(r'(?:from|import) (swath_sysid\S*)', ''.join(code))) == {'swath_sysid'}
+    assert [len(cell['outputs']) for cell in cells if cell['cell_type'] == 'code'] == [0, 1, 1, 2]
     for cell in code:
         exec(cell, names)
         matplotlib.pyplot.close('all')

@@ -3,6 +3,8 @@
 import ast
 import re
 import runpy
+import subprocess
+import sys
 import unicodedata
 
 import pytest
@@ -29,6 +31,7 @@ ELSEWHERE += tuple(f'{folder}/{wing}' for folder in ('swath_sysid', 'test') for 
 PATH = re.compile(r'(?<![\w/.$)-])((?:\w[\w.-]*/)+[\w.*-]*)')
 
 
+PIPES = {'stdout': subprocess.PIPE, 'stderr': subprocess.DEVNULL, 'text': True}
 SITE = '\n'.join(PAGES.values())
 
 
@@ -76,9 +79,22 @@ def test_what_is_named_of_the_repository_is_there(page):
     assert gone == []
 
 
-def test_the_readme_links_every_page_of_the_site():
-    linked = {token.attrs.get('href') for token in tokens_of(TEXTS['README.md'])}
-    assert [page for page in PAGES if page not in ('README.md', 'docs/index.md') and page not in linked] == []
+def test_the_site_lists_every_page_and_the_readme_fits_on_a_screen():
+    trees = re.findall(r'```{toctree}\n(?::.*\n)*\n([^`]*)```', PAGES['docs/index.md'])
+    listed = {f'docs/{name}' for tree in trees for name in tree.split()}
+    assert {page.removesuffix('.md') for page in PAGES} - listed == {'README.md'.removesuffix('.md'), 'docs/index'}
+    readme = TEXTS['README.md']
+    assert len(readme.split()) <= 350
+    assert len([token for token in tokens_of(readme) if token.type == 'link_open']) <= 10
+    assert (ROOT / 'docs' / 'motion.gif').stat().st_size <= 2e6
+
+
+def test_links_of_the_long_description_are_absolute():
+    pytest.importorskip('setuptools')
+    done = subprocess.run([sys.executable, 'setup.py', '-q', '--long-description'], cwd=ROOT, **PIPES)
+    links = [token.attrs.get('href') or token.attrs.get('src') for token in tokens_of(done.stdout)]
+    assert done.returncode == 0 and [link for link in links if link and not link.startswith('https://')] == []
+    assert sum(map(bool, links)) > 5
 
 
 @pytest.mark.parametrize('line', command_lines())

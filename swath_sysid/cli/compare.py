@@ -1,6 +1,5 @@
 """``swath-sysid compare``: fit many equations and choose the simplest adequate one."""
 
-import json
 import sys
 import time
 from argparse import Namespace
@@ -11,7 +10,7 @@ from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import Comparison, compare
 from swath_sysid.cli import identify
-from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import trials_of, write_fit
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
@@ -48,7 +47,7 @@ def run(arguments: Namespace) -> int:
     if arguments.json:
         data = comparison_as_data(found, time.perf_counter() - began)
         advice = (*read_advice, *choice.advice, *choice.verdict.warnings)
-        print(json.dumps({**data, **warnings_as_data(advice)}, indent=2))
+        print_result(True, {**data, **warnings_as_data(advice)}, ())
     else:
         _print_ranking(found)
         print(f'Choice: {found.reason}', f'The fit is {choice.verdict}', *written, sep='\n')

@@ -1,6 +1,5 @@
 """``swath-sysid forecast``: how well a record is forecast, beside what a forecast must beat."""
 
-import json
 import math
 import time
 from argparse import Namespace
@@ -17,7 +16,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.outlook import ErrorLimit
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
-from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import check_model_and_plot, columns_of, read_record
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
@@ -34,7 +33,7 @@ def run(arguments: Namespace) -> int:
     """Run the predictor through the record and print its skill."""
     skill = scored(arguments)
     if arguments.json:
-        print(json.dumps(skill_as_data(skill), indent=2))
+        print_result(True, skill_as_data(skill), ())
     else:
         _print_skill(skill, arguments.record)
     return 0

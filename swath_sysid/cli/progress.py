@@ -45,6 +45,8 @@ def show_advice(advice: Iterable[Advice]) -> None:
         print(f'warning [{item.code}]: {with_flags(item.code, item.message)}', file=sys.stderr)
 
 
-def print_result(as_json: bool, data: Any, lines: Iterable[str]) -> None:
-    """Print one JSON object where it was asked for, else lines for a reader."""
-    print(json.dumps(finite_or_none(data), indent=2) if as_json else '\n'.join(lines))
+def print_result(as_json: bool, data: dict[str, Any], lines: Iterable[str]) -> None:
+    """Print one JSON object where it was asked for, else lines for a reader. Its version rises when a key changes its
+    meaning or goes.
+    """
+    print(json.dumps({'json_version': 1, **finite_or_none(data)}, indent=2) if as_json else '\n'.join(lines))

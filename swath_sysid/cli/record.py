@@ -6,6 +6,7 @@ from argparse import Namespace
 from datetime import datetime
 
 from swath_sysid.cli.ros import ros_needed
+from swath_sysid.cli.run import remappings
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
 
@@ -16,9 +17,9 @@ def run(arguments: Namespace) -> int:
         from swath_sysid.nodes.record import record
     output = arguments.output or f'swath_sysid_{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap'
     check_outputs([Output('--output', output, is_recording=True, endings=('mcap',))])
-    time = ['--ros-args', '-p', 'use_sim_time:=true'] if arguments.use_sim_time else []
+    time = ['-p', 'use_sim_time:=true'] if arguments.use_sim_time else []
     print(f'recording to {output} until Ctrl-C', file=sys.stderr, flush=True)
-    code, counts = record(output, arguments.topic, ['swath-sysid', *time])
+    code, counts = record(output, arguments.topic, ['swath-sysid', '--ros-args', *time, *remappings(arguments)])
     if not any(counts.values()):
         os.remove(output)
         raise InputError(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.cli.ros import ros_needed
+from swath_sysid.cli.run import remappings
 
 if TYPE_CHECKING:
     from swath_sysid.nodes.replay import Replay
@@ -22,7 +23,7 @@ def run(arguments: Namespace) -> int:
     settings = ReplaySettings(
         arguments.rate, arguments.loop, arguments.clock, arguments.wait, arguments.wait_for, arguments.in_step
     )
-    with ros_session() as stop:
+    with ros_session(['swath-sysid', '--ros-args', *remappings(arguments)]) as stop:
         _play(Replay(arguments.bag, settings, stop.is_set), max(settings.listeners, 1), stop.is_set)
     return 0
 

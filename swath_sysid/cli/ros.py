@@ -13,6 +13,6 @@ def ros_needed(without: str = '') -> Iterator[None]:
         yield
     except ImportError as error:
         raise InputError(
-            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
+            f'rclpy is not installed ({error}): pip install "swath_sysid[ros]", or source a ROS 2 installation'
             + (without and f'; {without}')
         ) from error

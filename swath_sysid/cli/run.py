@@ -152,11 +152,11 @@ def ros_arguments(arguments: Namespace) -> list[str]:
 
 
 def remappings(arguments: Namespace) -> list[str]:
-    """What `--namespace` and `--imu-topic` are to ROS."""
+    """What `--namespace` and, of a verb that has it, `--imu-topic` are to ROS."""
     given = []
     if arguments.namespace:
         given += ['-r', f'__ns:=/{arguments.namespace.strip("/")}']
-    if arguments.imu_topic:
+    if getattr(arguments, 'imu_topic', None):
         given += ['-r', f'{IMU_TOPIC}:={arguments.imu_topic}']
     return given
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid import __version__
 from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
@@ -17,6 +16,7 @@ from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import BLOCK_BYTES, existing
+from swath_sysid.formats.identify_records import provenance_of
 from swath_sysid.formats.model_file import write_model
 from swath_sysid.formats.outputs import MODEL_ENDINGS, Output, check_outputs
 from swath_sysid.formats.reading import read_trial, source_hash
@@ -106,7 +106,7 @@ def write_fit(arguments: Namespace, found: Any, draw: Callable[[Any], 'Figure'],
     """Write the model file of a fit that is usable, and its picture, where asked for; a line on each written file."""
     written = []
     if arguments.output and is_usable:
-        identified = found.identified_model(provenance_of(arguments.trials))
+        identified = found.identified_model(provenance_of(without_copies(arguments.trials)[0]))
         write_model(arguments.output, {found.model.axis: identified})
         written.append(f'wrote the model file {arguments.output}')
     if arguments.plot:
@@ -129,11 +129,3 @@ def decays_of_other_axes(trials: Sequence[Trial], problem: Problem) -> tuple[Adv
         for decay in find_decays(trial.axis(other))[:1]
         if all(decay.start > segment.end or decay.end < segment.start for segment in used[trial.source])
     )
-
-
-def provenance_of(paths: Sequence[str]) -> dict:
-    """Sources with their hashes, and the software version."""
-    return {
-        'software': f'swath_sysid {__version__}',
-        'sources': [{'file': str(path), 'sha256': source_hash(path)} for path in without_copies(paths)[0]],
-    }

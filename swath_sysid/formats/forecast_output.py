@@ -19,6 +19,7 @@ from swath_sysid.formats.sea_state_yaml import sea_as_yaml
 if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.forecast import Forecast
     from swath_sysid.attitude.prediction.forecaster import ForecastStep
+    from swath_sysid.attitude.prediction.outlook import Outlook
     from swath_sysid.attitude.prediction.quiescence import CalmWindow
 
 NOT_GIVEN: tuple[float, ...] = (NOT_MEASURED, *8 * (0.0,))  #: Covariance that a sensor_msgs/Imu does not give.
@@ -36,7 +37,7 @@ _HEAVE_AND_ATTITUDE = np.ix_((0, 3, 4), (0, 3, 4))
 def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Sequence[float] = ()) -> list[str]:
     """Every topic that is published, for leads, s, named points, and frames at leads as `ForecastMessages` has them."""
     found = [topics.NEXT_TOPIC, *map(topics.lead_topic, leads), topics.HORIZON_TOPIC, topics.VALID_LEAD_TOPIC]
-    found += [topics.QUIESCENCE_TOPIC, topics.CALM_TOPIC, topics.SEA_TOPIC]
+    found += [topics.QUIESCENCE_TOPIC, topics.OUTLOOK_TOPIC, topics.CALM_TOPIC, topics.SEA_TOPIC]
     names_at = topics.point_lead_topic, topics.point_acceleration_topic
     for point in points:
         found.append(topics.point_horizon_topic(point))
@@ -72,11 +73,12 @@ class ForecastMessages:
         if forecast is not None and horizon is not None and outlook is not None:
             for place, lead in enumerate(forecast.leads.tolist()):
                 yield topics.lead_topic(lead), self._attitude(forecast, place)
-            yield topics.HORIZON_TOPIC, self._horizon(horizon)
+            yield topics.HORIZON_TOPIC, self._horizon(step, horizon)
             yield topics.VALID_LEAD_TOPIC, messages.named_numbers_message(outlook.valid_leads)
             if isfinite(outlook.quiescence):
                 kind = topics.TYPES[topics.QUIESCENCE_TOPIC]
                 yield topics.QUIESCENCE_TOPIC, messages.number_message(outlook.quiescence, kind)
+            yield topics.OUTLOOK_TOPIC, self._outlook(outlook, horizon.stamp_ns)
             yield from self._at_points(forecast)
             yield from self._horizons_of_points(horizon)
             if isfinite(outlook.quiescence):
@@ -107,11 +109,24 @@ class ForecastMessages:
         stamp_ns = forecast.stamp_ns + round(forecast.leads.item(place) / NANOSECOND)
         return self.imu.of_values(stamp_ns, (*turn, *of_turn, *rates, *of_rates, *_NO_FORCE))
 
-    def _horizon(self, horizon: Forecast) -> bytes:
-        """A column for each angle and for its standard deviation, with their rates as velocities."""
+    def _horizon(self, step: ForecastStep, horizon: Forecast) -> bytes:
+        """A column for each angle and its standard deviation, with rates as velocities; the sample comes first."""
         columns = tuple([f'{axis}{kind}' for axis in horizon.axes for kind in ('', '_std')])
-        values = np.stack([horizon.mean, horizon.deviation], axis=2)[:, np.isfinite(horizon.mean[0])].ravel()
-        return self._filled(_trajectory, self.frame_id, (columns, _times_ns(horizon)), horizon.stamp_ns, values)
+        means, deviations, times_ns = horizon.mean, horizon.deviation, _times_ns(horizon)
+        if step.next is not None and step.sample is not None:
+            measured = np.array(step.sample[1:5])
+            now = np.where(np.isfinite(measured), measured, step.next.mean[0])
+            means, times_ns = np.vstack([now, means]), (0, *times_ns)
+            deviations = np.vstack([step.next.deviation[:1], deviations])
+        values = np.stack([means, deviations], axis=2)[:, np.isfinite(horizon.mean[0])].ravel()
+        return self._filled(_trajectory, self.frame_id, (columns, times_ns), horizon.stamp_ns, values)
+
+    def _outlook(self, outlook: Outlook, stamp_ns: int) -> bytes:
+        """The quiescence and the valid leads by name, with the stamp that their own topics lack."""
+        named = {f'valid_lead.{name}': lead for name, lead in outlook.valid_leads.items() if isfinite(lead)}
+        if isfinite(outlook.quiescence):
+            named['quiescence'] = outlook.quiescence
+        return self._filled(_named, self.frame_id, tuple(named), stamp_ns, tuple(named.values()))
 
     def _horizons_of_points(self, horizon: Forecast) -> Iterator[tuple[str, bytes]]:
         key = ('heave', 'heave_std'), _times_ns(horizon)
@@ -217,6 +232,11 @@ def _odometry(v: np.ndarray, level: str, point: str) -> Any:
 
 def _acceleration(v: np.ndarray, level: str, _: str) -> Any:
     return make(topics.ACCELERATION, header(0, level), ((tuple(v[:3]), (0.0, 0.0, 0.0)), v[3:39]))
+
+
+def _named(v: np.ndarray, frame_id: str, names: Sequence[str]) -> Any:
+    nothing = np.zeros(0)
+    return make(topics.TYPES[topics.OUTLOOK_TOPIC], header(0, frame_id), list(names), v, nothing, nothing)
 
 
 def _trajectory(v: np.ndarray, frame_id: str, key: tuple[Sequence[str], Sequence[int]]) -> Any:

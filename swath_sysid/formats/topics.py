@@ -16,6 +16,7 @@ HORIZON_TOPIC = 'forecast/horizon'
 QUIESCENCE_TOPIC = 'forecast/quiescence'
 CALM_TOPIC = 'forecast/calm'
 VALID_LEAD_TOPIC = 'forecast/valid_lead'
+OUTLOOK_TOPIC = 'forecast/outlook'
 SEA_TOPIC = 'sea/state'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 FRAMES_TOPIC = '/tf'
@@ -32,10 +33,14 @@ TYPES = {
     QUIESCENCE_TOPIC: 'std_msgs/msg/Float32',
     CALM_TOPIC: TRAJECTORY,
     VALID_LEAD_TOPIC: 'std_msgs/msg/Float32MultiArray',
+    OUTLOOK_TOPIC: 'sensor_msgs/msg/JointState',
     SEA_TOPIC: STRING,
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
     FRAMES_TOPIC: 'tf2_msgs/msg/TFMessage',
 }
+
+#: The same in every namespace.
+GLOBAL_TOPICS = (DIAGNOSTICS_TOPIC, FRAMES_TOPIC)
 
 #: Transient local: a late subscriber gets the last one.
 LATCHED_TOPICS = (WINDOW_TOPIC, DESCRIPTION_TOPIC, COEFFICIENTS_TOPIC, CALM_TOPIC, SEA_TOPIC)

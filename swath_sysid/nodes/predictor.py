@@ -27,8 +27,7 @@ from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
 
-#: A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late.
-PASSED_OVER_NS = 100_000_000
+PASSED_OVER_NS = 100_000_000  #: A sample that is older than the newest one by more only feeds the filters.
 
 
 class Predictor(Node):
@@ -111,8 +110,8 @@ class Predictor(Node):
             self._described = description
             self._load()
             self.health.note_model(perf_counter())
-            known = ', '.join(f'{axis} {held.model.equation.name}' for axis, held in description[0].items()) or 'none'
-            self.get_logger().info(f'new model: {known}')
+            known = [f'{axis} {held.model.equation.name}' for axis, held in description[0].items()]
+            self.get_logger().info(f'new model: {", ".join(known) or "none"}')
         return self._described is not before
 
     def _refuse_model(self, sentence: str) -> None:

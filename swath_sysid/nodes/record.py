@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from swath_sysid.formats.output_bag import Recording, is_ours
+from swath_sysid.formats.topics import GLOBAL_TOPICS
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD, events_executor, run
 from swath_sysid.nodes.qos import bag_qos, message_class
 
@@ -17,7 +18,7 @@ SAVE_PERIOD = 1.0  #: s of messages that a loss of power costs at most.
 
 
 class Record(Node):
-    """Subscribes to every topic of ours as it appears, and to others, and hands their messages on unchanged."""
+    """Subscribes to our topics in its namespace as they appear, and to others, and hands their messages on."""
 
     def __init__(self, recording: Recording, others: Sequence[str] = ()):
         super().__init__('record')
@@ -30,10 +31,11 @@ class Record(Node):
         self.create_timer(SAVE_PERIOD, recording.save, clock=steady)
 
     def _look(self) -> None:
-        before = set(self._subscribed)
+        before, within = set(self._subscribed), f'{self.get_namespace().rstrip("/")}/'
         for topic, kinds in self.get_topic_names_and_types():
+            here = topic.startswith(within) or topic in GLOBAL_TOPICS
             asked = topic in self._others and len(kinds) == 1 and message_class(kinds[0]) is not None
-            if topic not in self._subscribed and (asked or is_ours(topic, kinds)):
+            if topic not in self._subscribed and (asked or here and is_ours(topic, kinds)):
                 publishers = self.get_publishers_info_by_topic(topic)
                 if publishers:
                     self._subscribe(topic, kinds[0], [publisher.qos_profile for publisher in publishers])

@@ -16,7 +16,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bag_replay import ReplaySettings, Timeline, merged_messages, recorded_topics
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.formats.messages import SECOND_NS, raw_stamp_ns, stamp_ns
-from swath_sysid.formats.topics import NEXT_TOPIC
+from swath_sysid.formats.topics import GLOBAL_TOPICS, NEXT_TOPIC
 from swath_sysid.nodes.qos import BAG_DEPTH, NEWEST, bag_qos, message_class, time_message
 from swath_sysid.pipeline.health import DISCOVERY
 
@@ -59,8 +59,10 @@ class Replay(Node):
         super().destroy_node()
 
     def _outlet(self, topic: str, kind: type) -> Publisher:
-        is_latched = self._recorded[topic].is_latched
-        return self.create_publisher(kind, topic, bag_qos(is_latched, depth=1 if is_latched else BAG_DEPTH))
+        is_latched, within = self._recorded[topic].is_latched, f'{self.get_namespace().rstrip("/")}/'
+        is_kept = topic in GLOBAL_TOPICS or topic.startswith(within)
+        name = topic if is_kept else f'{within}{topic.lstrip("/")}'
+        return self.create_publisher(kind, name, bag_qos(is_latched, depth=1 if is_latched else BAG_DEPTH))
 
     def wait_for_listeners(self) -> int:
         """Wait for as many subscribers as were set (else all): how many there are on the IMU or busiest topic."""
@@ -71,8 +73,8 @@ class Replay(Node):
             now = time.monotonic()
             # connected and known subscriptions of every topic
             connections = [
-                (outlet.get_subscription_count(), self.count_subscribers(topic))
-                for topic, outlet in self.outlets.items()
+                (outlet.get_subscription_count(), self.count_subscribers(outlet.topic_name))
+                for outlet in self.outlets.values()
             ]
             if connections != before:
                 before, changed = connections, now

@@ -6,7 +6,7 @@ from typing import Any
 from swath_sysid.page.live_record import CHECKED_LEAD, SHOWN_S
 from swath_sysid.page.live_view import INTERVALS
 
-EARLIER = f'{CHECKED_LEAD:g} s before'
+EARLIER = f'forecast {CHECKED_LEAD:g} s earlier'
 MEASURED, FORECAST, CHECKED = '#8a94a0', '#d95f02', '#7570b3'
 SMALLEST = {'deg': 1.0, 'm': 0.1}  #: Least half height of a chart; below, noise would look like motion.
 

@@ -20,13 +20,13 @@ SCREEN_PERIOD = 0.4  #: s between pictures.
 COLOURS = {STALE: 'grey', OK: 'positive', WARN: 'warning'}
 CURVES = {'period': 'natural period [s]', 'damping': 'equivalent damping ratio [-]'}
 CARD = 'w-full min-w-0'
-#: Texts have a fixed height, so that nothing below them jumps; a press shows all of a longer one.
+#: Texts have a least height, so that what is below them seldom jumps.
 STYLE = """
 html { scrollbar-gutter: stable }
-.lines { display: -webkit-box; -webkit-box-orient: vertical; overflow: hidden; cursor: pointer;
-         -webkit-line-clamp: var(--lines); min-height: calc(var(--lines) * 1lh); overflow-wrap: anywhere }
-.lines.open { -webkit-line-clamp: unset }
+.lines { min-height: calc(var(--lines) * 1lh); overflow-wrap: anywhere }
+h1 { font-size: 1.125rem; line-height: 1.75rem; margin: 0; letter-spacing: 0 }
 .fault { color: #c62828 } .body--dark .fault { color: #ff8a80 }
+.body--dark .q-btn--flat { --q-primary: #90caf9 }
 """
 TRIAL_COLUMNS = [
     {'name': name, 'label': name, 'field': name, 'align': 'left'} for name in ('file', 'axis', 'loading', 'angle')
@@ -40,12 +40,13 @@ def build(state: PageState) -> None:
     ui.add_css(STYLE)
     ui.colors(primary='#1976d2')
     with ui.header().classes('items-center py-2'):
-        ui.label('swath_sysid').classes('text-lg')
+        with ui.element('h1'):
+            ui.label('swath_sysid')
         ui.space()
         ui.toggle(
             list(AXES), value=state.view.axis or AXES[0], on_change=lambda event: state.choose(event.value)
         ).props('dense color=primary toggle-color=secondary text-color=white').mark('axis')
-    with ui.element('main').classes('w-full grid items-start gap-3 grid-cols-1 lg:grid-cols-2 xl:grid-cols-3'):
+    with ui.element('div').classes('w-full grid items-start gap-3 grid-cols-1 lg:grid-cols-2 xl:grid-cols-3'):
         updates = [_guide(state), _release(), _model(), *(_motion(axis) for axis in AXES), _calm(), _health(), _heave()]
         if state.manifest:
             updates.append(_trials())
@@ -67,7 +68,7 @@ def _card(title: str) -> Any:
 
 def _guide(state: PageState) -> Update:
     with _card('Bring-up'):
-        progress = ui.linear_progress(0.0, show_value=False).props('rounded')
+        progress = ui.linear_progress(0.0, show_value=False).props('rounded aria-label="progress of the bring-up"')
         sentence = _text('text-subtitle1 text-weight-medium', 'sentence', 2)
         cure = _text('text-body1', 'cure', 3)
         primary = ui.button().props('no-caps unelevated').style('min-height: 2.75rem').classes('w-full')
@@ -92,8 +93,7 @@ def _guide(state: PageState) -> Update:
         if action != primary.props.get('data-action'):
             primary.props(f'data-action="{action}"')
             primary.text = BUTTONS[action][0] if action else ''
-            # the place stays reserved
-            primary.style(f'visibility: {"visible" if action else "hidden"}')
+            primary.visible = bool(action)
         answers.text = '\n'.join(reversed(view.answers))
 
     return update
@@ -118,10 +118,10 @@ class _Button:
         self._is_primary = False
 
     def show(self, refusal: str, is_primary: bool) -> None:
-        """Update it; nothing is sent where it has not changed. Its place stays while it is the primary one."""
+        """Update it; nothing is sent where it has not changed."""
         if is_primary != self._is_primary:
             self._is_primary = is_primary
-            self.button.style(f'visibility: {"hidden" if is_primary else "visible"}')
+            self.button.style(f'display: {"none" if is_primary else "inline-flex"}')
         if self._tooltip.text != (text := refusal or self._meaning):
             self.button.enabled, self._tooltip.text = not refusal, text
 
@@ -228,11 +228,10 @@ def _trials() -> Update:
 
 
 def _text(classes: str, name: str, lines: int = 0) -> Any:
-    """A text by name, with a height in lines; 0: as many as it needs."""
+    """A text by name, with a least height in lines."""
     label = ui.label().classes(f'{classes} w-full min-w-0 break-words').props(f'data-name={name}')
     if lines:
         label.classes('lines').style(f'--lines: {lines}')
-        label.on('click', js_handler="(event) => event.currentTarget.classList.toggle('open')")
     return label
 
 

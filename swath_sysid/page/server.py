@@ -46,7 +46,7 @@ UNKNOWN = 'There is nothing at this address: open the one that swath-sysid page 
 def check_installed() -> None:
     """Raise `InputError` where the web part is not installed."""
     if ui is None:
-        raise InputError('the page needs nicegui, fastapi and uvicorn: pip install swath_sysid[page]')
+        raise InputError('the page needs nicegui, fastapi and uvicorn: pip install "swath_sysid[page]"')
 
 
 class Guard:

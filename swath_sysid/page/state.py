@@ -19,7 +19,7 @@ from swath_sysid.common.wings import offered
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.files import write_text
 from swath_sysid.page import live_view
-from swath_sysid.page.bring_up import GUIDE, IDENTIFICATION, STEPS, BringUp, Facts, Guidance
+from swath_sysid.page.bring_up import GUIDE, IDENTIFICATION, PATIENCE_S, STEPS, BringUp, Facts, Guidance
 from swath_sysid.page.charts import motion_changes
 from swath_sysid.page.live_record import STALE_S, LiveRecord
 from swath_sysid.page.model_words import of_axis, verdict_of
@@ -28,7 +28,7 @@ from swath_sysid.page.release import Release
 SELDOM = 3.0  #: s between looks at what rarely changes: the trials' folder, the predictor's parameters.
 
 SHOWN_ANSWERS = 2
-NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay was noticed yet.'
+NO_RELEASE: tuple[dict[str, list], str] = {'measured': [], 'fitted': []}, 'No free decay has been detected yet.'
 
 #: Label and meaning, in groups.
 GROUPS = [{name: (label, meaning) for name, (label, meaning) in group.items()} for group in GUIDE['buttons']]
@@ -84,6 +84,7 @@ class PageState:
         self._folder = folder
         self._guides = {each: BringUp(each) for each in AXES}
         self._axis = axis
+        self._answered = float('-inf')
         self._recorder: subprocess.Popen | None = None
         self._fitted_to: tuple[Release | None, IdentifiedModel | None] = None, None
         self._shown_fit = *NO_RELEASE, live_view.model_chart(None, None)
@@ -93,6 +94,7 @@ class PageState:
     def answer(self, line: str) -> None:
         """Show a line in all browsers."""
         self.answers.append(f'{datetime.now():%H:%M:%S} {line}')
+        self._answered = monotonic()
 
     def refresh(self) -> None:
         """Update the view, once for all browsers."""
@@ -112,6 +114,8 @@ class PageState:
             words = live_view.model_words(record, self._axis, None if is_said else verdict)
             valid = '' if age else live_view.valid_words(facts.statuses)
             waters = live_view.calm_words(record, age), live_view.sea_words(record), valid
+        if now - self._answered > 3.0 * PATIENCE_S:
+            self.answers.clear()
         if self.manifest and now - self._campaign_read > SELDOM:
             (trials_of,) = offered('trials_shown')
             self._campaign, self._campaign_read = trials_of(self.manifest), now

@@ -119,7 +119,7 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
         f'  at {math.degrees(found.reference_amplitude):.2f} deg: natural period {period:.4f} s +- {period_std:.2g}, '
         f'equivalent damping ratio {damping:.4f} +- {damping_std:.2g}',
         f'  R2 {found.r2:.6f}, {found.objective} objective {found.objective_value:.6g}, '
-        f'{found.effective_samples:.0f} effective of {found.samples} samples',
+        f'{found.samples} samples, as informative as {found.effective_samples:.0f} independent',
         f'  valid from {low:.2f} to {high:.2f} deg; search ended by {found.search.stop} after '
         f'{found.search.generations} generations',
     ]
@@ -135,7 +135,7 @@ def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
     return [
         f'{model.axis}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
         f'+- {math.degrees(found.amplitude_std):.2g}',
-        '  no verdict, which is about the next release from an angle: score forecasts with this model instead',
+        '  no verdict, as there was no release to judge by: score forecasts with this model instead',
         f'  {short_name(motion.source)}: motion in waves from {motion.time[0]:.1f} to {motion.time[-1]:.1f} s',
         f'  natural period {found.natural_period:.3f} s +- {found.natural_period_std:.2g}, equivalent damping ratio '
         f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
@@ -176,9 +176,9 @@ def ratio_lines(identified: Any, intervals: dict[str, tuple[float, float]] | Non
 
 
 def spread_of(identified: Any, name: str, intervals: dict[str, tuple[float, float]] | None = None) -> str:
-    """The standard deviation of a ratio, or the upper end of an interval that begins at zero."""
+    """The standard deviation of a ratio, or the 95 % interval of one that zero is in."""
     std, (low, high) = identified.std[name], (intervals or {}).get(name, (-math.inf, math.inf))
-    return f'< {high:.3g} (95 %)' if low == 0.0 and identified.model.terms[name] < std else f'± {std:.3g}'
+    return f'95 %: 0 to {high:.3g}' if low == 0.0 and identified.model.terms[name] < std else f'± {std:.3g}'
 
 
 def short_name(source: str) -> str:

@@ -175,7 +175,7 @@ def test_where_the_formula_of_the_curve_errs_the_motion_fit_is_recommended():
     _, curve, _ = tank_tables(identify([motion]), Particulars(), TypeB())
     by_curve, by_motion = next((row[2], row[4]) for row in curve.rows if row[0] == 'b3')
     assert abs(by_curve - hull.terms['b3']) > 5.0 * abs(by_motion - hull.terms['b3'])
-    assert curve.finding.endswith('use the motion fit.')
+    assert curve.finding.endswith('Use the motion fit.')
 
 
 @pytest.mark.slow

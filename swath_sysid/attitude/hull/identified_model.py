@@ -12,6 +12,7 @@ from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.judgement import Judged
 
@@ -49,6 +50,7 @@ class HullPosterior:
         )
 
 
+@checked
 @dataclass(frozen=True)
 class IdentifiedModel(Judged):
     """An identified model, its uncertainty, where it is valid and where it came from.
@@ -83,6 +85,7 @@ class IdentifiedModel(Judged):
         object.__setattr__(self, 'covariance', covariance)
 
     @classmethod
+    @checked
     def exactly(cls, model: DecayModel) -> 'IdentifiedModel':
         """A model taken as exact: a published hull, or an assumption."""
         n = len(model.equation.terms)

@@ -9,6 +9,7 @@ from swath_sysid.attitude.hull import terms
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.accelerator import accelerated, has_numba
+from swath_sysid.common.errors import InputError
 
 damping_moment = accelerated(terms.damping_moment)
 restoring_moment = accelerated(terms.restoring_moment)
@@ -138,12 +139,17 @@ def simulate(model: DecayModel, angle: float, rate: float, time: np.ndarray) -> 
     Returns:
         Angles, rad, and rates, rad/s, (N,) each; not finite from where the motion has run away.
 
+    Raises:
+        InputError: There is no time.
+
     Example:
         >>> hull = hull_named('swath-roll').model
         >>> angle, rate = simulate(hull, 0.1, 0.0, np.arange(0.0, 15.0, 0.02))
         >>> angle.shape, bool(abs(angle[-50:]).max() < 0.02)
         ((750,), True)
     """
+    if not len(time):
+        raise InputError('there is no time to simulate: give at least one')
     elapsed = np.asarray(time, dtype=float) - time[0]
     step = longest_step(model, abs(angle - model.trim))
     before, weights, steps = places_in_steps(elapsed, step)

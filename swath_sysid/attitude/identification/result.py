@@ -16,6 +16,7 @@ from swath_sysid.attitude.identification.fit_quality import AmplitudeBands, Verd
 from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.attitude.identification.search import SearchResult, SearchSettings
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.common.plain import as_plain, from_plain
 
@@ -23,6 +24,7 @@ OBJECTIVES = ('simulation', 'one-step')
 CURVE_POINTS = 40
 
 
+@checked
 @dataclass(frozen=True)
 class IdentificationSettings:
     """What to fit and how.

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError, check_choice
 
 AXES = ('roll', 'pitch')
@@ -66,6 +67,7 @@ def _within(time: np.ndarray, start: float | None, end: float | None) -> np.ndar
     return (time >= (-np.inf if start is None else start)) & (time <= (np.inf if end is None else end))
 
 
+@checked
 @dataclass(frozen=True)
 class Trial:
     """One recorded trial.
@@ -106,6 +108,15 @@ class Trial:
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
     understood: str = ''  #: Which columns of a table were read as what, in one line.
 
+    def __post_init__(self) -> None:
+        for name in ('time', *CHANNELS, *FURTHER_CHANNELS):
+            values = getattr(self, name)
+            if isinstance(values, list | tuple):
+                object.__setattr__(self, name, np.array(values, dtype=float))
+        sizes = {name: values.shape for name, values in self.channels.items() if values.shape != self.time.shape}
+        for name, shape in sizes.items():
+            raise InputError(f'Trial: {name} has the shape {shape}, and time {self.time.shape}: give a value each')
+
     @property
     def channels(self) -> dict[str, np.ndarray]:
         """Name to array of every channel that was measured."""
@@ -117,6 +128,7 @@ class Trial:
         """The axes of which an angle or a rate was measured."""
         return tuple(a for a in AXES if a in self.channels or f'{a}_rate' in self.channels)
 
+    @checked
     def axis(self, name: str) -> AxisMotion:
         """The motion about one axis, without the samples in which a value is missing.
 
@@ -138,6 +150,7 @@ class Trial:
         angle, rate = getattr(self, name), getattr(self, f'{name}_rate')
         return AxisMotion(name, self.time, angle, rate, self.source, self.usable_share).only(finite)
 
+    @checked
     def between(self, start: float | None, end: float | None) -> 'Trial':
         """The samples with ``start <= time <= end`` (either may be None)."""
         keep = _within(self.time, start, end)

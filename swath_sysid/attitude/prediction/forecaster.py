@@ -37,6 +37,7 @@ from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
 from swath_sysid.attitude.prediction.upstream import UpstreamRows
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
+from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 
@@ -58,6 +59,7 @@ MOST_AHEAD = 2000  #: Rows that the longest lead may be.
 _REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 6.2
 
 
+@checked
 @dataclass(frozen=True)
 class ForecasterSettings:
     """What is forecast, and how the sea is learnt.

@@ -16,6 +16,7 @@ from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.files import existing
+from swath_sysid.formats.identify_records import provenance_of
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.manoeuvring.formats import bags
 from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv, write_manoeuvring_csv
@@ -116,7 +117,7 @@ def _identify(arguments: Namespace):
     data['warnings'] = [*warnings_as_data(copies)['warnings'], *data['warnings']]
     if arguments.output and is_to_be_written(arguments, found.verdict.level):
         kept = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
-        provenance = {**sources.provenance_of(once), 'runs': data['runs']}
+        provenance = {**provenance_of(once), 'runs': data['runs']}
         identified = found.identified({key: data[key] for key in kept}, provenance)
         write_manoeuvring_model(arguments.output, calibrated(identified, found.identified_on))
     if arguments.plot:

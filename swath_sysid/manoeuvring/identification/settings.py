@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.manoeuvring.hull.terms import INDEX
 from swath_sysid.manoeuvring.motion.trial import Run
@@ -77,6 +78,7 @@ AUTO, SHARED, NONE = 'auto', 'shared', 'none'
 CURRENT_CHOICES = (AUTO, SHARED, NONE)
 
 
+@checked
 @dataclass(frozen=True)
 class ManoeuvringSettings:
     """Settings of `identify_manoeuvring`.

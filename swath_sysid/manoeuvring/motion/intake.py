@@ -42,13 +42,15 @@ def prepare_runs(
         One run for each trial, in even steps, with advice on what was set right.
 
     Raises:
-        InputError: Too few samples, no thrust, or neither speed nor yaw rate in one of them.
+        InputError: No trial, too few samples, no thrust, or neither speed nor yaw rate in one of them.
 
     Example:
         >>> runs = prepare_runs([read_manoeuvring_csv('runs/zigzag_20.csv'), read_manoeuvring_csv('runs/mixed.csv')])
         >>> [run.step for run in runs]
         [0.1, 0.1]
     """
+    if not trials:
+        raise InputError('there is no trial to prepare: give at least one')
     advice = [list(trial.advice) for trial in trials]
     trials = without_constant([cleaned(t, a) for t, a in zip(trials, advice, strict=True)], advice)
     trials = aligned(set_right(trials, advice), advice)

@@ -159,7 +159,8 @@ class _AxisPlan:
         if not self._manifest.equations:
             name = title_of(ranking.choice.equation, self._records[0].condition.axis)
             ranking = replace(
-                ranking, reason=f'{name}: the terms of the general hull that the records of a draft show.'
+                ranking,
+                reason=f'{name}: of the general hull, the terms for which the records of each draft give evidence.',
             )
         drafts = zip(joint.values(), self._drafts().values(), strict=True)
         models = tuple(fit.identified_model(self._provenance(group)) for fit, group in drafts)

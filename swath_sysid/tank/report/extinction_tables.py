@@ -70,15 +70,15 @@ CURVE_COLUMNS = columns_of(
     }
 )
 CURVE_NOTE = (
-    'Extinction curve: decrement = p1 a + p2 a^2 + p3 a^3 over the mean amplitude a in deg, whose terms mean linear, '
-    'quadratic and cubic damping over inertia b1, b2, b3. Beside them those of the motion fitted as a whole. Times '
-    'inertia and without dimension: of the motion fit; roll over rho V B^2, pitch over rho V L^2, with sqrt(B / 2 g) '
-    'or sqrt(L / g) for the unit of time. Dry friction, for which the curve has no term, makes its p1 large and p2 '
-    'negative.'
+    'Extinction curve: decrement = p1 a + p2 a^2 + p3 a^3, where a is the mean amplitude in deg. Its terms correspond '
+    'to linear, quadratic and cubic damping over inertia, b1, b2 and b3; the motion fit gives the same coefficients '
+    'from the whole decay. The columns "times inertia" and "without dimension" are of the motion fit: roll is divided '
+    'by rho V B^2, pitch by rho V L^2, and the unit of time is sqrt(B / 2 g) or sqrt(L / g). The curve has no term for '
+    'dry friction, which therefore shows as a large p1 and a negative p2.'
 )
 METHOD_ERROR = (
-    'The peaks of the fitted motion itself give the same curve, so it is the formula of the curve that errs here (it '
-    'is for a symmetric craft with weak damping): use the motion fit.'
+    'The peaks of the fitted motion give the same curve, so the formula of the curve does not suit this craft: it is '
+    'for a symmetric craft with weak damping. Use the motion fit.'
 )
 UNCERTAINTIES = 'U (k = 2)', 'type A, fit', 'type A, repeats', *(f'type B, {name}' for name in SOURCES.values())
 QUANTITY_COLUMNS = columns_of(
