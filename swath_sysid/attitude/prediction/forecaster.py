@@ -32,7 +32,7 @@ from swath_sysid.attitude.prediction.rows import (
     Sampled,
     resampled,
 )
-from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SPARSE, WAVES, SeaFit, SeaRequest, newest_stretch
+from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SPARSE, WAVES, SeaFit, SeaRequest, newest_motion
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
 from swath_sysid.attitude.prediction.upstream import UpstreamRows
@@ -408,7 +408,7 @@ class Forecaster:
         for place, (name, axis) in enumerate(self._axes.items()):
             # what is left when noise is taken off that may be less is no moment of waves
             if axis.hull.is_started and (axis.hull.is_known or all(axis.known_noise)):
-                angle, rate = newest_stretch(rows[:, place :: len(AXES)].T, step, self._clock.period)
+                angle, rate = newest_motion(rows[:, place :: len(AXES)].T, step, self._clock.period)
                 hull = axis.hull.learnt_hull()
                 of_angle, of_rate = (variance / samples for variance in axis.noise_to_hull)
                 yield name, ExcitationRequest(*hull, step, self._clock.period, angle, rate, of_angle, of_rate, samples)

@@ -350,7 +350,7 @@ class HullFilter:
 
     def _set_level(self, place: int, level: float):
         """Scale a moment's stationary covariance."""
-        self.levels[place] = level = min(max(level, MIN_LEVEL), LARGEST_JUMP**2 / self.moments[0].variance)
+        self.levels[place] = level = min(max(level, MIN_LEVEL), LARGEST_JUMP**2)
         part = self._of_moment[place]
         np.multiply(self.moments[place].stationary, level, out=self.driven.moment[2][part, part])
         self.driven.foreseen = None
