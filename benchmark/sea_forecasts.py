@@ -87,7 +87,31 @@ def jonswap(frequency, peak, peakedness=3.3):
     return frequency**-5.0 * np.exp(-1.25 * (peak / frequency) ** 4) * peakedness**bump
 
 
-def make_sea(seed, duration, hull=HULL, lag=0.0):
+def wind_sea(frequency):
+    """JONSWAP, in frequencies over that of the peak."""
+    return jonswap(frequency, 1.0)
+
+
+def sea_on_swell(frequency):
+    """A wind sea on as much of a swell of three times its period."""
+    swell = jonswap(frequency, SWELL, 7.0)
+    sea = jonswap(frequency, 1.0)
+    return sea / np.trapezoid(sea, frequency) + swell / np.trapezoid(swell, frequency)
+
+
+def narrow_sea(frequency):
+    """JONSWAP of a young sea, three times as peaked as the steepest measured one of the North Sea."""
+    return jonswap(frequency, 1.0, 20.0)
+
+
+SWELL = 1.0 / 3.0
+"""Frequency of a swell's peak over that of the sea on it."""
+
+#: Spectrum by name, and the range of frequencies over that of the peak.
+SEAS = {'jonswap': (wind_sea, 0.5, 5.0), 'swell': (sea_on_swell, 0.5 * SWELL, 5.0), 'narrow': (narrow_sea, 0.5, 5.0)}
+
+
+def make_sea(seed, duration, hull=HULL, lag=0.0, kind='jonswap'):
     """A fresh sea, its excitation in proportion to the elevation, its size such that the motion is moderate.
 
     The same seed gives another hull the same waves; a phase lag, rad, delays its excitation.
@@ -95,9 +119,10 @@ def make_sea(seed, duration, hull=HULL, lag=0.0):
     rng = np.random.default_rng(seed)
     period = rng.uniform(*PEAK_PERIODS)
     peak = 2.0 * math.pi / period
-    edges = np.linspace(0.5 * peak, 5.0 * peak, COMPONENTS + 1)
+    spectrum, first, last = SEAS[kind]
+    edges = np.linspace(first * peak, last * peak, COMPONENTS + 1)
     frequency = edges[:-1] + rng.uniform(0.0, 1.0, COMPONENTS) * np.diff(edges)
-    density = jonswap(frequency, peak) * np.diff(edges)
+    density = spectrum(frequency / peak) * np.diff(edges)
     amplitude = 0.3 * np.sqrt(2.0 * density / density.sum())
     phase = rng.uniform(0.0, 2.0 * math.pi, COMPONENTS)
     middle = (np.arange(round(duration * FINE_RATE)) + 0.5) / FINE_RATE
@@ -247,7 +272,7 @@ def hull_off_by(stiffness=1.0, damping=1.0, quadratic_damping=1.0):
     return replace(HULL, ratios=HULL.ratios * np.array([factors[name] for name in TERM_NAMES]))
 
 
-def compare(seed, warmup, scored, leads=LEADS, rates=(10.0,), hull=HULL):
+def compare(seed, warmup, scored, leads=LEADS, rates=(10.0,), hull=HULL, kind='jonswap'):
     """A sea, and the scores of everyone's forecasts in it.
 
     Returns
@@ -259,7 +284,7 @@ def compare(seed, warmup, scored, leads=LEADS, rates=(10.0,), hull=HULL):
     coverage : dict of str to ndarray, shape (L,)
         Share of the forecaster's 90 % intervals that held the true angle.
     """
-    sea = make_sea(seed, warmup + scored)
+    sea = make_sea(seed, warmup + scored, kind=kind)
     seen = sea.readings(1.0 / STEP)
     time = STEP * np.arange(seen.shape[0])
     record = Record.of(Trial(time, roll=seen[:, 0], roll_rate=seen[:, 1]))
@@ -291,6 +316,7 @@ def main():
     parser.add_argument('--warmup', type=float, default=300.0, help='s')
     parser.add_argument('--scored', type=float, default=300.0, help='s')
     parser.add_argument('--rates', default='10', help='of the sensor, Hz, separated by commas')
+    parser.add_argument('--sea', choices=SEAS, default='jonswap')
     parser.add_argument('--without-hull', action='store_true')
     parser.add_argument('--stiffness', type=float, default=1.0, help='factor by which the hull is wrong in restoring')
     parser.add_argument('--damping', type=float, default=1.0, help='in all damping')
@@ -301,7 +327,7 @@ def main():
     every, held = [], []
     print(f'{"":28}', *(f'{lead:6.1f} s' for lead in LEADS))
     for seed in range(given.first, given.first + given.seeds):
-        sea, nrmse, coverage = compare(seed, given.warmup, given.scored, LEADS, rates, hull)
+        sea, nrmse, coverage = compare(seed, given.warmup, given.scored, LEADS, rates, hull, given.sea)
         every.append(nrmse)
         held.append(coverage)
         name = f'seed {seed}, Tp {sea.peak_period:3.1f} s, {math.degrees(np.abs(sea.angle).max()):3.1f} deg'

@@ -17,7 +17,7 @@ from swath_sysid.attitude.prediction.hull_track import HULL_STATES
 
 HULL = hull_named('swath-roll').model
 EXACT = IdentifiedModel.exactly(HULL)
-KNOWN = HULL, HullPrior.of(EXACT), False
+KNOWN = HULL, HullPrior.of(EXACT), False, True
 NOISE = 5e-4, 3e-3
 STEP, PERIOD, SAMPLES, COUNT = 0.1, USUAL_PERIOD, 10, 30_000
 PEAK, WIDTH, SIZE = 2.2, 0.25, 0.06
@@ -110,13 +110,53 @@ def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(
 
 def test_a_fit_taken_up_late_is_the_one_taken_up_at_once(sea):
     _, seen = sea
-    fit, leads = excitation.fit_excitation(_request(seen[:COUNT], (*KNOWN[:2], True))), np.array([0.5, 2.0])
+    fit, leads = excitation.fit_excitation(_request(seen[:COUNT], (*KNOWN[:2], True, True))), np.array([0.5, 2.0])
     late, prompt = _fed(seen[COUNT - 300 : COUNT + 100]), _fed(seen[COUNT - 300 : COUNT])
     late.set_excitation(fit, 1.05)
     prompt.set_excitation(fit, 0.05)
     for sample in seen[COUNT : COUNT + 100].tolist():
         prompt.observe(0.01, *sample, *VARIANCES)
     assert late.forecast(leads)[0] == pytest.approx(prompt.forecast(leads)[0], abs=2e-4)
+
+
+def test_any_hull_stands_in_for_one_that_is_not_known():
+    rng, blocks = np.random.default_rng(4), 2600
+    frequency, phase = 2.0 * rng.normal(1.0, 0.15, 80), rng.uniform(0.0, 2.0 * math.pi, 80)
+    turns = np.outer(0.01 * np.arange(SAMPLES * blocks + 100), frequency) + phase
+    true = 0.01 * np.column_stack([np.cos(turns).sum(axis=1), -np.sin(turns) @ frequency])
+    seen, variances = true + rng.normal(size=true.shape) * NOISE, [variance / SAMPLES for variance in VARIANCES]
+    measured, misses = seen[:-100].reshape(-1, SAMPLES, 2).mean(axis=1).tolist(), {}
+    for period in (PERIOD, 0.5 * PERIOD, None):
+        attitude, errors = HullFilter(), []
+        attitude.set_period(period or PERIOD)
+        attitude.start(*measured[0], *variances)
+        for k, block in enumerate(measured[1:], 2):
+            attitude.observe(STEP, *block, *variances)
+            if k == 1800 and period:
+                request = _request(seen[: SAMPLES * k], attitude.learnt_hull())
+                attitude.set_excitation(excitation.fit_excitation(request))
+            if k > 1800:
+                # 0.545 s after the middle of the newest block
+                errors.append(attitude.forecast(np.array([0.545]))[0][0, 0] - true[SAMPLES * k + 49, 0])
+        misses[period] = np.std(errors) / NOISE[0]
+    assert max(misses[PERIOD], misses[0.5 * PERIOD]) < 0.3 * misses[None]
+
+
+def test_a_hull_that_becomes_known_forgets_the_one_that_stood_in(sea):
+    _, seen = sea
+    attitude, blocks = HullFilter(), _blocks(seen).tolist()
+    attitude.start(*blocks[0], *VARIANCES)
+    for block in blocks[1:1500]:
+        attitude.observe(STEP, *block, *VARIANCES)
+    attitude.set_excitation(excitation.fit_excitation(_request(seen[:15_000], attitude.learnt_hull())))
+    stood_in = attitude.model
+    motion = attitude.x[:2].copy()
+    attitude.set_hull(EXACT)
+    assert stood_in is not None and attitude.model.equation == HULL.equation
+    assert len(attitude.moments) == 1 and attitude.x[:2] == pytest.approx(motion)
+    for block in blocks[1500:1600]:
+        attitude.observe(STEP, *block, *VARIANCES)
+    assert abs(attitude.x[0] - seen[15_999, 0]) < 5.0 * NOISE[0]
 
 
 def test_the_autoregression_of_an_autoregression_is_itself():

@@ -236,8 +236,8 @@ class Bank:
         covariance = np.zeros((*mean.shape, len(ATTITUDE)))
         hull, ahead = self._place[HULL], self._step * self._steps if leads is None else leads
         for place, axis in enumerate(self._axes):
-            # without a hull, its filter still follows every sample, which rows do not
-            known = count if axis.identified is not None else int(np.sum(ahead < 1.02 * self._step))
+            # without any, its filter still follows every sample, which rows do not
+            known = count if axis.hull.model is not None else int(np.sum(ahead < 1.02 * self._step))
             if axis.hull.is_started and known:
                 mean[hull, :known, place::2], spread = axis.hull.forecast(ahead[:known])
                 spread = spread + np.diag(np.subtract(axis.noise, axis.known_noise))

@@ -41,7 +41,7 @@ class Blend:
         self._leads = np.asarray(leads)
         whole = np.maximum(np.round(self._leads / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
-        self._of_row = np.minimum(self._leads / step, 1.0)[:, None] ** 4
+        self._of_row = np.minimum(self._leads / step, 1.0)[:, None] ** 2
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
         candidates, steps = self._prior.shape[0], self.steps.size
         self._places, self._axes = np.arange(steps), np.arange(axes)
@@ -210,6 +210,8 @@ class Blend:
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
         claimed = np.diagonal(covariance, axis1=2, axis2=3) + noise_variance
         weights, scale = self._weights(self.place_of_lead, places[1], claimed), self.scale[places]
+        if self.is_after_break:
+            scale = np.maximum(scale, 1.0)
         if self._of_row[0] < 1.0:
             weights = self._of_row * weights
             weights[0] += 1.0 - self._of_row

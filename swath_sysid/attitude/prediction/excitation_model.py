@@ -45,7 +45,8 @@ def fit_excitation(request: ExcitationRequest) -> ExcitationFit | None:
     if request.angle.size < MIN_SAMPLES or not np.isfinite(request.angle + request.rate).all():
         return None
     moment = reduced_moment(moment_spectrum(request), request)
-    return ExcitationFit(moment, *_state_at_end(request, moment))
+    mean, covariance, levels = _state_at_end(request, moment)
+    return ExcitationFit(moment, mean, covariance, levels, None if request.hull_is_known else request.model)
 
 
 def equivalent_hull(model: DecayModel, rates: np.ndarray) -> tuple[float, float]:

@@ -32,7 +32,7 @@ from swath_sysid.attitude.prediction.rows import (
     Sampled,
     resampled,
 )
-from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SPARSE, WAVES, SeaFit, SeaRequest, newest_stretch
+from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SPARSE, WAVES, SeaFit, SeaRequest, newest_motion
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
 from swath_sysid.attitude.prediction.upstream import UpstreamRows
@@ -408,11 +408,12 @@ class Forecaster:
         step, samples = self._clock.step, self._clock.samples
         rows = self._rows.last(self._window)[:, OF_MEANS]
         for place, (name, axis) in enumerate(self._axes.items()):
-            known = axis.hull.learnt_hull()
-            if known is not None and axis.hull.is_started:
-                angle, rate = newest_stretch(rows[:, place :: len(AXES)].T, step, self._clock.period)
+            # what is left when noise is taken off that may be less is no moment of waves
+            if axis.hull.is_started and (axis.hull.is_known or all(axis.known_noise)):
+                angle, rate = newest_motion(rows[:, place :: len(AXES)].T, step, self._clock.period)
+                hull = axis.hull.learnt_hull()
                 of_angle, of_rate = (variance / samples for variance in axis.noise_to_hull)
-                yield name, ExcitationRequest(*known, step, self._clock.period, angle, rate, of_angle, of_rate, samples)
+                yield name, ExcitationRequest(*hull, step, self._clock.period, angle, rate, of_angle, of_rate, samples)
 
     def _take_over(self, bank: Bank) -> SeaReport | None:
         """Use a fit whose time has come; its report of the sea state."""
@@ -431,8 +432,10 @@ class Forecaster:
         if WAVES in fit.waves:
             self._points.install(fit.vertical, self._rows.newest, bank.spaces[WAVES])
         for name, excitation in fit.excitations.items():
-            if self._axes[name].identified is not None:
-                self._axes[name].hull.set_excitation(excitation, self._time - fit.time)
+            axis = self._axes[name]
+            # unless the hull has become known meanwhile, or unknown
+            if axis.hull.is_known == (excitation.stand_in is None):
+                axis.hull.set_excitation(excitation, self._time - fit.time)
         if fit.sea is not None:
             self._sea_state_due += SEA_STATE_INTERVAL
         return fit.sea

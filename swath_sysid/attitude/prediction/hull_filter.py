@@ -9,6 +9,9 @@ Two of them follow every sample: one on which nothing acts, and one that is driv
 which nothing is known but its size (second-order Markov: an external push, a gust, a sea state not yet learnt) and,
 once learnt, that of the waves (`excitation_model`). Which one is used is decided by the likelihood of their
 innovations, in Wald's sequential test: once a hand lets go, the hull alone remains within some tenths of a second.
+
+Of a craft whose hull is not known, the driven one alone follows, on a hull that stands in: the moment that moves any
+hull as the waves do makes up for what that hull is not, and the sensor's noise is no part of it.
 """
 
 import math
@@ -20,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 from scipy.special import chdtri
 
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, composed
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.simulation import term_moments
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
@@ -162,9 +165,10 @@ class Observed(NamedTuple):
 class ExcitationRequest:
     """A window to learn a moment from (`excitation_model.fit_excitation`)."""
 
-    model: DecayModel  #: The hull, with trim and ratios as now estimated.
+    model: DecayModel  #: The hull, or one that stands in, with trim and ratios as now estimated.
     hull: HullPrior  #: The same, with its covariance.
     hull_is_learnt: bool  #: Whether the filter has already learnt them in this window.
+    hull_is_known: bool  #: Whether the hull is the craft's.
     step: float  #: s between the samples.
     period: float  #: s; of the motion.
     angle: np.ndarray  #: (N,); rad; means of the sensor's samples in a step.
@@ -182,6 +186,7 @@ class ExcitationFit:
     mean: np.ndarray  #: (n,); of the whole state of a filter with it, at the window's last sample.
     covariance: np.ndarray  #: (n, n); likewise.
     levels: tuple[float, float]  #: Sizes of the unknown moment and of this one, then.
+    stand_in: DecayModel | None = None  #: The hull that it moves; None: the craft's.
 
 
 class HullFilter:
@@ -207,6 +212,7 @@ class HullFilter:
         size = HULL_STATES + self.moments[0].size
         self.driven.set_state(np.zeros(size), np.eye(size))
         self.model: DecayModel | None = None
+        self.is_known = False  #: Whether the hull is that of the craft; else it only stands in for it.
         self.set_hull(None)
 
     @classmethod
@@ -257,23 +263,34 @@ class HullFilter:
 
     def set_hull(self, identified: IdentifiedModel | None) -> None:
         """Swap the hull and keep motion and moment; None: a constant rate that the moment drives."""
+        was_known, self.is_known = self.is_known, identified is not None
+        if self.is_known and not was_known:
+            self._forget_stand_in()
         model = None if identified is None else identified.model
         if model is not None and identified is not None and identified.posterior is not None:
             model = replace(model, equation=identified.posterior.equation, ratios=np.zeros(len(TERM_NAMES)))
         self._set_hull(model, HullPrior.of(identified))
 
     def _set_hull(self, model: DecayModel | None, prior: HullPrior):
-        was_without, self.prior = self.model is None, prior
+        had_none, self.prior = self.model is None, prior
         self.model = None if model is None else _hull_of(model, prior.mean)
         for track in (self.free, self.driven):
             track.set_hull(self.model, prior.drift)
             track.set_part(OF_HULL, prior.mean, prior.covariance)
         if model is None:
             self.is_free = False
-        elif was_without and self.is_started:
+        elif self.is_known and had_none and self.is_started:
             # the moment that stood for the hull's own has nothing to say of the one that is left
             self.levels[0] = 1.0
             self.start(*self.x[:2].tolist(), *np.diag(self.P)[:2].tolist())
+
+    def _forget_stand_in(self):
+        """Keep motion and trim alone: the waves' moment belongs to the hull that has stood in."""
+        motion, spread = self.x[:HULL_STATES], self.P[:HULL_STATES, :HULL_STATES]
+        self._use_moments(self.moments[:1], [1.0])
+        self.driven.set_state(*(np.zeros((HULL_STATES + self.moments[0].size,) * count) for count in (1, 2)))
+        self.driven.set_part(slice(HULL_STATES), motion, spread)
+        self.model = None
 
     def set_period(self, period: float) -> None:
         """Expect an unknown moment that belongs to a motion of another period, s, and is of the same size as now.
@@ -293,6 +310,8 @@ class HullFilter:
 
         Samples since then are filtered again; ``age``, s, is the time from the window's last sample to the newest one.
         """
+        if fit.stand_in is not None:
+            self._set_hull(fit.stand_in, replace(self.prior, mean=fit.mean[OF_HULL]))
         self._use_moments([self.moments[0], fit.moment], fit.levels)
         self._evidence = 0.0
         if self.is_free:
@@ -311,13 +330,14 @@ class HullFilter:
         for sample in reversed(since):
             self.observe(*sample)
 
-    def learnt_hull(self) -> tuple[DecayModel, HullPrior, bool] | None:
-        """What is known of the hull now, for an `ExcitationRequest`; None without a hull."""
-        if self.model is None:
-            return None
-        mean, covariance = self.x[OF_HULL].copy(), self.P[OF_HULL, OF_HULL].copy()
+    def learnt_hull(self) -> tuple[DecayModel, HullPrior, bool, bool]:
+        """What is known of the hull now, or of one that stands in for it, for an `ExcitationRequest`."""
+        model, mean, covariance = self.model, self.x[OF_HULL].copy(), self.P[OF_HULL, OF_HULL].copy()
+        if model is None or not self.is_known:
+            model = hull_that_stands_in(self.period)
+            mean[1:] = model.ratios
         prior = replace(self.prior, mean=mean, covariance=covariance)
-        return _hull_of(self.model, mean), prior, self.learns_hull
+        return _hull_of(model, mean), prior, self.learns_hull and self.is_known, self.is_known
 
     def _use_moments(self, moments: Sequence[ModalMoment], levels: Sequence[float]):
         self.moments, self.levels = list(moments), np.array(levels, dtype=float)
@@ -330,7 +350,7 @@ class HullFilter:
 
     def _set_level(self, place: int, level: float):
         """Scale a moment's stationary covariance."""
-        self.levels[place] = level = min(max(level, MIN_LEVEL), LARGEST_JUMP**2 / self.moments[0].variance)
+        self.levels[place] = level = min(max(level, MIN_LEVEL), LARGEST_JUMP**2)
         part = self._of_moment[place]
         np.multiply(self.moments[place].stationary, level, out=self.driven.moment[2][part, part])
         self.driven.foreseen = None
@@ -363,7 +383,7 @@ class HullFilter:
         """Predict over the elapsed s and update with angle, rad, and rate, rad/s; NaN: not measured."""
         self._recent.append((elapsed, angle, rate, angle_variance, rate_variance))
         values, variances, driven, free = (angle, rate), (angle_variance, rate_variance), self.driven, self.free
-        tracks = [driven] if self.model is None else [driven, free]
+        tracks = [driven, free] if self.is_known else [driven]
         for track in tracks:
             track.advance(elapsed)
         if angle != angle and rate != rate:
@@ -378,7 +398,7 @@ class HullFilter:
         surprised = driven.strain > HEALTHY_STRAIN
         if surprised:
             self._something_new(rate == rate, elapsed)
-        if self.model is not None:
+        if self.is_known:
             for_free = free.log_likelihood - driven.log_likelihood
             surprised = self._weigh(for_free) or (surprised and not self.is_free)
         is_quiet = self.is_free or self.levels[0] < INSIGNIFICANT**2
@@ -496,6 +516,13 @@ def unknown_moment(period: float) -> ModalMoment:
     """What may act on a craft that moves with a period, s, before anything is known of it."""
     frequency = 2.0 * math.pi / period
     return markov_moment((MARKOV_STD * frequency**2) ** 2, MARKOV_TIME * period)
+
+
+def hull_that_stands_in(period: float) -> DecayModel:
+    """A hull of the motion's period, s, with a quarter of critical damping; another one would do as well."""
+    frequency = 2.0 * math.pi / period
+    ratios = {'b1': 0.5 * frequency, 'r1': frequency**2}
+    return DecayModel(composed(ratios), np.array([ratios.get(name, 0.0) for name in TERM_NAMES]))
 
 
 def _hull_of(model: DecayModel, mean: np.ndarray):

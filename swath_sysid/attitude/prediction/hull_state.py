@@ -8,7 +8,7 @@ ANGLE, RATE, TRIM, RATIOS = range(4)  #: Places in the state; the last of the fi
 HULL_STATES = RATIOS + len(TERM_NAMES)  #: Place of the moment's first state.
 OF_HULL = slice(TRIM, HULL_STATES)  #: Trim and ratios.
 USUAL_PERIOD = 3.2  #: s; of a small craft, before its motion is known.
-LARGEST_JUMP = 10.0  #: rad/s^2; largest moment, and change of it between two samples.
+LARGEST_JUMP = 33.0  #: Over the unknown moment's size at the start: largest moment, and change between two samples.
 
 LARGEST_ANGLE_VARIANCE = math.pi**2
 LARGEST_RATE_VARIANCE = 100.0  #: Bounds the variance where the angle is not observed.

@@ -308,7 +308,7 @@ class HullTrack(ExtendedKalmanFilter):
         moment, rate = float(self.moment[1] @ mean[HULL_STATES:]), float(mean[RATE])
         own = damping_moment(rate, ratios, active, friction_rate)
         own += restoring_moment(float(mean[ANGLE] - mean[TRIM]), ratios, active)
-        jump = min(2.0 * (min_jump + abs(moment) + abs(rate) + abs(own)), LARGEST_JUMP)
+        jump = min(2.0 * (min_jump + abs(moment) + abs(rate) + abs(own)), LARGEST_JUMP * min_jump)
         by_jump = self.H[:, :TRIM] @ [0.5 * elapsed * elapsed * jump, elapsed * jump]
         share = self.SI @ by_jump
         return nis - float(share @ self.y) ** 2 / (1.0 + float(share @ by_jump)) > gate  # Sherman and Morrison (1950)

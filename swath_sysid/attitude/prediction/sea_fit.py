@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
@@ -143,6 +144,17 @@ def newest_stretch(channels: np.ndarray, step: float, period: float) -> np.ndarr
             for channel, known in zip(channels, measured, strict=True)
         ]
     )
+
+
+def newest_motion(motion: np.ndarray, step: float, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """The newest stretch of an angle and its rate (2, N), NaN where missing; what is bridged follows both."""
+    numbered = np.vstack([motion, np.arange(float(motion.shape[1]))])
+    angle, rate, place = newest_stretch(numbered, step, period)
+    known = np.isin(place, np.flatnonzero(np.isfinite(motion).all(axis=0)))
+    if known.all() or not known.any():
+        return angle, rate
+    curve = CubicHermiteSpline(place[known], angle[known], step * rate[known])
+    return np.where(known, angle, curve(place)), np.where(known, rate, curve.derivative()(place) / step)
 
 
 def warm_up() -> None:
