@@ -157,10 +157,18 @@ def test_a_simulated_craft_is_released_by_the_page_and_after_a_fault_the_next_pu
     tank.record.can_push = True
     tank.send(REST_S)
     assert tank.guidances[-1].action == 'push' and 'press Push and release' in tank.guidances[-1].sentence
-    tank.release(5.0, damping=0.95)
-    assert (tank.guidances[-1].fault, tank.guidances[-1].action) == ('no-decay', 'push')
+    tank.release(5.0, axis='roll')
+    assert (tank.guidances[-1].fault, tank.guidances[-1].action) == ('other-axis', 'push')
     tank.release(5.0)
-    assert tank.guidances[-1].step == JUDGE and tank.guidances[-1].fault != 'no-decay'
+    assert tank.guidances[-1].step == JUDGE and tank.guidances[-1].fault != 'other-axis'
+
+
+def test_a_heavily_damped_craft_is_found_once_it_has_rested_as_long_as_it_was_held():
+    tank = TankSide()
+    tank.send(REST_S)
+    tank.release(5.0, damping=0.95)
+    assert [*tank.faults] == ['no-decay'] and tank.guidances[-1].step == JUDGE
+    assert 'damping ratio 0.9' in tank.guidances[-1].sentence
 
 
 def test_a_push_below_what_the_buffer_reports_is_asked_for_again():

@@ -11,7 +11,7 @@ import numpy as np
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.decay_candidates import HALF_CYCLES_FOR_REST, HOLD_BAND
 from swath_sysid.attitude.motion.intake import INTAKE_REASONS, ConvertedReading, ImuReading, Intake
-from swath_sysid.attitude.motion.quality import MIN_CYCLES
+from swath_sysid.attitude.motion.quality import MAX_GAP, MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, NANOSECOND, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES, CHANNELS, AxisMotion, Trial
@@ -238,13 +238,16 @@ class DecayWatch:
 
 
 def has_returned(decay: DecaySegment, motion: AxisMotion) -> bool:
-    """Whether a craft whose angle was measured has rested since a decay for as long as it was held before. A hand that
-    inclines it moves it by half a cycle, too, and holds it for a shorter time than it lay upright.
+    """Whether a craft whose angle was measured was seen to rest since a decay for as long as it was held before.
+
+    A hand that inclines it moves it by half a cycle, too, and holds it for a shorter time than it lay upright.
     """
     before = motion.between(None, decay.start)
     near = np.flatnonzero(np.abs(before.primary - decay.trim) < HOLD_BAND * decay.initial_amplitude)
     held_since = before.time[near[-1]] if near.size else motion.time[0]
-    return decay.quantity == 'angle' and bool(motion.time[-1] - decay.end >= decay.start - held_since)
+    since = motion.between(decay.start, None).time
+    is_seen = decay.quantity == 'angle' and np.diff(since).max(initial=0.0) < MAX_GAP * decay.period
+    return bool(is_seen and since[-1] - decay.end >= decay.start - held_since)
 
 
 def averaged(table: MotionTable, rate: float) -> MotionTable:

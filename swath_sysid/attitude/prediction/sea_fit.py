@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
@@ -153,6 +152,8 @@ def newest_motion(motion: np.ndarray, step: float, period: float) -> tuple[np.nd
     known = np.isin(place, np.flatnonzero(np.isfinite(motion).all(axis=0)))
     if known.all() or not known.any():
         return angle, rate
+    from scipy.interpolate import CubicHermiteSpline  # loads much, and a complete record needs none of it
+
     curve = CubicHermiteSpline(place[known], angle[known], step * rate[known])
     return np.where(known, angle, curve(place)), np.where(known, rate, curve.derivative()(place) / step)
 
