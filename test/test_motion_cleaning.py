@@ -227,6 +227,13 @@ def test_euler_angles_near_the_vertical_are_reported(steepest, is_told):
     assert ('near-vertical' in codes(trial.advice)) == is_told
 
 
+@pytest.mark.parametrize('step', [0.1, 0.5, 1.0])
+def test_a_craft_at_rest_on_a_coarse_sensor_is_not_taken_for_a_stuck_one(step):
+    time = np.arange(0.0, 90.0, 0.05)
+    angle = sum(8.0 * np.exp(-0.15 * (time - t0)) * np.cos(2.5 * (time - t0)) * (time > t0) for t0 in (10.0, 60.0))
+    assert 'angles-stuck' not in codes(clean(time, {'roll': np.radians(step * np.round(angle / step))}, 'x.csv')[2])
+
+
 @pytest.mark.parametrize('ends, goes_on, is_left_out', [(True, 0.0, True), (False, 0.2, True), (False, 0.0, False)])
 def test_angles_that_a_sensor_repeats_are_left_out_but_not_a_craft_that_is_held(ends, goes_on, is_left_out):
     time = np.arange(0.0, 60.0, 0.05)

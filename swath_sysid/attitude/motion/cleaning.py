@@ -235,7 +235,9 @@ def _without_stuck(time: np.ndarray, channels: Channels) -> tuple[Channels, list
         return channels, []
     moved = np.max([np.abs(np.diff(values)) for values in angles.values()], axis=0)
     edges = np.flatnonzero(np.diff(np.r_[1.0, moved, 1.0] == 0.0))
-    usual = float(np.median(moved[moved > 0.0])) if np.any(moved > 0.0) else np.inf
+    moves = moved[moved > 0.0]
+    # a coarse sensor of a craft at rest stands still, too, and goes on by one step of its own
+    usual = max(float(np.median(moves)), 2.0 * float(moves.min())) if moves.size else np.inf
     advice = []
     for first, last in edges.reshape(-1, 2).tolist():
         if time[last] - time[first] < FROZEN or first == 0:
