@@ -178,7 +178,7 @@ def _by_basin(problem: Problem, ratios: np.ndarray, states: Sequence[InitialStat
     smooth = np.array([name != 'b0' for name in WITH_FRICTION.terms])
     held = np.r_[~smooth, np.zeros(complete.z.size - smooth.size, dtype=bool)]
     (bare,) = posterior.search_each([np.where(held, 0.0, complete.z)], [held])
-    is_shown = log_evidence(posterior, complete, smooth | True) > log_evidence(posterior, bare, smooth)
+    is_shown = log_evidence(posterior, complete, np.ones_like(smooth)) > log_evidence(posterior, bare, smooth)
     hulls = ratios, fit.unpack(complete.z)[0]
     found = _pruned_in_basin(problem, WITH_FRICTION, hulls, states) if is_shown else None
     if found is None or 'b0' not in found.equation.terms:
