@@ -142,6 +142,12 @@ def test_any_hull_stands_in_for_one_that_is_not_known():
     assert max(misses[PERIOD], misses[0.5 * PERIOD]) < 0.3 * misses[None]
 
 
+def test_a_craft_that_does_not_move_at_all_has_a_moment_of_no_size():
+    fit = excitation.fit_excitation(_request(np.zeros((SAMPLES * 400, 2)), HullFilter().learnt_hull()))
+    assert np.isfinite(fit.mean).all() and np.isfinite(fit.covariance).all()
+    assert fit.mean[:2] == pytest.approx([0.0, 0.0]) and fit.moment.variance < 1e-4
+
+
 def test_a_hull_that_becomes_known_forgets_the_one_that_stood_in(sea):
     _, seen = sea
     attitude, blocks = HullFilter(), _blocks(seen).tolist()

@@ -51,9 +51,9 @@ def fit_excitation(request: ExcitationRequest) -> ExcitationFit | None:
 
 def equivalent_hull(model: DecayModel, rates: np.ndarray) -> tuple[float, float]:
     """Stiffness at trim, 1/s^2, and the damping, 1/s, that dissipates the same energy at these rates."""
-    by_angle, _ = model.jacobian(model.trim, 0.0)
-    damping = -model.acceleration(model.trim, rates)
-    return -by_angle, float(damping @ rates / (rates @ rates))
+    by_angle, by_rate = model.jacobian(model.trim, 0.0)
+    damping, square = -model.acceleration(model.trim, rates), float(rates @ rates)
+    return -by_angle, float(damping @ rates) / square if square > 0.0 else -by_rate
 
 
 def moment_spectrum(request: ExcitationRequest) -> Spectrum:
