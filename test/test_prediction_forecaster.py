@@ -295,6 +295,20 @@ def test_a_craft_and_a_sea_that_are_slower_by_a_factor_are_forecast_as_well_so_m
     assert found == pytest.approx(error(steady, TIME, 50.0, 118.0), rel=0.08)
 
 
+def test_a_fit_of_rows_that_were_laid_out_anew_since_is_not_used():
+    """As it comes from the background while another craft moves three times as slowly."""
+    pipeline, fits = ForecastPipeline(PipelineSettings(forecaster=SETTINGS)), []
+    for sample in SEA.samples(clock(25.0, 30.0)):
+        step = pipeline.add_sample(sample)
+        fits += [fit_sea(step.sea_request)] if step.sea_request is not None else []
+    pipeline.forecaster._clock.lay_out(3.0 * pipeline.forecaster._clock.period)
+    pipeline.forecaster._begin_rows()
+    pipeline.install(fits[-1])
+    for sample in SEA.samples(30.0 + clock(25.0, 3.0)):
+        step = pipeline.add_sample(sample)
+    assert step.next is not None and not pipeline.diagnostics().has_waves
+
+
 def test_an_axis_without_angle_is_forecast_from_its_rate():
     """The restoring moment of the hull makes the angle known; without a hull its rate is."""
     hull, time = IdentifiedModel.exactly(hull_named('swath-roll').model), clock(10.0, 50.0)

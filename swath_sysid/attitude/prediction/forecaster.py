@@ -149,7 +149,7 @@ class Forecaster:
         self._points = PointForecaster(s.points, axes, 2 * MOST_AHEAD)
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
         self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
-        self._time = self._rows_begun = self._stamp = 0.0
+        self._time = self._rows_begun = self._laid_out_at = self._stamp = 0.0
         self._heading = 0.0, 0.0
         self._due = self._refit_due = self._sea_state_due = -math.inf
         self._is_linked = False
@@ -169,8 +169,12 @@ class Forecaster:
         self._refit_due = -math.inf
 
     def install(self, fit: SeaFit) -> None:
-        """Use a fit of `fit_sea` from its request's time plus ``refit_delay`` on, live as offline."""
-        self._waiting = fit
+        """Use a fit of `fit_sea` from its request's time plus ``refit_delay`` on, live as offline.
+
+        One of rows that have been laid out anew since is not used.
+        """
+        if fit.time >= self._laid_out_at:
+            self._waiting = fit
 
     def set_quiescence(self, limits: QuiescenceLimits | None) -> None:
         """Forecast the probability of other limits over the configured duration; None: the configured ones."""
@@ -334,7 +338,7 @@ class Forecaster:
         if before is not None:
             self._bank.blend.carry_over(before.blend)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
-        self._has_waves, self._waiting, self._steps = False, None, 0
+        self._has_waves, self._waiting, self._steps, self._laid_out_at = False, None, 0, self._time
         self._refit_due = -math.inf
         self._follow_period(self._bank)
 
