@@ -296,7 +296,7 @@ def test_a_craft_and_a_sea_that_are_slower_by_a_factor_are_forecast_as_well_so_m
 
 
 def test_a_fit_of_rows_that_were_laid_out_anew_since_is_not_used():
-    """As it comes from the background while another craft moves three times as slowly."""
+    """It comes from the background, and its step is no longer that of the rows."""
     pipeline, fits = ForecastPipeline(PipelineSettings(forecaster=SETTINGS)), []
     for sample in SEA.samples(clock(25.0, 30.0)):
         step = pipeline.add_sample(sample)
@@ -304,9 +304,9 @@ def test_a_fit_of_rows_that_were_laid_out_anew_since_is_not_used():
     pipeline.forecaster._clock.lay_out(3.0 * pipeline.forecaster._clock.period)
     pipeline.forecaster._begin_rows()
     pipeline.install(fits[-1])
-    for sample in SEA.samples(30.0 + clock(25.0, 3.0)):
-        step = pipeline.add_sample(sample)
-    assert step.next is not None and not pipeline.diagnostics().has_waves
+    pipeline.forecaster.settings = replace(SETTINGS, refit_delay=0.0)
+    assert pipeline.forecaster._take_over(pipeline.forecaster._bank) is None
+    assert not pipeline.forecaster._bank.spaces
 
 
 def test_an_axis_without_angle_is_forecast_from_its_rate():
