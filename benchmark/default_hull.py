@@ -23,7 +23,7 @@ def judged(hull, angle_deg, seed):
     """Error of the next release, the equation, the verdict, and the processor time, s, of one default fit."""
     from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
     from swath_sysid.attitude.hull.simulation import simulate
-    from swath_sysid.attitude.identification.identify import identify
+    from swath_sysid.formats.identify_records import identify
 
     made = simulated_trial(
         hull.model, np.radians(angle_deg), 20.0, 100.0, SensorNoise(rate=hull.rate_noise), seed, hold=1.0

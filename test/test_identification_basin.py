@@ -16,13 +16,13 @@ from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_tri
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.terms import Scales
 from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, interval
-from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls, disturbance, innovations
 from swath_sysid.attitude.identification.log_posterior import Evaluation, clipped_step, scoring
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.motion.segmentation import find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.formats.identify_records import identify
 
 
 @pytest.fixture(scope='module')

@@ -4,7 +4,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
-from swath_sysid.attitude.identification.identify import identify
+from swath_sysid.formats.identify_records import identify
 from swath_sysid.report.fit_figure import fit_figure
 
 

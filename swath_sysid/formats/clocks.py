@@ -150,10 +150,11 @@ def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, in
 
 def chosen(clocks: Sequence[Clock]) -> tuple[Clock, tuple[Advice, ...]]:
     """The best of the clocks of a file: the one that goes forward, then evenly, then counts from an epoch."""
-    best = clocks[0]
-    for other in clocks[1:]:
-        (forward, jitter), (forward_too, jitter_too) = _quality(best.time), _quality(other.time)
-        differ = abs(_duration(other) / (_duration(best) or np.inf) - 1.0) > SPANS['drift']
+    judged = [(each, *_quality(each.time), _duration(each)) for each in clocks]
+    best, forward, jitter, duration = judged[0]
+    for each in judged[1:]:
+        other, forward_too, jitter_too, duration_too = each
+        differ = abs(duration_too / (duration or np.inf) - 1.0) > SPANS['drift']
         if (
             forward_too > 1.05 * forward
             or forward_too > 0.95 * forward
@@ -162,12 +163,12 @@ def chosen(clocks: Sequence[Clock]) -> tuple[Clock, tuple[Advice, ...]]:
                 or (differ and jitter_too < jitter + 0.1 and abs(other.start) > SPANS['epoch'] >= abs(best.start))
             )
         ):
-            best = other
+            best, forward, jitter, duration = each
     drifts = {
-        each.name: share
-        for each in clocks
-        if each is not best and _quality(each.time)[0] > 0.0
-        and SPANS['drift'] < (share := abs(_duration(each) / _duration(best) - 1.0)) < 0.5
+        other.name: share
+        for other, forward_too, _, duration_too in judged
+        if other is not best and forward_too > 0.0
+        and SPANS['drift'] < (share := abs(duration_too / duration - 1.0)) < 0.5
     }  # fmt: skip
     advice = [Advice.of('two-clocks', best=shown(best.name), other=shown(n), share=s) for n, s in drifts.items()]
     if best.turns:

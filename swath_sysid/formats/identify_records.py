@@ -5,7 +5,8 @@ from pathlib import Path
 
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification import identify as motions
+from swath_sysid.attitude.identification.identify import identify_problem
+from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
@@ -55,8 +56,8 @@ def identify(
     read = [each if isinstance(each, Trial | AxisMotion) else read_trial(each) for each in given]
     if axis is None and read:
         axis = _axis_of(read[0])
-    motion = [_motion_of(each, axis or '') for each in read]
-    return motions.identify(motion, settings, progress=progress, should_cancel=should_cancel)
+    problem = prepare([_motion_of(each, axis or '') for each in read], settings.start, settings.end)
+    return identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
 
 
 def _axis_of(record: Trial | AxisMotion) -> str:

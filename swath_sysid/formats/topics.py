@@ -76,6 +76,11 @@ def _at(beginning: str, lead: float) -> str:
     return f'{beginning}{str(float(lead)).replace(".", "_")}s'
 
 
+def is_within(namespace: str, topic: str) -> bool:
+    """Whether a topic is one of a namespace, or the same in every one."""
+    return topic in GLOBAL_TOPICS or topic.startswith(f'{namespace.rstrip("/")}/')
+
+
 def type_of(topic: str) -> str:
     """Message type of a topic that a node publishes."""
     if topic in TYPES:

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from swath_sysid.formats.output_bag import Recording, is_ours
-from swath_sysid.formats.topics import GLOBAL_TOPICS
+from swath_sysid.formats.topics import is_within
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD, events_executor, run
 from swath_sysid.nodes.qos import bag_qos, message_class
 
@@ -31,9 +31,9 @@ class Record(Node):
         self.create_timer(SAVE_PERIOD, recording.save, clock=steady)
 
     def _look(self) -> None:
-        before, within = set(self._subscribed), f'{self.get_namespace().rstrip("/")}/'
+        before = set(self._subscribed)
         for topic, kinds in self.get_topic_names_and_types():
-            here = topic.startswith(within) or topic in GLOBAL_TOPICS
+            here = is_within(self.get_namespace(), topic)
             asked = topic in self._others and len(kinds) == 1 and message_class(kinds[0]) is not None
             if topic not in self._subscribed and (asked or here and is_ours(topic, kinds)):
                 publishers = self.get_publishers_info_by_topic(topic)

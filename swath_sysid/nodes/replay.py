@@ -16,7 +16,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bag_replay import ReplaySettings, Timeline, merged_messages, recorded_topics
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.formats.messages import SECOND_NS, raw_stamp_ns, stamp_ns
-from swath_sysid.formats.topics import GLOBAL_TOPICS, NEXT_TOPIC
+from swath_sysid.formats.topics import NEXT_TOPIC, is_within
 from swath_sysid.nodes.qos import BAG_DEPTH, NEWEST, bag_qos, message_class, time_message
 from swath_sysid.pipeline.health import DISCOVERY
 
@@ -59,9 +59,8 @@ class Replay(Node):
         super().destroy_node()
 
     def _outlet(self, topic: str, kind: type) -> Publisher:
-        is_latched, within = self._recorded[topic].is_latched, f'{self.get_namespace().rstrip("/")}/'
-        is_kept = topic in GLOBAL_TOPICS or topic.startswith(within)
-        name = topic if is_kept else f'{within}{topic.lstrip("/")}'
+        is_latched, namespace = self._recorded[topic].is_latched, self.get_namespace()
+        name = topic if is_within(namespace, topic) else f'{namespace.rstrip("/")}/{topic.lstrip("/")}'
         return self.create_publisher(kind, name, bag_qos(is_latched, depth=1 if is_latched else BAG_DEPTH))
 
     def wait_for_listeners(self) -> int:

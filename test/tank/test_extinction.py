@@ -13,13 +13,13 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.decay_model import AmplitudeCurves, DecayModel
 from swath_sysid.attitude.identification.fit_quality import AmplitudeBands
-from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.attitude.identification.peaks import Peaks, measured_peaks
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.identify_records import identify
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.report.tables import Column
 from swath_sysid.tank.extinction import Particulars, TypeB, extinction_of, tank_quantities

@@ -23,7 +23,7 @@ from swath_sysid.attitude.identification.motion_fit import (
     TOLERANCE,
     InitialState,
 )
-from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit, prepare, residual_covariance
+from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit, residual_covariance
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.search import (
     PRESETS,
@@ -34,7 +34,6 @@ from swath_sysid.attitude.identification.search import (
     published_space,
     run_search,
 )
-from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.cancelling import Progress, ShouldCancel, stop_if
 from swath_sysid.common.errors import InputError
@@ -44,41 +43,6 @@ SEARCH_PERIODS = 6.0
 HORIZON_GROWTH = 2.5
 
 
-def identify(
-    motions: Sequence[AxisMotion],
-    settings: IdentificationSettings = IdentificationSettings(),  # noqa: B008 - frozen
-    *,
-    progress: Progress | None = None,
-    should_cancel: ShouldCancel | None = None,
-) -> Identification:
-    """Identify the decay model of one axis from one or several records.
-
-    A genetic search finds the start, and least squares on the simulated motion refines it; where the equation has the
-    terms that the motion shows, a likelihood that knows of the basin's own motion refines it further.
-
-    Args:
-        motions: Whole records, all of one axis: the free decays in each are found, unless the settings give
-            the bounds of one.
-        settings: What to fit and how.
-        progress: Called with 0 to 1.
-        should_cancel: Asked often; True raises `Cancelled`.
-
-    Returns:
-        The model with its uncertainty; its ``verdict`` tells whether it can be used.
-
-    Raises:
-        InputError: The records cannot be used; the sentence says why.
-        Cancelled: ``should_cancel`` returned True.
-
-    Example:
-        >>> found = identify([read_trial(records / 'kvlcc2_roll_decay.csv').axis('roll')])
-        >>> f'{found.model.natural_period:.2f} s, {found.verdict.level}'
-        '2.55 s, adequate'
-    """
-    problem = prepare(motions, settings.start, settings.end)
-    return identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
-
-
 def identify_problem(
     problem: Problem,
     settings: IdentificationSettings,
@@ -86,7 +50,7 @@ def identify_problem(
     progress: Progress | None = None,
     should_cancel: ShouldCancel | None = None,
 ) -> Identification:
-    """As `identify`, on decays found before."""
+    """Identify the decay model of one axis from decays found before; see `formats.identify_records.identify`."""
     equation = settings.chosen_equation
     space = _space(problem, equation, settings)
     report = progress or (lambda share: None)

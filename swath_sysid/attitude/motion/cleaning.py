@@ -247,9 +247,9 @@ def _without_stuck(time: np.ndarray, channels: Channels) -> tuple[Channels, list
         if jumps or (is_away and last == moved.size):
             share = (last - first) / time.size
             advice.append(Advice.of('angles-stuck', start=time[first], end=time[last], share=share))
-            rows = np.arange(time.size)
-            stands = (rows > first) & (rows <= last)
-            angles = {name: np.where(stands, np.nan, values) for name, values in angles.items()}
+            angles = {
+                name: np.r_[v[: first + 1], np.full(last - first, np.nan), v[last + 1 :]] for name, v in angles.items()
+            }
     return channels | angles, advice
 
 
