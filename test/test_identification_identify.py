@@ -32,7 +32,7 @@ from swath_sysid.attitude.identification.fit_quality import (
     posterior_errors,
     vanishing_angle,
 )
-from swath_sysid.attitude.identification.identify import identify, identify_problem
+from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.log_posterior import LogPosterior, log_evidence, prune
 from swath_sysid.attitude.identification.motion_fit import MotionFit
 from swath_sysid.attitude.identification.problem import prepare
@@ -52,6 +52,7 @@ from swath_sysid.cli.simulate import published_ratios_for
 from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.identify_records import identify
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.report.fit_summary import fit_as_data, fit_in_words
 

@@ -54,6 +54,9 @@ def identify(
     """
     given = [records] if isinstance(records, Record) else records
     read = [each if isinstance(each, Trial | AxisMotion) else read_trial(each) for each in given]
+    for each in read:
+        if isinstance(each, AxisMotion) and axis not in (None, each.axis):
+            raise InputError(f'{each.source or "a motion"} is about {each.axis}, not {axis}: give records of one axis')
     if axis is None and read:
         axis = _axis_of(read[0])
     problem = prepare([_motion_of(each, axis or '') for each in read], settings.start, settings.end)
@@ -73,8 +76,6 @@ def _motion_of(record: Trial | AxisMotion, axis: str) -> AxisMotion:
     if isinstance(record, Trial):
         refuse_contradictions(record, axis)
         return record.axis(axis)
-    if record.axis != axis:
-        raise InputError(f'{record.source or "a motion"} is about {record.axis}, not {axis}: give records of one axis')
     return record
 
 

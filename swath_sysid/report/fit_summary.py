@@ -178,7 +178,7 @@ def ratio_lines(identified: Any, intervals: dict[str, tuple[float, float]] | Non
 def spread_of(identified: Any, name: str, intervals: dict[str, tuple[float, float]] | None = None) -> str:
     """The standard deviation of a ratio, or the 95 % interval of one that zero is in."""
     std, (low, high) = identified.std[name], (intervals or {}).get(name, (-math.inf, math.inf))
-    return f'95 %: 0 to {high:.3g}' if low == 0.0 and identified.model.terms[name] < std else f'± {std:.3g}'
+    return f'(95 %: 0 to {high:.3g})' if low == 0.0 and identified.model.terms[name] < std else f'± {std:.3g}'
 
 
 def short_name(source: str) -> str:
