@@ -10,9 +10,10 @@ from craft_at_sea import jonswap, known_sea
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.at_sea import excitation_spectrum, identify_at_sea, is_at_sea
+from swath_sysid.attitude.identification.at_sea import identify_at_sea, is_at_sea
 from swath_sysid.attitude.identification.problem import decays_or_waves
 from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
+from swath_sysid.attitude.identification.sea_likelihood import jonswap_shape
 from swath_sysid.attitude.identification.sea_motion import Heave, heave_of, sea_motion, tapered_spectrum
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
@@ -53,11 +54,12 @@ def found(linear_motion):
 
 
 def test_spectra_are_jonswaps_and_hold_the_variance():
-    frequency = np.linspace(0.3, 6.0, 200)
-    shape = jonswap(frequency, 1.3, 3.3) / jonswap(np.array([1.3]), 1.3, 3.3)
-    assert np.allclose(excitation_spectrum(frequency, 1.3, 3.3, 5.0), shape, rtol=1e-12, atol=1e-30)
-    slope = excitation_spectrum(frequency, 1.3, 3.3, 1.0) / excitation_spectrum(frequency, 1.3, 3.3, 5.0)
-    assert np.allclose(slope[20:], (frequency / 1.3)[20:] ** 4)
+    frequency = np.linspace(0.6, 6.0, 200)
+    expected = np.log(jonswap(frequency, 1.3, 3.3) / jonswap(np.array([1.3]), 1.3, 3.3))
+    shapes = np.array([[np.log(1.3), np.log(2.3), 5.0]]) + 1e-6 * np.vstack([np.zeros(3), np.eye(3)])
+    values, slopes = jonswap_shape(frequency, shapes)
+    assert np.allclose(values[0], expected, rtol=1e-12)
+    assert np.allclose((values[1:] - values[0]).T / 1e-6, slopes[0], rtol=1e-3, atol=1e-3)
     values = np.random.default_rng(1).normal(size=8192)
     frequency, spectrum = tapered_spectrum(values, 0.05)
     assert spectrum.sum() * frequency[1] == pytest.approx(values.var(), rel=0.05)
@@ -73,7 +75,6 @@ def test_derivatives_of_a_motion_are_exact(missing):
     at = sea.start + sea.interval * np.arange(sea.angle.size)
     middle = slice(50, -50)
     assert np.allclose(sea.rate[middle], 0.17 * np.cos(1.7 * at)[middle], atol=2e-3)
-    assert np.allclose(sea.acceleration[middle], -0.289 * np.sin(1.7 * at)[middle], atol=3e-3)
     assert np.isnan(sea.mean) if 'angle' in missing else sea.mean == pytest.approx(0.05, abs=1e-3)
     assert sea.peak == pytest.approx(1.7, rel=0.02)
 
@@ -103,7 +104,7 @@ def test_what_is_told_of_a_linear_hull(found):
     assert found.model.equation == EQUATIONS['linear']
     assert found.model.natural_period == pytest.approx(found.natural_period)
     assert found.model.damping_ratio == pytest.approx(found.damping_ratio)
-    assert found.misfit < 1.5
+    assert found.roughness < 0.3
     assert {'equivalent-linear'} <= {a.code for a in found.advice}
     # the uncertainty of the ratios is that of period and damping
     r1 = found.model.terms['r1']

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.hull.decay_model import DecayModel, inertia_from_metacentric_height
-from swath_sysid.attitude.identification.at_sea import identify_at_sea
+from swath_sysid.attitude.identification.at_sea import SeaRecord, identify_seas
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
@@ -111,8 +111,6 @@ def _problem_of(arguments: Namespace, motions: Sequence[AxisMotion]) -> Problem 
 
 def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_advice: Sequence[Advice], began: float):
     """Identify from motion in waves, print, and write what was asked for."""
-    if len(trials) > 1:
-        raise InputError('motion in waves is identified from one record at a time: give one, the longest')
     refused = [name for name in ('equation', 'inertia', 'mass', 'extinction') if getattr(arguments, name, None)]
     if refused:
         raise InputError(
@@ -120,14 +118,10 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
             'out, or give the record of a free decay'
         )
     with progress_of('identify at sea') as progress:
-        found = identify_at_sea(
-            trials[0].axis(axis),
-            heave_of(trials[0]),
-            arguments.start,
-            arguments.end,
-            searched=not arguments.at_sea,
-            progress=progress,
-        )
+        records = [
+            SeaRecord(trial.axis(axis).between(arguments.start, arguments.end), heave_of(trial)) for trial in trials
+        ]
+        found = identify_seas(records, searched=not arguments.at_sea, progress=progress)
     is_poor = bool(arguments.output) and not (arguments.force or found.is_usable)
     written = write_fit(arguments, found, at_sea_figure, not is_poor)
     show_advice(found.advice)

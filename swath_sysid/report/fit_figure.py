@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
+from swath_sysid.attitude.identification.at_sea import AtSeaIdentification, FittedSpectra
 from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.report import figures
 from swath_sysid.report.fit_summary import short_name, spread_of
@@ -70,12 +70,19 @@ def at_sea_figure(found: AtSeaIdentification) -> figures.Figure:
     """Draw an `AtSeaIdentification`."""
     figure = figures.new_figure(15.0, 4.4)
     spectrum, excitation, response = (figures.quiet(axes) for axes in figure.subplots(1, 3))
-    s, unit = found.spectra, np.degrees(1.0) ** 2 * 2.0 * np.pi
-    _spectra(spectrum, found, (unit * s.measured, 'measured'), (unit * s.fitted, 'fitted', figures.MODEL))
+    unit = np.degrees(1.0) ** 2 * 2.0 * np.pi
+    for place, s in enumerate(found.spectra):
+        label = '' if place == 0 else '_'
+        _spectrum(
+            spectrum, s, (unit * s.measured, f'{label}measured'), (unit * s.fitted, f'{label}fitted', figures.MODEL)
+        )
+        needed = s.excitation, f'{label}needed by the hull'
+        _spectrum(excitation, s, needed, (s.fitted_excitation, f'{label}fitted waves', figures.RESIDUAL))
+    for axes in (spectrum, excitation):
+        _in_hertz(axes, _hertz_of(found))
+        _marks(axes, found)
+        axes.legend(frameon=False, fontsize='small', loc='lower left')
     spectrum.set(xlabel='frequency [Hz]', ylabel=f'{found.model.axis} [deg²/Hz]')
-    _spectra(
-        excitation, found, (s.excitation, 'needed by the hull'), (s.fitted_excitation, 'fitted waves', figures.RESIDUAL)
-    )
     excitation.set(xlabel='frequency [Hz]', ylabel='exciting moment / inertia [(rad/s²)² s]')
     _response(response, found)
     figure.suptitle(
@@ -93,14 +100,16 @@ def _in_hertz(axes: figures.Axes, hertz: np.ndarray):
     figures.plain_ticks(axes.xaxis)
 
 
-def _spectra(axes: figures.Axes, found: AtSeaIdentification, measured: tuple, fitted: tuple):
+def _hertz_of(found: AtSeaIdentification) -> np.ndarray:
+    """The frequencies of all parts, in order, Hz."""
+    return np.sort(np.concatenate([each.frequency for each in found.spectra])) / (2.0 * np.pi)
+
+
+def _spectrum(axes: figures.Axes, part: FittedSpectra, measured: tuple, fitted: tuple):
     """Values and label of the measured spectrum; values, label and colour of the fitted one."""
-    hertz = found.spectra.frequency / (2.0 * np.pi)
+    hertz = part.frequency / (2.0 * np.pi)
     axes.loglog(hertz, measured[0], color=figures.MEASURED, linewidth=1.0, label=measured[1])
     axes.loglog(hertz, fitted[0], '--', color=fitted[2], linewidth=1.4, label=fitted[1])
-    _in_hertz(axes, hertz)
-    _marks(axes, found)
-    axes.legend(frameon=False, fontsize='small', loc='lower left')
 
 
 def _marks(axes: figures.Axes, found: AtSeaIdentification):
@@ -114,7 +123,7 @@ def _marks(axes: figures.Axes, found: AtSeaIdentification):
 
 
 def _response(axes: figures.Axes, found: AtSeaIdentification):
-    hertz = found.spectra.frequency / (2.0 * np.pi)
+    hertz = _hertz_of(found)
     own = _magnification(hertz, found.natural_period, found.damping_ratio)
     estimate = np.array([found.natural_period, found.damping_ratio])
     spread = np.zeros_like(own)

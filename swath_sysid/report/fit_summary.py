@@ -63,7 +63,7 @@ def fit_as_data(found: Identification, wall_s: float | None = None, inertia: flo
 
 
 def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> dict:
-    """What ``identify --json`` prints of a record in waves; ``misfit`` 1: hull and sea explain the motion."""
+    """What ``identify --json`` prints of records in waves."""
     data = _as_data(found, wall_s) | {
         'identified_from': 'motion in waves',
         'natural_period_s': found.natural_period,
@@ -73,11 +73,13 @@ def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> d
         'reference_amplitude_rad': found.amplitude,
         'reference_amplitude_std_rad': found.amplitude_std,
         'valid_amplitude_rad': [found.amplitude, found.amplitude],
-        'misfit': found.misfit,
+        'roughness': found.roughness,
+        'parts_apart': found.apart,
+        'usable': found.is_usable,
         'sea': found.sea,
         'peak_period_s': found.peak_period,
-        'segment_s': [float(found.motion.time[0]), float(found.motion.time[-1])],
-        'sources': [found.motion.source],
+        'segments_s': [[float(each.time[0]), float(each.time[-1])] for each in found.motions],
+        'sources': [each.source for each in found.motions],
     }
     return finite_or_none(data)
 
@@ -131,12 +133,15 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
 
 def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
     """Lines for a reader."""
-    model, motion = found.model, found.motion
+    model = found.model
     return [
         f'{model.axis}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
         f'+- {math.degrees(found.amplitude_std):.2g}',
         '  no verdict, as there was no release to judge by: score forecasts with this model instead',
-        f'  {short_name(motion.source)}: motion in waves from {motion.time[0]:.1f} to {motion.time[-1]:.1f} s',
+        *(
+            f'  {short_name(each.source)}: motion in waves from {each.time[0]:.1f} to {each.time[-1]:.1f} s'
+            for each in found.motions
+        ),
         f'  natural period {found.natural_period:.3f} s +- {found.natural_period_std:.2g}, equivalent damping ratio '
         f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
         *ratio_lines(found),
@@ -144,7 +149,8 @@ def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
         f'waves: {SEAS[found.sea]}',
         f'  the exciting moment peaks at a period of {found.peak_period:.3g} s; it follows the slope of the waves, so '
         'their height peaks at a longer one',
-        f'  the spectrum deviates from the fitted one {found.misfit:.2f} times as much as chance alone would make it',
+        f'  the excitation deviates from such waves by {found.roughness:.0%}; periods of parts fitted alone are '
+        f'{found.apart:.1f} standard deviations apart',
     ]
 
 

@@ -1,9 +1,6 @@
-"""Motion in waves, smooth enough to be differentiated, and the spectra of the terms of a hull's equation.
+"""Motion in waves, its noise, and its spectrum in the bands where it is known."""
 
-Sine tapers keep the energy of the waves out of the bands without waves, which show the hull's nonlinearity.
-"""
-
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,9 +11,9 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import TAPERS, sine_tapers
 
-BAND_RATIO = 1.03  #: Of the frequencies of neighbouring bands, over which spectra are averaged.
+BAND_RATIO = 1.04  #: Of the frequencies of neighbouring bands, over which spectra are averaged.
 ABOVE_NOISE = 4.0  #: A band is used while its spectrum is this many times the noise,
-DYNAMIC_RANGE = 1e-5  #: ... and above this part of the peak.
+DYNAMIC_RANGE = 1e-4  #: ... and above this part of the peak.
 LOWEST_BAND = 0.25  #: ... from this multiple of the peak frequency.
 MIN_REACH = 1.3  #: Multiple of the peak frequency up to which the motion must be known.
 FASTEST = 0.8  #: ... and below this part of the Nyquist frequency.
@@ -24,11 +21,6 @@ LOW_PASS = 2.0  #: Corner over the highest band: there the motion passes whole.
 
 #: Heave must exceed its noise by `ABOVE_NOISE` wherever the angle's spectrum is above this part of its peak.
 HEAVE_WANTED = 0.01
-
-TERMS = ('acceleration', 'rate', 'angle', 'quadratic damping', 'quadratic restoring', 'cubic restoring')
-
-#: Statistical linearisation of |w| w for a Gaussian rate of unit standard deviation.
-GAUSSIAN_RATE = float(np.sqrt(8.0 / np.pi))
 
 
 @dataclass(frozen=True)
@@ -39,7 +31,6 @@ class SeaMotion:
     interval: float  #: Between samples, s.
     angle: np.ndarray  #: (N,); about the mean, rad.
     rate: np.ndarray  #: (N,); rad/s.
-    acceleration: np.ndarray  #: (N,); rad/s^2.
     mean: float  #: Mean angle, rad; NaN where no angle was measured.
     angle_noise: float  #: One-sided spectral density of the white noise, rad^2 s; infinite where not measured.
     rate_noise: float  #: The same of the rate, (rad/s)^2 s.
@@ -52,25 +43,31 @@ class SeaMotion:
         """s."""
         return self.interval * self.angle.size
 
+    def between(self, start: float, end: float) -> 'SeaMotion':
+        """The part between two times, s."""
+        first, last = (
+            int(np.clip(round((each - self.start) / self.interval), 0, self.angle.size)) for each in (start, end)
+        )
+        part = slice(first, last)
+        return replace(self, start=self.start + first * self.interval, angle=self.angle[part], rate=self.rate[part])
+
     def noise(self, frequency: np.ndarray) -> np.ndarray:
         """Spectral density of the noise in ``angle``, rad^2 s."""
         return 1.0 / (1.0 / self.angle_noise + frequency**2 / self.rate_noise)
 
 
 @dataclass(frozen=True)
-class TermSpectra:
-    """Cross spectra of `TERMS`, averaged over bands. Nonlinear terms are orthogonal to their linear part in a Gaussian
-    motion (x, w of standard deviations s, q): |w| w / q - sqrt(8 / pi) w, x^2 / s, x^3 / s^2 - 3 x.
-    """
+class SeaPart:
+    """The spectrum of a part of a motion in bands, one-sided, per rad/s."""
 
     frequency: np.ndarray  #: (B,); rad/s.
-    matrices: np.ndarray  #: (B, 6, 6); Real parts, one-sided, per rad/s.
+    spectrum: np.ndarray  #: (B,); of the angle, rad^2 s.
     counts: np.ndarray  #: (B,); Independent complex values in each band.
-
-    @property
-    def angle(self) -> np.ndarray:
-        """Spectrum of the angle, rad^2 s, shape (B,)."""
-        return self.matrices[:, 2, 2]
+    noise: np.ndarray  #: (B,); of the angle, rad^2 s.
+    lines: np.ndarray  #: (F,); frequencies that the tapers average over, band by band, rad/s.
+    first_lines: np.ndarray  #: (B,); place of each band's first line.
+    rate: float  #: Rms of the angular rate, rad/s.
+    heave: np.ndarray | None  #: (B,); Spectrum of the vertical acceleration; None where it does not show the waves.
 
 
 @dataclass(frozen=True)
@@ -112,14 +109,12 @@ def sea_motion(motion: AxisMotion) -> SeaMotion:
         noise = 1.0 / (1.0 / angle_noise + frequency**2 / rate_noise)
     peak, highest = _reach(even, angle, rate, noise, frequency)
     spectrum = angles / (1.0 + (frequency / (LOW_PASS * highest)) ** 12)
-    # Nyquist's frequency is twice that corner: products of three factors alias only above the bands
     size = min(piece.size, int(np.ceil(2.0 * LOW_PASS * highest / np.pi * piece.duration)))
     ramp_rate = 0.0 if angle is None else (angle[-1] - angle[0]) / (even[-1] - even[0])
     step = interval * piece.size / size
     line = 0.0 if angle is None else angle[0] + ramp_rate * step * np.arange(size)
-    x, w, a = (
-        np.fft.irfft(((1j * frequency) ** order * spectrum)[: size // 2 + 1], size) * size / piece.size
-        for order in range(3)
+    x, w = (
+        np.fft.irfft(each[: size // 2 + 1], size) * size / piece.size for each in (spectrum, 1j * frequency * spectrum)
     )
     # at both ends the derivatives are one-sided
     edge = int(np.ceil(2.0 * np.pi / peak / step))
@@ -135,7 +130,6 @@ def sea_motion(motion: AxisMotion) -> SeaMotion:
         step,
         x - x.mean(),
         (w + ramp_rate)[inside],
-        a[inside],
         mean,
         angle_noise,
         rate_noise,
@@ -217,30 +211,37 @@ def tapered_spectrum(values: np.ndarray, interval: float) -> tuple[np.ndarray, n
     return frequency, np.mean(np.abs(transformed) ** 2, axis=0) * interval / np.pi
 
 
-def term_spectra(sea: SeaMotion) -> TermSpectra:
-    """Cross spectra of the terms of a hull's equation."""
-    x, w, s, q = sea.angle, sea.rate, sea.angle.std(), sea.rate.std()
-    columns = np.stack(
-        [sea.acceleration, w, x, np.abs(w) * w / q - GAUSSIAN_RATE * w, x * x / s, x**3 / s**2 - 3.0 * x]
-    )
-    columns = columns - columns.mean(axis=1, keepdims=True)
-    frequency = 2.0 * np.pi * np.fft.rfftfreq(x.size, sea.interval)
-    used = (frequency >= sea.lowest) & (frequency <= sea.highest)
-    frequency = frequency[used]
-    cross = np.zeros((frequency.size, len(TERMS), len(TERMS)))
-    for taper in sine_tapers(x.size):
-        at = np.fft.rfft(taper * columns)[:, used]
-        cross += np.einsum('if,jf->fij', at, at.conj()).real
-    cross *= sea.interval / np.pi / TAPERS
-    band = np.floor(np.log(frequency / sea.lowest) / np.log(BAND_RATIO)).astype(int)
+def sea_part(sea: SeaMotion, heave: Heave | None) -> SeaPart:
+    """The spectrum of a motion in waves where it is clear of its noise, about its peak."""
+    transformed = np.fft.rfft(sine_tapers(sea.angle.size) * (sea.angle - sea.angle.mean()))
+    spectrum = np.mean(np.abs(transformed) ** 2, axis=0) * sea.interval / np.pi
+    frequency = 2.0 * np.pi * np.fft.rfftfreq(sea.angle.size, sea.interval)
+    used = np.flatnonzero((frequency >= sea.lowest) & (frequency <= sea.highest))
+    band = np.floor(np.log(frequency[used] / sea.lowest) / np.log(BAND_RATIO)).astype(int)
     starts = np.flatnonzero(np.diff(band, prepend=-1))
-    counts = np.diff(np.append(starts, frequency.size))
-    return TermSpectra(
-        np.add.reduceat(frequency, starts) / counts, np.add.reduceat(cross, starts) / counts[:, None, None], counts
+    counts = np.diff(np.append(starts, used.size))
+    middle, power = (np.add.reduceat(each[used], starts) / counts for each in (frequency, spectrum))
+    noise = sea.noise(middle)
+    at = int(power.argmax())
+    lost = np.flatnonzero((power < ABOVE_NOISE * noise) | (power < DYNAMIC_RANGE * power[at]))
+    kept = slice(int(max(lost[lost < at], default=-1)) + 1, int(min(lost[lost > at], default=power.size)))
+    middle, power, noise, starts, counts = middle[kept], power[kept], noise[kept], starts[kept], counts[kept]
+    # the tapers of orders 1 to K look half of their order to either side
+    orders = np.arange(1, TAPERS + 1) / 2.0 * frequency[1]
+    centres = frequency[used[starts[0] : starts[-1] + counts[-1]]]
+    return SeaPart(
+        middle,
+        power,
+        counts,
+        noise,
+        (centres[:, None] + np.append(-orders, orders)).ravel(),
+        (starts - starts[0]) * 2 * TAPERS,
+        float(sea.rate.std()),
+        heave_spectrum(heave, sea, middle, power),
     )
 
 
-def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) -> np.ndarray | None:
+def heave_spectrum(heave: Heave | None, sea: SeaMotion, bands: np.ndarray, power: np.ndarray) -> np.ndarray | None:
     """Spectrum of the vertical acceleration at the bands of a motion, shape (B,), (m/s^2)^2 s. In deep water that of
     the wave slope times g^2, for a craft that follows the waves. None where heave is not clear of its noise wherever
     the axis moves.
@@ -254,13 +255,13 @@ def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) ->
     interval = float(np.median(np.diff(heave.time[used])))
     even = np.arange(sea.start, end, interval)
     frequency, spectrum = tapered_spectrum(np.interp(even, heave.time[used], heave.acceleration[used]), interval)
-    if spectra.frequency[-1] > FASTEST * frequency[-1]:
+    if bands[-1] > FASTEST * frequency[-1]:
         return None
     noise = np.median(spectrum[frequency > 0.75 * frequency[-1]])
-    below, above = (spectra.frequency * BAND_RATIO**sign for sign in (-1.0, 1.0))
+    below, above = (bands * BAND_RATIO**sign for sign in (-1.0, 1.0))
     first = np.searchsorted(frequency, below)
     last = np.maximum(np.searchsorted(frequency, above), first + 1)
     total = np.concatenate([[0.0], np.cumsum(spectrum)])
     smooth = (total[last] - total[first]) / (last - first)
-    moving = spectra.angle > HEAVE_WANTED * spectra.angle.max()
+    moving = power > HEAVE_WANTED * power.max()
     return smooth if np.all(smooth[moving] > ABOVE_NOISE * noise) else None
