@@ -1,7 +1,7 @@
 """Natural period and equivalent linear damping from motion in waves, by the likelihood of hull and waves.
 
-The result is the linear hull at amplitude sqrt(2) std that is equivalent in a Gaussian motion: one record does not show
-how damping depends on amplitude.
+The result is the linear hull that is equivalent in a Gaussian motion, as in an oscillation with an amplitude of two
+standard deviations: one record does not show how damping depends on amplitude.
 """
 
 from collections.abc import Sequence
@@ -38,6 +38,9 @@ MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; ot
 PERIOD_USABLE = 0.03
 FASTEST_HULL = 1.5  #: Highest natural frequency that is tried, over the highest at which the motion is known.
 SLOWEST_HULL = 0.8  #: The same of the lowest.
+#: Amplitude over standard deviation: a cubic term is as large in an oscillation of twice the deviation as in a Gaussian
+#: motion, a quadratic one within 6 %.
+EQUIVALENT = 2.0
 PARTS = 2  #: Of equal length, where no heading tells them apart.
 AGREE = 1.96  #: Standard deviations of their difference within which parts must agree.
 
@@ -71,7 +74,7 @@ class AtSeaIdentification:
     natural_period_std: float  #: s.
     damping_ratio: float  #: Equivalent linear damping over critical damping, at ``amplitude``.
     damping_ratio_std: float
-    amplitude: float  #: rad; sqrt(2) standard deviations of the angle.
+    amplitude: float  #: rad; two standard deviations of the angle.
     amplitude_std: float  #: rad.
     trim_std: float  #: rad; NaN where no angle was measured.
     estimate_covariance: np.ndarray  #: (2, 2); Of natural period (s) and damping ratio.
@@ -183,23 +186,27 @@ def identify_seas(
     prior: HullPrior | None = None,
     *,
     searched: bool = False,
+    checks_parts: bool = True,
     progress: Progress | None = None,
     should_cancel: ShouldCancel | None = None,
 ) -> AtSeaIdentification:
-    """The hull that records of one craft in waves share; as `identify_at_sea`."""
+    """The hull that records of one craft in waves share; as `identify_at_sea`. ``checks_parts``: whether parts, or
+    records, that are fitted alone must agree.
+    """
     prior, report = prior or HullPrior(), progress or (lambda share: None)
     seas = [sea_of(record.motion) for record in records]
     parts = [parts_of(sea, record) for sea, record in zip(seas, records, strict=True)]
     every = [part for each in parts for part in each]
     rate = float(np.sqrt(np.mean([part.rate**2 for part in every])))
-    low = SLOWEST_HULL * min(part.frequency[0] for part in every)
-    high = FASTEST_HULL * max(part.frequency[-1] for part in every)
+    reach = np.exp(prior.log_frequency + 3.0 * prior.log_frequency_std * np.array([-1.0, 1.0]))
+    low = max(SLOWEST_HULL * min(part.frequency[0] for part in every), reach[0])
+    high = min(FASTEST_HULL * max(part.frequency[-1] for part in every), reach[1])
     likelihoods = [SeaLikelihood(each, rate, prior, should_cancel) for each in parts]
     found = hull_posterior(likelihoods, prior, low, high)
     report(0.5)
     # apart: the parts of one record, or several records
     apart = [SeaLikelihood([part], rate, prior, should_cancel) for part in every] if len(records) == 1 else likelihoods
-    alone = [hull_posterior([each], prior, low, high) for each in apart] if len(apart) > 1 else []
+    alone = [hull_posterior([each], prior, low, high) for each in apart] if checks_parts and len(apart) > 1 else []
     report(1.0)
     holds_decay = not searched and any(bool(find_decays(record.motion)) for record in records)
     return _identification(records, seas, likelihoods, found, _apart(alone), holds_decay)
@@ -262,7 +269,7 @@ def _identification(
     slopes = np.array([[b1, b1], [2.0 * r1, 0.0]])
     spectra = _spectra(likelihoods, found, frequency)
     strongest = max(spectra, key=lambda each: each.fitted_excitation.max())
-    amplitude, variance = np.sqrt(2.0 * np.mean([sea.angle.var() for sea in seas])), 0.0
+    amplitude, variance = EQUIVALENT * np.sqrt(np.mean([sea.angle.var() for sea in seas])), 0.0
     for each in spectra:
         # variance of a variance: 2 pi / T int S^2 (one-sided)
         variance += float(np.gradient(each.frequency) @ each.measured**2) * 2.0 * np.pi * len(spectra) / duration
@@ -275,7 +282,7 @@ def _identification(
         damping_ratio=damping,
         damping_ratio_std=float(damping * np.sqrt(found.covariance[1, 1])),
         amplitude=float(amplitude),
-        amplitude_std=float(np.sqrt(variance) / len(spectra) / amplitude),
+        amplitude_std=float(0.5 * EQUIVALENT**2 * np.sqrt(variance) / len(spectra) / amplitude),
         trim_std=_trim_std(spectra, seas, duration) if measured else float('nan'),
         estimate_covariance=found.covariance * np.outer(own, own),
         covariance=slopes @ found.covariance @ slopes.T,

@@ -56,24 +56,26 @@ class Waves:
     starts: tuple[tuple[float, float], ...]
 
 
-#: Log peak frequency over that of the motion, log of the peakedness less one, tail (1: wave slope in deep water).
+#: Log peak frequency over that of the motion, log of the peakedness less one, tail (1: wave slope in deep water), log
+#: of the floor over the peak: what a nonlinear hull adds to the excitation.
 JONSWAP = Waves(
     'jonswap',
-    (0.0, float(np.log(2.3)), 3.0),
-    (0.5, 0.7, 1.5),
-    (0.15, 0.3, 0.7),
+    (0.0, float(np.log(2.3)), 3.0, -8.0),
+    (0.5, 0.7, 1.5, 2.0),
+    (0.15, 0.3, 0.7, 0.5),
     ((0.5, 0.1), (0.7, 0.1), (0.85, 0.1), (1.05, 0.1), (1.05, 0.4), (1.4, 0.1)),
 )
-HEAVE = Waves('heave', (0.0,), (1.0,), (0.3,), ((1.0, 0.1), (1.0, 0.4)))  #: Power of the frequency.
+#: Power of the frequency, log of the floor over the largest.
+HEAVE = Waves('heave', (0.0, -8.0), (1.0, 2.0), (0.3, 0.5), ((1.0, 0.1), (1.0, 0.4)))
 
 
 def jonswap_shape(frequency: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Log of JONSWAP at frequency (B,), rad/s, one at its peak but for the peakedness, and its derivatives by the
-    parameters of `JONSWAP`, (P, B) and (P, B, 3), at P shapes (P, 3).
+    parameters of `JONSWAP` but the floor, (P, B) and (P, B, 3), at P shapes (P, 3).
     """
     peak, excess, tail = shape.T[:, :, None]
     log_u = np.log(frequency) - peak
-    u, over = np.exp(log_u), np.exp(np.minimum(excess, 7.0))
+    u, over = np.exp(np.clip(log_u, -5.0, 5.0)), np.exp(np.minimum(excess, 7.0))
     width = np.where(u <= 1.0, 0.07, 0.09)
     bump = np.exp(-0.5 * ((u - 1.0) / width) ** 2)
     log_peakedness = np.log1p(over)
@@ -170,10 +172,14 @@ class SeaLikelihood:
             change = slice(self._change.start + size * place, self._change.start + size * (place + 1))
             shape = z[:, self._shape] + (z[:, change] if len(self.parts) > 1 else 0.0)
             if self.waves is JONSWAP or part.heave is None:
-                value, by_shape = jonswap_shape(part.frequency, shape)
+                waves, by_waves = jonswap_shape(part.frequency, shape[:, :-1])
             else:
                 log_u = np.log(part.frequency) - self._peak
-                value, by_shape = np.log(part.heave) + shape * log_u, log_u[:, None]
+                waves = np.log(part.heave / part.heave.max()) + shape[:, :1] * log_u
+                by_waves = np.broadcast_to(log_u[:, None], (*waves.shape, 1))
+            value = np.logaddexp(waves, shape[:, -1:])
+            share = np.exp(waves - value)[..., None]
+            by_shape = np.concatenate([share * by_waves, 1.0 - share], axis=-1)
             found[:, bands] = response + value
             slopes[:, bands, 0], slopes[:, bands, 1] = by_damping, by_damping * self._log_rates[place]
             slopes[:, bands, self._shape] = by_shape

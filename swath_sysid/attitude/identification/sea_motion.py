@@ -13,7 +13,7 @@ from swath_sysid.common.signals import TAPERS, sine_tapers
 
 BAND_RATIO = 1.04  #: Of the frequencies of neighbouring bands, over which spectra are averaged.
 ABOVE_NOISE = 4.0  #: A band is used while its spectrum is this many times the noise,
-DYNAMIC_RANGE = 1e-4  #: ... and above this part of the peak.
+DYNAMIC_RANGE = 1e-5  #: ... and above this part of the peak.
 LOWEST_BAND = 0.25  #: ... from this multiple of the peak frequency.
 MIN_REACH = 1.3  #: Multiple of the peak frequency up to which the motion must be known.
 FASTEST = 0.8  #: ... and below this part of the Nyquist frequency.

@@ -5,6 +5,7 @@ contradict it.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import NamedTuple
@@ -19,6 +20,7 @@ from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE, AxisFilt
 from swath_sysid.attitude.prediction.bank import HULL, Bank, ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
+from swath_sysid.attitude.prediction.hull_watch import WATCH_INTERVAL
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
@@ -151,7 +153,7 @@ class Forecaster:
         self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
         self._time = self._rows_begun = self._laid_out_at = self._stamp = 0.0
         self._heading = 0.0, 0.0
-        self._due = self._refit_due = self._sea_state_due = -math.inf
+        self._due = self._refit_due = self._sea_state_due = self._watch_due = -math.inf
         self._is_linked = False
         self._steps = 0  #: Since the newest row, where some are missing.
         self._has_waves = False
@@ -311,6 +313,7 @@ class Forecaster:
             self._upstream.lay_out(self._clock.step, ratio)
             if before != before:
                 self._rows_begun, self._sea_state_due = self._time, self._time + SEA_STATE_INTERVAL
+                self._watch_due = self._time + WATCH_INTERVAL * self._clock.period
                 if self._clock.samples == 1 and self._first is not None:
                     self._rows.append(self._clock.first(self._first))
                     self._upstream.append(self._stamp - self._sampled.elapsed, 1)
@@ -391,14 +394,14 @@ class Forecaster:
         self._refit_due = self._time + self._interval_of_refits(s.refit_interval)
         if self._time < self._sea_state_due < self._refit_due:
             self._refit_due = self._sea_state_due
-        past = self._past().copy()
+        past, excitations = self._past().copy(), dict(self._excitation_requests())
         return SeaRequest(
             self._time,
             self._clock.step,
             self._clock.period,
             CHANNELS,
             past,
-            dict(self._excitation_requests()),
+            excitations,
             self._points.request(self._clock, self._rows.newest),
             self._time >= self._sea_state_due,
             self._upstream.request(
@@ -406,7 +409,16 @@ class Forecaster:
                 int(MEMORY_OF_SIZE * self._clock.period / self._clock.step),
                 self._leads[-1] + self._clock.step,
             ),
+            self._watched(excitations),
         )
+
+    def _watched(self, excitations: Mapping[str, ExcitationRequest]):
+        """By axis the models that are to be compared with the motion now."""
+        if self._time < self._watch_due:
+            return {}
+        self._watch_due = self._time + WATCH_INTERVAL * self._clock.period
+        held = {name: axis.identified for name, axis in self._axes.items() if name in excitations}
+        return {name: identified for name, identified in held.items() if identified is not None}
 
     def _excitation_requests(self):
         step, samples = self._clock.step, self._clock.samples
@@ -440,6 +452,8 @@ class Forecaster:
             # unless the hull has become known meanwhile, or unknown
             if axis.hull.is_known == (excitation.stand_in is None):
                 axis.hull.set_excitation(excitation, self._time - fit.time)
+        for name, change in fit.changes.items():
+            self._axes[name].change = change
         if fit.sea is not None:
             self._sea_state_due += SEA_STATE_INTERVAL
         return fit.sea

@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
+from swath_sysid.attitude.prediction.hull_watch import HullChange, hull_change
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
@@ -38,6 +40,7 @@ class SeaRequest:
     vertical: VerticalRequest | None = None  #: None: vertical motion is not asked for.
     wants_sea_state: bool = False
     upstream: UpstreamRequest | None = None  #: None: there are no upstream channels.
+    watched: dict[str, IdentifiedModel] = field(default_factory=dict)  #: By axis, to be compared with the motion.
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,7 @@ class SeaFit:
     vertical: VerticalFit | None = None  #: With the waves of all channels.
     sea: SeaReport | None = None  #: Where it was asked for.
     upstream: dict[str, UpstreamFit] = field(default_factory=dict)  #: By candidate, if the past is long enough.
+    changes: dict[str, HullChange | None] = field(default_factory=dict)  #: By axis that was watched.
 
 
 def fit_sea(request: SeaRequest) -> SeaFit:
@@ -98,7 +102,13 @@ def fit_sea(request: SeaRequest) -> SeaFit:
         vertical,
         sea_of(request) if request.wants_sea_state else None,
         {} if request.upstream is None else fit_upstream(past[:, : len(ATTITUDE)], step, period, request.upstream),
+        {axis: _change(axis, identified, request.excitations[axis]) for axis, identified in request.watched.items()},
     )
+
+
+def _change(axis: str, identified: IdentifiedModel, seen: ExcitationRequest):
+    time = seen.step * np.arange(seen.angle.size)
+    return hull_change(identified, AxisMotion(axis, time, seen.angle, seen.rate))
 
 
 def sea_of(request: SeaRequest) -> SeaReport:
