@@ -2,7 +2,7 @@
 
 For each peak period and kind of excitation, fresh seeds of several hundred incommensurate waves; IMU noise is
 added. The truth is the hull's own natural period and equivalent damping (`hull.amplitude`) at the record's amplitude,
-sqrt(2) standard deviations of the roll.
+two standard deviations of the roll.
 """
 
 import argparse

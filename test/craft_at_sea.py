@@ -21,8 +21,8 @@ class KnownSea:
     model: DecayModel
 
     def truth(self, column=0):
-        """Natural period, s, and equivalent damping ratio at sqrt(2) standard deviations of the angle."""
-        amplitude = np.sqrt(2.0) * self.angle[:, column].std()
+        """Natural period, s, and equivalent damping ratio at two standard deviations of the angle."""
+        amplitude = 2.0 * self.angle[:, column].std()
         curves = amplitude_curves(self.model.ratios, np.array([amplitude]), self.model.friction_rate)
         return 2.0 * np.pi / curves.frequency[0], curves.damping_ratio[0]
 

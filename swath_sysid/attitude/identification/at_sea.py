@@ -11,7 +11,7 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.sea_likelihood import (
     ROUGHNESS,
@@ -22,7 +22,7 @@ from swath_sysid.attitude.identification.sea_likelihood import (
 )
 from swath_sysid.attitude.identification.sea_motion import Heave, SeaMotion, SeaPart, sea_motion, sea_part
 from swath_sysid.attitude.motion.segmentation import find_decays
-from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.cancelling import Progress, ShouldCancel
 from swath_sysid.common.conventions import UNCERTAIN
@@ -43,6 +43,11 @@ SLOWEST_HULL = 0.8  #: The same of the lowest.
 EQUIVALENT = 2.0
 PARTS = 2  #: Of equal length, where no heading tells them apart.
 AGREE = 1.96  #: Standard deviations of their difference within which parts must agree.
+
+
+DAMPING_KNOWN = 0.25  #: Relative standard deviation of a model's damping for the craft at another loading.
+FREQUENCY_KNOWN = 0.2  #: The same of its natural frequency: a change of stiffness by half is likely.
+TURN = np.radians(15.0)  #: Change of heading that makes another part.
 
 
 @dataclass(frozen=True)
@@ -210,6 +215,45 @@ def identify_seas(
     report(1.0)
     holds_decay = not searched and any(bool(find_decays(record.motion)) for record in records)
     return _identification(records, seas, likelihoods, found, _apart(alone), holds_decay)
+
+
+def prior_of(identified: IdentifiedModel, motion: AxisMotion) -> HullPrior:
+    """What a model of an earlier release says of the hull in a motion of this size."""
+    size = EQUIVALENT * np.nanstd(motion.primary)
+    if motion.angle is None:
+        size /= identified.model.natural_frequency
+    curves = amplitude_curves(identified.model.ratios, np.array([size]), identified.model.friction_rate)
+    frequency, damping = float(curves.frequency[0]), float(curves.damping_ratio[0])
+    if not (np.isfinite(frequency) and damping > 0.0):
+        return HullPrior()
+    return HullPrior(float(np.log(damping)), DAMPING_KNOWN, float(np.log(frequency)), FREQUENCY_KNOWN)
+
+
+def turns_of(trial: Trial) -> tuple[float, ...]:
+    """Times, s, at which a craft took another heading, by its yaw rate, which may have a bias."""
+    if trial.yaw_rate is None:
+        return ()
+    heading = np.cumsum(np.nan_to_num(trial.yaw_rate) * np.gradient(trial.time))
+    return tuple(_turns(trial.time, heading))
+
+
+def _turns(time: np.ndarray, heading: np.ndarray) -> list[float]:
+    """The time of the largest step of a heading with a drift, and those before and after it."""
+    places = np.linspace(0, time.size, 102).astype(int)[1:-1]
+    if time.size < 2 * places.size:
+        return []
+    drift = np.stack([np.ones(time.size), time - time[0]], axis=1)
+    found = []
+    for place in places:
+        steps = np.column_stack([drift, np.arange(time.size) >= place])
+        fit, residual, *_ = np.linalg.lstsq(steps, heading, rcond=None)
+        found.append((float(residual[0]) if residual.size else np.inf, abs(float(fit[2])), place))
+    left, step, place = min(found)
+    if step < max(TURN, 3.0 * np.sqrt(left / time.size)):
+        return []
+    halves = slice(None, place), slice(place, None)
+    before, after = (_turns(time[half], heading[half]) for half in halves)
+    return [*before, float(time[place]), *after]
 
 
 def parts_of(sea: SeaMotion, record: SeaRecord) -> list[SeaPart]:

@@ -16,7 +16,14 @@ from scipy.special import chdtri
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import LOWER, TERM_NAMES, UPPER
-from swath_sysid.attitude.identification.at_sea import PERIOD_USABLE, identify_at_sea, is_at_sea
+from swath_sysid.attitude.identification.at_sea import (
+    PERIOD_USABLE,
+    SeaRecord,
+    identify_seas,
+    is_at_sea,
+    prior_of,
+    turns_of,
+)
 from swath_sysid.attitude.identification.hull_terms import CHANCE
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.live_decays import (
@@ -336,9 +343,11 @@ def _period_at_reference(found: Identification, table: MotionTable) -> PeriodEst
 def _refit_at_sea(
     trial: Trial, axis: str, request: RefitRequest, progress: Progress, should_cancel: ShouldCancel | None
 ) -> AxisVerdict:
-    motion, newest_window = trial.axis(axis), request.windows[-1]
+    motion, newest_window, held = trial.axis(axis), request.windows[-1], request.current.get(axis)
     try:
-        found = identify_at_sea(motion, heave_of(trial), searched=True, progress=progress, should_cancel=should_cancel)
+        record = SeaRecord(motion, heave_of(trial), turns_of(trial))
+        prior = None if held is None or is_at_sea(held) else prior_of(held, motion)
+        found = identify_seas([record], prior, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
         raise InputError(
             f'{error}; if the window is too short, start with a longer one (window_s of imu_buffer, such as 600.0), '
@@ -352,7 +361,7 @@ def _refit_at_sea(
         f'at sea, equivalent linear at {np.degrees(found.amplitude):.2g} deg: period {found.natural_period:.3f} +- '
         f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
     )
-    held, better, refusal = request.current.get(axis), '', ''
+    better = refusal = ''
     if not found.is_usable:
         refusal = 'this sea does not determine the hull'
     elif held is not None and not is_at_sea(held):

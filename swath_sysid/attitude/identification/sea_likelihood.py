@@ -56,13 +56,13 @@ class Waves:
     starts: tuple[tuple[float, float], ...]
 
 
-#: Log peak frequency over that of the motion, log of the peakedness less one, tail (1: wave slope in deep water), log
+#: Log peak frequency over that of the motion, log of the peakedness, tail (1: wave slope in deep water), log
 #: of the floor over the peak: what a nonlinear hull adds to the excitation.
 JONSWAP = Waves(
     'jonswap',
-    (0.0, float(np.log(2.3)), 3.0, -8.0),
-    (0.5, 0.7, 1.5, 2.0),
-    (0.15, 0.3, 0.7, 0.5),
+    (0.0, 0.8, 3.0, -8.0),
+    (0.5, 0.6, 1.5, 2.0),
+    (0.15, 0.25, 0.7, 0.5),
     ((0.5, 0.1), (0.7, 0.1), (0.85, 0.1), (1.05, 0.1), (1.05, 0.4), (1.4, 0.1)),
 )
 #: Power of the frequency, log of the floor over the largest.
@@ -73,17 +73,16 @@ def jonswap_shape(frequency: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray,
     """Log of JONSWAP at frequency (B,), rad/s, one at its peak but for the peakedness, and its derivatives by the
     parameters of `JONSWAP` but the floor, (P, B) and (P, B, 3), at P shapes (P, 3).
     """
-    peak, excess, tail = shape.T[:, :, None]
+    peak, log_peakedness, tail = shape.T[:, :, None]
     log_u = np.log(frequency) - peak
-    u, over = np.exp(np.clip(log_u, -5.0, 5.0)), np.exp(np.minimum(excess, 7.0))
+    u = np.exp(np.clip(log_u, -5.0, 5.0))
     width = np.where(u <= 1.0, 0.07, 0.09)
     bump = np.exp(-0.5 * ((u - 1.0) / width) ** 2)
-    log_peakedness = np.log1p(over)
     # below there is no wave: what moves the craft there is left to the deviation
     flank = np.maximum(u, 0.4) ** -4.0
     value = log_peakedness * (bump - 1.0) - tail * log_u - 1.25 * (flank - 1.0)
     slope = -log_peakedness * bump * (u - 1.0) / width**2 * u - tail + 5.0 * flank * (u > 0.4)
-    return value, np.stack([-slope, (bump - 1.0) * over / (1.0 + over), -log_u], axis=-1)
+    return value, np.stack([-slope, bump - 1.0, np.broadcast_to(-log_u, bump.shape)], axis=-1)
 
 
 def log_response(part: SeaPart, frequency: np.ndarray, damping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

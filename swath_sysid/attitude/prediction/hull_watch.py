@@ -5,16 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.at_sea import EQUIVALENT, SeaRecord, identify_seas
+from swath_sysid.attitude.identification.at_sea import EQUIVALENT, SeaRecord, identify_seas, prior_of
 from swath_sysid.attitude.identification.fit_quality import amplitude_bands
-from swath_sysid.attitude.identification.sea_likelihood import HullPrior
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 WATCH_INTERVAL = 15.0  #: Periods of the motion between two looks.
-DAMPING_KNOWN = 0.25  #: Relative standard deviation of the model's damping for a craft of another loading.
-FREQUENCY_KNOWN = 0.2  #: The same of its natural frequency: a change of stiffness by half is likely.
 BEYOND_CHANCE = 3.0  #: Standard deviations of the change from which it is reported.
 
 
@@ -55,9 +52,8 @@ def hull_change(identified: IdentifiedModel, motion: AxisMotion) -> HullChange |
     known = float(bands.frequency_std[0]) / frequency
     if not (np.isfinite([frequency, damping, known]).all() and damping > 0.0):
         return None
-    prior = HullPrior(float(np.log(damping)), DAMPING_KNOWN, float(np.log(frequency)), FREQUENCY_KNOWN)
     try:
-        found = identify_seas([SeaRecord(motion)], prior, searched=True, checks_parts=False)
+        found = identify_seas([SeaRecord(motion)], prior_of(identified, motion), searched=True, checks_parts=False)
     except InputError:
         return None  # too few waves, or none that show a hull
     if not found.is_consistent:
