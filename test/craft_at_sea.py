@@ -43,7 +43,7 @@ def known_sea(model, seeds, peak_ratio, std, duration, *, by_slope=False, interv
     halves = np.arange(2 * steps + 1) * 0.5 * interval
     natural = model.natural_frequency
     peak = natural / peak_ratio
-    moments = np.stack([_moment(halves, peak, gamma, by_slope, natural, seed) for seed in seeds], axis=1)
+    moments = np.stack([moment_of(halves, peak, gamma, by_slope, natural, seed) for seed in seeds], axis=1)
     scale = scale_for(model, moments, std, interval)
     angle, rate = driven(model, scale * moments, interval)
     assert np.abs(angle).max() < 0.5, 'the hull capsized: choose a smaller std'
@@ -61,7 +61,7 @@ def scale_for(model, moments, std, interval):
     return scale
 
 
-def _moment(time, peak, gamma, by_slope, natural, seed):
+def moment_of(time, peak, gamma, by_slope, natural, seed):
     """Sum of waves of incommensurate frequencies, one drawn in each of many bands."""
     rng = np.random.default_rng(seed)
     edges = np.linspace(0.4 * peak, max(5.0 * peak, 3.0 * natural), COMPONENTS + 1)

@@ -234,7 +234,13 @@ def turns_of(trial: Trial) -> tuple[float, ...]:
     if trial.yaw_rate is None:
         return ()
     heading = np.cumsum(np.nan_to_num(trial.yaw_rate) * np.gradient(trial.time))
-    return tuple(_turns(trial.time, heading))
+    places = np.linspace(0, trial.time.size - 1, min(trial.time.size, 1000)).astype(int)
+    turns: list[float] = []
+    for turn in _turns(trial.time[places], heading[places]):
+        # a slow turn is one, too
+        if not turns or turn - turns[-1] > 0.1 * np.ptp(trial.time):
+            turns.append(turn)
+    return tuple(turns)
 
 
 def _turns(time: np.ndarray, heading: np.ndarray) -> list[float]:

@@ -28,7 +28,8 @@ NEGLIGIBLE = 1e-3  #: Share of the deviation's variance that its basis leaves ou
 GRID_STEP = 0.05  #: Of log natural frequency; divided by three in each refinement.
 REFINEMENTS = 2
 NEAR = 10.0  #: Log posterior below its maximum down to which the grid is refined.
-STEPS = 25  #: Of a search.
+STEPS = 25  #: Of a search,
+FIRST_STEPS = 6  #: ... and of those from several starts, of which the best goes on.
 LOG_STEPS = 4  #: Steps by least squares of logarithms that begin a search: they converge from anywhere.
 CONVERGED = 0.02  #: Decrease of the cost.
 
@@ -218,11 +219,11 @@ class SeaLikelihood:
             z = z - np.clip(np.linalg.solve(information, gradient[..., None])[..., 0], -0.7, 0.7)
         return z
 
-    def _minimise(self, log_frequency: np.ndarray, z: np.ndarray, roughness: float):
+    def _minimise(self, log_frequency: np.ndarray, z: np.ndarray, roughness: float, steps: int = STEPS):
         """Log evidence (P,), optimum (P, q) and variance of log damping (P,), by scoring with Levenberg's damping."""
         cost, gradient, information = self._evaluate(log_frequency, z, roughness)
         damping, diagonal = np.full(cost.size, 0.03), np.arange(z.shape[1])
-        for step in range(STEPS):
+        for step in range(steps):
             stop_if(self._should_cancel)
             damped = information.copy()
             damped[:, diagonal, diagonal] *= 1.0 + damping[:, None]
@@ -239,20 +240,25 @@ class SeaLikelihood:
         volume = 0.5 * np.sum(np.log(self._weight[self._weight > 0.0])) - 0.5 * np.linalg.slogdet(information)[1]
         return volume - cost, z, np.linalg.inv(information)[:, 0, 0]
 
+    def _begin(self, log_frequency: np.ndarray, roughness: float) -> np.ndarray:
+        """The most likely parameters (P, q) that a few steps from each of `Waves.starts` lead to."""
+        starts = [self.start(log_frequency, *each, roughness) for each in self.waves.starts]
+        tried = [self._minimise(log_frequency, each, roughness, FIRST_STEPS) for each in starts]
+        best = np.argmax([each[0] for each in tried], axis=0)
+        return np.array([each[1] for each in tried])[best, np.arange(log_frequency.size)]
+
     def optima(self, log_frequency: np.ndarray, begin: np.ndarray | None = None) -> Optima:
         """At natural frequencies (P,), begun from parameters (R, P, q) or from `Waves.starts`."""
         found: dict[int, tuple[np.ndarray, ...]] = {}
         # what led to the best optima of one roughness leads to those of the next
         for place in (MIDDLE, *(k for k in range(len(ROUGHNESS)) if k != MIDDLE)):
             if begin is not None:
-                starts = [begin[place]]
+                z = begin[place]
             elif found:
-                starts = [found[MIDDLE if place < MIDDLE else place - 1][1]]
+                z = found[MIDDLE if place < MIDDLE else place - 1][1]
             else:
-                starts = [self.start(log_frequency, *each, ROUGHNESS[MIDDLE]) for each in self.waves.starts]
-            tried = [self._minimise(log_frequency, each, ROUGHNESS[place]) for each in starts]
-            best = np.argmax([each[0] for each in tried], axis=0), np.arange(log_frequency.size)
-            found[place] = tuple(np.array([each[k] for each in tried])[best] for k in range(3))
+                z = self._begin(log_frequency, ROUGHNESS[place])
+            found[place] = self._minimise(log_frequency, z, ROUGHNESS[place])
         return Optima(*(np.array([found[place][k] for place in range(len(ROUGHNESS))]) for k in range(3)))
 
     def fitted(self, log_frequency: float, z: np.ndarray, roughness: float) -> list[tuple[np.ndarray, np.ndarray]]:
