@@ -324,6 +324,38 @@ def test_a_px4_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monke
         read_trial(tmp_path / 'a.ulg')
 
 
+def test_an_ardupilot_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monkeypatch):
+    path, rate = tmp_path / 'a.bin', np.radians(np.gradient(ROLL, TIME))
+    path.write_bytes(b'\xa3\x95\x80')
+    with monkeypatch.context() as absent:
+        absent.setitem(sys.modules, 'pymavlink.DFReader', None)
+        with pytest.raises(InputError, match='is an ArduPilot log, and pymavlink, .*: pip install pymavlink'):
+            read_trial(path)
+    reader = pytest.importorskip('pymavlink.DFReader')
+    known = {
+        'ATT': (1, 'Qccc', 'TimeUS,Roll,Pitch,Yaw'),
+        'IMU': (2, 'QBffffff', 'TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ'),
+    }
+    log = b''
+    for name, (number, fields, names) in known.items():
+        size = 3 + struct.calcsize(f'<{fields.replace("c", "h")}')
+        log += struct.pack('<3s2B4s16s64s', b'\xa3\x95\x80', number, size, *map(str.encode, (name, fields, names)))
+        known[name] = reader.DFFormat(number, name, size, fields, names)
+    for t, angle, turn in zip(TIME, 100.0 * ROLL, rate, strict=True):
+        at = int(1e6 * t + 5e6)
+        imu = [[at, sensor, turn if sensor == 0 else 9.0, 0.0, 0.0, 0.0, 0.0, -9.81] for sensor in (0, 1)]
+        for name, values in (*(('IMU', each) for each in imu), ('ATT', [at, round(angle), 0, 0])):
+            log += reader.DFMessage(known[name], values, True, None).get_msgbuf()
+    for content in (log, log + bytes(100) + log[:50]):
+        path.write_bytes(content)
+        trial = read_trial(path)
+        assert trial.time - trial.time[0] == pytest.approx(TIME) and trial.yaw_rate == pytest.approx(0.0)
+        assert np.degrees(trial.roll) == pytest.approx(ROLL, abs=0.0051) and trial.roll_rate == pytest.approx(rate)
+    path.write_bytes(log[:300])
+    with pytest.raises(InputError, match='at least 8 are needed'):
+        read_trial(path)
+
+
 def test_decimals_compounds_formulas_and_matlab_4(tmp_path):
     pyarrow, h5py, openpyxl = map(pytest.importorskip, ('pyarrow', 'h5py', 'openpyxl'))
     from pyarrow import parquet

@@ -120,13 +120,16 @@ def read_table(
     progress: Progress | None = None,
     assigned: Mapping[str, str] | None = None,
     judge: Judge | None = None,
+    tables: Sequence[NamedColumns] = (),
 ) -> Table:
-    """Read the known columns of a file from its one table that has them; ``assigned`` gives columns by the quantity
-    that they hold, as in ``{'roll': 'Phi:deg'}``.
+    """Read the known columns of a file from its one table that has them, or of the tables given; ``assigned`` gives
+    columns by the quantity that they hold, as in ``{'roll': 'Phi:deg'}``.
     """
     with reading(path), known_by_name(path):
         matches, problems = [], []
-        tables = sorted(tables_in(path), key=lambda table: -len(table.names))  # for the sentence: the widest first
+        tables = sorted(
+            tables or tables_in(path), key=lambda table: -len(table.names)
+        )  # for the sentence: the widest first
         for table in tables:
             try:
                 matches.append(_matched(path, table, quantities, lacking, assigned or {}))
