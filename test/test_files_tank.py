@@ -304,6 +304,23 @@ def test_sentences_of_nmea_hold_the_attitude_in_forward_right_down(tmp_path, for
         read_trial(tmp_path / 'a.log')
 
 
+def test_sentences_behind_the_time_of_a_logger_and_with_wrong_checksums(tmp_path):
+    start = datetime(2026, 5, 1, 23, 59, 50, tzinfo=UTC)
+    lines = [
+        f'{(start + timedelta(seconds=t)).isoformat()} {sentence(f"PSXN,23,{angle:.4f},0.0000,90.0,0.0")}'
+        for t, angle in zip(TIME, ROLL, strict=True)
+    ]
+    lines[5::40] = [line.replace('PSXN,23,', 'PSXN,23,9') for line in lines[5::40]]
+    (tmp_path / 'a.txt').write_text('\n'.join(['!AIVDM,1,1,,A,15M,0*00', *lines]))
+    trial = read_trial(tmp_path / 'a.txt')
+    kept = np.delete(np.arange(TIME.size), np.s_[5::40])
+    assert trial.time - trial.time[0] == pytest.approx(TIME[kept]) and trial.advice[0].code == 'damaged-messages'
+    assert np.degrees(trial.roll) == pytest.approx(ROLL[kept], abs=1e-4)
+    (tmp_path / 'a.txt').write_text('\n'.join(line.replace('.0*', '.1*') for line in lines[::3]) + '\n' + lines[0])
+    with pytest.raises(InputError, match='134 of 135 sentences of the attitude .99%. have a wrong checksum'):
+        read_trial(tmp_path / 'a.txt')
+
+
 def test_a_px4_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monkeypatch):
     (tmp_path / 'a.ulg').write_bytes(b'ULog\x01\x12\x35' + bytes(20))
     half, stamps = np.radians(ROLL) / 2.0, 1e6 * TIME.astype('float64') + 5e6
