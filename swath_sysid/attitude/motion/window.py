@@ -13,7 +13,7 @@ from swath_sysid.attitude.motion.decay_candidates import HALF_CYCLES_FOR_REST, H
 from swath_sysid.attitude.motion.intake import INTAKE_REASONS, ConvertedReading, ImuReading, Intake
 from swath_sysid.attitude.motion.quality import MAX_GAP, MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
-from swath_sysid.attitude.motion.stamps import JUMPED_BACK, NANOSECOND, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.stamps import BURSTS, JUMPED_BACK, NANOSECOND, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES, CHANNELS, AxisMotion, Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
@@ -167,7 +167,7 @@ class MotionWindow:
         sample, reasons = converted
         for reason in reasons:
             self.counts[reason] += 1
-        if JUMPED_BACK in reasons:
+        if JUMPED_BACK in reasons or BURSTS in reasons:
             self.clear()
         if sample is None:
             return WindowStep(False, reasons)
