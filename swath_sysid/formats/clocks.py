@@ -123,7 +123,8 @@ def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, in
     """A time (N,), s, that continues where its clock restarts, and how often that is: at midnight, at the end of summer
     time, where day and month were exchanged, or at the largest number of a counter.
     """
-    steps = np.diff(time)
+    with np.errstate(invalid='ignore'):
+        steps = np.diff(time)
     if np.all((steps > 0.0) & (steps <= SPANS['month'])):
         return time, 0
     known = np.flatnonzero(np.isfinite(time))
