@@ -138,10 +138,10 @@ def attitude_table(path: str | Path, topic: str) -> NamedColumns | None:
     def read(places: Sequence[int], _: Any) -> tuple[np.ndarray, tuple[Advice, ...]]:
         rows, stamps = [], []
         with opened_bag(path) as (readers, advice):
-            for connection, received, raw in intact_messages(path, readers, (name,), advice):
+            for connection, arrival, raw in intact_messages(path, readers, (name,), advice):
                 message = typestore().deserialize_cdr(raw, connection.msgtype)
                 rows.append(fields(message))
-                stamps.append((stamp_of(message) or 0, received))
+                stamps.append((stamp_of(message) or 0, arrival))
         sent, received = np.array(stamps, dtype=np.int64).reshape(-1, 2).T
         if not np.any(np.diff(sent)):
             sent = received

@@ -178,10 +178,10 @@ def _units_by_values(clock: Clock, columns: Sequence[Column], values: np.ndarray
             found[place] = by_turn, 'it jumps by a whole turn'
         elif rate is not None and (by_rate := _unit_by_rate(clock.time, values[place], rate)):
             found[place] = by_rate, 'its rate says so'
-    units = {unit for unit, _ in found.values()}
-    for place, column in enumerate(columns if len(units) == 1 else ()):
+    units = [unit for unit, _ in found.values()]
+    for place, column in enumerate(columns if len(set(units)) == 1 else ()):
         if column.unit is None and column.reading in LARGEST_ANGLES:
-            found.setdefault(place, (*units, 'the other angle is'))
+            found.setdefault(place, (units[0], 'the other angle is'))
     return found
 
 

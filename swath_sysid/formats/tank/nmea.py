@@ -46,8 +46,8 @@ def tables(path: str | Path) -> list[NamedColumns]:
         if said[2:].startswith(TIMED):
             clock = said.split(',')[1]
         if row:
-            angles = (_number(row.get(name, '')) for name in 'rph')
-            rows.append([_seconds(row.get('t', clock)), _logged(before), *angles])
+            times = _seconds(row.get('t', clock)), _logged(before)
+            rows.append([*times, *(_number(row.get(name, '')) for name in 'rph')])
     if not rows:
         raise InputError(f'{path} is an NMEA log without a sentence of the attitude: log {", ".join(SENTENCES)} or XDR')
     number = damaged + len(rows)
