@@ -38,13 +38,9 @@ def tables(path: str | Path) -> list[NamedColumns]:
                 check_size(path, len(fields) * len(rows[message.get_type()]))
     if not rows['ATT']:
         raise InputError(f'{path} is an ArduPilot log without messages ATT: log the attitude (LOG_BITMASK)')
-    attitude, sensor = (
-        dict(
-            zip(FIELDS[kind].values(), np.array(rows[kind], dtype=float).reshape(-1, len(FIELDS[kind])).T, strict=True)
-        )
-        for kind in FIELDS
-    )
-    at = sensor.pop('time_us')
-    for column, values in sensor.items() if at.size else ():
+    attitude = dict(zip(FIELDS['ATT'].values(), np.array(rows['ATT'], dtype=float).T, strict=True))
+    sensor = zip(FIELDS['IMU'].values(), np.array(rows['IMU'], dtype=float).T, strict=bool(rows['IMU']))
+    _, at = next(sensor, ('', np.nan))
+    for column, values in sensor:
         attitude[column] = np.interp(attitude['time_us'], at, values, left=np.nan, right=np.nan)
     return [of_arrays(attitude, {'frame': 'frd'}, '')]

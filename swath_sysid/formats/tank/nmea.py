@@ -39,13 +39,11 @@ def tables(path: str | Path) -> list[NamedColumns]:
     check_size(path, os.path.getsize(path))
     rows, clock, damaged = [], '', 0
     for before, said, checksum in LINE.findall(Path(path).read_text('latin-1')):
-        row = _attitude(said)
-        if checksum and reduce(xor, said.encode('latin-1')) != int(checksum, 16):
-            damaged += bool(row)
-            continue
-        if said[2:].startswith(TIMED):
+        row, is_whole = _attitude(said), not checksum or reduce(xor, said.encode('latin-1')) == int(checksum, 16)
+        damaged += bool(row) and not is_whole
+        if is_whole and said[2:].startswith(TIMED):
             clock = said.split(',')[1]
-        if row:
+        if is_whole and row:
             times = _seconds(row.get('t', clock)), _logged(before)
             rows.append([*times, *(_number(row.get(name, '')) for name in 'rph')])
     if not rows:
