@@ -27,11 +27,16 @@ from swath_sysid.attitude.identification.sea_motion import Heave, heave_of, sea_
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
 from swath_sysid.attitude.prediction.hull_watch import hull_change
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.cli.main import main
 from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model
 from swath_sysid.formats.reading import read_trial
+from swath_sysid.pipeline.forecast_health import PredictorHealth
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
+from swath_sysid.pipeline.health import WARN
+from swath_sysid.pipeline.record_run import samples_of
 
 ROLL = hull_named('swath-roll').model
 ROLL_ONLY = RefitSettings(axes=('roll',))
@@ -341,6 +346,25 @@ def test_a_changed_stiffness_is_told_and_no_other(turned, slower):
     assert change.log_ratio == pytest.approx(-2.0 * np.log(slower), abs=max(3.0 * change.std * (slower == 1.0), 0.09))
     if change.is_certain:
         assert f'{"less" if slower > 1.0 else "more"} stiffness' in change.advice('roll').message
+
+
+@pytest.mark.parametrize('change', [0.13, pytest.param(0.0, marks=pytest.mark.long)])
+def test_the_status_reports_a_changed_stiffness_within_minutes(change):
+    motion, faster = measured(known_sea(LINEAR, [3], 1.3, np.radians(3.0), 240.0)), 2.5
+    trial = Trial(motion.time / faster, roll=motion.angle, roll_rate=motion.rate * faster, pitch=0.0 * motion.time)
+    damping, frequency = 0.5 * faster, LINEAR.natural_frequency * faster * (1.0 + change)
+    pipeline = ForecastPipeline()
+    pipeline.set_models({'roll': IdentifiedModel.exactly(DecayModel.of(b1=damping, r1=frequency**2, axis='roll'))})
+    for sample in samples_of(trial.between(None, trial.time[0] + 95.0)):
+        step = pipeline.add_sample(sample)
+        if step.sea_request is not None:
+            pipeline.install(fit_sea(step.sea_request))
+    report = {each.name: each for each in PredictorHealth('imu', pipeline).reports(95.0, pipeline.newest_ns)}[
+        'forecast'
+    ]
+    assert ('hull-changed' in report.codes) == (change > 0.0)
+    if change:
+        assert report.level == WARN and 'less stiffness' in report.message
 
 
 def test_a_release_is_the_prior_of_a_short_record(turned):

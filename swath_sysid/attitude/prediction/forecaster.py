@@ -453,7 +453,8 @@ class Forecaster:
             if axis.hull.is_known == (excitation.stand_in is None):
                 axis.hull.set_excitation(excitation, self._time - fit.time)
         for name, change in fit.changes.items():
-            self._axes[name].change = change
+            # waves that do not tell leave the last finding
+            self._axes[name].change = change or self._axes[name].change
         if fit.sea is not None:
             self._sea_state_due += SEA_STATE_INTERVAL
         return fit.sea
