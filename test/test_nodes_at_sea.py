@@ -52,7 +52,7 @@ def test_waves_are_identified_on_demand_and_only_better_models_published(bench, 
     with running(bench, start_together(*given)):
         bench.settle('imu_buffer', bench.send(readings))
         first = bench.call('identifier/identify')
-        assert first.success and first.message.startswith('roll: at sea, equivalent linear at 2'), first.message
+        assert first.success and first.message.startswith('roll: at sea, equivalent linear at 4'), first.message
         assert '\n' not in first.message and 'pitch: no free decay' in first.message
         wait_for(lambda: bench.heard['model/description'], 'model')
         second = bench.call('identifier/identify')

@@ -207,12 +207,18 @@ def identify_seas(
     low = max(SLOWEST_HULL * min(part.frequency[0] for part in every), reach[0])
     high = min(FASTEST_HULL * max(part.frequency[-1] for part in every), reach[1])
     likelihoods = [SeaLikelihood(each, rate, prior, should_cancel) for each in parts]
-    found = hull_posterior(likelihoods, prior, low, high)
-    report(0.5)
     # apart: the parts of one record, or several records
     apart = [SeaLikelihood([part], rate, prior, should_cancel) for part in every] if len(records) == 1 else likelihoods
-    alone = [hull_posterior([each], prior, low, high) for each in apart] if checks_parts and len(apart) > 1 else []
+    fits = [likelihoods, *([each] for each in apart if checks_parts and len(apart) > 1)]
+    posteriors = []
+    for number, each in enumerate(fits):
+
+        def share_of(share: float, number: int = number):
+            report((number + share) / len(fits))
+
+        posteriors.append(hull_posterior(each, prior, low, high, share_of))
     report(1.0)
+    found, *alone = posteriors
     holds_decay = not searched and any(bool(find_decays(record.motion)) for record in records)
     return _identification(records, seas, likelihoods, found, _apart(alone), holds_decay)
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from swath_sysid.attitude.identification.sea_motion import SeaPart
-from swath_sysid.common.cancelling import stop_if
+from swath_sysid.common.cancelling import Progress, stop_if
 
 #: Standard deviations of the log of the excitation about the spectrum of its waves, each as likely as the others.
 ROUGHNESS = (0.05, 0.2, 0.5, 1.0)
@@ -295,11 +295,14 @@ class HullPosterior:
         return (self.weight * away) @ away.T + np.diag([0.0, self.weight @ self.variance])
 
 
-def hull_posterior(records: Sequence[SeaLikelihood], prior: HullPrior, low: float, high: float) -> HullPosterior:
+def hull_posterior(
+    records: Sequence[SeaLikelihood], prior: HullPrior, low: float, high: float, progress: Progress
+) -> HullPosterior:
     """The hull that several records share, of a natural frequency between two, rad/s."""
     grid = np.arange(np.log(low), np.log(high), GRID_STEP)
     share, found = np.zeros(grid.size), [record.optima(grid) for record in records]
     for level in range(1, REFINEMENTS + 1):
+        progress(level / (REFINEMENTS + 1))
         log_posterior = _joint(found, prior, grid)[0]
         near = np.flatnonzero((log_posterior > log_posterior.max() - NEAR) & (share == level - 1))
         step = GRID_STEP / 3**level

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.at_sea import EQUIVALENT, SeaRecord, identify_seas, prior_of
-from swath_sysid.attitude.identification.fit_quality import amplitude_bands
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -46,6 +44,10 @@ class HullChange:
 
 def hull_change(identified: IdentifiedModel, motion: AxisMotion) -> HullChange | None:
     """The change of a craft in waves since its model; None where the waves do not tell."""
+    # identification loads much, and only the process that learns the waves needs it
+    from swath_sysid.attitude.identification.at_sea import EQUIVALENT, SeaRecord, identify_seas, prior_of
+    from swath_sysid.attitude.identification.fit_quality import amplitude_bands
+
     amplitude = np.array([EQUIVALENT * np.std(motion.angle)]) if motion.angle is not None else np.full(1, np.nan)
     bands = amplitude_bands(identified.model, identified.covariance, amplitude, identified.posterior)
     frequency, damping = float(bands.curves.frequency[0]), float(bands.curves.damping_ratio[0])
