@@ -12,14 +12,8 @@ from hypothesis import strategies as st
 
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.tank.campaign.manifest import (
-    new_manifest,
-    pattern_expression,
-    pattern_of_name,
-    read_manifest,
-    trials_in_words,
-    write_new_manifest,
-)
+from swath_sysid.tank.campaign.manifest import pattern_expression, read_manifest, trials_in_words
+from swath_sysid.tank.campaign.proposal import new_manifest, pattern_of_name, write_new_manifest
 from swath_sysid.tank.campaign.work import ResultStore, key_of
 
 NAMES = [f'pitch_{angle}deg_repeat{repeat}.csv' for angle in ('3', '8.4') for repeat in (1, 2)]
@@ -204,7 +198,9 @@ def test_a_new_manifest_reads_back(folder):
         ('pitch_8.4deg_repeat1.csv', '{axis}_{angle}deg_repeat{repeat}.csv'),
         ('roll_5deg_0.9T_run12.mcap', '{axis}_{angle}deg_{draft_factor}T_run{repeat}.mcap'),
         ('decay_8deg_0.25m.csv', 'decay_{angle}deg_{draft}m.csv'),
-        ('1.5m_s_5deg_300mm.csv', '1.5m_s_{angle}deg_300mm.csv'),
+        ('1.5m_s_5deg_300mm.csv', '{speed}m_s_{angle}deg_300mm.csv'),
+        ('roll_T0.150_R1.csv', '{axis}_T{draft}_R{repeat}.csv'),
+        ('Versuch_Tiefgang0,15_v1,5_phi8.csv', 'Versuch_Tiefgang{draft}_v{speed}_phi{angle}.csv'),
         ('30kg-trial3.csv', '{displacement}kg-trial{repeat}.csv'),
         ('notes.csv', 'notes.csv'),
     ],

@@ -243,6 +243,42 @@ def test_nothing_usable_is_an_error(tmp_path, content, cure):
         work_off(tmp_path, tmp_path / 'out', text='axis: pitch\ntrials: [{file: bad.csv}]\n')
 
 
+def write_releases(path, period, angles, seed):
+    """A German export: for each angle the craft is held, let go, and left alone for twelve periods."""
+    made = DecayModel.from_terms(
+        equation_named('b1|r1'), {'b1': 0.12, 'r1': (2.0 * math.pi / period) ** 2}, axis='roll'
+    )
+    parts = [simulated_trial(made, math.radians(a), 12 * period, 20.0, SensorNoise(), seed, 6.0).roll for a in angles]
+    rows = enumerate(np.degrees(np.concatenate(parts)))
+    lines = [f'{k / 20:.2f};{angle:.4f}'.replace('.', ',') for k, angle in rows]
+    path.write_text('\n'.join(['Zeit [s];Rollwinkel [°]', *lines]), encoding='utf-8')
+
+
+def test_every_release_counts_and_periods_that_contradict_each_other_are_never_pooled(tmp_path, capsys):
+    for number, period in enumerate((2.0, 2.3, 2.0), 1):
+        write_releases(tmp_path / f'Versuch_{number}.csv', period, (10, -10, 6), number)
+    assert main(['campaign', '--new', str(tmp_path)]) == 0
+    assert 'the periods contradict each other' in capsys.readouterr().err.lower()
+    text = (tmp_path / 'campaign.yaml').read_text()
+    assert "'Versuch_2.csv'   # 3 releases, period 2.3 s" in text and '\naxis: roll' in text
+    (tmp_path / 'Versuch_3.csv').unlink()
+    head = 'axis: roll\nequations: [linear]\ntrials:\n'
+    with pytest.raises(InputError, match=r'2 s \(Versuch_1.csv\), 2.3 s \(Versuch_2.csv\).*write draft_m'):
+        work_off(tmp_path, tmp_path / 'asked', text=head + '  - pattern: Versuch_*.csv\n')
+    outcome = work_off(
+        tmp_path,
+        tmp_path / 'told',
+        text=head + '  - {file: Versuch_1.csv, draft_m: 0.15}\n  - {file: Versuch_2.csv, draft_m: 0.18}\n',
+    )
+    assert [(t.record.condition.loading, t.record.condition.initial_angle_deg) for t in outcome.trials] == [
+        (draft, angle) for draft in (0.15, 0.18) for angle in (10.0, 10.0, 6.0)
+    ]
+    write_releases(tmp_path / 'odd.csv', 2.3, (10,), 7)
+    outcome = work_off(tmp_path, tmp_path / 'odd', text=head + '  - {file: Versuch_1.csv}\n  - {file: odd.csv}\n')
+    assert [t.record is None for t in outcome.trials] == [False, False, False, True]
+    assert 'period of 2.3 s contradicts the 2 s of 3 other releases' in outcome.trials[3].reason
+
+
 def test_files_of_several_drafts_need_the_design_draft(tmp_path):
     for repeat, factor in enumerate(DRAFTS, 1):
         made = simulated_trial(hull_at(factor), math.radians(6), 5.0, 20.0, SensorNoise(), repeat)

@@ -113,7 +113,7 @@ class _AxisPlan:
         self._axis, self._manifest, self._work = axis, manifest, work
         self._records = [record for record, _ in used]
         self._ids = {str(record): t.identity for record, t in used}
-        self._sources = {str(record): {'file': t.name, 'sha256': t.sha256} for record, t in used}
+        self._sources = {str(record): {'file': t.entry.path.name, 'sha256': t.sha256} for record, t in used}
         self._names = list(manifest.equations)
         self._pruned: dict[float, Identification] = {}
         self.left_out: dict[str, str] = {}

@@ -9,10 +9,12 @@ from pathlib import Path
 from swath_sysid.cli.progress import print_result, progress_of
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
-from swath_sysid.tank.campaign.manifest import read_manifest, write_new_manifest
+from swath_sysid.tank.campaign.manifest import read_manifest
+from swath_sysid.tank.campaign.proposal import write_new_manifest
 from swath_sysid.tank.campaign.run import CampaignOutcome, run_campaign
 from swath_sysid.tank.campaign.work import ResultStore, executor_of
 from swath_sysid.tank.report.campaign_report import REPORTED, write_report
+from swath_sysid.tank.report.campaign_results import conclusion_of, left_out_of, used_of
 
 MANIFEST = 'campaign.yaml'
 RESULTS = 'results'
@@ -25,7 +27,8 @@ def run(arguments: Namespace) -> int:
     if arguments.new is not None:
         path = Path(Path(arguments.new) / MANIFEST if arguments.output is None else arguments.output)
         check_outputs([Output('--output', path)])
-        write_new_manifest(arguments.new, path)
+        for line in write_new_manifest(arguments.new, path):
+            print(f'warning: {line}', file=sys.stderr)
         print(f'{path}: check it, then run: swath-sysid campaign {path} --output FOLDER')
         return DONE
     if arguments.output is None:
@@ -64,10 +67,9 @@ def _work_off(arguments: Namespace) -> int:
 
 
 def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_json: bool):
-    left_out = [f'{t.name}, {t.reason}' for t in outcome.trials if t.record is None]
+    left_out = left_out_of(outcome)
     for line in (*left_out, *outcome.failures):
         print(f'left out: {line}', file=sys.stderr)
-    used = len(outcome.trials) - len(left_out)
     data = {
         'report': str(report),
         'trials': len(outcome.trials),
@@ -88,8 +90,8 @@ def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_jso
     for axis in outcome.axes:
         lines += [f'{axis.axis}: {axis.ranking.reason}', *(f'  {a.message}' for a in axis.ranking.findings)]
     lines += [
-        f'{used} of {len(outcome.trials)} trials, {outcome.computed} tasks computed, {outcome.kept} reused, '
-        f'{wall_s:.1f} s',
-        str(report),
+        f'{outcome.computed} tasks computed, {outcome.kept} reused, {wall_s:.1f} s',
+        f'{used_of(outcome)}; report: {report}',
+        *conclusion_of(outcome),
     ]
     print_result(as_json, data, lines)

@@ -9,16 +9,31 @@ import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
-from swath_sysid.common.conventions import ADEQUATE, digits, percent
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, digits, percent
+from swath_sysid.report.figures import LINE_STYLES
 from swath_sysid.report.tables import Column, Table
 from swath_sysid.tank.campaign.evaluation import Condition, Record, beyond_noise, tied_best
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.campaign.trials import TrialOutcome
 
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
+VERDICT_MARKS = {ADEQUATE: 'best', DOUBTFUL: 'caution', REJECTED: 'beyond'}
 LEAD_NAMES = ('a quarter period', 'half a period', 'one period')  #: Of `LEADS`.
 QUANTITIES = {'natural_period_s': 'natural period [s]', 'damping_ratio': 'equivalent damping ratio'}
 CHECKED_SAMPLES = 10
+#: A colour is a draft in every figure; the record is ink, the model red and the residual blue.
+DRAFT_COLOURS = '#1b7f79', '#c77d0a', '#7b4fa3', '#8c6d46', '#b0548f', '#5b7c2f'
+
+
+def colour_of(axis: AxisOutcome, loading: float) -> str:
+    """The colour of a draft."""
+    return DRAFT_COLOURS[list(axis.by_draft).index(loading) % len(DRAFT_COLOURS)]
+
+
+def style_of(axis: AxisOutcome, angle_deg: float) -> dict[str, str]:
+    """Line and marker of an initial angle."""
+    place = sorted({c.initial_angle_deg for c in axis.together}).index(angle_deg)
+    return {'linestyle': LINE_STYLES[place % len(LINE_STYLES)], 'marker': 'os^DvP'[place % 6]}
 
 
 def trials_table(outcome: CampaignOutcome) -> Table:
@@ -195,7 +210,7 @@ def verdict_table(axis: AxisOutcome) -> Table:
         ('next release', lambda item: item[1].verdict.motion_error, percent),
         ('why', lambda item: item[1].verdict.sentence),
     )
-    table.marks.update({(k, 1): 'beyond' for k, (_, fit) in enumerate(items) if fit.verdict.level != ADEQUATE})
+    table.marks.update({(k, 1): VERDICT_MARKS[fit.verdict.level] for k, (_, fit) in enumerate(items)})
     return table
 
 
@@ -273,7 +288,8 @@ def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bo
     return Table.of(
         f'errors_every_equation_{axis.axis}' if every_equation else f'errors_{axis.axis}',
         'Errors' if every_equation else f'Errors of {axis.ranking.choice.name}, {axis.axis}',
-        'Root mean square errors; in percent: of the standard deviation of the measured motion. Forecasts start all '
+        'Root mean square errors, which contain the noise of the sensor; in percent: of the standard deviation of the '
+        'measured motion. Forecasts start all '
         'along the record from the measured state, whose own noise they carry; the simulated motion starts once, at '
         'the release.',
         items,

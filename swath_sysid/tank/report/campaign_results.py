@@ -1,0 +1,187 @@
+"""What a client asks of a campaign: for each draft the period, the damping at named amplitudes, and a verdict."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.identification.result import Identification
+from swath_sysid.common.advice import counted
+from swath_sysid.common.conventions import TWO_STD, digits
+from swath_sysid.report.figures import curves_of, legend_below, panel, two_std_band
+from swath_sysid.report.html_page import Drawing
+from swath_sysid.report.published import PARTICULARS
+from swath_sysid.report.tables import Table
+from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
+from swath_sysid.tank.extinction import TankQuantity, tank_quantities
+from swath_sysid.tank.report.campaign_tables import LOADING_NAMES, VERDICT_MARKS, colour_of
+from swath_sysid.tank.report.extinction_tables import SOURCES, particulars_of
+
+#: deg, of which the three largest that a draft's records cover are reported.
+NAMED_AMPLITUDES = tuple(float(f'{mantissa}e{power}') for power in (-1, 0, 1) for mantissa in (1, 2, 5))
+
+
+@dataclass(frozen=True)
+class DraftResult:
+    """What all releases of one draft together give."""
+
+    axis: AxisOutcome
+    loading: float
+    fit: Identification
+    releases: int
+    rows: tuple[tuple[float, tuple[TankQuantity, ...]], ...]  #: Amplitude, deg, and the quantities there.
+
+    @property
+    def verdict(self) -> str:
+        """In one word."""
+        return self.fit.verdict.level
+
+
+def draft_results(outcome: CampaignOutcome) -> list[DraftResult]:
+    """The results of every axis and draft."""
+    found = []
+    for axis in outcome.axes:
+        for loading, fits in axis.by_draft.items():
+            members = [k for k, r in enumerate(axis.records) if r.condition.loading == loading]
+            fit = fits[axis.choice]
+            low, high = np.degrees(fit.amplitude_range)
+            named = [a for a in NAMED_AMPLITUDES if low <= a <= high][-3:] or [math.degrees(fit.reference_amplitude)]
+            particulars = particulars_of(outcome, axis.records[members[0]].condition)
+            inertia, singles = (
+                particulars.inertia_of(fit.model),
+                [axis.fits['simulation'][k][axis.choice] for k in members],
+            )
+            rows = []
+            for at in named:
+                angle = math.radians(at)
+                repeats = [s.bands for s in singles if s.amplitude_range[0] <= angle <= s.amplitude_range[1]]
+                uncertainty = outcome.manifest.uncertainty
+                own = tank_quantities(axis.motion, fit.bands, angle, inertia, particulars, uncertainty, repeats)
+                rows.append((at, own))
+            found.append(DraftResult(axis, loading, fit, len(members), tuple(rows)))
+    return found
+
+
+def with_interval(quantity: TankQuantity | None) -> str:
+    """A value with its expanded uncertainty, both to the last digit that this one has."""
+    if quantity is None:
+        return '-'
+    value, spread = quantity.value, quantity.expanded
+    if not (math.isfinite(spread) and spread > 0.0):
+        return f'{value:.4g}'
+    places = max(0, 1 - math.floor(math.log10(spread)))
+    return f'{value:.{places}f} ± {spread:.{places}f}'
+
+
+def results_table(outcome: CampaignOutcome) -> Table:
+    """Period and damping of each draft at named amplitudes, with the verdict."""
+    items = [(result, at, {q.name: q for q in own}) for result in draft_results(outcome) for at, own in result.rows]
+    symbols = {each for _, _, own in items for each in own if each in ('B44', 'B55')}
+    given = [SOURCES[name] for name, share in vars(outcome.manifest.uncertainty).items() if share]
+    type_b = (
+        f'and of {", ".join(given)} as the manifest gives them'
+        if given
+        else ('but not of sensor scale and time base, for which the manifest gives nothing')
+    )
+    table = Table.of(
+        'results',
+        '',
+        'Of all releases of a draft fitted together. ±: expanded uncertainty (k = 2, about 95 %) of the fit, of the '
+        f'scatter of the releases that reach the amplitude, {type_b}. The verdict is on the forecast of the next '
+        'release by the fitted model.',
+        items,
+        *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
+        (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
+        ('releases', lambda item: item[0].releases),
+        ('amplitude [deg]', lambda item: item[1], digits(3)),
+        ('natural period [s]', lambda item: with_interval(item[2]['natural period'])),
+        ('equivalent damping ratio', lambda item: with_interval(item[2]['equivalent damping ratio'])),
+        *((f'{name} [N m s]', lambda item, name=name: with_interval(item[2].get(name))) for name in sorted(symbols)),
+        ('verdict', lambda item: item[0].verdict),
+    )
+    last = len(table.columns) - 1
+    table.marks.update({(k, last): VERDICT_MARKS[item[0].verdict] for k, item in enumerate(items)})
+    return table
+
+
+def conclusion_of(outcome: CampaignOutcome) -> list[str]:
+    """A line for each draft: period, damping at the middle amplitude, and the verdict."""
+    lines = []
+    for result in draft_results(outcome):
+        at, own = result.rows[len(result.rows) // 2]
+        period, damping = with_interval(own[0]), with_interval(own[1])
+        lines.append(
+            f'{place_of(outcome, result)}: {result.verdict}; natural period {period} s, equivalent damping ratio '
+            f'{damping} at {at:.3g} deg ({counted(result.releases, "release")})'
+        )
+    return lines
+
+
+def place_of(outcome: CampaignOutcome, result: DraftResult) -> str:
+    """Axis and draft in words."""
+    name, _, unit = LOADING_NAMES[outcome.quantity].partition(' [')
+    return f'{result.axis.axis}, {name} {result.loading:g} {unit.rstrip("]")}'.rstrip()
+
+
+def used_of(outcome: CampaignOutcome) -> str:
+    """How many releases of how many files were used."""
+    used = [t for t in outcome.trials if t.record is not None]
+    files = {t.entry.path for t in outcome.trials}
+    return (
+        f'{len(used)} of {counted(len(outcome.trials), "release")} in '
+        f'{len({t.entry.path for t in used})} of {counted(len(files), "file")} used'
+    )
+
+
+def left_out_of(outcome: CampaignOutcome) -> list[str]:
+    """What was not used and why, the releases of a file with the same reason in one line."""
+    reasons = Counter((t.entry.path.name if t.release else t.name, t.reason) for t in outcome.trials if not t.record)
+    return [f'{name}{f" ({n} releases)" if n > 1 else ""}, {reason}' for (name, reason), n in reasons.items()]
+
+
+def matrix_of(outcome: CampaignOutcome) -> list[str]:
+    """The craft and what was tried, in two lines."""
+    craft = outcome.manifest.craft
+    known = [
+        f'{name.partition(" [")[0]} {value:g} {name.partition("[")[2].rstrip("]")}'.rstrip()
+        for key, name in PARTICULARS.items()
+        if isinstance(value := getattr(craft, key), float)
+    ]
+    lines = [f'{craft.name}: {", ".join(known)}.' if known else f'{craft.name}; no particulars are given.']
+    for axis in outcome.axes:
+        loadings = ', '.join(f'{x:g}' for x in sorted({c.loading for c in axis.together}))
+        angles = ', '.join(f'{x:g}' for x in sorted({c.initial_angle_deg for c in axis.together}))
+        speed = f', at {axis.speed_m_s:g} m/s' if axis.speed_m_s else ''
+        lines.append(
+            f'{axis.motion.capitalize()} decays{speed}: {LOADING_NAMES[outcome.quantity]} {loadings}; released from '
+            f'{angles} deg; {counted(len(axis.records), "release")}.'
+        )
+    return [*lines, f'{used_of(outcome)}.']
+
+
+def result_drawings(outcome: CampaignOutcome) -> Iterator[Drawing]:
+    """Natural period and equivalent damping of each draft against amplitude, large."""
+    for axis in outcome.axes:
+        for place, label in enumerate(('natural period [s]', 'equivalent damping ratio [-]')):
+            figure, axes = panel(xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
+            tops = []
+            for loading, fits in axis.by_draft.items():
+                bands = fits[axis.choice].bands
+                amplitude, (value, std) = np.degrees(bands.curves.amplitude), curves_of(bands)[label]
+                colour = colour_of(axis, loading)
+                two_std_band(axes, amplitude, value, std, color=colour, alpha=0.15)
+                name = f'{LOADING_NAMES[outcome.quantity]} {loading:g}'
+                axes.plot(amplitude, value, color=colour, linewidth=1.8, label=name)
+                tops.append((np.nanmin(value), np.nanmax(value), TWO_STD * np.nanmedian(std)))
+            low, high = min(t[0] - 2 * t[2] for t in tops), max(t[1] + 2 * t[2] for t in tops)
+            axes.set(xlim=(0.0, None), ylim=(0.0, high) if place else (low - 0.02 * high, 1.02 * high))
+            legend_below(axes, 3)
+            kind = ('Natural period', 'Equivalent damping')[place]
+            yield Drawing(
+                f'result_{("period", "damping")[place]}_{axis.axis}',
+                f'{kind} against amplitude, {axis.axis}: all releases of a draft together, bands of two standard '
+                'deviations of the fit',
+                figure,
+            )
