@@ -9,6 +9,7 @@ from pathlib import Path
 from swath_sysid.cli.progress import print_result, progress_of
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
+from swath_sysid.report.pdf import printer, write_pdf
 from swath_sysid.tank.campaign.manifest import read_manifest
 from swath_sysid.tank.campaign.proposal import write_new_manifest
 from swath_sysid.tank.campaign.run import CampaignOutcome, run_campaign
@@ -42,6 +43,8 @@ def run(arguments: Namespace) -> int:
 
 def _work_off(arguments: Namespace) -> int:
     began = time.perf_counter()
+    if arguments.pdf:
+        printer()
     check_outputs([Output('--output', arguments.output, is_folder=True)], [arguments.manifest])
     manifest = read_manifest(arguments.manifest)
     folder = Path(arguments.output)
@@ -61,6 +64,9 @@ def _work_off(arguments: Namespace) -> int:
             manifest, store, executor, lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2]))
         )
     report = write_report(outcome, arguments.output, time.perf_counter() - began)
+    if arguments.pdf:
+        write_pdf(report, report.with_suffix('.pdf'))
+        report = report.with_suffix('.pdf')
     _print_outcome(outcome, report, time.perf_counter() - began, arguments.json)
     is_whole = all(t.record is not None for t in outcome.trials) and not (manifest.faults or outcome.failures)
     return DONE if is_whole else PARTLY_DONE

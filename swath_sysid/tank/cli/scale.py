@@ -9,7 +9,7 @@ from swath_sysid.formats.model_file import read_description, write_model, write_
 from swath_sysid.formats.outputs import MODEL_ENDINGS, Output, check_outputs
 from swath_sysid.report.fit_summary import warnings_as_data
 from swath_sysid.tank.froude import length_ratio, scaled, scaled_schedule, scaling_advice
-from swath_sysid.tank.report.campaign_tables import LOADING_NAMES
+from swath_sysid.tank.report.campaign_tables import loading_in_words
 
 
 def run(arguments: Namespace) -> int:
@@ -51,9 +51,8 @@ def _pairs(models: dict, schedules: dict, written: str) -> Iterator[tuple[str, I
         yield from ((axis, before, scaled_models[axis]) for axis, before in models.items())
     for axis, schedule in schedules.items():
         other = scaled_schedules[axis]
-        quantity = LOADING_NAMES[schedule.quantity]
         for loading, to, before, after in zip(
             schedule.loadings, other.loadings, schedule.models, other.models, strict=True
         ):
-            moved = '' if to == loading else f' -> {to:.4g}'
-            yield f'{axis}, {quantity} {loading:g}{moved}', before, after
+            moved = '' if to == loading else f' -> {loading_in_words(schedule.quantity, to)}'
+            yield f'{axis}, {loading_in_words(schedule.quantity, loading)}{moved}', before, after

@@ -72,7 +72,7 @@ def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Draw
 
 
 def _loading(outcome: CampaignOutcome, condition: Condition):
-    return f'{campaign_tables.LOADING_NAMES[outcome.quantity]} {condition.loading:g}'
+    return campaign_tables.loading_in_words(outcome.quantity, condition.loading)
 
 
 def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
@@ -206,7 +206,7 @@ def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterato
         axes.set_yticks(np.arange(count) + 0.5, terms[::-1])
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
-        axes.set_title(f'{campaign_tables.LOADING_NAMES[outcome.quantity]} {loading:g}')
+        axes.set_title(campaign_tables.loading_in_words(outcome.quantity, loading))
         caption = 'Correlations, all records of the draft together'
         yield Drawing(f'correlation_{axis.axis}_{loading:g}', caption, figure)
 

@@ -4,19 +4,20 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import cycle
 
 import numpy as np
 
 from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.common.advice import counted
-from swath_sysid.common.conventions import TWO_STD, digits
-from swath_sysid.report.figures import curves_of, legend_below, panel, two_std_band
+from swath_sysid.common.conventions import digits
+from swath_sysid.report.figures import LINE_STYLES, curves_of, legend_below, panel, two_std_band
 from swath_sysid.report.html_page import Drawing
 from swath_sysid.report.published import PARTICULARS
 from swath_sysid.report.tables import Table
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.extinction import TankQuantity, tank_quantities
-from swath_sysid.tank.report.campaign_tables import LOADING_NAMES, VERDICT_MARKS, colour_of
+from swath_sysid.tank.report.campaign_tables import LOADING_NAMES, VERDICT_MARKS, colour_of, loading_in_words
 from swath_sysid.tank.report.extinction_tables import SOURCES, particulars_of
 
 #: deg, of which the three largest that a draft's records cover are reported.
@@ -94,15 +95,15 @@ def results_table(outcome: CampaignOutcome) -> Table:
         items,
         *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
         (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
-        ('releases', lambda item: item[0].releases),
+        ('verdict', lambda item: item[0].verdict),
         ('amplitude [deg]', lambda item: item[1], digits(3)),
         ('natural period [s]', lambda item: with_interval(item[2]['natural period'])),
         ('equivalent damping ratio', lambda item: with_interval(item[2]['equivalent damping ratio'])),
         *((f'{name} [N m s]', lambda item, name=name: with_interval(item[2].get(name))) for name in sorted(symbols)),
-        ('verdict', lambda item: item[0].verdict),
+        ('releases', lambda item: item[0].releases),
     )
-    last = len(table.columns) - 1
-    table.marks.update({(k, last): VERDICT_MARKS[item[0].verdict] for k, item in enumerate(items)})
+    place = [column.name for column in table.columns].index('verdict')
+    table.marks.update({(k, place): VERDICT_MARKS[item[0].verdict] for k, item in enumerate(items)})
     return table
 
 
@@ -121,8 +122,7 @@ def conclusion_of(outcome: CampaignOutcome) -> list[str]:
 
 def place_of(outcome: CampaignOutcome, result: DraftResult) -> str:
     """Axis and draft in words."""
-    name, _, unit = LOADING_NAMES[outcome.quantity].partition(' [')
-    return f'{result.axis.axis}, {name} {result.loading:g} {unit.rstrip("]")}'.rstrip()
+    return f'{result.axis.axis}, {loading_in_words(outcome.quantity, result.loading)}'
 
 
 def used_of(outcome: CampaignOutcome) -> str:
@@ -151,11 +151,12 @@ def matrix_of(outcome: CampaignOutcome) -> list[str]:
     ]
     lines = [f'{craft.name}: {", ".join(known)}.' if known else f'{craft.name}; no particulars are given.']
     for axis in outcome.axes:
+        name, _, unit = LOADING_NAMES[outcome.quantity].partition(' [')
         loadings = ', '.join(f'{x:g}' for x in sorted({c.loading for c in axis.together}))
         angles = ', '.join(f'{x:g}' for x in sorted({c.initial_angle_deg for c in axis.together}))
         speed = f', at {axis.speed_m_s:g} m/s' if axis.speed_m_s else ''
         lines.append(
-            f'{axis.motion.capitalize()} decays{speed}: {LOADING_NAMES[outcome.quantity]} {loadings}; released from '
+            f'{axis.motion.capitalize()} decays{speed}: {f"{name} {loadings} {unit}".rstrip("] ")}; released from '
             f'{angles} deg; {counted(len(axis.records), "release")}.'
         )
     return [*lines, f'{used_of(outcome)}.']
@@ -166,17 +167,18 @@ def result_drawings(outcome: CampaignOutcome) -> Iterator[Drawing]:
     for axis in outcome.axes:
         for place, label in enumerate(('natural period [s]', 'equivalent damping ratio [-]')):
             figure, axes = panel(xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
-            tops = []
-            for loading, fits in axis.by_draft.items():
+            ends: list[float] = []
+            for style, (loading, fits) in zip(cycle(LINE_STYLES), axis.by_draft.items()):
                 bands = fits[axis.choice].bands
                 amplitude, (value, std) = np.degrees(bands.curves.amplitude), curves_of(bands)[label]
                 colour = colour_of(axis, loading)
                 two_std_band(axes, amplitude, value, std, color=colour, alpha=0.15)
-                name = f'{LOADING_NAMES[outcome.quantity]} {loading:g}'
-                axes.plot(amplitude, value, color=colour, linewidth=1.8, label=name)
-                tops.append((np.nanmin(value), np.nanmax(value), TWO_STD * np.nanmedian(std)))
-            low, high = min(t[0] - 2 * t[2] for t in tops), max(t[1] + 2 * t[2] for t in tops)
-            axes.set(xlim=(0.0, None), ylim=(0.0, high) if place else (low - 0.02 * high, 1.02 * high))
+                name = loading_in_words(outcome.quantity, loading)
+                axes.plot(amplitude, value, style, color=colour, linewidth=1.8, label=name)
+                ends += [np.nanmin(value), np.nanmax(value)]
+            # by the curves: a band that is wide where little was measured shall not hide them
+            margin = 0.3 * (max(ends) - min(ends)) + 0.01 * max(ends)
+            axes.set(xlim=(0.0, None), ylim=(0.0 if place else min(ends) - margin, max(ends) + margin))
             legend_below(axes, 3)
             kind = ('Natural period', 'Equivalent damping')[place]
             yield Drawing(

@@ -21,6 +21,14 @@ VERDICT_MARKS = {ADEQUATE: 'best', DOUBTFUL: 'caution', REJECTED: 'beyond'}
 LEAD_NAMES = ('a quarter period', 'half a period', 'one period')  #: Of `LEADS`.
 QUANTITIES = {'natural_period_s': 'natural period [s]', 'damping_ratio': 'equivalent damping ratio'}
 CHECKED_SAMPLES = 10
+
+
+def loading_in_words(quantity: str, value: float) -> str:
+    """A loading with its name and unit: ``draft 0.15 m``."""
+    name, _, unit = LOADING_NAMES[quantity].partition(' [')
+    return f'{name} {value:g} {unit.rstrip("]")}'.rstrip()
+
+
 #: A colour is a draft in every figure; the record is ink, the model red and the residual blue.
 DRAFT_COLOURS = '#1b7f79', '#c77d0a', '#7b4fa3', '#8c6d46', '#b0548f', '#5b7c2f'
 

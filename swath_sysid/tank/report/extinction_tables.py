@@ -31,7 +31,7 @@ from swath_sysid.tank.extinction import (
     froude_number,
     tank_quantities,
 )
-from swath_sysid.tank.report.campaign_tables import LOADING_NAMES, colour_of, style_of
+from swath_sysid.tank.report.campaign_tables import LOADING_NAMES, colour_of, loading_in_words, style_of
 
 #: Name, unit, and its power of an angle.
 CURVE_TERMS = (('p1', '-', 0), ('p2', '1/deg', 1), ('p3', '1/deg^2', 2), ("Bertin's N", '1/deg', 1))
@@ -325,7 +325,7 @@ def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator
     every = _Decays.all_of(outcome, axis)
     for loading in sorted({each.condition.loading for each in every}):
         items = [each for each in every if each.condition.loading == loading]
-        title, name = f'{LOADING_NAMES[outcome.quantity]} {loading:g}', f'{axis.axis}_{loading:g}'
+        title, name = loading_in_words(outcome.quantity, loading), f'{axis.axis}_{loading:g}'
         curves = f'Extinction curves, {title}: half a cycle, every repeat'
         predicted = ', crosses as predicted' if outcome.manifest.predictions else ''
         damping = (
