@@ -263,7 +263,7 @@ def test_every_release_counts_and_periods_that_contradict_each_other_are_never_p
     assert "'Versuch_2.csv'   # 3 releases, period 2.3 s" in text and '\naxis: roll' in text
     (tmp_path / 'Versuch_3.csv').unlink()
     head = 'axis: roll\nequations: [linear]\ntrials:\n'
-    with pytest.raises(InputError, match=r'2 s \(Versuch_1.csv\), 2.3 s \(Versuch_2.csv\).*write draft_m'):
+    with pytest.raises(InputError, match=r'2 s \(Versuch_1.csv\), 2.3 s \(Versuch_2.csv\).*give draft_m'):
         work_off(tmp_path, tmp_path / 'asked', text=head + '  - pattern: Versuch_*.csv\n')
     outcome = work_off(
         tmp_path,

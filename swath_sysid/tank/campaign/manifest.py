@@ -34,6 +34,9 @@ PLACEHOLDERS = {
     'axis': ('axis', '|'.join(AXES)),
 }
 
+#: Of a loading, on pages and in tables.
+LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
+
 LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
 #: Given beside a trial; the craft's own values hold at the design draft alone.
@@ -215,6 +218,12 @@ def read_manifest(path: str | Path) -> Manifest:
         predictions=tuple(plain.get('predictions', ())),
         faults=tuple(faults),
     )
+
+
+def loading_in_words(quantity: str, value: float) -> str:
+    """A loading with its name and unit: ``draft 0.15 m``."""
+    name, _, unit = LOADING_NAMES[quantity].partition(' [')
+    return f'{name} {value:g} {unit.rstrip("]")}'.rstrip()
 
 
 def first_of(reasons: Sequence[str]) -> str:

@@ -114,7 +114,7 @@ def _entry(file: Seen, pattern: str, way: str) -> Iterator[str]:
     keys = values | {key: value for key, value in file.said.items() if key not in values}
     yield f'  - file: {_quoted(way + file.path.name)}   # {file.remark}'
     yield from (f'    {key}: {value}' for key, value in keys.items())
-    hints = {} if len(file.decays) > 1 else {'initial_angle_deg': 6, 'repeat': 1}
+    hints: dict[str, float] = {} if len(file.decays) > 1 else {'initial_angle_deg': 6, 'repeat': 1}
     if not set(QUANTITIES) & set(keys):
         hints['draft_m'] = 0.15
     yield from (f'    # {key}: {value}' for key, value in hints.items() if key not in keys)

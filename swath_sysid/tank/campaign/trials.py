@@ -20,7 +20,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import UNKNOWN
 from swath_sysid.formats.reading import read_trial, source_hash
 from swath_sysid.tank.campaign.evaluation import Condition, Record
-from swath_sysid.tank.campaign.manifest import Craft, Manifest, TrialEntry
+from swath_sysid.tank.campaign.manifest import Craft, Manifest, TrialEntry, loading_in_words
 
 RESULT_FORMAT = 5  #: Raised when earlier results can no longer be used.
 ANGLE_STEP_DEG = 0.5  #: Resolution of an initial angle that is not given but taken from the decay.
@@ -153,48 +153,43 @@ def _of_release(
 
 def _without_contradictions(trials: Sequence[TrialOutcome], quantity: str) -> list[TrialOutcome]:
     """Leave out releases whose period contradicts that of most others of their draft; without a majority, ask."""
-    pools: dict[tuple, list[TrialOutcome]] = {}
+    pools: dict[tuple[str, float], list[tuple[TrialOutcome, Record]]] = {}
     for t in trials:
         if t.record is not None:
-            pools.setdefault((t.record.condition.series, t.record.condition.loading), []).append(t)
+            pools.setdefault((t.record.condition.series, t.record.condition.loading), []).append((t, t.record))
     reasons: dict[str, str] = {}
     for (series, loading), pool in pools.items():
-        groups = of_like_periods(
-            [t.record.problem.segments[0] for t in pool],
-            [turns_of(t.record.problem.motions[0], t.record.problem.segments[0]) for t in pool],
-        )
-        if len(groups) < 2:
-            continue
-        said = [f'{_mean_period(pool, group):.3g} s ({_names(pool, group)})' for group in groups]
-        if 2 * len(groups[0]) <= len(pool):
+        segments = [record.problem.segments[0] for _, record in pool]
+        turns = [turns_of(record.problem.motions[0], s) for (_, record), s in zip(pool, segments, strict=True)]
+        groups = of_like_periods(segments, turns)
+        periods = [f'{np.mean([segments[k].period for k in group]):.3g} s' for group in groups]
+        place = loading_in_words(quantity, loading)
+        if len(groups) > 1 and 2 * len(groups[0]) <= len(pool):
+            files = (_names([pool[k][0].entry.path.name for k in group]) for group in groups)
+            said = ', '.join(f'{period} ({names})' for period, names in zip(periods, files, strict=True))
             raise InputError(
-                f'the natural periods of the {series} records at {quantity} {loading:g} contradict each other: '
-                f'{", ".join(said)}; they are of different drafts or loadings: write draft_m (or another loading) '
-                'beside each trial'
+                f'the natural periods of the {series} records at {place} contradict each other: {said}; they are of '
+                'different drafts or loadings: give draft_m (or another loading) beside each trial in the manifest'
             )
-        for group in groups[1:]:
+        for group, period in zip(groups[1:], periods[1:], strict=True):
             reason = (
-                f'its natural period of {_mean_period(pool, group):.3g} s contradicts the '
-                f'{_mean_period(pool, groups[0]):.3g} s of {counted(len(groups[0]), "other release")} at {quantity} '
-                f'{loading:g}: write its own draft or loading beside it, or repeat it'
+                f'its natural period of {period} contradicts the {periods[0]} of '
+                f'{counted(len(groups[0]), "other release")} at {place}: give its own draft or loading beside it in '
+                'the manifest, or repeat it'
             )
-            reasons |= {str(pool[k].record): reason for k in group}
+            reasons |= {str(pool[k][1]): reason for k in group}
     return [t.left_out(reasons[str(t.record)]) if str(t.record) in reasons else t for t in trials]
+
+
+def _names(files: Sequence[str]) -> str:
+    names = list(dict.fromkeys(files))
+    return ', '.join(names[:3]) + (f' and {len(names) - 3} more' if len(names) > 3 else '')
 
 
 def turns_of(motion: AxisMotion, segment: DecaySegment) -> Peaks:
     """The turning points of a decay, also of one that is sampled too seldom for parabolas through them."""
     found = find_turning_points(motion, segment.period)
     return Peaks(found.time, found.value)
-
-
-def _mean_period(pool: Sequence[TrialOutcome], group: Sequence[int]) -> float:
-    return float(np.mean([pool[k].record.problem.segments[0].period for k in group]))
-
-
-def _names(pool: Sequence[TrialOutcome], group: Sequence[int]) -> str:
-    names = list(dict.fromkeys(pool[k].entry.path.name for k in group))
-    return ', '.join(names[:3]) + (f' and {len(names) - 3} more' if len(names) > 3 else '')
 
 
 def of_like_periods(segments: Sequence[DecaySegment], peaks: Sequence[Peaks]) -> list[list[int]]:

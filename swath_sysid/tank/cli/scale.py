@@ -8,8 +8,8 @@ from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.formats.model_file import read_description, write_model, write_scheduled
 from swath_sysid.formats.outputs import MODEL_ENDINGS, Output, check_outputs
 from swath_sysid.report.fit_summary import warnings_as_data
+from swath_sysid.tank.campaign.manifest import loading_in_words
 from swath_sysid.tank.froude import length_ratio, scaled, scaled_schedule, scaling_advice
-from swath_sysid.tank.report.campaign_tables import loading_in_words
 
 
 def run(arguments: Namespace) -> int:

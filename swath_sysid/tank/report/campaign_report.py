@@ -23,6 +23,7 @@ from swath_sysid.report import figures as plots
 from swath_sysid.report.html_page import Drawing, bullets, figures, page, page_style, paragraph, table_as_html
 from swath_sysid.report.tables import Table, table_as_csv
 from swath_sysid.tank.campaign.evaluation import Condition, noise_statement, out_of_order
+from swath_sysid.tank.campaign.manifest import LOADING_NAMES, loading_in_words
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.report import campaign_tables
 from swath_sysid.tank.report.campaign_results import (
@@ -72,7 +73,7 @@ def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Draw
 
 
 def _loading(outcome: CampaignOutcome, condition: Condition):
-    return campaign_tables.loading_in_words(outcome.quantity, condition.loading)
+    return loading_in_words(outcome.quantity, condition.loading)
 
 
 def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
@@ -109,7 +110,7 @@ def _ratios(
 ):
     """A ratio of the joint fits with two standard deviations, against what the conditions differ in."""
     value, std = np.array([axis.together[c][axis.choice].ratio(term) for c in conditions]).T
-    style = {'marker': 'o', 'markersize': 4, 'capsize': 3, 'label': label} | style
+    style = {'marker': 'o', 'markersize': 4, 'capsize': 3, 'label': label, **style}
     axes.errorbar([getattr(c, against) for c in conditions], value, TWO_STD * std, **style)
 
 
@@ -126,7 +127,7 @@ def _finish_ratio(axes: plots.Axes):
 
 def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Each ratio against loading: a curve an angle, and the scheduled model with its band."""
-    schedule, quantity = axis.schedule, campaign_tables.LOADING_NAMES[outcome.quantity]
+    schedule, quantity = axis.schedule, LOADING_NAMES[outcome.quantity]
     if len(schedule.loadings) < 2:
         return
     angles = sorted({c.initial_angle_deg for c in axis.together})
@@ -206,7 +207,7 @@ def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterato
         axes.set_yticks(np.arange(count) + 0.5, terms[::-1])
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
-        axes.set_title(campaign_tables.loading_in_words(outcome.quantity, loading))
+        axes.set_title(loading_in_words(outcome.quantity, loading))
         caption = 'Correlations, all records of the draft together'
         yield Drawing(f'correlation_{axis.axis}_{loading:g}', caption, figure)
 

@@ -15,9 +15,10 @@ from swath_sysid.report.figures import LINE_STYLES, curves_of, legend_below, pan
 from swath_sysid.report.html_page import Drawing
 from swath_sysid.report.published import PARTICULARS
 from swath_sysid.report.tables import Table
+from swath_sysid.tank.campaign.manifest import LOADING_NAMES, loading_in_words
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.extinction import TankQuantity, tank_quantities
-from swath_sysid.tank.report.campaign_tables import LOADING_NAMES, VERDICT_MARKS, colour_of, loading_in_words
+from swath_sysid.tank.report.campaign_tables import VERDICT_MARKS, colour_of
 from swath_sysid.tank.report.extinction_tables import SOURCES, particulars_of
 
 #: deg, of which the three largest that a draft's records cover are reported.

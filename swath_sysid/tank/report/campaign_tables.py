@@ -13,20 +13,14 @@ from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, digits,
 from swath_sysid.report.figures import LINE_STYLES
 from swath_sysid.report.tables import Column, Table
 from swath_sysid.tank.campaign.evaluation import Condition, Record, beyond_noise, tied_best
+from swath_sysid.tank.campaign.manifest import LOADING_NAMES
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.campaign.trials import TrialOutcome
 
-LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
 VERDICT_MARKS = {ADEQUATE: 'best', DOUBTFUL: 'caution', REJECTED: 'beyond'}
 LEAD_NAMES = ('a quarter period', 'half a period', 'one period')  #: Of `LEADS`.
 QUANTITIES = {'natural_period_s': 'natural period [s]', 'damping_ratio': 'equivalent damping ratio'}
 CHECKED_SAMPLES = 10
-
-
-def loading_in_words(quantity: str, value: float) -> str:
-    """A loading with its name and unit: ``draft 0.15 m``."""
-    name, _, unit = LOADING_NAMES[quantity].partition(' [')
-    return f'{name} {value:g} {unit.rstrip("]")}'.rstrip()
 
 
 #: A colour is a draft in every figure; the record is ink, the model red and the residual blue.

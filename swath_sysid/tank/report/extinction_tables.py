@@ -20,7 +20,7 @@ from swath_sysid.report.html_page import Drawing
 from swath_sysid.report.published import PARTICULARS
 from swath_sysid.report.tables import Column, Table, columns_of
 from swath_sysid.tank.campaign.evaluation import Condition
-from swath_sysid.tank.campaign.manifest import PredictedDamping
+from swath_sysid.tank.campaign.manifest import LOADING_NAMES, PredictedDamping, loading_in_words
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.extinction import (
     Extinction,
@@ -31,7 +31,7 @@ from swath_sysid.tank.extinction import (
     froude_number,
     tank_quantities,
 )
-from swath_sysid.tank.report.campaign_tables import LOADING_NAMES, colour_of, loading_in_words, style_of
+from swath_sysid.tank.report.campaign_tables import colour_of, style_of
 
 #: Name, unit, and its power of an angle.
 CURVE_TERMS = (('p1', '-', 0), ('p2', '1/deg', 1), ('p3', '1/deg^2', 2), ("Bertin's N", '1/deg', 1))
