@@ -25,17 +25,21 @@ from swath_sysid.pipeline import scoring
 from swath_sysid.pipeline.baselines import even_stretches
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.report.figures import save_figure
+from swath_sysid.report.fit_summary import short_name
 from swath_sysid.report.forecast_figure import forecast_figure
-from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, methods_of, skill_as_data
+from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, conclusion_of, methods_of, skill_as_data
 
 
 def run(arguments: Namespace) -> int:
     """Run the predictor through the record and print its skill."""
     skill = scored(arguments)
     if arguments.json:
-        print_result(True, skill_as_data(skill), ())
-    else:
-        _print_skill(skill, arguments.record)
+        print_result(True, skill_as_data(skill), (), conclusion_of(skill))
+        return 0
+    if not arguments.quiet:
+        name = short_name(arguments.record)
+        (_print_skill if arguments.all else _print_short)(skill, name)
+    print('\n'.join(conclusion_of(skill)))
     return 0
 
 
@@ -94,6 +98,22 @@ def scored(arguments: Namespace) -> scoring.Skill:
     if arguments.plot:
         save_figure(forecast_figure(trial, run_made, skill), arguments.plot)
     return skill
+
+
+def _print_short(skill: Any, name: str) -> None:
+    """The forecast beside the best other method, and what was asked for by flags."""
+    console = Console()
+    for axis, scores in skill.axes.items():
+        table = _table_of_leads(skill, f'{name}, {axis}')
+        table.add_row('forecast', *map(cell, scores.nrmse[scoring.FORECAST]), style='bold')
+        others = [scores.nrmse[best][k] for k, best in enumerate(scores.best)]
+        table.add_row('best other method', *map(cell, others))
+        table.add_row('', *(LABELS[best] for best in scores.best), style='dim')
+        table.add_row('90 % coverage, %', *_percentages(scores.coverage[:, 1]), style='dim')
+        console.print(table)
+    for point, kinds in skill.points.items():
+        _print_point(console, skill, point, kinds)
+    _print_quiescence(console, skill, with_decisions=False)
 
 
 def _print_skill(skill: Any, name: str) -> None:
@@ -172,7 +192,7 @@ def _add_methods(table: Table, nrmse: dict[str, Any]) -> None:
         table.add_row(label, *map(cell, nrmse[names[0]]), style='bold' if scoring.FORECAST in names else '')
 
 
-def _print_quiescence(console: Any, skill: Any) -> None:
+def _print_quiescence(console: Any, skill: Any, with_decisions: bool = True) -> None:
     limits, found = skill.quiescence_limits, skill.quiescence
     if limits is None or found is None:
         return
@@ -192,7 +212,7 @@ def _print_quiescence(console: Any, skill: Any) -> None:
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
         f'(climatology: {found.brier_of_climate:.3f})'
     )
-    if skill.decisions is not None and skill.decisions.base_rate > 0.0:
+    if with_decisions and skill.decisions is not None and skill.decisions.base_rate > 0.0:
         _print_decisions(console, skill.decisions)
 
 

@@ -3,7 +3,7 @@
 import csv
 import io
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 
@@ -49,6 +49,22 @@ class Table:
         """A table of like items: each column is a heading, the value of an item, and how it is shown."""
         rows = tuple(tuple(value(item) for _, value, *_ in columns) for item in items)
         return cls(name, title, note, tuple(Column(heading, *show) for heading, _, *show in columns), rows)
+
+
+SHORT_GROUP = 3  #: Rows of each group of a longer one.
+SHORT = 12  #: Rows of a table that the terminal shows in full.
+
+
+def shortened(table: Table) -> Table:
+    """A table of which, where it is long, the first rows of each group by the first column are shown."""
+    if len(table.rows) <= SHORT:
+        return table
+    groups: dict[Any, list[tuple]] = {}
+    for row in table.rows:
+        groups.setdefault(row[0], []).append(row)
+    rows = tuple(row for group in groups.values() for row in group[:SHORT_GROUP])
+    left = f'{len(table.rows) - len(rows)} more rows are left out: --all or --json shows them.'
+    return replace(table, rows=rows, marks={}, finding=f'{table.finding} {left}'.strip())
 
 
 def table_as_csv(table: Table) -> str:

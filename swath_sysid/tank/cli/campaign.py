@@ -97,7 +97,5 @@ def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_jso
         lines += [f'{axis.axis}: {axis.ranking.reason}', *(f'  {a.message}' for a in axis.ranking.findings)]
     lines += [
         f'{outcome.computed} tasks computed, {outcome.kept} reused, {wall_s:.1f} s',
-        f'{used_of(outcome)}; report: {report}',
-        *conclusion_of(outcome),
     ]
-    print_result(as_json, data, lines)
+    print_result(as_json, data, lines, [f'{used_of(outcome)}; report: {report}', *conclusion_of(outcome)])
