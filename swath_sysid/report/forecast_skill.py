@@ -103,17 +103,21 @@ def _winner(leads: np.ndarray, scores: QuantitySkill) -> str:
     low, high = scores.ratio_interval.T
     known = np.isfinite(low + high)
     parts = []
+    size = '{ratios} of the error of {best}, the best other method'
     for found, words in (
-        (high < 1.0, 'the forecast wins'),
-        (low > 1.0, 'the forecast loses'),
-        (known & (low <= 1.0) & (high >= 1.0), 'the difference is within chance'),
-        (np.isfinite(scores.ratio) & ~known, 'the record is too short to tell more than the ratio of the errors'),
+        (high < 1.0, f'the forecast wins {{where}} ({size})'),
+        (low > 1.0, f'the forecast loses {{where}} ({size})'),
+        (known & (low <= 1.0) & (high >= 1.0), f'the difference is within chance {{where}} ({size})'),
+        (
+            np.isfinite(scores.ratio) & ~known,
+            f'{{where}} the forecast has {size}; the record is too short to exclude chance',
+        ),
     ):
         if found.any():
             best = dict.fromkeys(LABELS[name] for name, is_so in zip(scores.best, found, strict=True) if is_so)
             ratios = ', '.join(cell(value, 2) for value in scores.ratio[found])
             where = _leads_in_words(leads, found)
-            parts.append(f'{words} {where} ({ratios} of the error of the best other method, {", ".join(best)})')
+            parts.append(words.format(where=where, ratios=ratios, best=', '.join(best)))
     return '; '.join(parts)
 
 

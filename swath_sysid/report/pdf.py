@@ -1,6 +1,5 @@
-"""A page as PDF, printed by the browser or the library that is there."""
+"""A page as PDF, printed by the browser that is there."""
 
-import importlib.util
 import os
 import shutil
 import subprocess
@@ -14,26 +13,21 @@ BROWSERS = 'chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stabl
 PATIENCE = 300.0  #: s; only a browser that hangs is waited for so long.
 
 
-def printer() -> str:
-    """Path of the browser that prints, or ``weasyprint``; raises `InputError` where neither is there."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), '')
-    if not found and importlib.util.find_spec('weasyprint') is None:
+def browser() -> str:
+    """Path of a browser that prints; raises `InputError` where there is none."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
         raise InputError(
-            'a PDF is printed by Chromium, Chrome or Edge, or by the Python package weasyprint, and none is installed: '
-            'install one, or open the page in a browser and print it'
+            'a PDF is printed by Chromium, Chrome or Edge, and none is installed: install one, or leave --pdf out and '
+            'print the page from any browser'
         )
-    return found or 'weasyprint'
+    return found
 
 
 def write_pdf(page: Path, path: Path) -> None:
     """Print a page of this package, its folded parts too."""
-    by = printer()
+    by = browser()
     with replacing(path) as temporary:
-        if by == 'weasyprint':
-            import weasyprint
-
-            weasyprint.HTML(filename=str(page)).write_pdf(str(temporary), presentational_hints=True)
-            return
         with tempfile.TemporaryDirectory() as profile:
             command = [by, '--headless', '--disable-gpu', '--no-first-run', f'--user-data-dir={profile}']
             # the sandbox of Chromium does not start for root, as in a container

@@ -51,20 +51,15 @@ class Table:
         return cls(name, title, note, tuple(Column(heading, *show) for heading, _, *show in columns), rows)
 
 
-SHORT_GROUP = 3  #: Rows of each group of a longer one.
-SHORT = 12  #: Rows of a table that the terminal shows in full.
+SHORT = 12  #: Rows of a table that the terminal shows in full; of a longer one it shows a fourth of them.
 
 
 def shortened(table: Table) -> Table:
-    """A table of which, where it is long, the first rows of each group by the first column are shown."""
+    """A table of which, where it is long, the first rows are shown."""
     if len(table.rows) <= SHORT:
         return table
-    groups: dict[Any, list[tuple]] = {}
-    for row in table.rows:
-        groups.setdefault(row[0], []).append(row)
-    rows = tuple(row for group in groups.values() for row in group[:SHORT_GROUP])
-    left = f'{len(table.rows) - len(rows)} more rows are left out: --all or --json shows them.'
-    return replace(table, rows=rows, marks={}, finding=f'{table.finding} {left}'.strip())
+    left = f'{len(table.rows) - SHORT // 4} more rows are left out: --all or --json shows them.'
+    return replace(table, rows=table.rows[: SHORT // 4], finding=left)
 
 
 def table_as_csv(table: Table) -> str:

@@ -325,11 +325,14 @@ def test_the_page_needs_nothing_else_and_holds_together(done):
     for words in ('A &lt;small&gt; campaign', 'Repeats agree to', 'No equation fits worse'):
         assert words in page
     (axis,) = done[0].axes
-    short, _, warnings = page.partition('<section id="warnings">')
+    first, _, rest = page.partition('<details class="rest">')
     for loading, fits in axis.by_draft.items():
         verdict = fits[axis.choice].verdict
-        assert f'the fit of all records at {loading:g} is {verdict}' in short
-        assert (verdict.level == 'adequate') != (f'all records at {loading:g}: {verdict}' in warnings)
+        assert f'the fit of all records at {loading:g} is {verdict}' in rest
+        assert (verdict.level != 'adequate') == (f'draft factor {loading:g}: {verdict}' in first)
+    for row in rows_of(done[1] / 'tables' / 'results.csv'):
+        truth = 2.0 * math.pi / math.sqrt(HULL.terms['r1'] / float(row['draft factor']))
+        assert float(row['natural period [s]']) == pytest.approx(truth, rel=0.1) and f'>{row["verdict"]}</td>' in first
 
 
 def test_the_command_line_scales_there_and_back(done, tmp_path, capsys):

@@ -100,16 +100,6 @@ def _is_ended_by_the_next(segment: DecaySegment, others: Sequence[DecaySegment])
     return any(0.0 <= other.start - segment.end < BREAKING_PERIODS * segment.period for other in others)
 
 
-def find_decay(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment:
-    """Find the best free decay of a record, or measure the one between given bounds, s of record time. A missing bound
-    is found: the end of the first decay after ``start``, the start of the last before ``end``.
-    """
-    found = decays_or_absence(motion, start, end)
-    if isinstance(found, Advice):
-        raise InputError(found.message, found.code)
-    return _best_of(found)
-
-
 def decays_or_absence(
     motion: AxisMotion, start: float | None = None, end: float | None = None
 ) -> tuple[DecaySegment, ...] | Advice:
@@ -420,16 +410,6 @@ def _with_bounds(
     if end is not None:
         found = replace(found, end=end, ending='given', advice=())
     return replace(found, cycles=motion.between(found.start, found.end).duration / found.period)
-
-
-def _best_of(decays: Sequence[DecaySegment]) -> DecaySegment:
-    """The best decay, with advice about the others."""
-    best = decays[0]
-    if len(decays) == 1:
-        return best
-    others = ', '.join(f'{decay.start:.1f} to {decay.end:.1f} s' for decay in decays[1:4])
-    several = Advice.of('several-decays', number=len(decays), start=best.start, end=best.end, others=others)
-    return replace(best, advice=(*best.advice, several))
 
 
 def _name(motion: AxisMotion) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from swath_sysid.cli.progress import print_result, progress_of
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
-from swath_sysid.report.pdf import printer, write_pdf
+from swath_sysid.report.pdf import browser, write_pdf
 from swath_sysid.tank.campaign.manifest import read_manifest
 from swath_sysid.tank.campaign.proposal import write_new_manifest
 from swath_sysid.tank.campaign.run import CampaignOutcome, run_campaign
@@ -44,7 +44,7 @@ def run(arguments: Namespace) -> int:
 def _work_off(arguments: Namespace) -> int:
     began = time.perf_counter()
     if arguments.pdf:
-        printer()
+        browser()
     check_outputs([Output('--output', arguments.output, is_folder=True)], [arguments.manifest])
     manifest = read_manifest(arguments.manifest)
     folder = Path(arguments.output)

@@ -1,7 +1,6 @@
 """The report of a campaign: a page, the same tables as CSV, the figures as SVG, and the model file."""
 
 import html
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -44,7 +43,7 @@ def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
         'decays': list(decay_drawings(outcome, axis)),
         'against_angle': list(against_angle(outcome, axis)),
         'against_draft': list(against_draft(outcome, axis)),
-        'damping': list(period_drawings(axis)),
+        'damping': list(extinction_drawings(outcome, axis)),
         'records': list(record_drawings(outcome, axis)),
         'correlations': list(correlation_drawings(outcome, axis)),
     }
@@ -145,30 +144,6 @@ def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawi
         yield Drawing(f'{term}_against_draft_{axis.axis}', caption, figure)
 
 
-def period_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
-    """Natural period against amplitude, all conditions on one axis."""
-    several = len({c.loading for c in axis.together}) > 1
-    label = 'natural period [s]'
-    figure, axes = plots.panel(xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
-    figure.set_figheight(figure.get_figheight() + 0.22 * math.ceil(len(axis.together) / 2))
-    for condition, fits in sorted(axis.together.items()):
-        bands = fits[axis.choice].bands
-        amplitude, (value, std) = np.degrees(bands.curves.amplitude), plots.curves_of(bands)[label]
-        colour, style = colour_of(axis, condition.loading), style_of(axis, condition.initial_angle_deg)['linestyle']
-        plots.two_std_band(axes, amplitude, value, std, color=colour, alpha=0.12)
-        name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if several else '')
-        axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
-    # by the curves: a band that is wide where nothing was measured shall not hide them
-    values = np.concatenate([line.get_ydata() for line in axes.lines])
-    if (values := values[np.isfinite(values)]).size:
-        low, high = values.min(), values.max()
-        margin = 0.35 * (high - low) + 0.01 * abs(high)
-        axes.set_ylim(low - margin, high + margin)
-    plots.legend_below(axes)
-    caption = 'Natural period against amplitude, bands of two standard deviations'
-    yield Drawing(f'period_against_amplitude_{axis.axis}', caption, figure)
-
-
 def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Every record with the identified motion and the residual."""
     for record, fits in zip(axis.records, axis.fits['simulation'], strict=True):
@@ -227,8 +202,6 @@ def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) ->
         raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
     with page_style():
         drawings = [campaign_drawings(outcome, axis) for axis in outcome.axes]
-        for axis, drawn in zip(outcome.axes, drawings, strict=True):
-            drawn['damping'] += extinction_drawings(outcome, axis)
         results = list(result_drawings(outcome))
         for drawing in (*results, *(each for kinds in drawings for items in kinds.values() for each in items)):
             write_text(folder / FIGURES / f'{drawing.name}.svg', drawing.svg)
@@ -287,7 +260,6 @@ def _axis_tables(outcome: CampaignOutcome, axis: AxisOutcome):
         'ratios': campaign_tables.coefficient_table(outcome, axis),
         'repeats': campaign_tables.spread_table(outcome, axis),
         'errors': campaign_tables.errors_table(outcome, axis),
-        'next_step': campaign_tables.next_step_table(outcome, axis),
         **extinction_tables(outcome, axis),
     }
     if len(axis.schedule.loadings) > 1:
@@ -364,15 +336,7 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
 
 
 def _warnings(outcome: CampaignOutcome):
-    lines = [
-        f'{axis.axis.capitalize()}, all records at {loading:g}: {verdict}.'
-        for axis in outcome.axes
-        for loading, fits in axis.by_draft.items()
-        if (verdict := fits[axis.choice].verdict).level != ADEQUATE
-    ]
-    lines += [f'Manifest, {fault}' for fault in outcome.manifest.faults]
-    lines += [f'Left out: {line}' for line in left_out_of(outcome)]
-    lines += [f'Failed: {line}' for line in outcome.failures]
+    lines = []
     gathered: dict[str, list[str]] = {}
     for t in outcome.trials:
         for advice in t.advice:

@@ -66,10 +66,8 @@ def draft_results(outcome: CampaignOutcome) -> list[DraftResult]:
     return found
 
 
-def with_interval(quantity: TankQuantity | None) -> str:
+def with_interval(quantity: TankQuantity) -> str:
     """A value with its expanded uncertainty, both to the last digit that this one has."""
-    if quantity is None:
-        return '-'
     value, spread = quantity.value, quantity.expanded
     if not (math.isfinite(spread) and spread > 0.0):
         return f'{value:.4g}'
@@ -80,7 +78,8 @@ def with_interval(quantity: TankQuantity | None) -> str:
 def results_table(outcome: CampaignOutcome) -> Table:
     """Period and damping of each draft at named amplitudes, with the verdict."""
     items = [(result, at, {q.name: q for q in own}) for result in draft_results(outcome) for at, own in result.rows]
-    symbols = {each for _, _, own in items for each in own if each in ('B44', 'B55')}
+    symbols = sorted({each for _, _, own in items for each in own if each in ('B44', 'B55')})
+    names = ('natural period', ' [s]'), ('equivalent damping ratio', ''), *((each, ' [N m s]') for each in symbols)
     given = [SOURCES[name] for name, share in vars(outcome.manifest.uncertainty).items() if share]
     type_b = (
         f'and of {", ".join(given)} as the manifest gives them'
@@ -98,14 +97,20 @@ def results_table(outcome: CampaignOutcome) -> Table:
         (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
         ('verdict', lambda item: item[0].verdict),
         ('amplitude [deg]', lambda item: item[1], digits(3)),
-        ('natural period [s]', lambda item: with_interval(item[2]['natural period'])),
-        ('equivalent damping ratio', lambda item: with_interval(item[2]['equivalent damping ratio'])),
-        *((f'{name} [N m s]', lambda item, name=name: with_interval(item[2].get(name))) for name in sorted(symbols)),
+        *(column for name, unit in names for column in _with_uncertainty(name, unit)),
         ('releases', lambda item: item[0].releases),
     )
     place = [column.name for column in table.columns].index('verdict')
     table.marks.update({(k, place): VERDICT_MARKS[item[0].verdict] for k, item in enumerate(items)})
     return table
+
+
+def _with_uncertainty(name: str, unit: str) -> tuple[tuple, tuple]:
+    """Columns of a quantity and of its expanded uncertainty."""
+    return (
+        (f'{name}{unit}', lambda item: item[2][name].value if name in item[2] else None, digits(5)),
+        (f'±{unit or " of the ratio"}', lambda item: item[2][name].expanded if name in item[2] else None, digits(2)),
+    )
 
 
 def conclusion_of(outcome: CampaignOutcome) -> list[str]:

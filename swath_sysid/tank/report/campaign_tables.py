@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
+from swath_sysid.attitude.identification.forecast_check import LEADS
 from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, digits, percent
 from swath_sysid.report.figures import LINE_STYLES
 from swath_sysid.report.tables import Column, Table
@@ -20,7 +20,6 @@ from swath_sysid.tank.campaign.trials import TrialOutcome
 VERDICT_MARKS = {ADEQUATE: 'best', DOUBTFUL: 'caution', REJECTED: 'beyond'}
 LEAD_NAMES = ('a quarter period', 'half a period', 'one period')  #: Of `LEADS`.
 QUANTITIES = {'natural_period_s': 'natural period [s]', 'damping_ratio': 'equivalent damping ratio'}
-CHECKED_SAMPLES = 10
 
 
 #: A colour is a draft in every figure; the record is ink, the model red and the residual blue.
@@ -304,31 +303,6 @@ def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bo
             for k, (_, name) in enumerate(zip(LEADS, LEAD_NAMES, strict=True))
         ),
         ('simulated, held out', lambda item: item[1].held_out, percent),
-    )
-
-
-def next_step_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
-    """The papers' check, of ten samples of the record from the largest angle at the middle loading."""
-    loadings = sorted({c.loading for c in axis.best})
-    middle = [c for c in axis.best if c.loading == loadings[len(loadings) // 2]]
-    index = axis.best[max(middle, key=lambda c: c.initial_angle_deg)]
-    record, fit = axis.records[index], axis.fits['simulation'][index][axis.choice]
-    checked = next_step(fit.model.with_trim(fit.states[0].trim), fit.problem.motions[0])
-    steady = np.convolve(np.abs(checked.measured), np.ones(CHECKED_SAMPLES), mode='valid')
-    chosen = slice(first := int(np.argmax(steady)), first + CHECKED_SAMPLES)
-    samples = np.transpose([checked.time[chosen], checked.measured[chosen], checked.predicted[chosen]]).tolist()
-    c = record.condition
-    return Table.of(
-        f'next_step_{axis.axis}',
-        f'Next-step check, {axis.axis}',
-        f'{c.initial_angle_deg:g} deg, {LOADING_NAMES[outcome.quantity]} {c.loading:g}, repeat {record.repeat}: where '
-        f'it turns fastest. Any smooth model passes this check, because the measured rate stands on both sides; the '
-        f'errors of simulated motion and forecasts say more.',
-        samples,
-        ('time [s]', lambda s: s[0], digits(6)),
-        ('measured rate [rad/s]', lambda s: s[1], digits(6)),
-        ('next-step rate [rad/s]', lambda s: s[2], digits(6)),
-        ('error', lambda s: abs(s[2] - s[1]) / abs(s[1]) if s[1] else float('nan'), percent),
     )
 
 
