@@ -149,7 +149,7 @@ def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
         f'waves: {SEAS[found.sea]}',
         f'  the exciting moment peaks at a period of {found.peak_period:.3g} s; it follows the slope of the waves, so '
         'their height peaks at a longer one',
-        f'  the spectrum deviates from the fitted one {found.misfit:.2f} times as much as chance alone would make it',
+        f'  the misfit of the spectrum is {found.misfit:.2f} times what chance alone leaves',
         f'  natural period {found.natural_period:.3f} s +- {found.natural_period_std:.2g}, equivalent damping ratio '
         f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
     ]

@@ -160,7 +160,7 @@ class _AxisPlan:
             name = title_of(ranking.choice.equation, self._records[0].condition.axis)
             ranking = replace(
                 ranking,
-                reason=f'{name}: of the general hull, the terms for which the records of each draft give evidence.',
+                reason=f'the records give evidence for {name} of the general hull.',
             )
         drafts = zip(joint.values(), self._drafts().values(), strict=True)
         models = tuple(fit.identified_model(self._provenance(group)) for fit, group in drafts)

@@ -50,7 +50,7 @@ def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
 
 
 def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
-    """Decays of all drafts on one axis, a figure an angle; with one draft, of all angles on one."""
+    """Decays of all drafts, one figure for each angle; of a single draft, all angles in one figure."""
     several = len({c.loading for c in axis.best}) > 1
     groups: dict[tuple[float, str], list] = {}
     for condition, index in axis.best.items():
@@ -125,7 +125,7 @@ def _finish_ratio(axes: plots.Axes):
 
 
 def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
-    """Each ratio against loading: a curve an angle, and the scheduled model with its band."""
+    """Each ratio against loading: one curve for each angle, and the scheduled model with its band."""
     schedule, quantity = axis.schedule, LOADING_NAMES[outcome.quantity]
     if len(schedule.loadings) < 2:
         return

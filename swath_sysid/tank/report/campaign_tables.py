@@ -178,7 +178,8 @@ def ranking_table(axis: AxisOutcome) -> Table:
     table = Table.of(
         f'ranking_{axis.axis}',
         f'Ranking, {axis.axis}',
-        'Criterion: of one set of ratios a draft for all angles and repeats; 10 more is decisively worse. Held-out: '
+        'Criterion: with one set of ratios for all releases of a draft; 10 above the best is decisively worse. '
+        'Held-out: '
         'error on another repeat (or the second half of a lone one) over the standard deviation of the motion.',
         axis.ranking.ranked,
         ('equation', lambda r: r.name),

@@ -104,7 +104,7 @@ def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
         )
         table = np.vstack([peaks.time, np.degrees(peaks.angle), between]).T.tolist()
         rows += [(label, number, *values) for number, values in enumerate(table, 1)]
-    note = 'The decrement per half-cycle is of half the double amplitudes before and after the peak: trim cancels.'
+    note = 'A decrement is the amplitude before a peak less that after it, each half a double amplitude: trim cancels.'
     return Table(name, 'Peaks and decrements', note, PEAK_COLUMNS, tuple(rows))
 
 
