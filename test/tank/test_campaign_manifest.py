@@ -210,6 +210,23 @@ def test_patterns_are_told_from_names(name, pattern):
     assert pattern_expression(pattern).fullmatch(name)
 
 
+@pytest.mark.parametrize(
+    'line, said',
+    [
+        ('Tiefgang: 0,150 m', 'draft_m: 0.15'),
+        ('# draft [mm]: 150', 'draft_m: 0.15'),
+        ('"Masse";30,5;"kg"', 'displacement_kg: 30.5'),
+        ('Geschwindigkeit = 1,5 m/s', 'speed_m_s: 1.5'),
+        ('Anfangswinkel;10;°', 'initial_angle_deg: 10.0'),
+        ('Draft: 0.15 of the design', '# draft_m: 0.15'),
+        ('Draft reading: none', '# draft_m: 0.15'),
+    ],
+)
+def test_lines_above_a_table_propose_what_they_say_with_a_unit(line, said, tmp_path):
+    (tmp_path / 'Versuch.csv').write_text(f'Werft\n{line}\nZeit [s];Rollwinkel [°]\n0,00;1,0\n')
+    assert f'    {said}\n' in new_manifest(tmp_path)
+
+
 @pytest.fixture
 def store(tmp_path):
     return ResultStore(tmp_path / 'results')

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
@@ -28,6 +29,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_description, read_model
+from swath_sysid.report.pdf import BROWSERS, write_pdf
 from swath_sysid.report.tables import table_as_csv
 from swath_sysid.tank.campaign import work as executors
 from swath_sysid.tank.campaign.evaluation import out_of_order
@@ -333,6 +335,16 @@ def test_the_page_needs_nothing_else_and_holds_together(done):
     for row in rows_of(done[1] / 'tables' / 'results.csv'):
         truth = 2.0 * math.pi / math.sqrt(HULL.terms['r1'] / float(row['draft factor']))
         assert float(row['natural period [s]']) == pytest.approx(truth, rel=0.1) and f'>{row["verdict"]}</td>' in first
+
+
+def test_a_pdf_is_printed_by_a_browser_or_refused_before_any_work(trials, done, tmp_path, monkeypatch, capsys):
+    if any(map(shutil.which, BROWSERS)):
+        write_pdf(done[1] / 'report.html', tmp_path / 'report.pdf')
+        assert (tmp_path / 'report.pdf').read_bytes().startswith(b'%PDF')
+    monkeypatch.setattr('shutil.which', lambda name: None)
+    words = ['campaign', str(trials / 'campaign.yaml'), '--output', str(tmp_path / 'none'), '--pdf']
+    assert main(words) == 2 and 'Chromium, Chrome or Edge' in capsys.readouterr().err
+    assert not (tmp_path / 'none').exists()
 
 
 def test_the_command_line_scales_there_and_back(done, tmp_path, capsys):

@@ -149,7 +149,7 @@ def _said_above(path: Path) -> dict[str, float]:
     found = {}
     for key, (words, units) in _IN_LINES.items():
         unit = '|'.join(sorted(map(re.escape, units), key=len, reverse=True))
-        line = rf'^\W*(?:{words})(?:[ _]({unit}))?["\s]*[:=;,\t]["\s]*({NUMBER})\s*\[?({unit})?(?!\w)'
+        line = rf'^\W*(?:{words})[ _]*[\[(]?({unit})?[\])]?["\s]*[:=;,\t]["\s]*({NUMBER})[\s;,"\[(]*({unit})?(?!\w)'
         if match := re.search(line, text, re.IGNORECASE | re.MULTILINE):
             given = (match[1] or match[3] or '').lower()
             value = float(match[2].replace(',', '.')) * units.get(given, 1.0)

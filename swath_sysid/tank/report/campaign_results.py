@@ -108,8 +108,12 @@ def results_table(outcome: CampaignOutcome) -> Table:
 def _with_uncertainty(name: str, unit: str) -> tuple[tuple, tuple]:
     """Columns of a quantity and of its expanded uncertainty."""
     return (
-        (f'{name}{unit}', lambda item: item[2][name].value if name in item[2] else None, digits(5)),
-        (f'±{unit or " of the ratio"}', lambda item: item[2][name].expanded if name in item[2] else None, digits(2)),
+        (f'{name}{unit}', lambda item: item[2][name].value if name in item[2] else None, '{:#.5g}'.format),
+        (
+            f'±{unit or " of the ratio"}',
+            lambda item: item[2][name].expanded if name in item[2] else None,
+            '{:#.2g}'.format,
+        ),
     )
 
 
