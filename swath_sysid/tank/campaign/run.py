@@ -77,9 +77,7 @@ def run_campaign(
     on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> CampaignOutcome:
     """Carry a campaign out; results in the store are not computed again."""
-    # that of the first entry which names one
-    quantity = next((t.loading[0] for t in manifest.trials if t.loading is not None), 'draft_factor')
-    trials = prepared_trials(manifest, quantity)
+    quantity, trials = prepared_trials(manifest)
     axes = {t.record.condition.series for t in trials if t.record is not None}
     if not axes:
         reasons = [f'{t.name}: {t.reason}' for t in trials]

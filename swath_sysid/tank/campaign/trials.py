@@ -36,7 +36,7 @@ class TrialOutcome:
     record: Record | None = None
     reason: str = ''
     advice: tuple[Advice, ...] = ()
-    unused_draft: float | None = None  #: m; that the file gives, of a craft whose design draft is unknown.
+    states_draft: bool = False  #: Whether the file does.
     release: int = 0  #: Number within a file of several; 0 in one of a single release.
 
     def left_out(self, reason: object) -> 'TrialOutcome':
@@ -63,17 +63,17 @@ class TrialOutcome:
         ]
 
 
-def prepared_trials(manifest: Manifest, quantity: str) -> list[TrialOutcome]:
-    """Every release of a manifest's trials, read, cut and numbered, or with the reason why it is left out."""
+def prepared_trials(manifest: Manifest) -> tuple[str, list[TrialOutcome]]:
+    """The quantity that gives the loading, of the first entry which names one or of the files, and every release of the
+    trials, read, cut and numbered, or with the reason why it is left out.
+    """
+    named = next((t.loading[0] for t in manifest.trials if t.loading is not None), '')
+    quantity = named or 'draft_factor'
     trials = [each for entry in manifest.trials for each in _prepared(entry, manifest, quantity)]
-    trials = _numbered(_without_copies(trials))
-    _check_drafts(trials)
-    return _without_contradictions(trials, quantity)
-
-
-def hides_drafts(craft: Craft, quantity: str) -> bool:
-    """Whether drafts in files have nothing to refer to, so that every trial counts as one at the design draft."""
-    return quantity == 'draft_factor' and craft.draft_m is None
+    if not named and any(t.states_draft for t in trials) and manifest.craft.draft_m is None:
+        quantity = 'draft_m'
+        trials = [each for entry in manifest.trials for each in _prepared(entry, manifest, quantity)]
+    return quantity, _without_contradictions(_numbered(_without_copies(trials)), quantity)
 
 
 def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> float:
@@ -83,7 +83,7 @@ def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> 
         given is None
         and trial.draft is not None
         and quantity != 'displacement_kg'
-        and not hides_drafts(craft, quantity)
+        and not (quantity == 'draft_factor' and craft.draft_m is None)
     ):
         given = ('draft_m', trial.draft)
     if given is None:
@@ -115,12 +115,11 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> list[Tria
             raise InputError(decays.message, decays.code)
         loading = round(loading_of(entry, trial, manifest.craft, quantity), 9)
         used, ordered = to_be_fitted(decays), sorted(decays, key=lambda decay: decay.start)
-        draft = trial.draft if entry.loading is None and hides_drafts(manifest.craft, quantity) else None
         found = []
         for number, segment in enumerate(ordered, 1):
             is_single = len(ordered) == 1
             name = outcome.name if is_single else f'{outcome.name}, release {number}'
-            each = replace(outcome, name=name, release=0 if is_single else number, unused_draft=draft)
+            each = replace(outcome, name=name, release=0 if is_single else number, states_draft=trial.draft is not None)
             if segment not in used:
                 short = f'its motion from {segment.start:.1f} to {segment.end:.1f} s ({segment.cycles:.1f} cycles)'
                 found.append(each.left_out(f'{short} is no release that can be fitted; start_s and end_s choose it'))
@@ -217,16 +216,6 @@ def _contradict(one: Peaks, other: Peaks) -> bool:
     scatter = math.hypot(*(p.std(ddof=1) / math.sqrt(p.size) for p in periods))
     shift = 0.5 * apart / np.mean([p.mean() for p in periods])
     return bool(2.0 * np.pi * shift > ADEQUATE_ERROR and apart > TWO_STD * scatter)
-
-
-def _check_drafts(trials: Sequence[TrialOutcome]) -> None:
-    """Refuse trials of several drafts that would all count as the design draft."""
-    drafts = sorted({t.unused_draft for t in trials if t.record is not None and t.unused_draft is not None})
-    if len(drafts) > 1:
-        raise InputError(
-            f'the files of the trials give several drafts ({", ".join(f"{draft:g}" for draft in drafts)} m), and the '
-            "manifest no design draft: write the craft's draft_m under craft:, to which the drafts of trials refer"
-        )
 
 
 def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:

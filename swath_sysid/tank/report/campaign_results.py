@@ -51,16 +51,13 @@ def draft_results(outcome: CampaignOutcome) -> list[DraftResult]:
             low, high = np.degrees(fit.amplitude_range)
             named = [a for a in NAMED_AMPLITUDES if low <= a <= high][-3:] or [math.degrees(fit.reference_amplitude)]
             particulars = particulars_of(outcome, axis.records[members[0]].condition)
-            inertia, singles = (
-                particulars.inertia_of(fit.model),
-                [axis.fits['simulation'][k][axis.choice] for k in members],
-            )
+            inertia, budget = particulars.inertia_of(fit.model), outcome.manifest.uncertainty
+            singles = [axis.fits['simulation'][k][axis.choice] for k in members]
             rows = []
             for at in named:
                 angle = math.radians(at)
                 repeats = [s.bands for s in singles if s.amplitude_range[0] <= angle <= s.amplitude_range[1]]
-                uncertainty = outcome.manifest.uncertainty
-                own = tank_quantities(axis.motion, fit.bands, angle, inertia, particulars, uncertainty, repeats)
+                own = tank_quantities(axis.motion, fit.bands, angle, inertia, particulars, budget, repeats)
                 rows.append((at, own))
             found.append(DraftResult(axis, loading, fit, len(members), tuple(rows)))
     return found
@@ -80,17 +77,16 @@ def results_table(outcome: CampaignOutcome) -> Table:
     items = [(result, at, {q.name: q for q in own}) for result in draft_results(outcome) for at, own in result.rows]
     symbols = sorted({each for _, _, own in items for each in own if each in ('B44', 'B55')})
     names = ('natural period', ' [s]'), ('equivalent damping ratio', ''), *((each, ' [N m s]') for each in symbols)
-    given = [SOURCES[name] for name, share in vars(outcome.manifest.uncertainty).items() if share]
-    type_b = (
-        f'and of {", ".join(given)} as the manifest gives them'
-        if given
-        else ('but not of sensor scale and time base, for which the manifest gives nothing')
-    )
+    budget = vars(outcome.manifest.uncertainty)
+    given = ', '.join(SOURCES[name] for name, share in budget.items() if share)
+    absent = ' and '.join(SOURCES[name] for name in ('sensor_scale', 'time_base') if not budget[name])
+    type_b = f', with {given} as the manifest gives them' * bool(given)
+    type_b += f', without {absent}, which the manifest does not give' * bool(absent)
     table = Table.of(
         'results',
         '',
-        'Of all releases of a draft fitted together. ±: expanded uncertainty (k = 2, about 95 %) of the fit, of the '
-        f'scatter of the releases that reach the amplitude, {type_b}. The verdict is on the forecast of the next '
+        'Of all releases of a draft fitted together. ±: expanded uncertainty (k = 2) by the larger of the fit '
+        f'and the scatter of the releases that reach the amplitude{type_b}. The verdict is on the forecast of the next '
         'release by the fitted model.',
         items,
         *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
