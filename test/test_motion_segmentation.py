@@ -174,6 +174,36 @@ def test_two_releases_in_one_record(seed):
     assert [d.start for d in decays] == pytest.approx([8.0, later[0] + 8.0], abs=0.3)
 
 
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_three_releases_by_hand_that_only_a_gyroscope_has_recorded(sign):
+    """Each is amid the motion of the others, and the hand stops the craft in its swing and turns it back."""
+    time = np.arange(0.0, 35.0, 1 / RATE_HZ)
+    rate = np.zeros(time.size)
+    for start in (3.0, 15.0, 27.0):
+        swing = (time >= start) & (time < start + 8.2)
+        rate[swing] = sign * released(time[swing] - start, np.radians(6.0), 0.02)[1]
+        hand = (time >= start + 8.2) & (time < start + 10.2)
+        rate[hand] = sign * 0.04 * np.sin(np.pi / 2.0 * (time[hand] - start - 8.2))
+    found = find_decays(motion_of(time, rate=rate, noise=0.1))
+    assert sorted(round(each.start) for each in found) == [3, 15, 27]
+    assert {each.beginning for each in found} == {'released'}
+
+
+@pytest.mark.parametrize('scale', [1.0, 10.0])
+def test_slow_noise_does_not_hide_that_a_released_craft_loses_motion_to_friction(scale):
+    """Double amplitudes are out of order by 2 %, as with an attitude filter; before, the craft was held."""
+    period, first, whole = 2.0 * scale, np.radians(5.0), 0
+    time = np.arange(0.0, 24.0 * period, period / 50.0)
+    after = np.maximum(time - 3.0 * period, 0.0)
+    angle = (first - 0.02 * first * after / period) * np.cos(2.0 * np.pi * after / period)
+    for seed in range(10):
+        white = np.random.default_rng(seed).normal(size=time.size)
+        slow = np.convolve(white, np.exp(-np.arange(60) / 12.0))[: time.size]
+        found = find_decays(AxisMotion('roll', time, angle + 0.015 * first * slow / slow.std(), None, 'a record'))
+        whole += len(found) == 1 and found[0].beginning == 'released' and found[0].end > 20.0 * period
+    assert whole >= 8
+
+
 @pytest.mark.parametrize('hull', ['swath-pitch', 'swath-usv-pitch', 'hydrofoil-pitch'])
 @pytest.mark.parametrize('rate_hz', [5.0, 10.0])
 def test_a_small_sparse_release_at_the_start_of_the_record(hull, rate_hz):

@@ -38,6 +38,9 @@ STEEP_SHARE = 0.5 - float(np.arccos(2.0 * HELD - 1.0)) / np.pi
 #: background.
 REST_BAND = 0.07
 HALF_CYCLES_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
+#: Part of the first double amplitude by which the others of a released craft may be out of order where slow noise, as
+#: of an attitude filter, hides that they shrink.
+IRREGULAR = 0.05
 
 
 @dataclass(frozen=True)
@@ -168,6 +171,28 @@ class DecayCandidate:
         stay = (self.release - self.arrival) / self.period - 0.5
         return max(stay, 0.5 if self.was_dropped else 0.0)
 
+    @cached_property
+    def risen_from(self) -> int:
+        """Sample from which on a signal at its level rose to the first turning point; zero where it was never there."""
+        peak = self.signal.index(self.time[self.first])
+        at_level = np.flatnonzero(np.abs(self._share_of_first(peak)) < 2.0 * REST_BAND)
+        return int(at_level[-1]) if at_level.size else 0
+
+    @cached_property
+    def stillness(self) -> float:
+        """Periods, beyond a half, for which a craft of which only the rate was measured had been at rest before it."""
+        return 0.0 if self.signal.quantity == 'angle' else self.stay_within(2.0 * REST_BAND)
+
+    def stay_within(self, part: float) -> float:
+        """Periods, beyond a half, for which a signal had stayed within this part of the first turning point."""
+        moving = np.flatnonzero(np.abs(self._share_of_first(self.risen_from)) >= part)
+        stay = self.risen_from - (int(moving[-1]) if moving.size else 0)
+        return max(stay * self.signal.interval / self.period - 0.5, 0.0)
+
+    def _share_of_first(self, last: int) -> np.ndarray:
+        """Samples up to a place, from the centre, over those of the first turning point."""
+        return (self.signal.value[: last + 1] - self.centre) / (float(self.value[self.first]) - self.centre)
+
     @property
     def was_dropped(self) -> bool:
         """Whether it came to the first turning point faster than the craft oscillates, or the record was cut there."""
@@ -203,15 +228,20 @@ class DecayCandidate:
     @cached_property
     def evidence(self) -> float:
         """How much it looks like a release, in periods of rest: below one it is none."""
-        return self.rest + self.hold + self.double_amplitudes.size / HALF_CYCLES_FOR_REST
+        return self.rest + self.hold + self.stillness + self.double_amplitudes.size / HALF_CYCLES_FOR_REST
 
-    def is_decay(self, decays: Sequence['DecayCandidate']) -> bool:
-        """Whether it is amid more rest, in periods, than motion, in its own durations, that is none of the decays."""
-        moving, time = self.activity.copy(), self.signal.time
-        for decay in (self, *decays):
-            moving &= (time < decay.arrival - decay.period) | (time > decay.end + decay.period)
-        unexplained = self.signal.interval * float(np.count_nonzero(moving))
-        return self.evidence >= 1.0 + unexplained / (self.end - self.release)
+
+def are_decays(candidates: Sequence[DecayCandidate], others: Sequence[DecayCandidate]) -> bool:
+    """Whether candidates of one record are, together, amid more rest, in periods, than motion, in their own durations,
+    that is neither theirs nor that of other decays.
+    """
+    largest = max(candidates, key=lambda candidate: float(candidate.double_amplitudes[0]))
+    moving, time = largest.activity.copy(), largest.signal.time
+    for decay in (*candidates, *others):
+        moving &= (time < decay.arrival - decay.period) | (time > decay.end + decay.period)
+    unexplained = largest.signal.interval * float(np.count_nonzero(moving))
+    evidence = sum(candidate.evidence for candidate in candidates) / len(candidates)
+    return evidence >= 1.0 + unexplained / sum(candidate.end - candidate.release for candidate in candidates)
 
 
 def last_crossing(values: Sequence[float], part: float, start: float = 0.0, way: float = 1.0) -> float:
@@ -257,8 +287,11 @@ def usual_period(time: Sequence[float], value: Sequence[float]) -> float:
     return sum(period * weight for period, weight in compress(zip(periods, weights, strict=True), usual)) / total
 
 
-def find_candidates(motion: AxisMotion) -> list[DecayCandidate]:
-    """Every candidate of a motion without long pauses, on every grid, whether the grid suits its period or not."""
+def find_candidates(motion: AxisMotion, irregular: float = 0.0) -> list[DecayCandidate]:
+    """Every candidate of a motion without long pauses, on every grid, whether the grid suits its period or not.
+
+    Double amplitudes may be out of order by the noise, or by ``irregular`` times the first.
+    """
     candidates: list[DecayCandidate] = []
     for signal in turning_points.pyramid(turning_points.even_signal(motion)):
         least = turning_points.prominence_of(signal)
@@ -268,14 +301,14 @@ def find_candidates(motion: AxisMotion) -> list[DecayCandidate]:
         time = np.concatenate([[signal.start], points.time, [signal.end]])
         value = np.concatenate([signal.value[:1], points.value, signal.value[-1:]])
         bridged = bridged_half_cycles(time, signal)
-        for first, last, broken in split_into_candidates(time, value, least, bridged):
+        for first, last, broken in split_into_candidates(time, value, least, bridged, irregular):
             if value[first] != value[first + 1]:
                 candidates.append(DecayCandidate(signal, time, value, first, last, broken, bridged))
     return candidates
 
 
 def split_into_candidates(
-    time: np.ndarray, value: np.ndarray, least: float, bridged: np.ndarray
+    time: np.ndarray, value: np.ndarray, least: float, bridged: np.ndarray, irregular: float = 0.0
 ) -> Iterator[tuple[int, int, bool]]:
     """Maximal candidates: first and last index, and whether broken; ``bridged`` half-cycles (M - 1,) are not judged."""
     double_amplitudes, halves = np.abs(np.diff(value)).tolist(), np.diff(time).tolist()
@@ -285,7 +318,8 @@ def split_into_candidates(
         if first + 1 < len(double_amplitudes) and double_amplitudes[first + 1] > double_amplitudes[first]:
             first += 1
             continue
-        last, broken = _end_of_candidate(double_amplitudes, halves, least, skipped, first)
+        noise = max(least, irregular * double_amplitudes[first])
+        last, broken = _end_of_candidate(double_amplitudes, halves, noise, skipped, first)
         yield first, last, broken
         first = last
 

@@ -15,8 +15,9 @@ from swath_sysid.attitude.motion import turning_points
 from swath_sysid.attitude.motion.decay_candidates import (
     HELD,
     HOLD_BAND,
-    REST_BAND,
+    IRREGULAR,
     DecayCandidate,
+    are_decays,
     find_candidates,
     last_crossing,
 )
@@ -83,16 +84,17 @@ class DecaySegment:
 
 def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
-    decays: list[DecayCandidate] = []
-    for piece in turning_points.split_at_pauses(motion):
-        candidates = [
-            candidate
-            for candidate in find_candidates(piece)
-            if candidate.double_amplitudes[0] >= SMALLEST_AMPLITUDE[candidate.signal.quantity]
-        ]
-        decays.extend(_decays_among(candidates))
+    pieces = turning_points.split_at_pauses(motion)
+    decays = [decay for piece in pieces for decay in _decays_among(_sizable(find_candidates(piece)))]
+    if not decays:
+        released = [each for piece in pieces for each in _sizable(find_candidates(piece, IRREGULAR)) if each.hold]
+        decays = _decays_among(released)
     segments = [_segment_of(candidate, motion) for candidate in _apart(decays)]
     return tuple(replace(each, advice=()) if _is_ended_by_the_next(each, segments) else each for each in segments)
+
+
+def _sizable(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
+    return [each for each in candidates if each.double_amplitudes[0] >= SMALLEST_AMPLITUDE[each.signal.quantity]]
 
 
 def _is_ended_by_the_next(segment: DecaySegment, others: Sequence[DecaySegment]) -> bool:
@@ -154,10 +156,18 @@ def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     possible = [each if _is_rhythmic(each) else replace(each, last=each.first + 1, broken=False) for each in candidates]
     possible = [each for each in possible if _comes_to_trim(each) and each.is_suited and each.evidence >= 1.0]
     free: list[DecayCandidate] = []
-    while found := [candidate for candidate in possible if candidate.is_decay(free)]:
+    while found := [candidate for candidate in possible if are_decays([candidate], free)] or _together(possible, free):
         free += found
         possible = [candidate for candidate in possible if not any(candidate is other for other in found)]
     return free
+
+
+def _together(possible: Sequence[DecayCandidate], free: Sequence[DecayCandidate]) -> list[DecayCandidate]:
+    """Several releases of one record, each of which is amid the motion of the others, if that is all the motion."""
+    after_rest = _apart(
+        [candidate for candidate in possible if candidate.rest + candidate.hold + candidate.stillness >= HOLD_BAND]
+    )
+    return after_rest if len(after_rest) > 1 and are_decays(after_rest, free) else []
 
 
 def _is_rhythmic(candidate: DecayCandidate) -> bool:
@@ -188,7 +198,8 @@ def _apart(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
 
 def _end_of_motion(candidate: DecayCandidate, following: DecayCandidate) -> float:
     """When a candidate is over, with what broke it unless that was held, s."""
-    return candidate.end + (BREAKING_PERIODS * candidate.period if candidate.broken and not following.hold else 0.0)
+    was_still = following.hold or following.stillness
+    return candidate.end + (BREAKING_PERIODS * candidate.period if candidate.broken and not was_still else 0.0)
 
 
 def _segment_of(candidate: DecayCandidate, motion: AxisMotion) -> DecaySegment:
@@ -256,19 +267,16 @@ def _let_go(candidate: DecayCandidate, motion: AxisMotion) -> float | None:
     period, it came to its largest rate within about a quarter of one, and by then half-way to more than half of it.
     """
     signal, first, period = candidate.signal, candidate.first, candidate.period
-    peak = signal.index(candidate.time[first])
-    size = float(candidate.value[first]) - candidate.centre
-    share = (signal.value[: peak + 1] - candidate.centre) / size
-    rest = np.flatnonzero(np.abs(share) < 2.0 * REST_BAND)
-    before = round(0.5 * period / signal.interval)
-    if not rest.size or rest[-1] < before or not np.all(np.abs(share[rest[-1] - before : rest[-1]]) < HOLD_BAND):
+    peak, left = signal.index(candidate.time[first]), candidate.risen_from
+    if not candidate.stay_within(HOLD_BAND):
         return None
-    rise = (peak - rest[-1]) * signal.interval
+    size, halfway = (float(signal.value[at]) - candidate.centre for at in (peak, (peak + left) // 2))
+    rise = (peak - left) * signal.interval
     # an oscillation from an angle has sqrt(1/2) half-way, what a steady push starts a half
-    if not 1.0 / ASYMMETRY < 4.0 * rise / period < ASYMMETRY or share[(peak + rest[-1]) // 2] < 0.6:
+    if not 1.0 / ASYMMETRY < 4.0 * rise / period < ASYMMETRY or halfway / size < 0.6:
         return None
-    left = signal.start + signal.interval * float(rest[-1])
-    return kink_time(motion, left - 0.25 * period, left, period, abs(size))
+    rose = signal.start + signal.interval * left
+    return kink_time(motion, rose - 0.25 * period, rose, period, abs(size))
 
 
 def kink_time(motion: AxisMotion, earliest: float, latest: float, period: float, held: float) -> float:

@@ -231,8 +231,10 @@ class DecayWatch:
         amplitude = decay.initial_amplitude
         if decay.quantity == 'rate':
             amplitude *= decay.period / (2.0 * pi)
-        # a group of waves looks like a push, of a few half-cycles
-        pushed = decay.beginning == 'pushed' and decay.cycles >= 0.5 * HALF_CYCLES_FOR_REST
+        # a group of waves looks like a push, of a few half-cycles, until the next waves come
+        is_at_rest = decay.ending in ('faded', 'noise-floor') and motion.time[-1] > decay.end + decay.period
+        enough = (0.5 if is_at_rest else 1.0) * HALF_CYCLES_FOR_REST
+        pushed = decay.beginning == 'pushed' and decay.cycles >= enough
         released = decay.beginning == 'released' and (decay.cycles >= MIN_CYCLES or has_returned(decay, motion))
         return (pushed or released) and amplitude >= self._smallest and is_finished(decay, motion)
 
