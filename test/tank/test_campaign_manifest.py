@@ -227,6 +227,14 @@ def test_lines_above_a_table_propose_what_they_say_with_a_unit(line, said, tmp_p
     assert f'    {said}\n' in new_manifest(tmp_path)
 
 
+def test_what_lines_and_names_say_of_the_loading_is_one_loading(tmp_path):
+    for name in ('Versuch.csv', 'roll_6deg_1.0T.csv'):
+        (tmp_path / name).write_text('Tiefgang: 0,15 m\nMasse: 30 kg\nZeit [s];Rollwinkel [°]\n0,00;1,0\n')
+    assert main(['campaign', '--new', str(tmp_path)]) == 0
+    found = {t.path.name: (t.loading, t.mass_kg) for t in read_manifest(tmp_path / 'campaign.yaml').trials}
+    assert found == {'Versuch.csv': (('draft_m', 0.15), 30.0), 'roll_6deg_1.0T.csv': (('draft_factor', 1.0), 30.0)}
+
+
 @pytest.fixture
 def store(tmp_path):
     return ResultStore(tmp_path / 'results')

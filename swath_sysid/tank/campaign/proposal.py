@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -44,7 +45,6 @@ _IN_LINES = {
     'speed_m_s': ('speed|velocity|geschwindigkeit', {'m/s': 1.0}),
     'initial_angle_deg': (r'(?:\w* )?\w*(?:angle|winkel)', {'deg': 1.0, '°': 1.0, 'grad': 1.0}),
 }
-_LOADING = re.compile(r'\{(draft|draft_factor|displacement)\}')
 CONTRADICTION = '  # The periods contradict each other, so these trials are of several drafts: give each its draft_m.'
 LINES_ABOVE = 4096  #: Bytes in which lines above a table are looked for.
 
@@ -81,15 +81,17 @@ def new_manifest(folder: str | Path, name: str = 'campaign.yaml', at: str | Path
         by_pattern.setdefault(pattern_of_name(file.path.name), []).append(file)
     way = '' if at is None else Path(os.path.relpath(os.path.realpath(folder), os.path.realpath(at))).as_posix() + '/'
     way = '' if way == './' else way
-    unplaced = [f for pattern, group in by_pattern.items() if not _LOADING.search(pattern) for f in group]
-    unplaced = [file for file in unplaced if not {'draft_m', 'displacement_kg'} & set(file.said)]
+    entries = [(pattern, file, _keys_of(pattern, file)) for pattern, group in by_pattern.items() for file in group]
+    unplaced = [file for _, file, keys in entries if not set(QUANTITIES) & set(keys)]
     are_apart = len(_like_periods(unplaced)) > 1
     lines = [CONTRADICTION] if are_apart else []
     for pattern, group in by_pattern.items():
-        if '{' in pattern and not any(f.said or (are_apart and f in unplaced) for f in group):
+        own = [(file, keys) for each, file, keys in entries if each == pattern]
+        in_name = values_in_name(pattern, group[0].path.name)
+        if in_name and not any(set(keys) - set(in_name) or (are_apart and file in unplaced) for file, keys in own):
             lines.append(f'  - pattern: {_quoted(way + pattern)}   # {counted(len(group), "file")}')
         else:
-            lines += [line for file in group for line in _entry(file, pattern, way)]
+            lines += [line for file, keys in own for line in _entry(file, keys, way)]
     named = next((a for a in AXES if any(a in file.path.name.lower() for file in files)), '')
     moving = [file.axis for file in files if file.axis]
     axis = named or max(AXES, key=moving.count) if named or moving else 'pitch'
@@ -108,10 +110,18 @@ def write_new_manifest(folder: str | Path, path: str | Path) -> list[str]:
     return [CONTRADICTION.strip(' #')] if CONTRADICTION in text else []
 
 
-def _entry(file: Seen, pattern: str, way: str) -> Iterator[str]:
-    """Lines for one file: what its name and the lines above its table say, and what may be added."""
-    values = dict(values_in_name(pattern, file.path.name)) if '{' in pattern else {}
-    keys = values | {key: value for key, value in file.said.items() if key not in values}
+def _keys_of(pattern: str, file: Seen) -> dict[str, Any]:
+    """What a file's name says and, where that says nothing, the lines above its table."""
+    named, said = values_in_name(pattern, file.path.name), dict(file.said)
+    if 'displacement_kg' in said and {'draft_m', 'draft_factor'} & {*named, *said}:
+        # the draft is the loading, and the displacement its mass
+        said['mass_kg'] = said.pop('displacement_kg')
+    taken = {*named, *(QUANTITIES if set(QUANTITIES) & set(named) else ())}
+    return named | {key: value for key, value in said.items() if key not in taken}
+
+
+def _entry(file: Seen, keys: dict[str, Any], way: str) -> Iterator[str]:
+    """Lines for one file: what is known of it, and what may be added."""
     yield f'  - file: {_quoted(way + file.path.name)}   # {file.remark}'
     yield from (f'    {key}: {value}' for key, value in keys.items())
     hints: dict[str, float] = {} if len(file.decays) > 1 else {'initial_angle_deg': 6, 'repeat': 1}
@@ -132,7 +142,7 @@ def _seen(path: Path) -> Seen:
         trial = read_trial(path)
         motions = [trial.axis(axis) for axis in trial.axes]
         problem = prepare([max(motions, key=lambda motion: float(np.ptp(motion.primary)))])
-    except InputError as error:
+    except Exception as error:  # noqa: BLE001 - one damaged file must not stop the others; its reason is reported
         return Seen(path, said, fault=str(error))
     decays = [(s, turns_of(m, s)) for s, m in zip(problem.segments, problem.motions, strict=True)]
     return Seen(path, said, problem.axis, decays)
@@ -142,10 +152,7 @@ def _said_above(path: Path) -> dict[str, float]:
     """Draft, displacement, speed and angle as lines above a table of text say them."""
     with open(path, 'rb') as file:
         raw = file.read(LINES_ABOVE)
-    try:
-        text = raw.decode('utf-8', errors='strict' if len(raw) < LINES_ABOVE else 'ignore')
-    except UnicodeDecodeError:
-        text = raw.decode('latin-1')
+    text = raw.decode('utf-8' if b'\xc2' in raw or b'\xc3' in raw else 'latin-1', errors='ignore')
     found = {}
     for key, (words, units) in _IN_LINES.items():
         unit = '|'.join(sorted(map(re.escape, units), key=len, reverse=True))
