@@ -76,24 +76,30 @@ def results_table(outcome: CampaignOutcome) -> Table:
     """Period and damping of each draft at named amplitudes, with the verdict."""
     items = [(result, at, {q.name: q for q in own}) for result in draft_results(outcome) for at, own in result.rows]
     symbols = sorted({each for _, _, own in items for each in own if each in ('B44', 'B55')})
-    names = ('natural period', ' [s]'), ('equivalent damping ratio', ''), *((each, ' [N m s]') for each in symbols)
+    names = (
+        ('natural period', 'natural period', 's'),
+        ('equivalent damping ratio', 'damping ratio', '-'),
+        *((each, each, 'N m s') for each in symbols),
+    )
     budget = vars(outcome.manifest.uncertainty)
     given = ', '.join(SOURCES[name] for name, share in budget.items() if share)
     absent = ' and '.join(SOURCES[name] for name in ('sensor_scale', 'time_base') if not budget[name])
     type_b = f', with {given} as the manifest gives them' * bool(given)
     type_b += f', without {absent}, which the manifest does not give' * bool(absent)
+    known = f' {symbols[0]} where mass and GM, or the inertia, are given for the draft.' if symbols else ''
     table = Table.of(
         'results',
         '',
-        'Of all releases of a draft fitted together. ±: expanded uncertainty (k = 2) by the larger of the fit '
+        'Natural period and equivalent damping ratio at named amplitudes, of all releases of a draft fitted together. '
+        '±: expanded uncertainty (k = 2) by the larger of the fit '
         f'and the scatter of the releases that reach the amplitude{type_b}. The verdict is on the forecast of the next '
-        'release by the fitted model.',
+        f'release by the fitted model.{known}',
         items,
         *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
         (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
         ('verdict', lambda item: item[0].verdict),
-        ('amplitude [deg]', lambda item: item[1], digits(3)),
-        *(column for name, unit in names for column in _with_uncertainty(name, unit)),
+        ('at [deg]', lambda item: item[1], digits(3)),
+        *(column for each in names for column in _with_uncertainty(*each)),
         ('releases', lambda item: item[0].releases),
     )
     place = [column.name for column in table.columns].index('verdict')
@@ -101,16 +107,13 @@ def results_table(outcome: CampaignOutcome) -> Table:
     return table
 
 
-def _with_uncertainty(name: str, unit: str) -> tuple[tuple, tuple]:
+def _with_uncertainty(name: str, heading: str, unit: str) -> tuple[tuple, tuple]:
     """Columns of a quantity and of its expanded uncertainty."""
-    return (
-        (f'{name}{unit}', lambda item: item[2][name].value if name in item[2] else None, '{:#.5g}'.format),
-        (
-            f'±{unit or " of the ratio"}',
-            lambda item: item[2][name].expanded if name in item[2] else None,
-            '{:#.2g}'.format,
-        ),
-    )
+
+    def of(part: str):
+        return lambda item: getattr(item[2][name], part) if name in item[2] else None
+
+    return (f'{heading} [{unit}]', of('value'), '{:#.5g}'.format), (f'± [{unit}]', of('expanded'), '{:#.2g}'.format)
 
 
 def conclusion_of(outcome: CampaignOutcome) -> list[str]:
