@@ -28,12 +28,13 @@ DRAFT_COLOURS = '#1b7f79', '#c77d0a', '#7b4fa3', '#8c6d46', '#b0548f', '#5b7c2f'
 
 def colour_of(axis: AxisOutcome, loading: float) -> str:
     """The colour of a draft."""
-    return DRAFT_COLOURS[list(axis.by_draft).index(loading) % len(DRAFT_COLOURS)]
+    place = sorted({c.loading for c in axis.best}).index(loading)
+    return DRAFT_COLOURS[place % len(DRAFT_COLOURS)]
 
 
 def style_of(axis: AxisOutcome, angle_deg: float) -> dict[str, str]:
     """Line and marker of an initial angle."""
-    place = sorted({c.initial_angle_deg for c in axis.together}).index(angle_deg)
+    place = sorted({c.initial_angle_deg for c in axis.best}).index(angle_deg)
     return {'linestyle': LINE_STYLES[place % len(LINE_STYLES)], 'marker': 'os^DvP'[place % 6]}
 
 
