@@ -88,6 +88,8 @@ def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Compariso
     usable = [r for r in ranked if LEVELS.index(r.identification.verdict.level) == best]
     choice, reason = simplest_adequate(usable)
     worse = [r.name for r in ranked if r not in usable]
+    if worse and len(usable) == 1:
+        reason = f'{choice.name} is the only {LEVELS[best]} equation.'
     others = f' Not {LEVELS[best]}, and not considered: {", ".join(worse)}.' if worse else ''
     return Comparison(tuple(ranked), choice, f'{reason}{others}')
 
@@ -102,7 +104,7 @@ def simplest_adequate(ranked: Sequence[Ranked], criterion: str = 'criterion') ->
     choice = min(adequate or likely, key=lambda r: (r.term_count, r.criterion))
     within = f'whose {criterion} is within {CRITERION_MARGIN:g} of the best'
     if len(ranked) == 1:
-        return choice, f'{choice.name} is the only equation to choose from.'
+        return choice, f'{choice.name} is the only equation asked for.'
     if len(likely) == 1:
         return choice, (
             f'{choice.name} is the only equation {within}: the others fit worse, or need more terms for it.'
