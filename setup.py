@@ -110,8 +110,8 @@ setup(
         'page': ['fastapi>=0.109.1', 'nicegui>=3.0,<4', 'uvicorn>=0.22'],
         # each reads one format of data acquisition: .mat of version 7.3 and .h5, .tdms, .xlsx, .parquet
         'tank': TANK,
-        # PX4 logs
-        'logs': ['pyulog'],
+        # PX4 and ArduPilot logs
+        'logs': ['pymavlink', 'pyulog'],
         'test': [
             'hypothesis',
             'mypy',

@@ -14,6 +14,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats import bags
 from swath_sysid.formats import messages as layout
 from swath_sysid.formats.bags import is_bag, read_bag, read_imu, write_imu_bag
+from swath_sysid.formats.reading import read_readings, read_trial
 from swath_sysid.formats.topics import IMU
 
 COUNT = 200
@@ -278,3 +279,40 @@ def test_what_a_trial_lacks_is_written_as_not_measured(tmp_path):
     back = read_bag(tmp_path / 'b.mcap')
     assert set(back.channels) == {'roll', 'pitch'}
     assert np.isnan(back.pitch[-1]) and back.pitch[0] == pytest.approx(0.1)
+
+
+ORIENTATIONS = np.column_stack(quaternion(ROLL, PITCH, YAW))
+GEOMETRY = 'geometry_msgs/msg/'
+
+
+@pytest.mark.parametrize(
+    ('kind', 'fields'),
+    [
+        ('Vector3', lambda at, head: (ROLL[at], PITCH[at], YAW[at])),
+        ('Vector3Stamped', lambda at, head: (head, (ROLL[at], PITCH[at], YAW[at]))),
+        ('Pose2D', lambda at, head: (ROLL[at], PITCH[at], YAW[at])),
+        ('QuaternionStamped', lambda at, head: (head, tuple(ORIENTATIONS[at]))),
+        ('PoseStamped', lambda at, head: (head, ((0.0, 0.0, 0.0), tuple(ORIENTATIONS[at])))),
+    ],
+)
+def test_attitude_of_other_messages_is_read_from_the_topic_chosen(tmp_path, kind, fields):
+    arrival = STAMPS + RNG.integers(0, 5_000_000, COUNT)
+    with Writer(tmp_path / 'bag', version=9) as writer:
+        connection = writer.add_connection('/rpy', GEOMETRY + kind, typestore=STORE)
+        for at in range(COUNT):
+            message = layout.make(GEOMETRY + kind, *fields(at, layout.header(STAMPS[at], 'imu')))
+            writer.write(connection, int(arrival[at]), layout.serialised(message))
+    with pytest.raises(InputError, match='no topic of type .*Imu .*/rpy .*: choose the one with the attitude'):
+        read_trial(tmp_path / 'bag')
+    columns = {}
+    if not kind.endswith(('eStamped', 'nStamped')):
+        with pytest.raises(InputError, match="a column 'roll' without a unit, with values up to 0.49"):
+            read_trial(tmp_path / 'bag', topic='rpy')
+        columns = {'roll': 'roll:rad', 'pitch': 'pitch:rad'}
+    trial = read_trial(tmp_path / 'bag', topic='rpy', columns=columns)
+    assert np.allclose(trial.roll, ROLL) and np.allclose(trial.pitch, PITCH)
+    assert trial.source == f'{tmp_path / "bag"} /rpy'
+    stamps = STAMPS if 'Stamped' in kind else arrival
+    assert np.allclose(trial.time, (stamps - stamps[0]) / 1e9, atol=1e-9)
+    assert ('no-header-stamps' in codes(trial)) == ('Stamped' not in kind)
+    assert len(read_readings(tmp_path / 'bag', 'rpy', columns=columns)) == COUNT

@@ -248,7 +248,7 @@ def test_files_of_owners_hold_the_motion_that_was_measured(data_folder, name):
 
 def test_a_file_in_hundredths_of_a_degree_is_read_with_its_unit_only(data_folder):
     path = data_folder.parent / 'field' / 'hakusan_hundredths.txt'
-    with pytest.raises(InputError, match="'Rolling' without a unit, .* up to 1088: .*=Rolling:deg' .:cdeg"):
+    with pytest.raises(InputError, match="'Rolling' without a unit, .* up to 1088: .*=Rolling:cdeg' for hundredths"):
         read_trial(path)
     with pytest.raises(InputError, match="goes to 1088, .*hundredths of a degree, .*'roll=Rolling:cdeg'"):
         read_trial(path, columns={'roll': 'Rolling:deg'})

@@ -57,7 +57,7 @@ def test_frame_and_mounting_reach_every_reader(tmp_path):
     [
         ('empty.csv', b'', 'is empty'),
         ('text.txt', b'It was a dark and stormy night; the rain fell in torrents.\nIndeed.\n', 'no time column'),
-        ('noise.bin', bytes(range(256)) * 8, 'not a text file'),
+        ('noise.dat', bytes(range(256)) * 8, 'not a text file'),
         ('old.bag', b'#ROSBAG V2.0\n' + bytes(100), 'ROS 1 bag'),
         ('log.mtb', b'\xfa\xff\x3e\x02' + bytes(100), 'binary MTi log'),
         ('a.lvm', b'LabVIEW Measurement\t\r\n', 'cut off'),

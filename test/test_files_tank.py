@@ -304,6 +304,23 @@ def test_sentences_of_nmea_hold_the_attitude_in_forward_right_down(tmp_path, for
         read_trial(tmp_path / 'a.log')
 
 
+def test_sentences_behind_the_time_of_a_logger_and_with_wrong_checksums(tmp_path):
+    start = datetime(2026, 5, 1, 23, 59, 50, tzinfo=UTC)
+    lines = [
+        f'{(start + timedelta(seconds=t)).isoformat()} {sentence(f"PSXN,23,{angle:.4f},0.0000,90.0,0.0")}'
+        for t, angle in zip(TIME, ROLL, strict=True)
+    ]
+    lines[5::40] = [line.replace('PSXN,23,', 'PSXN,23,9') for line in lines[5::40]]
+    (tmp_path / 'a.txt').write_text('\n'.join(['!AIVDM,1,1,,A,15M,0*00', *lines]))
+    trial = read_trial(tmp_path / 'a.txt')
+    kept = np.delete(np.arange(TIME.size), np.s_[5::40])
+    assert trial.time - trial.time[0] == pytest.approx(TIME[kept]) and trial.advice[0].code == 'damaged-messages'
+    assert np.degrees(trial.roll) == pytest.approx(ROLL[kept], abs=1e-4)
+    (tmp_path / 'a.txt').write_text('\n'.join(line.replace('.0*', '.1*') for line in lines[::3]) + '\n' + lines[0])
+    with pytest.raises(InputError, match='134 of 135 sentences of the attitude .99%. have a wrong checksum'):
+        read_trial(tmp_path / 'a.txt')
+
+
 def test_a_px4_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monkeypatch):
     (tmp_path / 'a.ulg').write_bytes(b'ULog\x01\x12\x35' + bytes(20))
     half, stamps = np.radians(ROLL) / 2.0, 1e6 * TIME.astype('float64') + 5e6
@@ -322,6 +339,38 @@ def test_a_px4_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monke
     monkeypatch.setitem(sys.modules, 'pyulog', None)
     with pytest.raises(InputError, match='pip install pyulog'):
         read_trial(tmp_path / 'a.ulg')
+
+
+def test_an_ardupilot_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monkeypatch):
+    path, rate = tmp_path / 'a.bin', np.radians(np.gradient(ROLL, TIME))
+    path.write_bytes(b'\xa3\x95\x80')
+    with monkeypatch.context() as absent:
+        absent.setitem(sys.modules, 'pymavlink.DFReader', None)
+        with pytest.raises(InputError, match='is an ArduPilot log, and pymavlink, .*: pip install pymavlink'):
+            read_trial(path)
+    reader = pytest.importorskip('pymavlink.DFReader')
+    known = {
+        'ATT': (1, 'Qccc', 'TimeUS,Roll,Pitch,Yaw'),
+        'IMU': (2, 'QBffffff', 'TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ'),
+    }
+    log = b''
+    for name, (number, fields, names) in known.items():
+        size = 3 + struct.calcsize(f'<{fields.replace("c", "h")}')
+        log += struct.pack('<3s2B4s16s64s', b'\xa3\x95\x80', number, size, *map(str.encode, (name, fields, names)))
+        known[name] = reader.DFFormat(number, name, size, fields, names)
+    for t, angle, turn in zip(TIME, 100.0 * ROLL, rate, strict=True):
+        at = int(1e6 * t + 5e6)
+        imu = [[at, sensor, turn if sensor == 0 else 9.0, 0.0, 0.0, 0.0, 0.0, -9.81] for sensor in (0, 1)]
+        for name, values in (*(('IMU', each) for each in imu), ('ATT', [at, round(angle), 0, 0])):
+            log += reader.DFMessage(known[name], values, True, None).get_msgbuf()
+    for content in (log, log + bytes(100) + log[:50]):
+        path.write_bytes(content)
+        trial = read_trial(path)
+        assert trial.time - trial.time[0] == pytest.approx(TIME) and trial.yaw_rate == pytest.approx(0.0)
+        assert np.degrees(trial.roll) == pytest.approx(ROLL, abs=0.0051) and trial.roll_rate == pytest.approx(rate)
+    path.write_bytes(log[:300])
+    with pytest.raises(InputError, match='at least 8 are needed'):
+        read_trial(path)
 
 
 def test_decimals_compounds_formulas_and_matlab_4(tmp_path):

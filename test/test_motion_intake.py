@@ -411,3 +411,42 @@ def test_settings_that_make_no_sense_are_refused():
     for kind, name, value in ((StampSettings, 'gap_limit', 0.0), (WindowSettings, 'smallest_decay', nan)):
         with pytest.raises(InputError, match=name):
             kind(**{name: value})
+
+
+STEPS = np.arange(600)
+
+
+def burst_stamps(size, within, rate):
+    """Samples that are read several at once, ns, and the time of each, s, up to a delay."""
+    last = np.minimum(STEPS // size * size + size - 1, STEPS[-1])
+    return EPOCH_NS + np.round(1e9 * last / rate).astype(int) + within * (STEPS % size), STEPS / rate
+
+
+@pytest.mark.parametrize('rate', [20.0, 100.0, 1000.0])
+@pytest.mark.parametrize(('size', 'within'), [(3, 3_000), (8, 0), (8, 30_000), (12, 10_000)])
+def test_bursts_are_spread_by_the_period_of_the_sensor(rate, size, within):
+    stamps, times = burst_stamps(size, within, rate)
+    angle, taker = 0.2 * np.sin(2.0 * np.pi * times * rate / 200.0), Intake(STRAIGHT, StampSettings())
+    found = [taker.take(reading(int(ns), a)) for ns, a in zip(stamps, angle, strict=True)]
+    counted = Counter(reason for each in found for reason in each.reasons)
+    assert counted.pop(reasons_of.BURSTS) == 1 and counted.keys() <= {reasons_of.DUPLICATE}
+    spread = np.array([each.sample.stamp_ns for each in found[300:]]) * 1e-9 - EPOCH_NS * 1e-9
+    assert np.abs(spread - times[300:]).max() < 0.3 / rate + size * within * 1e-9
+    assert np.diff(spread) == pytest.approx(1.0 / rate, rel=0.2)
+    assert np.degrees([each.sample.roll for each in found[300:]]) == pytest.approx(np.degrees(angle[300:]))
+
+
+@pytest.mark.parametrize('case', ['even', 'jitter', 'pauses', 'pauses at rest', 'two sensors'])
+def test_what_comes_otherwise_is_no_burst(case):
+    rng = np.random.default_rng(3)
+    times = STEPS / 100.0
+    if case == 'jitter':
+        times = np.sort(times + rng.normal(0.0, 0.004, times.size))
+    if 'pauses' in case:
+        times = times + 0.2 * (STEPS // 8)
+    if case == 'two sensors':
+        times = np.repeat(times[::2], 2)[: STEPS.size]
+    angle = 0.2 * np.sin(2.0 * times) * (case != 'pauses at rest') + rng.normal(0.0, 1e-4, times.size)
+    taker = Intake(STRAIGHT, StampSettings())
+    found = [taker.take(reading(EPOCH_NS + round(1e9 * t), a)) for t, a in zip(times, angle, strict=True)]
+    assert not any(reasons_of.BURSTS in each.reasons for each in found)

@@ -31,6 +31,7 @@ from swath_sysid.attitude.motion.turning_points import (
     split_at_pauses,
     turning_points_of,
 )
+from swath_sysid.attitude.motion.window import rests_after
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
@@ -172,6 +173,22 @@ def test_two_releases_in_one_record(seed):
     both = AxisMotion('roll', np.append(first.time, later), np.append(first.angle, second.angle), None)
     decays = find_decays(both)
     assert [d.start for d in decays] == pytest.approx([8.0, later[0] + 8.0], abs=0.3)
+
+
+@pytest.mark.parametrize('scale', [1.0, 10.0])
+@pytest.mark.parametrize(('waves_after', 'rests'), [(None, True), (2.5, True), (1.5, False)])
+def test_a_craft_rests_after_a_push_if_no_waves_come_within_two_periods(scale, waves_after, rests):
+    time = np.arange(0.0, 60.0, 1 / RATE_HZ)
+    angle = -released(time - 10.0, np.radians(6.0), 0.2)[1] * (time >= 10.0) / np.pi
+    (decay,) = find_decays(motion_of(time, angle))
+    if waves_after is not None:
+        since = time - decay.end - waves_after * decay.period
+        angle = angle + np.radians(3.0) * np.sin(2 * np.pi * since / PERIOD) * (since > 0.0)
+    stretched = replace(decay, start=scale * decay.start, end=scale * decay.end, period=scale * decay.period)
+    until = time <= decay.end + 2.2 * decay.period
+    assert rests_after(stretched, AxisMotion('roll', scale * time[until], angle[until], None, 'a record')) == rests
+    early = time <= decay.end + 1.8 * decay.period
+    assert not rests_after(decay, AxisMotion('roll', time[early], angle[early], None, 'a record'))
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

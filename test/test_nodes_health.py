@@ -248,3 +248,11 @@ def test_a_wrong_installation_is_a_warning_within_20_s_and_stays_one():
     assert told.name == 'installation' and 'set frame to frd' in told.message
     first = levels.index(WARN)
     assert first <= 20 and set(levels[first:]) == {WARN} and set(levels[:first]) == {OK}
+
+
+def test_the_share_of_messages_that_are_lost_for_one_cause_is_reported():
+    health, counts = StreamHealth('imu/data'), {'duplicate-stamp': 0, 'gap': 0}
+    for second, (lost, said) in enumerate([(0, 'receiving'), (4, '(4 times lately): '), (6, '(6 times lately, 6% of')]):
+        receive(health, second, second + 1.0)
+        counts['duplicate-stamp'] += lost
+        assert said in report(health, second + 1.0, counts=dict(counts)).message

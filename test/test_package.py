@@ -46,7 +46,7 @@ OPTIONAL = {
     'numba': 'fast',
     'distributed': 'cluster',
     **dict.fromkeys(('h5py', 'nptdms', 'openpyxl', 'pyarrow'), 'tank'),
-    'pyulog': 'logs',
+    **dict.fromkeys(('pymavlink', 'pyulog'), 'logs'),
     **dict.fromkeys(('fastapi', 'nicegui', 'uvicorn'), 'page'),
 }
 ROS_PACKAGES = set(

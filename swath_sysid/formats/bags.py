@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,25 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import BLOCK_BYTES, existing, reading
 from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
-from swath_sysid.formats.messages import IMU_PARTS, IMU_VALUES, SECOND_NS, ImuMessage
+from swath_sysid.formats.messages import IMU_PARTS, IMU_VALUES, SECOND_NS, ImuMessage, stamp_of, typestore
 from swath_sysid.formats.output_bag import STORAGES, writing_bag
 from swath_sysid.formats.registry import BAGS
-from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC
+from swath_sysid.formats.text_tables import NamedColumns
+from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC, ODOMETRY
 
 METADATA_FILE = 'metadata.yaml'
+
+_ANGLES = {'roll': 'x', 'pitch': 'y', 'yaw': 'z'}
+_ORIENTATION = {f'q{part}': part for part in 'xyzw'}
+#: Messages beside those of an IMU that may hold an attitude: columns and fields, and where in them the fields are.
+ATTITUDES = {
+    'geometry_msgs/msg/Vector3': (_ANGLES, ''),
+    'geometry_msgs/msg/Vector3Stamped': (_ANGLES, 'vector.'),
+    'geometry_msgs/msg/Pose2D': (_ANGLES | {'yaw': 'theta'}, ''),
+    'geometry_msgs/msg/QuaternionStamped': (_ORIENTATION, 'quaternion.'),
+    'geometry_msgs/msg/PoseStamped': (_ORIENTATION, 'pose.orientation.'),
+    ODOMETRY: (_ORIENTATION, 'pose.pose.orientation.'),
+}
 
 
 @dataclass(frozen=True)
@@ -109,6 +123,33 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
         names = ', '.join(repr(name[:40]) for name in list(decoder.frame_ids)[:3])
         advice.append(Advice.of('frame-id-changed', topic=topic, frames=len(decoder.frame_ids), names=names))
     return ImuRecord(stamps, values, received, topic, next(iter(decoder.frame_ids), ''), advice=tuple(advice))
+
+
+def attitude_table(path: str | Path, topic: str) -> NamedColumns | None:
+    """The table of a topic with angles, whose unit no message states, or orientations; None of other types."""
+    name = f'/{topic.lstrip("/")}'
+    with opened_bag(path) as (readers, _):
+        kinds = {c.topic: c.msgtype for reader in readers for c in reader.connections}
+    if kinds.get(name) not in ATTITUDES:
+        return None
+    columns, place = ATTITUDES[kinds[name]]
+    fields = attrgetter(*(place + field for field in columns.values()))
+
+    def read(places: Sequence[int], _: Any) -> tuple[np.ndarray, tuple[Advice, ...]]:
+        rows, stamps = [], []
+        with opened_bag(path) as (readers, advice):
+            for connection, arrival, raw in intact_messages(path, readers, (name,), advice):
+                message = typestore().deserialize_cdr(raw, connection.msgtype)
+                rows.append(fields(message))
+                stamps.append((stamp_of(message) or 0, arrival))
+        sent, received = np.array(stamps, dtype=np.int64).reshape(-1, 2).T
+        if not np.any(np.diff(sent)):
+            sent = received
+            advice.append(Advice.of('no-header-stamps', topic=name))
+        time = (sent - sent[:1]) / SECOND_NS
+        return np.vstack([time, np.reshape(rows, (-1, len(columns))).T])[list(places)], tuple(advice)
+
+    return NamedColumns(('time_s', *columns), read, name=name)
 
 
 def write_imu_bag(
@@ -309,7 +350,10 @@ def chosen_topic(path: str | Path, readers: Sequence[Any], kind: str, given: str
     if fitting:
         raise InputError(f'{path} holds {len(fitting)} topics of {kind}: choose one of {", ".join(fitting)}', code)
     held = ', '.join(sorted(f'{name} ({each})' for name, each in types.items())) or 'none'
-    raise InputError(f'{path} holds no topic of type {kind} (topics in it: {held}): record one')
+    problem = f'{path} holds no topic of type {kind} (topics in it: {held})'
+    if kind == IMU and ATTITUDES.keys() & types.values():
+        raise InputError(f'{problem}: choose the one with the attitude', code)
+    raise InputError(f'{problem}: record one')
 
 
 def intact_messages(

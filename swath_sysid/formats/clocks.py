@@ -123,6 +123,10 @@ def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, in
     """A time (N,), s, that continues where its clock restarts, and how often that is: at midnight, at the end of summer
     time, where day and month were exchanged, or at the largest number of a counter.
     """
+    with np.errstate(invalid='ignore'):
+        steps = np.diff(time)
+    if np.all((steps > 0.0) & (steps <= SPANS['month'])):
+        return time, 0
     known = np.flatnonzero(np.isfinite(time))
     values = time[known]
     steps = np.diff(values)
@@ -150,7 +154,8 @@ def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, in
 
 def chosen(clocks: Sequence[Clock]) -> tuple[Clock, tuple[Advice, ...]]:
     """The best of the clocks of a file: the one that goes forward, then evenly, then counts from an epoch."""
-    judged = [(each, *_quality(each.time), _duration(each)) for each in clocks]
+    several = len(clocks) > 1
+    judged = [(each, *(_quality(each.time) if several else (1.0, 0.0)), _duration(each)) for each in clocks]
     best, forward, jitter, duration = judged[0]
     for each in judged[1:]:
         other, forward_too, jitter_too, duration_too = each

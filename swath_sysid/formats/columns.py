@@ -120,13 +120,16 @@ def read_table(
     progress: Progress | None = None,
     assigned: Mapping[str, str] | None = None,
     judge: Judge | None = None,
+    tables: Sequence[NamedColumns] = (),
 ) -> Table:
-    """Read the known columns of a file from its one table that has them; ``assigned`` gives columns by the quantity
-    that they hold, as in ``{'roll': 'Phi:deg'}``.
+    """Read the known columns of a file from its one table that has them, or of the tables given; ``assigned`` gives
+    columns by the quantity that they hold, as in ``{'roll': 'Phi:deg'}``.
     """
     with reading(path), known_by_name(path):
         matches, problems = [], []
-        tables = sorted(tables_in(path), key=lambda table: -len(table.names))  # for the sentence: the widest first
+        tables = sorted(
+            tables or tables_in(path), key=lambda table: -len(table.names)
+        )  # for the sentence: the widest first
         for table in tables:
             try:
                 matches.append(_matched(path, table, quantities, lacking, assigned or {}))
@@ -267,9 +270,12 @@ def _refuse_lacking(
         at, column = min(unitless, key=lambda each: order.index(each[1].reading))
         units = next(each.units for each in quantities if each.reading == column.reading)
         name, largest = shown(column.name), np.nanmax(np.abs(values[at]), initial=0.0)
+        unit, meant = (
+            ('cdeg', ' for hundredths of a degree') if largest > 180.0 and 'cdeg' in units else (units[-1], '')
+        )
         raise InputError(
             f"{path} has a column '{name}' without a unit, with values up to {largest:.4g}: {UNIT_ADVICE}, or assign "
-            f"it, as in '{column.reading}={name}:{units[-1]}'{_of_hundredths(largest, units)}",
+            f"it, as in '{column.reading}={name}:{unit}'{meant}",
             UNKNOWN,
         )
     meant = _likely_meant(match, quantities)
@@ -281,11 +287,6 @@ def _refuse_lacking(
     raise InputError(
         f'{path} has no {missing}; found {listed}: name the columns so, or assign them, as in {example}', UNKNOWN
     )
-
-
-def _of_hundredths(largest: float, units: Sequence[str]) -> str:
-    """The factor of an angle that is none in degrees."""
-    return ' (:cdeg if it is in hundredths of a degree)' if largest > 180.0 and 'cdeg' in units else ''
 
 
 def _nearest(known: Iterable[str], names: Sequence[str]) -> str:

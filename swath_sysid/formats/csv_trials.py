@@ -17,7 +17,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.clocks import Clock, Column
 from swath_sysid.formats.columns import UNKNOWN, Table, agree, read_table
 from swath_sysid.formats.files import shown
-from swath_sysid.formats.text_tables import Progress, write_table
+from swath_sysid.formats.text_tables import NamedColumns, Progress, write_table
 from swath_sysid.formats.vocabulary import MOTION_QUANTITIES, UNITS
 
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}  #: rad, with some rounding.
@@ -37,6 +37,7 @@ def read_csv(
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
     progress: Progress | None = None,
     columns: Mapping[str, str] | None = None,
+    tables: Sequence[NamedColumns] = (),
 ) -> Trial:
     """Read a trial from a CSV file, or from a table of another format.
 
@@ -66,7 +67,7 @@ def read_csv(
     reported. Frame and mounting, where they are not given, are
     those that the file states. Parameters and errors are those of `swath_sysid.formats.reading.read_trial`.
     """
-    table = read_table(path, MOTION_QUANTITIES, _lacking, progress, columns, _units_by_values)
+    table = read_table(path, MOTION_QUANTITIES, _lacking, progress, columns, _units_by_values, tables)
     _check_units(table)
     readings = table.readings()
     _refuse_contradicting_orientation(path, readings)
@@ -177,6 +178,10 @@ def _units_by_values(clock: Clock, columns: Sequence[Column], values: np.ndarray
             found[place] = by_turn, 'it jumps by a whole turn'
         elif rate is not None and (by_rate := _unit_by_rate(clock.time, values[place], rate)):
             found[place] = by_rate, 'its rate says so'
+    units = [unit for unit, _ in found.values()]
+    for place, column in enumerate(columns if len(set(units)) == 1 else ()):
+        if column.unit is None and column.reading in LARGEST_ANGLES:
+            found.setdefault(place, (units[0], 'the other angle is'))
     return found
 
 

@@ -79,6 +79,13 @@ def _maker(kind: str) -> Callable:
     return of
 
 
+def stamp_of(message: Any) -> int | None:
+    """The header stamp of a message, ns; None where it has none."""
+    header = getattr(message, 'header', None)
+    stamp_ns = 0 if header is None else header.stamp.sec * SECOND_NS + header.stamp.nanosec
+    return stamp_ns or None
+
+
 def header(stamp_ns: int, frame_id: str) -> tuple:
     """The fields of a std_msgs/Header."""
     return divmod(int(stamp_ns), SECOND_NS), frame_id

@@ -38,7 +38,7 @@ def read_trial(
 
     Args:
         path: Of a file or a bag folder.
-        topic: The IMU topic, for bags that hold several.
+        topic: The topic of the IMU, for bags that hold several, or of another message with the attitude.
         frame: ``flu`` or ``frd``: the sensor's axes; by default that stated in a CSV file, else ``flu``.
         mounting: Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, that stated in a CSV file.
         progress: Called with 0 to 1 while a long table is read.
@@ -58,14 +58,18 @@ def read_trial(
         >>> trial.axes, trial.time.size
         (('roll', 'pitch'), 2501)
     """
-    from swath_sysid.formats.bags import is_bag, read_bag
+    from swath_sysid.formats.bags import attitude_table, is_bag, read_bag
 
     with reading(path):
         path = existing(path)
         if not path.is_file() and not path.is_dir():
             raise InputError(f'{path} is not a regular file: give a trial file or a bag folder')
         if is_bag(path):
-            return read_bag(path, topic, frame, mounting)
+            table = attitude_table(path, topic) if topic else None
+            if table is None:
+                return read_bag(path, topic, frame, mounting)
+            trial = read_csv(path, frame, mounting, progress, columns, [table])
+            return replace(trial, source=f'{path} {table.name}')
         if path.is_dir():
             raise InputError(f'{path} is a folder without a rosbag2 bag in it: give a trial file or a bag folder')
         if topic:
@@ -93,13 +97,13 @@ def read_readings(
     columns: Mapping[str, str] | None = None,
 ) -> ImuRecord:
     """The IMU messages of a bag, as they are; of other trials, those that an IMU would have sent in craft axes."""
-    from swath_sysid.formats.bags import ImuRecord, imu_values, is_bag, read_imu
+    from swath_sysid.formats.bags import ImuRecord, attitude_table, imu_values, is_bag, read_imu
 
     try:
         bag = is_bag(path)
     except OSError:
         bag = False  # read_trial says what is wrong
-    if bag:
+    if bag and not (topic and attitude_table(path, topic)):
         return read_imu(path, topic)
     trial = read_trial(path, topic=topic, frame=None if frame == 'flu' else frame, mounting=mounting, columns=columns)
     stamps = np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)

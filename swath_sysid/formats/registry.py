@@ -24,6 +24,7 @@ TANK = (
     TankFormat('a Parquet table', b'PAR1', '.parquet', 'parquet', 'pyarrow'),
     TankFormat('an HDF5 file', b'\x89HDF\r\n\x1a\n', '.h5', 'hdf5', 'h5py'),
     TankFormat('a PX4 log', b'ULog\x01\x12\x35', '.ulg', 'ulg', 'pyulog'),
+    TankFormat('an ArduPilot log', b'\xa3\x95', '.bin', 'dataflash', 'pymavlink'),
     TankFormat('an OpenFAST output', b'', '.outb', 'outb', 'numpy'),
     TankFormat('an NMEA log', b'', '.nmea', 'nmea', 'numpy'),
 )
@@ -41,6 +42,5 @@ FOREIGN = {
     b'\x28\xb5\x2f\xfd': 'compressed with zstd: unpack it, or give its bag folder',
     b'\xd0\xcf\x11\xe0': 'an old spreadsheet: save it as .xlsx or CSV',
     b'\xfa\xff': 'a binary MTi log: export it as text in MT Manager',
-    b'\xa3\x95': 'an ArduPilot log: convert it with mavlogdump.py --types ATT --format csv',
     b'format: swath_sysid': 'a model file, where a record is expected: the record comes first',
 }

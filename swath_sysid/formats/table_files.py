@@ -15,23 +15,25 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.files import shown
+from swath_sysid.formats.files import LONGEST_SHOWN, shown
 from swath_sysid.formats.registry import FOREIGN, TANK, TANK_ENDINGS, TankFormat
 from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, read_columns, read_head
 
+#: A sentence, with the time at which a logger received it.
+NMEA = re.compile(rb'^[^$!,\0\n]*[\s,;]?[$!][A-Z]{4,5},', re.MULTILINE)
 MATLAB_4, MATLAB_4_BIG = Struct('<5i'), Struct('>5i')
 
 
 def kind_of(path: str | Path) -> TankFormat | None:
     """The format of a file by its first bytes, None for a text; foreign files are refused."""
     with open(path, 'rb') as file:
-        start = file.read(MATLAB_4.size)
-    if len(start) == MATLAB_4.size and any(map(_is_matlab_4, (MATLAB_4, MATLAB_4_BIG), repeat(start))):
+        start = file.read(4 * LONGEST_SHOWN)
+    if len(start) >= MATLAB_4.size and any(map(_is_matlab_4, (MATLAB_4, MATLAB_4_BIG), repeat(start))):
         return TANK[0]
     for kind in TANK:
         if not start.startswith(kind.start) or kind.member and not _is_archive_of(path, kind):
             continue
-        is_nmea = kind.module == 'nmea' and re.match(rb'\$[A-Z]{5},', start)
+        is_nmea = kind.module == 'nmea' and NMEA.search(start)
         if kind.start or is_nmea or Path(path).suffix.lower() == kind.ending:
             return kind
     for magic, what in FOREIGN.items():
@@ -56,7 +58,7 @@ def tables_in(path: str | Path) -> list[NamedColumns]:
 
 def _is_matlab_4(header: Struct, start: bytes) -> bool:
     """Whether a file begins as a variable of MATLAB version 4, which has no magic."""
-    kind, rows, columns, imaginary, name = header.unpack(start)
+    kind, rows, columns, imaginary, name = header.unpack_from(start)
     return 0 <= kind < 5000 and kind % 1000 < 60 and min(rows, columns) > 0 and imaginary in (0, 1) and 1 < name < 64
 
 

@@ -209,8 +209,8 @@ class BlockParser:
     def advice(self) -> tuple[Advice, ...]:
         """What was lost; a column of numbers of which a large share is text is refused."""
         advice = []
-        known = sum(np.count_nonzero(np.isfinite(block), axis=1) for block in self.blocks)
-        for index, number in zip(self.indices, np.asarray(known).tolist(), strict=True):
+        for place, index in enumerate(self.indices if self.text_cells else ()):
+            number = sum(int(np.count_nonzero(np.isfinite(block[place]))) for block in self.blocks)
             lost = self.text_cells.get(index, 0)
             if number and lost > LOST_SHARE * (lost + number):
                 line, cell = self.first_text[index]
@@ -417,7 +417,7 @@ def _marks_of(rows: Sequence[str], delimiter: str | None) -> tuple[bool, str]:
 
 def _text(raw: bytes) -> str:
     try:
-        return raw.decode('utf-8-sig')
+        return raw.decode('utf-8').removeprefix('\ufeff')
     except UnicodeDecodeError:
         return raw.decode('latin-1')
 

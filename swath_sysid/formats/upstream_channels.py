@@ -16,7 +16,7 @@ from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import read_table
 from swath_sysid.formats.files import existing, reading, shown
-from swath_sysid.formats.messages import SECOND_NS, imu_reading, typestore
+from swath_sysid.formats.messages import SECOND_NS, imu_reading, stamp_of, typestore
 from swath_sysid.formats.topics import IMU
 from swath_sysid.formats.vocabulary import Quantity, plain_name
 from swath_sysid.pipeline.record_run import UpstreamSeries
@@ -68,13 +68,6 @@ def field_value(message: Any, kind: str, field: str) -> float:
             return float(vertical_acceleration(roll, pitch, np.array(sent.force)))
         return roll if field == 'roll' else pitch
     return float(getattr(message.point if kind.endswith('PointStamped') else message, field))
-
-
-def stamp_of(message: Any) -> int | None:
-    """The header stamp of a message, ns; None where it has none."""
-    header = getattr(message, 'header', None)
-    stamp_ns = 0 if header is None else header.stamp.sec * SECOND_NS + header.stamp.nanosec
-    return stamp_ns or None
 
 
 def read_upstream(

@@ -12,7 +12,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.upstream_channels import channels_of, field_value, kind_of, stamp_of
+from swath_sysid.formats.messages import stamp_of
+from swath_sysid.formats.upstream_channels import channels_of, field_value, kind_of
 from swath_sysid.nodes.qos import message_class, waiting, watched_subscription
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.health import BAD_UPSTREAM, DISCOVERY, OK, WARN, Arrivals, Reasons, Report

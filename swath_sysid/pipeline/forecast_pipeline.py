@@ -9,6 +9,7 @@ from swath_sysid.attitude.motion import intake
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Installation
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.stamps import (
+    BURSTS,
     GAP,
     JUMPED_BACK,
     LONG_GAP,
@@ -130,6 +131,8 @@ class ForecastPipeline:
         What takes longer is left to `finish`, which must follow: in between, ``next`` can be published.
         """
         sample, reasons = converted
+        if BURSTS in reasons:
+            self._begin_again()
         step = ForecastStep()
         self._since_used += 1
         if sample is not None:
@@ -155,6 +158,14 @@ class ForecastPipeline:
         # one that is late came after all
         self.counts[LOST] = max(self.counts[LOST] + step.lost - reasons.count(OUT_OF_ORDER), 0)
         return step
+
+    def _begin_again(self) -> None:
+        """Forget what was learnt from stamps that were no times of samples."""
+        self.forecaster, self._first_ns = Forecaster(self.settings.forecaster), None
+        for axis, model in self.models.items():
+            if model is not None:
+                self.forecaster.set_model(axis, model)
+        self.counts = dict.fromkeys(PIPELINE_REASONS, 0)
 
     def finish(self, step: ForecastStep) -> ForecastStep:
         """Complete a step of `begin` with the forecasts that are due."""

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from math import inf, isnan
 from typing import TYPE_CHECKING, NamedTuple
 
-from swath_sysid.attitude.motion.intake import NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
-from swath_sysid.attitude.motion.stamps import LOST, StampSettings
+from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
+from swath_sysid.attitude.motion.stamps import LOST, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.window import MotionWindow
 from swath_sysid.common.advice import CURES
+from swath_sysid.common.conventions import LOST_SHARE
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.stability_watch import StabilityWatch
@@ -45,6 +46,9 @@ HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
 
 #: Warned of from the second report in a row: a machine stalls once while programs start.
 RECURRING = {PASSED_OVER, LOST}
+
+#: Of a message or of values in it; the share is reported.
+LOSSES = {*STAMP_REASONS[:3], *INTAKE_REASONS}
 
 LASTING = {NO_RATES}  #: Warned of when they begin; then reported while they last, without a warning.
 
@@ -156,12 +160,18 @@ class Reasons:
         self._grown = set(grown)
         return {reason: growth for reason, growth in grown.items() if reason not in known}
 
-    def grown(self, fresh: Mapping[str, int]) -> list[Condition]:
-        """The reasons that grew, the most frequent first: how often, and what to do about each."""
+    def grown(self, fresh: Mapping[str, int], received: int = 0) -> list[Condition]:
+        """The reasons that grew, the most frequent first: how often, of which share of the messages that were
+        ``received`` meanwhile where that is large, and what to do about each.
+        """
         reasons = sorted(fresh, key=lambda each: -fresh[each])
         where = {QOS_MISMATCH: f' on {", ".join(sorted(self.mismatched))}'} if self.mismatched else {}
+        often = {each: f'{number} times lately' for each, number in fresh.items()}
+        for each in LOSSES & fresh.keys():
+            if LOST_SHARE * received < fresh[each] <= received:
+                often[each] += f', {fresh[each] / received:.0%} of the messages'
         return [
-            Condition(WARN, each, f'{each}{where.get(each, "")} ({fresh[each]} times lately): {self._cures[each]}')
+            Condition(WARN, each, f'{each}{where.get(each, "")} ({often[each]}): {self._cures[each]}')
             for each in reasons
         ]
 
@@ -316,7 +326,7 @@ class StreamHealth(Reasons):
             )
         if not now_ns and now - (self._begun or 0.0) > DISCOVERY:
             found.append(Condition(WARN, NO_CLOCK, CURES[NO_CLOCK]))
-        found = joined(joined(found, self.holding), self.grown(fresh))
+        found = joined(joined(found, self.holding), self.grown(fresh, self._since_report))
         if age is not None and now_ns:
             late = age - min(self._ages)
             if late > LARGEST_STAMP_AGE:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from swath_sysid.attitude.motion.intake import BLANK_ORIENTATION
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.vertical import EDGE
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
@@ -179,7 +180,8 @@ def score(
     leads = np.array(sorted({float(lead) for lead in leads}))
     axes, name = [axis for axis in AXES if axis in trial.channels], trial.source or 'the record'
     if not axes:
-        raise InputError(f'{name} has no angles to score forecasts on: give roll or pitch')
+        cause = next((each.message for each in trial.advice if each.code == BLANK_ORIENTATION), 'give roll or pitch')
+        raise InputError(f'{name} has no angles to score forecasts on: {cause}')
     check_warmup(trial, warmup, leads[-1], until)
     start, end = float(trial.time[0]), float(trial.time[-1])
     until = end - start if until is None else float(until)

@@ -209,9 +209,10 @@ def _longest_increasing(values: np.ndarray) -> np.ndarray:
 
 def counts_whole_turns(angle: np.ndarray) -> bool:
     """Whether an angle (N,), rad, runs from 0 to a turn: it jumps where it passes zero, or exceeds half a turn."""
-    known = angle[np.isfinite(angle)]
-    turn = 2.0 * np.pi
-    if not known.size or known.max() <= np.pi:
+    if not angle.size or np.fmax.reduce(angle) <= np.pi:
+        return False
+    known, turn = angle[np.isfinite(angle)], 2.0 * np.pi
+    if not known.size:
         return False
     within = np.mean((known >= 0.0) & (known <= turn + 0.01))
     jumps = np.abs(np.diff(known)) > WRAP * turn
@@ -262,9 +263,10 @@ def _plausible_channels(channels: Channels, source: str) -> tuple[Channels, list
         missing[name] = values.size - int(np.count_nonzero(finite))
         possible = finite & (np.abs(values) <= limit_of(name))
         absurd[name] = int(np.count_nonzero(finite & ~possible))
-        if possible.any():
+        if possible.any() and absurd[name]:
             cause = f'are impossible, up to {np.abs(values[finite]).max():.4g} in SI units: give their true unit'
             _refuse_loss(absurd[name], int(np.count_nonzero(finite)), f'values of {name}', cause, source)
+        if possible.any():
             plausible[name] = values if possible.all() else np.where(possible, values, np.nan)
     size = next((values.size for values in channels.values()), 0)
     seen = {

@@ -10,7 +10,7 @@ from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.cleaning import limit_of
 from swath_sysid.attitude.motion.sensor_checks import BlankOrientation
-from swath_sysid.attitude.motion.stamps import NANOSECOND, StampOrder, StampSettings
+from swath_sysid.attitude.motion.stamps import BURSTS, NANOSECOND, Bursts, StampOrder, StampSettings
 
 NOT_FINITE = 'not-finite'
 ABSURD = 'absurd-value'
@@ -192,7 +192,9 @@ class Intake:
 
     def __init__(self, installation: Installation, stamps: StampSettings) -> None:
         self._installation = installation
+        self._stamps = stamps
         self._order = StampOrder(stamps)
+        self._bursts = Bursts()
         self._blank = BlankOrientation()
 
     @property
@@ -202,7 +204,11 @@ class Intake:
 
     def take(self, reading: ImuReading, arrival: float = nan) -> ConvertedReading:
         """Convert the next message, which came at a time of a steady clock, s; also reasons of `STAMP_REASONS`."""
-        placed, reasons, stamp_ns = self._order.place(reading.stamp_ns, arrival)
+        spread_ns, has_begun = self._bursts.place(reading.stamp_ns, (*reading.orientation, *reading.rates))
+        if has_begun:
+            self._order = StampOrder(self._stamps)
+        placed, reasons, stamp_ns = self._order.place(spread_ns, arrival)
+        reasons += (BURSTS,) * has_begun
         if not placed:
             return ConvertedReading(None, reasons)
         if stamp_ns != reading.stamp_ns:

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +19,9 @@ JUMPED_BACK, STEPPED = 'clock-jumped-back', 'clock-stepped'
 GAP, LOST = 'gap', 'lost-sample'
 LONG_GAP = 'gap-too-long'
 RATE_CHANGED = 'rate-changed'
+BURSTS = 'bursts'
 #: The reasons that an order gives; the first three leave the sample out. What was lost is found by a sensor's clock.
-STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, STEPPED, GAP, LONG_GAP, RATE_CHANGED)
+STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, STEPPED, GAP, LONG_GAP, RATE_CHANGED, BURSTS)
 
 NANOSECOND = constants.nano  #: s.
 GAP_INTERVALS = 2.5
@@ -28,6 +29,7 @@ FOLLOWING = {True: 0.02, False: 0.1}  #: Largest relative step per sample of the
 SETTLING_SAMPLES = 50
 #: Of an interval, running mean over so many samples of a stamp's distance from the next whole interval: more is jitter.
 JITTER, JITTER_SAMPLES = 0.1, 50
+TO_RECOGNISE = 2 * SETTLING_SAMPLES  #: Samples until bursts can be recognised.
 RATE_CHANGE = 1.4  #: Factor; the interval is settled when it has moved by less than its root over `SETTLING_SAMPLES`.
 
 
@@ -70,6 +72,7 @@ class StampOrder:
         self._looked_at = 0.0
         self._until_look = SETTLING_SAMPLES
         self._jitter = 0.0
+        self._judged = 0
 
     @property
     def interval(self) -> float | None:
@@ -138,7 +141,11 @@ class StampOrder:
         if self._interval is None:
             self._interval = self._looked_at = elapsed
             return ()
-        gap = (STEPPED if self._is_step(elapsed, lag) else GAP,) if elapsed > GAP_INTERVALS * self._interval else ()
+        gap: tuple[str, ...] = ()
+        self._judged += 1
+        if elapsed > GAP_INTERVALS * self._interval:
+            # until bursts are recognised they look like gaps
+            gap = (STEPPED,) if self._is_step(elapsed, lag) else (GAP,) * (self._judged >= TO_RECOGNISE)
         step = FOLLOWING[self._settled_interval is not None]
         self._interval *= min(max(elapsed / self._interval, 1.0 - step), 1.0 + step)
         changed = self._has_changed(self._interval)
@@ -156,6 +163,63 @@ class StampOrder:
                 self._settled_interval = interval
             self._looked_at, self._until_look = interval, SETTLING_SAMPLES
         return False
+
+
+class Bursts:
+    """Spreads the stamps of samples that arrive several at once by the period of their sensor, the last of them at the
+    stamp given. Within a burst the motion goes on as from one burst to the next, which it does not over a pause.
+    """
+
+    def __init__(self) -> None:
+        self._recent: deque[tuple[int, float]] = deque(maxlen=2 * TO_RECOGNISE)  # stamps, ns, and what has moved
+        self._values: tuple[float, ...] = ()
+        self._until_look = TO_RECOGNISE
+        self._place = 0
+        self._spread_ns = 0
+        self.size = self.period_ns = 0.0  #: Samples in a burst, zero where there are none, and the time between them.
+
+    def place(self, stamp_ns: int, values: tuple[float, ...]) -> tuple[int, bool]:
+        """The stamp of the next sample, ns, and whether bursts have just been found."""
+        moved = sum(abs(now - before) for now, before in zip(values, self._values, strict=False))
+        before_ns = self._recent[-1][0] if self._recent else stamp_ns
+        if stamp_ns == before_ns and moved == 0.0 and self._values:
+            return stamp_ns, False
+        self._values = values
+        self._recent.append((stamp_ns, moved if isfinite(moved) else 0.0))
+        self._until_look -= 1
+        was_spread = self.size > 0.0
+        if self._until_look == 0:
+            self._until_look = SETTLING_SAMPLES
+            self.size, self.period_ns = self._look()
+        if not self.size:
+            return stamp_ns, False
+        if not was_spread or stamp_ns - before_ns > self.period_ns / GAP_INTERVALS:
+            self._place = 0
+        target = stamp_ns - max(self.size - 1 - self._place, 0.0) * self.period_ns
+        self._place += 1
+        ahead = target - self._spread_ns - self.period_ns
+        is_far = not was_spread or abs(ahead) > self.size * self.period_ns
+        self._spread_ns = round(target if is_far else self._spread_ns + self.period_ns + JITTER * ahead)
+        return self._spread_ns, not was_spread
+
+    def _look(self) -> tuple[float, float]:
+        """How many samples a burst has, and the time between two of them, ns; zeros without bursts."""
+        stamps, moved = np.array(self._recent).T
+        steps = np.diff(stamps - stamps[0])
+        begins = steps > np.mean(steps) / GAP_INTERVALS
+        first = np.flatnonzero(begins) + 1
+        # about as many bursts as samples in one, and more than two in each
+        if np.any(steps < 0.0) or GAP_INTERVALS * first.size**2 < steps.size or GAP_INTERVALS * first.size > steps.size:
+            return 0.0, 0.0
+        if np.median(steps[~begins]) > JITTER * np.mean(steps):
+            return 0.0, 0.0
+        if np.mean(moved[1:][begins]) > GAP_INTERVALS * np.mean(moved[1:][~begins]):
+            return 0.0, 0.0
+        number, lasted = first[-1] - first[0], stamps[first[-1]] - stamps[first[0]]
+        even = stamps[first[0]] + (first - first[0]) * (lasted / number)
+        if np.max(np.abs(stamps[first] - even)) > lasted / (first.size - 1):
+            return 0.0, 0.0
+        return number / (first.size - 1), lasted / number
 
 
 def _alike(first: float, second: float, factor: float) -> bool:

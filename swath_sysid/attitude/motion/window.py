@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import Installation
-from swath_sysid.attitude.motion.decay_candidates import HALF_CYCLES_FOR_REST, HOLD_BAND
+from swath_sysid.attitude.motion.decay_candidates import HALF_CYCLES_FOR_REST, HOLD_BAND, REST_BAND
 from swath_sysid.attitude.motion.intake import INTAKE_REASONS, ConvertedReading, ImuReading, Intake
 from swath_sysid.attitude.motion.quality import MAX_GAP, MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
-from swath_sysid.attitude.motion.stamps import JUMPED_BACK, NANOSECOND, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.stamps import BURSTS, JUMPED_BACK, NANOSECOND, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES, CHANNELS, AxisMotion, Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
@@ -167,7 +167,7 @@ class MotionWindow:
         sample, reasons = converted
         for reason in reasons:
             self.counts[reason] += 1
-        if JUMPED_BACK in reasons:
+        if JUMPED_BACK in reasons or BURSTS in reasons:
             self.clear()
         if sample is None:
             return WindowStep(False, reasons)
@@ -232,11 +232,18 @@ class DecayWatch:
         if decay.quantity == 'rate':
             amplitude *= decay.period / (2.0 * pi)
         # a group of waves looks like a push, of a few half-cycles, until the next waves come
-        is_at_rest = decay.ending in ('faded', 'noise-floor') and motion.time[-1] > decay.end + decay.period
-        enough = (0.5 if is_at_rest else 1.0) * HALF_CYCLES_FOR_REST
+        enough = (0.5 if rests_after(decay, motion) else 1.0) * HALF_CYCLES_FOR_REST
         pushed = decay.beginning == 'pushed' and decay.cycles >= enough
         released = decay.beginning == 'released' and (decay.cycles >= MIN_CYCLES or has_returned(decay, motion))
         return (pushed or released) and amplitude >= self._smallest and is_finished(decay, motion)
+
+
+def rests_after(decay: DecaySegment, motion: AxisMotion) -> bool:
+    """Whether a craft was seen to rest for two periods after a decay."""
+    after = motion.between(decay.end, None)
+    quiet = 2.0 * REST_BAND * decay.initial_amplitude
+    is_seen = after.size > 1 and after.time[-1] - decay.end >= 2.0 * decay.period
+    return bool(is_seen and np.abs(after.primary - decay.trim).max() < quiet)
 
 
 def has_returned(decay: DecaySegment, motion: AxisMotion) -> bool:

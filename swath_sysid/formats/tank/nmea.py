@@ -1,17 +1,21 @@
 """NMEA 0183 logs.
 
 Roll, pitch and heading are those of the sentences ``PASHR``, ``PRDID``, ``PSXN,23``, ``PFEC,GPatt`` and ``XDR``
-(forward-right-down); the time is that of the sentence, or of the last ``ZDA``, ``RMC`` or ``GGA``.
+(forward-right-down); the time is that of the sentence, or of the last ``ZDA``, ``RMC`` or ``GGA``, else the one that a
+logger wrote before the sentence.
 """
 
 import os
 import re
+from dataclasses import replace
 from functools import reduce
 from operator import xor
 from pathlib import Path
 
 import numpy as np
 
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import seconds_of_text
 from swath_sysid.formats.text_tables import NamedColumns, check_size, of_arrays
@@ -23,8 +27,9 @@ SENTENCES = {
     'PSXN,23,': 'roll pitch heading',
     'PFEC,GPatt,': 'heading pitch roll',
 }
+NAMES = ('time_s', 'roll_deg', 'pitch_deg', 'heading_deg')
 TIMED = ('ZDA,', 'RMC,', 'GGA,')
-LINE = re.compile(r'\$([A-Za-z]+,[^*\r\n]*)(?:\*([0-9A-Fa-f]{2}))?')
+LINE = re.compile(r'([^$\r\n]*)\$([A-Za-z]+,[^*\r\n]*)(?:\*([0-9A-Fa-f]{2}))?')
 CLOCK = re.compile(r'(\d\d)(\d\d)(\d\d(\.\d*)?)')
 XDR = re.compile(r'A,([-+.\d]+),D,\w*?(PITCH|PTCH|ROLL)', re.IGNORECASE)
 
@@ -32,29 +37,50 @@ XDR = re.compile(r'A,([-+.\d]+),D,\w*?(PITCH|PTCH|ROLL)', re.IGNORECASE)
 def tables(path: str | Path) -> list[NamedColumns]:
     """The one table of the attitude."""
     check_size(path, os.path.getsize(path))
-    rows, clock = [], ''
-    for said, checksum in LINE.findall(Path(path).read_text('latin-1')):
-        if checksum and reduce(xor, said.encode('latin-1')) != int(checksum, 16):
-            continue
-        if said[2:].startswith(TIMED):
+    rows, clock, damaged = [], '', 0
+    for before, said, checksum in LINE.findall(Path(path).read_text('latin-1')):
+        row, is_whole = _attitude(said), not checksum or reduce(xor, said.encode('latin-1')) == int(checksum, 16)
+        damaged += bool(row) and not is_whole
+        if is_whole and said[2:].startswith(TIMED):
             clock = said.split(',')[1]
-        row = {name[0].lower(): value for value, name in XDR.findall(said)} if said[2:].startswith('XDR,') else {}
-        for begin, fields in SENTENCES.items():
-            if said.startswith(begin):
-                row = {
-                    name[0]: value for name, value in zip(fields.split(), said[len(begin) :].split(','), strict=False)
-                }
-        if {'r', 'p'} & row.keys():
-            rows.append([_seconds(row.get('t', clock)), *(_number(row.get(name, '')) for name in 'rph')])
+        if is_whole and row:
+            times = _seconds(row.get('t', clock)), _logged(before)
+            rows.append([*times, *(_number(row.get(name, '')) for name in 'rph')])
     if not rows:
         raise InputError(f'{path} is an NMEA log without a sentence of the attitude: log {", ".join(SENTENCES)} or XDR')
-    columns = zip(('time_s', 'roll_deg', 'pitch_deg', 'heading_deg'), np.array(rows).T, strict=True)
-    return [of_arrays({n: v for n, v in columns if np.isfinite(v).any()}, {'frame': 'frd'}, '')]
+    number = damaged + len(rows)
+    if damaged > LOST_SHARE * number:
+        raise InputError(
+            f'{path}: {damaged} of {number} sentences of the attitude ({damaged / number:.0%}) have a wrong checksum: '
+            'check the cable and the baud rate'
+        )
+    advice = (Advice.of('damaged-messages', path=path, number=damaged),) if damaged else ()
+    time, logged, *angles = np.array(rows).T
+    columns = zip(NAMES, (time if np.isfinite(time).any() else logged, *angles), strict=True)
+    table = of_arrays({n: v for n, v in columns if np.isfinite(v).any()}, {'frame': 'frd'}, '')
+    return [replace(table, read=lambda places, progress: (table.read(places, progress)[0], advice))]
+
+
+def _attitude(said: str) -> dict[str, str]:
+    """What a sentence says of the attitude, by the first letter of the quantity; empty if nothing."""
+    row = {name[0].lower(): value for value, name in XDR.findall(said)} if said[2:].startswith('XDR,') else {}
+    for begin, fields in SENTENCES.items():
+        if said.startswith(begin):
+            row = {name[0]: value for name, value in zip(fields.split(), said[len(begin) :].split(','), strict=False)}
+    return row if {'r', 'p'} & row.keys() else {}
 
 
 def _seconds(clock: str) -> float:
     found = CLOCK.fullmatch(clock)
     return seconds_of_text(':'.join(found.groups()[:3])) if found else np.nan
+
+
+def _logged(before: str) -> float:
+    """The date or clock time before a sentence; a bare number would not state what it counts."""
+    try:
+        return seconds_of_text(before.strip(' ,;\t')) if ':' in before else np.nan
+    except ValueError:
+        return np.nan
 
 
 def _number(said: str) -> float:
