@@ -77,7 +77,7 @@ def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_jso
     for line in (*left_out, *outcome.failures):
         print(f'left out: {line}', file=sys.stderr)
     data = {
-        'report': str(report),
+        'report': str(report.with_suffix('.html')),
         'trials': len(outcome.trials),
         'left_out': [*outcome.manifest.faults, *left_out, *outcome.failures],
         'axes': {
