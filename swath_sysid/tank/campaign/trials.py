@@ -5,17 +5,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import stdtrit
 
 from swath_sysid import __version__
 from swath_sysid.attitude.identification.fit_quality import ADEQUATE_ERROR
-from swath_sysid.attitude.identification.peaks import Peaks
+from swath_sysid.attitude.identification.peaks import Peaks, measured_peaks
 from swath_sysid.attitude.identification.problem import before_the_next, problem_of, to_be_fitted
 from swath_sysid.attitude.motion.segmentation import DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.turning_points import find_turning_points
 from swath_sysid.common.advice import Advice, counted
-from swath_sysid.common.conventions import TWO_STD
+from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import UNKNOWN
 from swath_sysid.formats.reading import read_trial, source_hash
@@ -186,16 +187,19 @@ def _names(files: Sequence[str]) -> str:
 
 
 def turns_of(motion: AxisMotion, segment: DecaySegment) -> Peaks:
-    """The turning points of a decay, also of one that is sampled too seldom for parabolas through them."""
-    found = find_turning_points(motion, segment.period)
-    return Peaks(found.time, found.value)
+    """The turning points of a decay by parabolas; as they are where it is sampled too seldom for most of these."""
+    rough, peaks = find_turning_points(motion, segment.period), measured_peaks(motion, segment.period)
+    return peaks if 2 * peaks.time.size > rough.time.size else Peaks(rough.time, rough.value)
 
 
 def of_like_periods(segments: Sequence[DecaySegment], peaks: Sequence[Peaks]) -> list[list[int]]:
     """Places of decays in groups of which no two contradict each other in period, the largest group first."""
     groups: list[list[int]] = []
+    pairs = len(peaks) * (len(peaks) - 1) / 2
+    # the confidence is that of all pairs together
+    level = 1.0 - 0.5 * (1.0 - CONFIDENCE) / max(pairs, 1.0)
     for k in sorted(range(len(peaks)), key=lambda k: segments[k].period):
-        alike = next((g for g in groups if not any(_contradict(peaks[k], peaks[other]) for other in g)), None)
+        alike = next((g for g in groups if not any(_contradict(peaks[k], peaks[other], level) for other in g)), None)
         if alike is None:
             groups.append([k])
         else:
@@ -203,19 +207,26 @@ def of_like_periods(segments: Sequence[DecaySegment], peaks: Sequence[Peaks]) ->
     return sorted((sorted(g) for g in groups), key=len, reverse=True)
 
 
-def _contradict(one: Peaks, other: Peaks) -> bool:
+def _contradict(one: Peaks, other: Peaks, level: float) -> bool:
     """Whether two decays differ in period at the same amplitudes, beyond their scatter and so far that a period between
-    both would be wrong, one period ahead, by more than an adequate model is.
+    both would be wrong, one period ahead, by more than an adequate model is. The period is taken to change with the
+    square of the amplitude a, and its error to be proportional to 1 / a, as that of a turning point in noise.
     """
     low = max(p.mean_amplitude.min(initial=np.inf) for p in (one, other))
     high = min(p.mean_amplitude.max(initial=0.0) for p in (one, other))
-    periods = [p.period[(p.mean_amplitude >= low) & (p.mean_amplitude <= high)] for p in (one, other)]
-    if min(p.size for p in periods) < 3:
+    shared = [(p.mean_amplitude >= low) & (p.mean_amplitude <= high) for p in (one, other)]
+    if min(np.count_nonzero(each) for each in shared) < 3:
         return False
-    apart = abs(periods[0].mean() - periods[1].mean())
-    scatter = math.hypot(*(p.std(ddof=1) / math.sqrt(p.size) for p in periods))
-    shift = 0.5 * apart / np.mean([p.mean() for p in periods])
-    return bool(2.0 * np.pi * shift > ADEQUATE_ERROR and apart > TWO_STD * scatter)
+    amplitude, period = (
+        np.concatenate([getattr(p, name)[each] for p, each in zip((one, other), shared, strict=True)])
+        for name in ('mean_amplitude', 'period')
+    )
+    is_other = np.repeat([0.0, 1.0], [np.count_nonzero(each) for each in shared])
+    columns = amplitude[:, None] * np.column_stack([is_other, np.ones(period.size), amplitude**2])
+    (apart, mean, _), residual, *_ = np.linalg.lstsq(columns, amplitude * period, rcond=None)
+    freedom = period.size - columns.shape[1]
+    std = math.sqrt(float(residual.sum()) / freedom * np.linalg.pinv(columns.T @ columns)[0, 0])
+    return bool(np.pi * abs(apart) > ADEQUATE_ERROR * mean and abs(apart) > stdtrit(freedom, level) * std)
 
 
 def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
