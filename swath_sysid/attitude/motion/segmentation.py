@@ -13,6 +13,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion import turning_points
 from swath_sysid.attitude.motion.decay_candidates import (
+    HALF_CYCLES_FOR_REST,
     HELD,
     HOLD_BAND,
     IRREGULAR,
@@ -87,8 +88,10 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     pieces = turning_points.split_at_pauses(motion)
     decays = [decay for piece in pieces for decay in _decays_among(_sizable(find_candidates(piece)))]
     if not decays:
-        released = [each for piece in pieces for each in _sizable(find_candidates(piece, IRREGULAR)) if each.hold]
-        decays = _decays_among(released)
+        irregular = [each for piece in pieces for each in _sizable(find_candidates(piece, IRREGULAR))]
+        decays = _decays_among(
+            [each for each in irregular if each.hold and each.double_amplitudes.size >= HALF_CYCLES_FOR_REST]
+        )
     segments = [_segment_of(candidate, motion) for candidate in _apart(decays)]
     return tuple(replace(each, advice=()) if _is_ended_by_the_next(each, segments) else each for each in segments)
 
@@ -173,6 +176,8 @@ def _together(possible: Sequence[DecayCandidate], free: Sequence[DecayCandidate]
 def _is_rhythmic(candidate: DecayCandidate) -> bool:
     """Long enough to show a rhythm, which its first half-cycle keeps, and truly decaying."""
     if candidate.double_amplitudes.size < MIN_HALF_CYCLES or candidate.decrement < MIN_DECREMENT:
+        return False
+    if candidate.end - candidate.release < candidate.period:
         return False
     return 1.0 / ASYMMETRY < 2.0 * candidate.first_half_duration / candidate.period < ASYMMETRY
 
