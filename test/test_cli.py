@@ -1,5 +1,6 @@
 """The command line: what it prints, what it writes, its help, and how it answers bad input."""
 
+import io
 import json
 import os
 import re
@@ -7,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -98,7 +100,7 @@ def test_identify_fits_every_release_of_a_record_and_names_the_decays_of_the_oth
     for axis, expected in (([], {'decay-of-other-axis'}), (['--axis', 'roll'], set())):
         assert main([*words, *axis]) == 0
         found = json.loads(capsys.readouterr().out)
-        assert {each['code'] for each in found['warnings']} & {'several-decays', 'decay-of-other-axis'} == expected
+        assert {each['code'] for each in found['warnings']} & {'decay-of-other-axis'} == expected
         assert np.array(found['segment_s'])[:, 0] == pytest.approx([3.0, 21.0], abs=0.05)
         assert found['sources'] == [str(tmp_path / 'all.csv')] * 2
 
@@ -230,7 +232,7 @@ def test_a_forecast_of_slow_samples_says_which_leads_were_not_measured(tmp_path,
     time = np.arange(240.0)
     rows = zip(time, 5.0 * np.sin(time / 2.1) + np.sin(time / 1.7), 1e-3 * np.sin(7.0 * time), strict=True)
     path = table(tmp_path / 'ship.csv', 'time_s,roll_deg,pitch_deg', rows)
-    assert main(['forecast', str(path), '--leads', '0.5,2', '--axis', 'roll']) == 0
+    assert main(['forecast', str(path), '--leads', '0.5,2', '--axis', 'roll', '--all']) == 0
     out, err = capsys.readouterr()
     assert '[leads-between-samples]' in err and 'motion 0.5 s ahead' in err
     assert 'pitch' not in out and ' = VAR(60)' in out
@@ -239,6 +241,21 @@ def test_a_forecast_of_slow_samples_says_which_leads_were_not_measured(tmp_path,
     assert 'scoring ends at 20 s, within the warm-up' in told and '(--until, --warmup)' in told
     assert main(['forecast', str(path), '--leads', '-1,2']) == 2
     assert 'cannot be -1: give 0.01 to 120 s' in last_line(capsys.readouterr().err)
+
+
+def test_a_verb_ends_in_its_conclusion_which_quiet_leaves_and_reads_standard_input(capsys, monkeypatch):
+    record = share_folder() / 'records' / 'kvlcc2_roll_decay.csv'
+    monkeypatch.setattr('sys.stdin', SimpleNamespace(buffer=io.BytesIO(record.read_bytes())))
+    assert main(['identify', '-', '--equation', 'linear', '--extinction']) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert 'more rows are left out' in '\n'.join(told) and len(told) < 45
+    assert main(['identify', str(record), '--equation', 'linear', '--quiet']) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines() == told[-1:] and 'identify: ' not in err
+    assert told[-1].startswith('roll: doubtful; at 5.34 deg: natural period 2.5')
+    assert main(['forecast', str(record), '--leads', '0.5,1', '--axis', 'roll', '--quiet']) == 0
+    first, last = capsys.readouterr().out.splitlines()
+    assert first.startswith('roll: ') and 'of the error of' in first and last.startswith('valid lead')
 
 
 @pytest.mark.parametrize(('limit', 'why'), [(90.0, 'never left'), (1e-6, 'never kept')])

@@ -20,7 +20,7 @@ from swath_sysid.attitude.identification.innovations import BlockedRecord, Hulls
 from swath_sysid.attitude.identification.log_posterior import Evaluation, clipped_step, scoring
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.result import IdentificationSettings
-from swath_sysid.attitude.motion.segmentation import find_decay
+from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.formats.identify_records import identify
 
@@ -243,7 +243,7 @@ def test_optima_that_the_record_cannot_tell_apart_are_averaged(bench):
 @pytest.mark.parametrize('hull', ['swath-pitch 6', 'swath-roll 15', 'hydrofoil-pitch 5', 'swath-usv-pitch 9'])
 def test_releases_are_found_to_30_ms(bench, scene, hull):
     made = bench.made_trial(hull, bench.SCENES[scene], 0)
-    decay = find_decay(motion_of(made))
+    decay = find_decays(motion_of(made))[0]
     assert decay.beginning == 'released'
     assert decay.start == pytest.approx(made.release, abs=0.03)
     if (hull, scene) == ('hydrofoil-pitch 5', 'waves-0.3'):

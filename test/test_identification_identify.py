@@ -184,7 +184,10 @@ def test_a_doubtful_equation_is_not_chosen_while_another_is_adequate():
     favoured = replace(doubtful, objective_value=0.1 * adequate.objective_value)
     found = rank([adequate, favoured], [0.1, 0.01])
     assert (found.ranked[0].name, found.choice.name) == ('swath-pitch-9', 'swath-pitch-2')
-    assert found.reason.endswith(' The other equations are not adequate.')
+    assert found.reason.endswith(' Not adequate, and not considered: swath-pitch-9.')
+    also = replace(adequate, objective_value=1.001 * adequate.objective_value)
+    reason = rank([adequate, also, favoured], [0.1, 1.0, 0.01]).reason
+    assert 'swath-pitch-2 is the only equation whose' in reason and 'fewest' not in reason
     assert rank([favoured], [0.01]).choice.name == 'swath-pitch-9'
 
 

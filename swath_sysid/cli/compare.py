@@ -49,10 +49,10 @@ def run(arguments: Namespace) -> int:
         advice = (*read_advice, *choice.advice, *choice.verdict.warnings)
         print_result(True, {**data, **warnings_as_data(advice)}, ())
     else:
-        _print_ranking(found)
-        print(f'Choice: {found.reason}', f'The fit is {choice.verdict}', *written, sep='\n')
-        if arguments.equations is None:
-            print(OF_IDENTIFY)
+        if not arguments.quiet:
+            _print_ranking(found)
+        lines = [OF_IDENTIFY] if arguments.equations is None else []
+        print_result(False, {}, [*lines, *written], [f'Choice: {found.reason}', f'The fit is {choice.verdict}'])
     return identify.exit_code_of(arguments, choice.verdict.level)
 
 

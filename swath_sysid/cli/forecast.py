@@ -25,17 +25,20 @@ from swath_sysid.pipeline import scoring
 from swath_sysid.pipeline.baselines import even_stretches
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.report.figures import save_figure
+from swath_sysid.report.fit_summary import short_name
 from swath_sysid.report.forecast_figure import forecast_figure
-from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, methods_of, skill_as_data
+from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, conclusion_of, methods_of, skill_as_data
 
 
 def run(arguments: Namespace) -> int:
     """Run the predictor through the record and print its skill."""
     skill = scored(arguments)
     if arguments.json:
-        print_result(True, skill_as_data(skill), ())
-    else:
-        _print_skill(skill, arguments.record)
+        print_result(True, skill_as_data(skill), (), conclusion_of(skill))
+        return 0
+    if not arguments.quiet:
+        _print_skill(skill, short_name(arguments.record), arguments.all)
+    print('\n'.join(conclusion_of(skill)))
     return 0
 
 
@@ -96,33 +99,47 @@ def scored(arguments: Namespace) -> scoring.Skill:
     return skill
 
 
-def _print_skill(skill: Any, name: str) -> None:
+def _print_skill(skill: Any, name: str, everything: bool) -> None:
     console = Console()
     for axis, scores in skill.axes.items():
         table = _table_of_leads(skill, f'{name}, {axis}')
-        _add_methods(table, scores.nrmse)
-        if np.isfinite(scores.expected).any():
-            table.add_row('its own expectation', *map(cell, scores.expected))
-        table.add_row('forecast / best other', *map(cell, scores.ratio), style='bold')
-        for column, level in enumerate((50, 90, 99)):
-            table.add_row(f'{level} % coverage, %', *_percentages(scores.coverage[:, column]), style='dim')
-        table.add_row('scored', *map(str, scores.counted), style='dim')
-        if scores.unmeasured.any():
-            table.add_row('not measured', *map(str, scores.unmeasured), style='dim')
-        if np.nan_to_num(scores.gap_share).any():
-            table.add_section()
-            table.add_row(f'{scoring.AFTER_GAP:g} s after gaps, %', *_percentages(scores.gap_share))
-            for method, values in scores.gap_nrmse.items():
-                table.add_row(f'  {LABELS[method]}', *map(cell, values))
+        (_add_every_score if everything else _add_best)(table, scores)
         console.print(table)
-        _print_valid_lead(axis, scores.valid_lead)
+        if everything:
+            _print_valid_lead(axis, scores.valid_lead)
     for point, kinds in skill.points.items():
         _print_point(console, skill, point, kinds)
-    _print_quiescence(console, skill)
-    print(
-        f'processing: {1e3 * skill.step_time["median"]:.2f} ms per sample (median), '
-        f'{1e3 * skill.refit_time["median"]:.0f} ms per refit (longest {1e3 * skill.refit_time["most"]:.0f} ms)'
-    )
+    _print_quiescence(console, skill, everything)
+    if everything:
+        print(
+            f'processing: {1e3 * skill.step_time["median"]:.2f} ms per sample (median), '
+            f'{1e3 * skill.refit_time["median"]:.0f} ms per refit (longest {1e3 * skill.refit_time["most"]:.0f} ms)'
+        )
+
+
+def _add_best(table: Table, scores: Any) -> None:
+    """The forecast beside the best other method."""
+    table.add_row('forecast', *map(cell, scores.nrmse[scoring.FORECAST]), style='bold')
+    table.add_row('best other method', *(cell(scores.nrmse[best][k]) for k, best in enumerate(scores.best)))
+    table.add_row('', *(LABELS[best] for best in scores.best), style='dim')
+    table.add_row('90 % coverage, %', *_percentages(scores.coverage[:, 1]), style='dim')
+
+
+def _add_every_score(table: Table, scores: Any) -> None:
+    _add_methods(table, scores.nrmse)
+    if np.isfinite(scores.expected).any():
+        table.add_row('its own expectation', *map(cell, scores.expected))
+    table.add_row('forecast / best other', *map(cell, scores.ratio), style='bold')
+    for column, level in enumerate((50, 90, 99)):
+        table.add_row(f'{level} % coverage, %', *_percentages(scores.coverage[:, column]), style='dim')
+    table.add_row('scored', *map(str, scores.counted), style='dim')
+    if scores.unmeasured.any():
+        table.add_row('not measured', *map(str, scores.unmeasured), style='dim')
+    if np.nan_to_num(scores.gap_share).any():
+        table.add_section()
+        table.add_row(f'{scoring.AFTER_GAP:g} s after gaps, %', *_percentages(scores.gap_share))
+        for method, values in scores.gap_nrmse.items():
+            table.add_row(f'  {LABELS[method]}', *map(cell, values))
 
 
 def _print_valid_lead(axis: str, found: Any) -> None:
@@ -172,7 +189,7 @@ def _add_methods(table: Table, nrmse: dict[str, Any]) -> None:
         table.add_row(label, *map(cell, nrmse[names[0]]), style='bold' if scoring.FORECAST in names else '')
 
 
-def _print_quiescence(console: Any, skill: Any) -> None:
+def _print_quiescence(console: Any, skill: Any, with_decisions: bool) -> None:
     limits, found = skill.quiescence_limits, skill.quiescence
     if limits is None or found is None:
         return
@@ -192,7 +209,7 @@ def _print_quiescence(console: Any, skill: Any) -> None:
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
         f'(climatology: {found.brier_of_climate:.3f})'
     )
-    if skill.decisions is not None and skill.decisions.base_rate > 0.0:
+    if with_decisions and skill.decisions is not None and skill.decisions.base_rate > 0.0:
         _print_decisions(console, skill.decisions)
 
 

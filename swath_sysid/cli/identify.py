@@ -22,8 +22,15 @@ from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.common.wings import offered
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.report.fit_figure import at_sea_figure, fit_figure
-from swath_sysid.report.fit_summary import at_sea_as_data, at_sea_in_words, fit_as_data, fit_in_words, warnings_as_data
-from swath_sysid.report.tables import table_as_data, table_in_words
+from swath_sysid.report.fit_summary import (
+    at_sea_as_data,
+    at_sea_in_words,
+    conclusion_of,
+    fit_as_data,
+    fit_in_words,
+    warnings_as_data,
+)
+from swath_sysid.report.tables import shortened, table_as_data, table_in_words
 
 
 def settings_of(arguments: Namespace, equation: str = AUTO) -> IdentificationSettings:
@@ -83,8 +90,13 @@ def run(arguments: Namespace) -> int:
     data = fit_as_data(found, time.perf_counter() - began, inertia)
     data |= {table.name: table_as_data(table) for table in tables}
     data |= warnings_as_data((*read_advice, *shown, *found.verdict.warnings))
-    lines = [*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t))), *written]
-    print_result(arguments.json, data, lines)
+    shown_tables = [table if arguments.all else shortened(table) for table in tables]
+    lines = [
+        *fit_in_words(found, inertia),
+        *written,
+        *(line for t in shown_tables for line in ('', *table_in_words(t))),
+    ]
+    print_result(arguments.json, data, lines, conclusion_of(found))
     return exit_code_of(arguments, found.verdict.level)
 
 

@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 
 from swath_sysid import __version__
 from swath_sysid.cli.flags import SHARED, add_arguments, examples_of, table_of_verbs
+from swath_sysid.cli.standard_input import standard_input_as_file
 from swath_sysid.common.accelerator import why_uncached
 from swath_sysid.common.advice import did_you_mean, with_flags
 from swath_sysid.common.errors import DONE, NOTHING_DONE, PARTLY_DONE, InputError
@@ -179,7 +180,11 @@ def _carried_out(argv: list[str], begin: Callable[[], None]) -> int:
         arguments = build_parser(verb).parse_args(argv or ['--help'])
         run = module_of(arguments.verb).run
         begin()
-        return run(arguments)
+        from swath_sysid.cli.progress import IS_QUIET
+
+        IS_QUIET.set(getattr(arguments, 'quiet', False))
+        with standard_input_as_file(arguments):
+            return run(arguments)
     except InputError as error:
         program = f'swath-sysid {verb}' if verb in VERBS else 'swath-sysid'
         print(f'{program}: {with_flags(error.code, str(error))}', file=sys.stderr)

@@ -13,6 +13,7 @@ from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.cli.flags import finite
 from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.standard_input import STANDARD_INPUT
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import BLOCK_BYTES, existing
@@ -106,7 +107,11 @@ def write_fit(arguments: Namespace, found: Any, draw: Callable[[Any], 'Figure'],
     """Write the model file of a fit that is usable, and its picture, where asked for; a line on each written file."""
     written = []
     if arguments.output and is_usable:
-        identified = found.identified_model(provenance_of(without_copies(arguments.trials)[0]))
+        provenance = provenance_of(without_copies(arguments.trials)[0])
+        for source in provenance['sources']:
+            if os.path.basename(source['file']) == STANDARD_INPUT:
+                source['file'] = STANDARD_INPUT
+        identified = found.identified_model(provenance)
         write_model(arguments.output, {found.model.axis: identified})
         written.append(f'wrote the model file {arguments.output}')
     if arguments.plot:

@@ -49,7 +49,7 @@ def motion_changes(chart: dict[str, list], unit: str) -> dict[str, Any]:
 
 def release_options() -> dict[str, Any]:
     """A zoomable chart of a measured decay and the model's motion over it."""
-    frame = _frame('deg', 's from letting go')
+    frame = _frame('deg', 's after release')
     frame['xAxis']['min'] = 0.0
     return {
         **frame,

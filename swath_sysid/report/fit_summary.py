@@ -103,7 +103,6 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
     """Lines for a reader."""
     model = found.model
     low, high = (math.degrees(a) for a in found.amplitude_range)
-    period, damping, period_std, damping_std = found.bands.at(found.reference_amplitude)
     lines = [
         f'{model.axis}: {title_of(model.equation, model.axis)}, {counted(len(found.records), "decay")}',
         f'  {with_flags(found.verdict.code, str(found.verdict))}',
@@ -118,10 +117,8 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
         + (f' +- {math.degrees(found.trim_std):.2g}' if math.isfinite(found.trim_std) else ''),
         f'  natural period of small motions {model.natural_period:.4f} s +- {found.natural_period_std:.2g} '
         f'(extrapolated below {low:.2f} deg)',
-        f'  at {math.degrees(found.reference_amplitude):.2f} deg: natural period {period:.4f} s +- {period_std:.2g}, '
-        f'equivalent damping ratio {damping:.4f} +- {damping_std:.2g}',
         f'  R2 {found.r2:.6f}, {found.objective} objective {found.objective_value:.6g}, '
-        f'{found.samples} samples, as informative as {found.effective_samples:.0f} independent',
+        f'{found.samples} samples, as informative as {found.effective_samples:.0f} independent samples',
         f'  valid from {low:.2f} to {high:.2f} deg; search ended by {found.search.stop} after '
         f'{found.search.generations} generations',
     ]
@@ -129,6 +126,16 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
         form = vars(to_published(model, inertia))
         lines.append('  published form: ' + ', '.join(f'{name} {value:.6g}' for name, value in form.items()))
     return lines
+
+
+def conclusion_of(found: Identification) -> list[str]:
+    """Verdict, period and damping in one line."""
+    period, damping, period_std, damping_std = found.bands.at(found.reference_amplitude)
+    return [
+        f'{found.model.axis}: {found.verdict.level}; at {math.degrees(found.reference_amplitude):.2f} deg: natural '
+        f'period {period:.4f} s +- {period_std:.2g}, equivalent damping ratio {damping:.4f} +- {damping_std:.2g} '
+        '(one standard deviation)'
+    ]
 
 
 def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
@@ -142,8 +149,6 @@ def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
             f'  {short_name(each.source)}: motion in waves from {each.time[0]:.1f} to {each.time[-1]:.1f} s'
             for each in found.motions
         ),
-        f'  natural period {found.natural_period:.3f} s +- {found.natural_period_std:.2g}, equivalent damping ratio '
-        f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
         *ratio_lines(found),
         f'  mean angle {math.degrees(model.trim):.2f} deg +- {math.degrees(found.trim_std):.2g}; '
         f'waves: {SEAS[found.sea]}',
@@ -151,6 +156,8 @@ def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
         'their height peaks at a longer one',
         f'  the excitation deviates from such waves by {found.roughness:.0%}; periods of parts fitted alone are '
         f'{found.apart:.1f} standard deviations apart',
+        f'  natural period {found.natural_period:.3f} s +- {found.natural_period_std:.2g}, equivalent damping ratio '
+        f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
     ]
 
 

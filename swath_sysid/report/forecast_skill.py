@@ -10,7 +10,7 @@ from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.plain import finite_or_none
-from swath_sysid.pipeline.scoring import AFTER_GAP, Skill
+from swath_sysid.pipeline.scoring import AFTER_GAP, QuantitySkill, Skill
 from swath_sysid.report.fit_summary import warnings_as_data
 
 POINT_UNITS = {'heave': 'm', 'vertical_velocity': 'm_s', 'vertical_acceleration': 'm_s2'}
@@ -83,6 +83,49 @@ def _scores_as_data(scores: Any, unit: str):
         'coverage': {f'{100 * level:g}': scores.coverage[:, k] for k, level in enumerate(LEVELS)},
         'after_gap': {'within_s': AFTER_GAP, 'share': scores.gap_share, 'nrmse': scores.gap_nrmse},
     }
+
+
+def conclusion_of(skill: Skill) -> list[str]:
+    """Who forecasts best, by how much and to which lead, a line for each axis, and how far forecasts are trusted."""
+    lines = [f'{axis}: {_winner(np.asarray(skill.leads), scores)}' for axis, scores in skill.axes.items()]
+    valid = [
+        f'{axis} {scores.valid_lead.lead[0]:.2g} s'
+        for axis, scores in skill.axes.items()
+        if scores.valid_lead is not None and np.isfinite(scores.valid_lead.lead[0])
+    ]
+    return [*lines, *([f'valid lead, in the median: {", ".join(valid)}'] if valid else [])]
+
+
+def _winner(leads: np.ndarray, scores: QuantitySkill) -> str:
+    """Where the forecast is better or worse than the best other method, beyond chance, and by how much."""
+    if not scores.counted.any():
+        return 'no forecast could be scored'
+    low, high = scores.ratio_interval.T
+    known = np.isfinite(low + high)
+    parts = []
+    size = '{ratios} of the error of {best}, the best other method'
+    for found, words in (
+        (high < 1.0, f'the forecast wins {{where}} ({size})'),
+        (low > 1.0, f'the forecast loses {{where}} ({size})'),
+        (known & (low <= 1.0) & (high >= 1.0), f'the difference is within chance {{where}} ({size})'),
+        (
+            np.isfinite(scores.ratio) & ~known,
+            f'{{where}} the forecast has {size}; the record is too short to exclude chance',
+        ),
+    ):
+        if found.any():
+            best = dict.fromkeys(LABELS[name] for name, is_so in zip(scores.best, found, strict=True) if is_so)
+            ratios = ', '.join(cell(value, 2) for value in scores.ratio[found])
+            where = _leads_in_words(leads, found)
+            parts.append(words.format(where=where, ratios=ratios, best=', '.join(best)))
+    return '; '.join(parts)
+
+
+def _leads_in_words(leads: np.ndarray, chosen: np.ndarray) -> str:
+    own = [f'{lead:g}' for lead in leads[chosen]]
+    if len(own) > 1 and chosen[: len(own)].all():
+        return f'from {own[0]} to {own[-1]} s'
+    return f'from {own[0]} s on' if chosen[-len(own) :].all() and not chosen.all() else f'at {", ".join(own)} s'
 
 
 def cell(value: float, digits: int = 3) -> str:

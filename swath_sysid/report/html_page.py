@@ -19,14 +19,14 @@ from swath_sysid.report.tables import Table
 
 LONG_WORDS = 28  #: Characters from which a cell is broken into lines.
 FOLDED = 16  #: Rows or figures; of more the page shows the number, until it is opened.
-#: Of every figure of a page, where it is 350 to 500 px wide, so that a point is about a pixel.
+#: Of every figure of a page, as wide as the page: a point is from 0.8 px on a telephone to 2 px.
 FIGURE_STYLE: Any = {
     **dict.fromkeys(('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color'), MEASURED),
-    'figure.figsize': (4.0, 2.8),
+    'figure.figsize': (6.4, 3.3),
     'path.simplify_threshold': 1.0,
-    'font.size': 11.0,
+    'font.size': 9.5,
     'axes.titlesize': 'medium',
-    'legend.fontsize': 10.0,
+    'legend.fontsize': 9.0,
     'svg.fonttype': 'none',
     'axes.prop_cycle': rcsetup.cycler(color=SERIES),
 }
@@ -61,14 +61,23 @@ def page_style() -> AbstractContextManager:
     return matplotlib.rc_context(FIGURE_STYLE)
 
 
-def page(title: str, sections: Iterable[tuple[str, str, Sequence[str]]]) -> str:
-    """A whole page of sections (anchor, plain name, HTML parts); a section whose parts are all empty is left out."""
+def page(title: str, sections: Iterable[tuple[str, str, Sequence[str]]], unfolded: int | None = None) -> str:
+    """A whole page of sections (anchor, plain name, HTML parts); a section whose parts are all empty is left out. Those
+    after the first ``unfolded`` ones show their names until they are opened.
+    """
     kept = [(anchor, escaped(name), parts) for anchor, name, parts in sections if any(parts)]
     style = resources.files(__package__).joinpath('page.css').read_text(encoding='utf-8')
     contents = ''.join(f'<li><a href="#{anchor}">{name}</a></li>' for anchor, name, _ in kept)
+    count = len(kept) if unfolded is None else unfolded
     body = [
         f'<section id="{anchor}"><h2>{name}</h2>\n' + '\n'.join(filter(None, parts)) + '</section>'
-        for anchor, name, parts in kept
+        for anchor, name, parts in kept[:count]
+    ]
+    body += [
+        f'<details class="rest"><summary><h2>{name}</h2></summary>\n<section id="{anchor}">'
+        + '\n'.join(filter(None, parts))
+        + '</section></details>'
+        for anchor, name, parts in kept[count:]
     ]
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'

@@ -20,12 +20,12 @@ def sea_in_words(found: SeaState, name: str) -> list[str]:
         axis = 'not known: heave and slope are not coherent'
     return [
         f'{name}: {found.duration / 60.0:.0f} min of motion',
-        f'  significant height   {found.significant_height:.3g} ± {found.significant_height_std:.2g} m',
-        f'  mean period          {found.mean_period:.2f} ± {found.mean_period_std:.2f} s (zero crossings)',
-        f'  peak period          {found.peak_period:.1f} s, 95 % between {low:.1f} and {high:.1f} s (of the heave)',
         f'  the waves run        {axis}',
         f'  least height         {found.least_height:.2g} m: the noise of this sensor may show as much',
         *REMARKS,
+        f'  significant height   {found.significant_height:.3g} ± {found.significant_height_std:.2g} m',
+        f'  mean period          {found.mean_period:.2f} ± {found.mean_period_std:.2f} s (zero crossings)',
+        f'  peak period          {found.peak_period:.1f} s, 95 % between {low:.1f} and {high:.1f} s (of the heave)',
     ]
 
 

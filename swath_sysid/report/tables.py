@@ -3,7 +3,7 @@
 import csv
 import io
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 
@@ -49,6 +49,17 @@ class Table:
         """A table of like items: each column is a heading, the value of an item, and how it is shown."""
         rows = tuple(tuple(value(item) for _, value, *_ in columns) for item in items)
         return cls(name, title, note, tuple(Column(heading, *show) for heading, _, *show in columns), rows)
+
+
+SHORT = 12  #: Rows of a table that the terminal shows in full; of a longer one it shows a fourth of them.
+
+
+def shortened(table: Table) -> Table:
+    """A table of which, where it is long, the first rows are shown."""
+    if len(table.rows) <= SHORT:
+        return table
+    left = f'{len(table.rows) - SHORT // 4} more rows are left out: --all or --json shows them.'
+    return replace(table, rows=table.rows[: SHORT // 4], finding=left)
 
 
 def table_as_csv(table: Table) -> str:

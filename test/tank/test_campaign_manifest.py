@@ -12,14 +12,8 @@ from hypothesis import strategies as st
 
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.tank.campaign.manifest import (
-    new_manifest,
-    pattern_expression,
-    pattern_of_name,
-    read_manifest,
-    trials_in_words,
-    write_new_manifest,
-)
+from swath_sysid.tank.campaign.manifest import pattern_expression, read_manifest, trials_in_words
+from swath_sysid.tank.campaign.proposal import new_manifest, pattern_of_name, write_new_manifest
 from swath_sysid.tank.campaign.work import ResultStore, key_of
 
 NAMES = [f'pitch_{angle}deg_repeat{repeat}.csv' for angle in ('3', '8.4') for repeat in (1, 2)]
@@ -204,7 +198,9 @@ def test_a_new_manifest_reads_back(folder):
         ('pitch_8.4deg_repeat1.csv', '{axis}_{angle}deg_repeat{repeat}.csv'),
         ('roll_5deg_0.9T_run12.mcap', '{axis}_{angle}deg_{draft_factor}T_run{repeat}.mcap'),
         ('decay_8deg_0.25m.csv', 'decay_{angle}deg_{draft}m.csv'),
-        ('1.5m_s_5deg_300mm.csv', '1.5m_s_{angle}deg_300mm.csv'),
+        ('1.5m_s_5deg_300mm.csv', '{speed}m_s_{angle}deg_300mm.csv'),
+        ('roll_T0.150_R1.csv', '{axis}_T{draft}_R{repeat}.csv'),
+        ('Versuch_Tiefgang0,15_v1,5_phi8.csv', 'Versuch_Tiefgang{draft}_v{speed}_phi{angle}.csv'),
         ('30kg-trial3.csv', '{displacement}kg-trial{repeat}.csv'),
         ('notes.csv', 'notes.csv'),
     ],
@@ -212,6 +208,31 @@ def test_a_new_manifest_reads_back(folder):
 def test_patterns_are_told_from_names(name, pattern):
     assert pattern_of_name(name) == pattern
     assert pattern_expression(pattern).fullmatch(name)
+
+
+@pytest.mark.parametrize(
+    'line, said',
+    [
+        ('Tiefgang: 0,150 m', 'draft_m: 0.15'),
+        ('# draft [mm]: 150', 'draft_m: 0.15'),
+        ('"Masse";30,5;"kg"', 'displacement_kg: 30.5'),
+        ('Geschwindigkeit = 1,5 m/s', 'speed_m_s: 1.5'),
+        ('Anfangswinkel;10;°', 'initial_angle_deg: 10.0'),
+        ('Draft: 0.15 of the design', '# draft_m: 0.15'),
+        ('Draft reading: none', '# draft_m: 0.15'),
+    ],
+)
+def test_lines_above_a_table_propose_what_they_say_with_a_unit(line, said, tmp_path):
+    (tmp_path / 'Versuch.csv').write_text(f'Werft\n{line}\nZeit [s];Rollwinkel [°]\n0,00;1,0\n')
+    assert f'    {said}\n' in new_manifest(tmp_path)
+
+
+def test_what_lines_and_names_say_of_the_loading_is_one_loading(tmp_path):
+    for name in ('Versuch.csv', 'roll_6deg_1.0T.csv'):
+        (tmp_path / name).write_text('Tiefgang: 0,15 m\nMasse: 30 kg\nZeit [s];Rollwinkel [°]\n0,00;1,0\n')
+    assert main(['campaign', '--new', str(tmp_path)]) == 0
+    found = {t.path.name: (t.loading, t.mass_kg) for t in read_manifest(tmp_path / 'campaign.yaml').trials}
+    assert found == {'Versuch.csv': (('draft_m', 0.15), 30.0), 'roll_6deg_1.0T.csv': (('draft_factor', 1.0), 30.0)}
 
 
 @pytest.fixture

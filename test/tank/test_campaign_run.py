@@ -6,6 +6,7 @@ import json
 import math
 import os
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
@@ -28,6 +29,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_description, read_model
+from swath_sysid.report.pdf import BROWSERS, write_pdf
 from swath_sysid.report.tables import table_as_csv
 from swath_sysid.tank.campaign import work as executors
 from swath_sysid.tank.campaign.evaluation import out_of_order
@@ -243,13 +245,50 @@ def test_nothing_usable_is_an_error(tmp_path, content, cure):
         work_off(tmp_path, tmp_path / 'out', text='axis: pitch\ntrials: [{file: bad.csv}]\n')
 
 
-def test_files_of_several_drafts_need_the_design_draft(tmp_path):
+def write_releases(path, period, angles, seed):
+    """A German export: for each angle the craft is held, let go, and left alone for twelve periods."""
+    made = DecayModel.from_terms(
+        equation_named('b1|r1'), {'b1': 0.12, 'r1': (2.0 * math.pi / period) ** 2}, axis='roll'
+    )
+    parts = [simulated_trial(made, math.radians(a), 12 * period, 20.0, SensorNoise(), seed, 6.0).roll for a in angles]
+    rows = enumerate(np.degrees(np.concatenate(parts)))
+    lines = [f'{k / 20:.2f};{angle:.4f}'.replace('.', ',') for k, angle in rows]
+    path.write_text('\n'.join(['Zeit [s];Rollwinkel [°]', *lines]), encoding='utf-8')
+
+
+def test_every_release_counts_and_periods_that_contradict_each_other_are_never_pooled(tmp_path, capsys):
+    for number, period in enumerate((2.0, 2.3, 2.0), 1):
+        write_releases(tmp_path / f'Versuch_{number}.csv', period, (10, -10, 6), number)
+    assert main(['campaign', '--new', str(tmp_path)]) == 0
+    assert 'the periods contradict each other' in capsys.readouterr().err.lower()
+    text = (tmp_path / 'campaign.yaml').read_text()
+    assert "'Versuch_2.csv'   # 3 releases, period 2.3 s" in text and '\naxis: roll' in text
+    (tmp_path / 'Versuch_3.csv').unlink()
+    head = 'axis: roll\nequations: [linear]\ntrials:\n'
+    with pytest.raises(InputError, match=r'2 s \(Versuch_1.csv\), 2.3 s \(Versuch_2.csv\).*give draft_m'):
+        work_off(tmp_path, tmp_path / 'asked', text=head + '  - pattern: Versuch_*.csv\n')
+    outcome = work_off(
+        tmp_path,
+        tmp_path / 'told',
+        text=head + '  - {file: Versuch_1.csv, draft_m: 0.15}\n  - {file: Versuch_2.csv, draft_m: 0.18}\n',
+    )
+    assert [(t.record.condition.loading, t.record.condition.initial_angle_deg) for t in outcome.trials] == [
+        (draft, angle) for draft in (0.15, 0.18) for angle in (10.0, 10.0, 6.0)
+    ]
+    write_releases(tmp_path / 'odd.csv', 2.3, (10,), 7)
+    outcome = work_off(tmp_path, tmp_path / 'odd', text=head + '  - {file: Versuch_1.csv}\n  - {file: odd.csv}\n')
+    assert [t.record is None for t in outcome.trials] == [False, False, False, True]
+    assert 'period of 2.3 s contradicts the 2 s of 3 other releases' in outcome.trials[3].reason
+
+
+def test_drafts_of_files_are_told_apart_and_refer_to_the_design_draft(tmp_path):
     for repeat, factor in enumerate(DRAFTS, 1):
         made = simulated_trial(hull_at(factor), math.radians(6), 5.0, 20.0, SensorNoise(), repeat)
         write_csv(tmp_path / f'pitch_6deg_repeat{repeat}.csv', replace(made, draft=0.154 * factor))
     text = "axis: pitch\nequations: [linear]\ntrials: [{pattern: 'pitch_{angle}deg_repeat{repeat}.csv'}]\n"
-    with pytest.raises(InputError, match=r'0.1386, 0.1694 m.*draft_m under craft'):
-        work_off(tmp_path, tmp_path / 'out', text=text)
+    outcome = work_off(tmp_path, tmp_path / 'out', text=text)
+    assert outcome.quantity == 'draft_m'
+    assert [t.record.condition.loading for t in outcome.trials] == pytest.approx([0.154 * draft for draft in DRAFTS])
     outcome = work_off(tmp_path, tmp_path / 'out', text=text + 'craft: {draft_m: 0.154}\n')
     assert [t.record.condition.loading for t in outcome.trials] == pytest.approx(DRAFTS)
 
@@ -289,11 +328,24 @@ def test_the_page_needs_nothing_else_and_holds_together(done):
     for words in ('A &lt;small&gt; campaign', 'Repeats agree to', 'No equation fits worse'):
         assert words in page
     (axis,) = done[0].axes
-    short, _, warnings = page.partition('<section id="warnings">')
+    first, _, rest = page.partition('<details class="rest">')
     for loading, fits in axis.by_draft.items():
         verdict = fits[axis.choice].verdict
-        assert f'the fit of all records at {loading:g} is {verdict}' in short
-        assert (verdict.level == 'adequate') != (f'all records at {loading:g}: {verdict}' in warnings)
+        assert f'the fit of all records at {loading:g} is {verdict}' in rest
+        assert (verdict.level != 'adequate') == (f'draft factor {loading:g}: {verdict}' in first)
+    for row in rows_of(done[1] / 'tables' / 'results.csv'):
+        truth = 2.0 * math.pi / math.sqrt(HULL.terms['r1'] / float(row['draft factor']))
+        assert float(row['natural period [s]']) == pytest.approx(truth, rel=0.1) and f'>{row["verdict"]}</td>' in first
+
+
+def test_a_pdf_is_printed_by_a_browser_or_refused_before_any_work(trials, done, tmp_path, monkeypatch, capsys):
+    if any(map(shutil.which, BROWSERS)):
+        write_pdf(done[1] / 'report.html', tmp_path / 'report.pdf')
+        assert (tmp_path / 'report.pdf').read_bytes().startswith(b'%PDF')
+    monkeypatch.setattr('shutil.which', lambda name: None)
+    words = ['campaign', str(trials / 'campaign.yaml'), '--output', str(tmp_path / 'none'), '--pdf']
+    assert main(words) == 2 and 'Chromium, Chrome or Edge' in capsys.readouterr().err
+    assert not (tmp_path / 'none').exists()
 
 
 def test_the_command_line_scales_there_and_back(done, tmp_path, capsys):

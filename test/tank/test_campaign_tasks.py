@@ -18,6 +18,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
 from swath_sysid.tank.campaign import evaluation
 from swath_sysid.tank.campaign.evaluation import Condition, Judgement, Record
+from swath_sysid.tank.campaign.trials import of_like_periods, turns_of
 from swath_sysid.tank.report.campaign_report import decay_drawings
 
 HULL = hull_named('swath-pitch').model
@@ -153,3 +154,21 @@ def test_angles_and_rates_are_not_drawn_on_one_axis():
     drawn = decay_drawings(outcome, SimpleNamespace(axis='pitch', best=best, records=records))
     labels = {each.name: [axes.get_ylabel() for axes in each.figure.axes] for each in drawn}
     assert labels == {'decays_pitch_all_rate': ['pitch rate [deg/s]'], 'decays_pitch_all': ['pitch [deg]']}
+
+
+@pytest.mark.parametrize(('hull', 'longer', 'groups'), [('swath-pitch', 1.0, [6]), ('swath-roll', 1.1, [5, 1])])
+def test_repeats_of_a_strongly_damped_hull_do_not_contradict_each_other_and_another_draft_does(hull, longer, groups):
+    model = hull_named(hull).model
+    other = model.from_terms(
+        model.equation, {n: v / longer**2 if n[0] in 'rs' else v for n, v in model.terms.items()}, axis=model.axis
+    )
+    for repeat in range(6):
+        segments, turns = [], []
+        for k, angle in enumerate((3, 5, 8, -5, 6, 5)):
+            craft, noise = (other if k == 5 else model), SensorNoise(5e-4, 0.0)
+            made = simulated_trial(craft, math.radians(angle), 15.0, 50.0, noise, 100 * repeat + k, 3.0)
+            motion = replace(made.axis(model.axis), rate=None)
+            problem = prepare([motion])
+            segments.append(problem.segments[0])
+            turns.append(turns_of(problem.motions[0], segments[-1]))
+        assert [len(group) for group in of_like_periods(segments, turns)] == groups

@@ -5,7 +5,7 @@ standard deviations: one record does not show how damping depends on amplitude.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -219,6 +219,12 @@ def identify_seas(
         posteriors.append(hull_posterior(each, prior, low, high, share_of))
     report(1.0)
     found, *alone = posteriors
+    if found.roughness[-1] >= 0.5 and any(record.heave is not None for record in records):
+        # the vertical acceleration that does not explain the excitation is left out
+        without = [replace(record, heave=None) for record in records]
+        return identify_seas(
+            without, prior, searched=searched, checks_parts=checks_parts, progress=progress, should_cancel=should_cancel
+        )
     holds_decay = not searched and any(bool(find_decays(record.motion)) for record in records)
     return _identification(records, seas, likelihoods, found, _apart(alone), holds_decay)
 

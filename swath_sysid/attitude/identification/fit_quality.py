@@ -233,7 +233,7 @@ def _expected(found: DecayFit, errors: Errors) -> str:
         side = f', from {low:.1f} to {high:.1f} deg,'
     ahead = f'the next release{side} should be forecast to within {errors.total:.1%} of its motion{other}'
     left = f'{errors.unexplained:.1%}' if errors.unexplained >= 0.0005 else 'less than 0.1%'
-    return f'{ahead}; the fit leaves {left} of the motion unexplained'
+    return f'{ahead}; apart from white noise, the fit leaves {left} of the motion unexplained'
 
 
 def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Finding]:

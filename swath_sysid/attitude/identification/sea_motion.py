@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
@@ -251,6 +252,9 @@ def heave_spectrum(heave: Heave | None, sea: SeaMotion, bands: np.ndarray, power
     end = sea.start + sea.duration
     used = (heave.time >= sea.start) & (heave.time <= end)
     if used.sum() < 64 or np.ptp(heave.time[used]) < 0.9 * sea.duration:
+        return None
+    # what rounding leaves of gravity is no wave
+    if np.std(heave.acceleration[used]) < 1e-6 * STANDARD_GRAVITY:
         return None
     interval = float(np.median(np.diff(heave.time[used])))
     even = np.arange(sea.start, end, interval)

@@ -87,7 +87,10 @@ def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Compariso
     best = max(LEVELS.index(f.verdict.level) for f in fits)
     usable = [r for r in ranked if LEVELS.index(r.identification.verdict.level) == best]
     choice, reason = simplest_adequate(usable)
-    others = '' if len(usable) == len(ranked) else f' The other equations are not {LEVELS[best]}.'
+    worse = [r.name for r in ranked if r not in usable]
+    if worse and len(usable) == 1:
+        reason = f'{choice.name} is the only {LEVELS[best]} equation.'
+    others = f' Not {LEVELS[best]}, and not considered: {", ".join(worse)}.' if worse else ''
     return Comparison(tuple(ranked), choice, f'{reason}{others}')
 
 
@@ -106,10 +109,11 @@ def simplest_adequate(ranked: Sequence[Ranked], criterion: str = 'criterion') ->
         return choice, (
             f'{choice.name} is the only equation {within}: the others fit worse, or need more terms for it.'
         )
-    words = (
-        f'{choice.name} has {choice.term_count} terms, the fewest of the {len(adequate or likely)} equations {within} '
-        f'({ranked[0].name})'
+    count = len(adequate or likely)
+    fewest = (
+        f'has {choice.term_count} terms, the fewest of the {count} equations' if count > 1 else 'is the only equation'
     )
+    words = f'{choice.name} {fewest} {within} ({ranked[0].name})'
     if adequate:
         held_out = f'is within {100 * (HELD_OUT_MARGIN - 1):.0f} % of the smallest'
         return choice, f'{words} and whose error on held-out motion {held_out}.'

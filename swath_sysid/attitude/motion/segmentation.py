@@ -13,6 +13,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion import turning_points
 from swath_sysid.attitude.motion.decay_candidates import (
+    HALF_CYCLES_FOR_REST,
     HELD,
     HOLD_BAND,
     IRREGULAR,
@@ -87,8 +88,10 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     pieces = turning_points.split_at_pauses(motion)
     decays = [decay for piece in pieces for decay in _decays_among(_sizable(find_candidates(piece)))]
     if not decays:
-        released = [each for piece in pieces for each in _sizable(find_candidates(piece, IRREGULAR)) if each.hold]
-        decays = _decays_among(released)
+        irregular = [each for piece in pieces for each in _sizable(find_candidates(piece, IRREGULAR))]
+        decays = _decays_among(
+            [each for each in irregular if each.hold and each.double_amplitudes.size >= HALF_CYCLES_FOR_REST]
+        )
     segments = [_segment_of(candidate, motion) for candidate in _apart(decays)]
     return tuple(replace(each, advice=()) if _is_ended_by_the_next(each, segments) else each for each in segments)
 
@@ -100,16 +103,6 @@ def _sizable(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
 def _is_ended_by_the_next(segment: DecaySegment, others: Sequence[DecaySegment]) -> bool:
     """Whether another release follows so soon that the missing tail needs no warning."""
     return any(0.0 <= other.start - segment.end < BREAKING_PERIODS * segment.period for other in others)
-
-
-def find_decay(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment:
-    """Find the best free decay of a record, or measure the one between given bounds, s of record time. A missing bound
-    is found: the end of the first decay after ``start``, the start of the last before ``end``.
-    """
-    found = decays_or_absence(motion, start, end)
-    if isinstance(found, Advice):
-        raise InputError(found.message, found.code)
-    return _best_of(found)
 
 
 def decays_or_absence(
@@ -183,6 +176,8 @@ def _together(possible: Sequence[DecayCandidate], free: Sequence[DecayCandidate]
 def _is_rhythmic(candidate: DecayCandidate) -> bool:
     """Long enough to show a rhythm, which its first half-cycle keeps, and truly decaying."""
     if candidate.double_amplitudes.size < MIN_HALF_CYCLES or candidate.decrement < MIN_DECREMENT:
+        return False
+    if candidate.end - candidate.release < candidate.period:
         return False
     return 1.0 / ASYMMETRY < 2.0 * candidate.first_half_duration / candidate.period < ASYMMETRY
 
@@ -428,16 +423,6 @@ def _with_bounds(
     if end is not None:
         found = replace(found, end=end, ending='given', advice=())
     return replace(found, cycles=motion.between(found.start, found.end).duration / found.period)
-
-
-def _best_of(decays: Sequence[DecaySegment]) -> DecaySegment:
-    """The best decay, with advice about the others."""
-    best = decays[0]
-    if len(decays) == 1:
-        return best
-    others = ', '.join(f'{decay.start:.1f} to {decay.end:.1f} s' for decay in decays[1:4])
-    several = Advice.of('several-decays', number=len(decays), start=best.start, end=best.end, others=others)
-    return replace(best, advice=(*best.advice, several))
 
 
 def _name(motion: AxisMotion) -> str:

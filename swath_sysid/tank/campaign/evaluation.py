@@ -232,7 +232,7 @@ def rank_campaign(
             )
         )
     ranked.sort(key=lambda r: r.criterion)
-    choice, reason = simplest_adequate(ranked, 'criterion, with one set of ratios a draft for all angles and repeats,')
+    choice, reason = simplest_adequate(ranked, 'criterion, with one set of ratios for all releases of a draft,')
     return Ranking(axis, tuple(ranked), choice, reason, _findings(ranked, by_draft))
 
 

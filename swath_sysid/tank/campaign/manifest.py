@@ -8,22 +8,17 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
-
-import yaml
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.identified_model import QUANTITIES
 from swath_sysid.attitude.identification.result import OBJECTIVES
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.common.advice import counted
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import schema
-from swath_sysid.formats.files import existing, shown, write_text
-from swath_sysid.formats.registry import ENDINGS
+from swath_sysid.formats.files import existing, shown
 from swath_sysid.formats.vocabulary import listed_names
 from swath_sysid.tank.extinction import TypeB
 
@@ -38,6 +33,9 @@ PLACEHOLDERS = {
     'speed': ('speed_m_s', NUMBER),
     'axis': ('axis', '|'.join(AXES)),
 }
+
+#: Of a loading, on pages and in tables.
+LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
 
 LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
@@ -222,6 +220,12 @@ def read_manifest(path: str | Path) -> Manifest:
     )
 
 
+def loading_in_words(quantity: str, value: float) -> str:
+    """A loading with its name and unit: ``draft 0.15 m``."""
+    name, _, unit = LOADING_NAMES[quantity].partition(' [')
+    return f'{name} {value:g} {unit.rstrip("]")}'.rstrip()
+
+
 def first_of(reasons: Sequence[str]) -> str:
     """The first of several reasons, and how many more there are."""
     return reasons[0] + (f' (and {len(reasons) - 1} more)' if len(reasons) > 1 else '')
@@ -292,6 +296,17 @@ def pattern_expression(pattern: str) -> re.Pattern:
     return re.compile(''.join(parts))
 
 
+def values_in_name(pattern: str, name: str) -> dict[str, Any]:
+    """What a file's name says by a pattern that it matches, by the key of an entry."""
+    match = pattern_expression(pattern).fullmatch(name)
+    return _values_of(match, name) if match else {}
+
+
+def _values_of(match: re.Match, name: str) -> dict[str, Any]:
+    said = match.groupdict().items()
+    return {PLACEHOLDERS[key][0]: schema.plain_content(text.replace(',', '.'), name) for key, text in said}
+
+
 def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
     """Files that a pattern matches, with what their names say."""
     if '**' in pattern:
@@ -308,78 +323,13 @@ def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
     found = []
     for path in candidates:
         if match := expression.fullmatch(Path(os.path.relpath(path, root)).as_posix()):
-            said = match.groupdict().items()
-            values = {
-                PLACEHOLDERS[name][0]: schema.plain_content(text.replace(',', '.'), path.name) for name, text in said
-            }
-            found.append((path, values))
+            found.append((path, _values_of(match, path.name)))
     if not found:
         parent = root / Path(glob).parent
         names = sorted(p.name for p in parent.iterdir() if not p.name.startswith('.')) if parent.is_dir() else []
         there = f'there are {listed_names(names)}' if names else f'the folder {parent} is empty or does not exist'
         raise InputError(f"no file matches '{shown(pattern)}' ({there}): check the folder and the placeholders")
     return found
-
-
-def new_manifest(folder: str | Path, name: str = 'campaign.yaml', at: str | Path | None = None) -> str:
-    """Text of a commented manifest for the trials in a folder."""
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f'{folder} is not a folder: give the folder of the trials')
-    files = [p for p in sorted(folder.iterdir()) if _may_be_trial(p)]
-    if not files:
-        raise InputError(f'{folder} holds no trial: {", ".join(ENDINGS)} and bag folders were looked for')
-    by_pattern: dict[str, list[str]] = {}
-    for file in files:
-        by_pattern.setdefault(pattern_of_name(file.name), []).append(file.name)
-    way = '' if at is None else Path(os.path.relpath(os.path.realpath(folder), os.path.realpath(at))).as_posix() + '/'
-    way = '' if way == './' else way
-    lines = []
-    for pattern, names in by_pattern.items():
-        if '{' in pattern:
-            lines.append(f'  - pattern: {_quoted(way + pattern)}   # {counted(len(names), "file")}')
-        else:
-            hints = '    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
-            lines += [f'  - file: {_quoted(way + name)}\n{hints}' for name in names]
-    found_axis = next((a for a in AXES if any(a in file.name.lower() for file in files)), 'pitch')
-    head = resources.files(__package__).joinpath('new_manifest.yaml').read_text(encoding='utf-8')
-    title = _quoted(folder.resolve().name or 'campaign')
-    return head.format(name=name, title=title, axis=found_axis) + '\n'.join(lines) + '\n'
-
-
-def write_new_manifest(folder: str | Path, path: str | Path) -> None:
-    """Write `new_manifest` to a file that does not exist yet."""
-    path = Path(path)
-    if path.exists():
-        raise InputError(f'{path} exists already: remove it first, or name another file', 'manifest-exists')
-    write_text(path, new_manifest(folder, path.name, path.parent))
-
-
-def pattern_of_name(name: str) -> str:
-    """The pattern that a file's name suggests: numbers beside the words for angle, repeat and draft."""
-    stem, dot, ending = name.rpartition('.')
-    if not dot:
-        stem, ending = name, ''
-    number = r'\d+(?:[.,]\d+)?'
-    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?(?:deg|°))', '{angle}', stem, count=1)
-    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?T(?![a-z]))', '{draft_factor}', stem, count=1)
-    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?m(?![a-z0-9/]|[_-]s))', '{draft}', stem, count=1)
-    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?kg)', '{displacement}', stem, count=1)
-    stem = re.sub(r'((?:repeat|rep|run|trial)[ _-]?)\d+', r'\1{repeat}', stem, count=1, flags=re.IGNORECASE)
-    stem = re.sub(r'(?<![a-z])(roll|pitch)(?![a-z])', '{axis}', stem, count=1)
-    return f'{stem}{dot}{ending}'
-
-
-def _quoted(text: str) -> str:
-    return yaml.safe_dump(text, default_style="'", width=1000).strip()
-
-
-def _may_be_trial(path: Path) -> bool:
-    if path.name.startswith('.'):
-        return False
-    if path.is_dir():
-        return (path / 'metadata.yaml').is_file()
-    return path.suffix.lower() in ENDINGS
 
 
 def trials_in_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:

@@ -77,9 +77,7 @@ def run_campaign(
     on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> CampaignOutcome:
     """Carry a campaign out; results in the store are not computed again."""
-    # that of the first entry which names one
-    quantity = next((t.loading[0] for t in manifest.trials if t.loading is not None), 'draft_factor')
-    trials = prepared_trials(manifest, quantity)
+    quantity, trials = prepared_trials(manifest)
     axes = {t.record.condition.series for t in trials if t.record is not None}
     if not axes:
         reasons = [f'{t.name}: {t.reason}' for t in trials]
@@ -113,7 +111,7 @@ class _AxisPlan:
         self._axis, self._manifest, self._work = axis, manifest, work
         self._records = [record for record, _ in used]
         self._ids = {str(record): t.identity for record, t in used}
-        self._sources = {str(record): {'file': t.name, 'sha256': t.sha256} for record, t in used}
+        self._sources = {str(record): {'file': t.entry.path.name, 'sha256': t.sha256} for record, t in used}
         self._names = list(manifest.equations)
         self._pruned: dict[float, Identification] = {}
         self.left_out: dict[str, str] = {}
@@ -160,7 +158,7 @@ class _AxisPlan:
             name = title_of(ranking.choice.equation, self._records[0].condition.axis)
             ranking = replace(
                 ranking,
-                reason=f'{name}: of the general hull, the terms for which the records of each draft give evidence.',
+                reason=f'the records give evidence for {name} of the general hull.',
             )
         drafts = zip(joint.values(), self._drafts().values(), strict=True)
         models = tuple(fit.identified_model(self._provenance(group)) for fit, group in drafts)

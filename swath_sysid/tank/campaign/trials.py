@@ -1,28 +1,35 @@
-"""The trials of a campaign: each read, cut and checked, or left out for a reason."""
+"""The trials of a campaign: every release of each file, read, cut and checked, or left out for a reason."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+from scipy.special import stdtrit
+
 from swath_sysid import __version__
-from swath_sysid.attitude.identification.problem import problem_of
-from swath_sysid.attitude.motion.segmentation import find_decay
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE_ERROR
+from swath_sysid.attitude.identification.peaks import Peaks, measured_peaks
+from swath_sysid.attitude.identification.problem import before_the_next, problem_of, to_be_fitted
+from swath_sysid.attitude.motion.segmentation import DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
-from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.common.advice import Advice
+from swath_sysid.attitude.motion.trial import AxisMotion, Trial
+from swath_sysid.attitude.motion.turning_points import find_turning_points
+from swath_sysid.common.advice import Advice, counted
+from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import UNKNOWN
 from swath_sysid.formats.reading import read_trial, source_hash
 from swath_sysid.tank.campaign.evaluation import Condition, Record
-from swath_sysid.tank.campaign.manifest import Craft, Manifest, TrialEntry
+from swath_sysid.tank.campaign.manifest import Craft, Manifest, TrialEntry, loading_in_words
 
-RESULT_FORMAT = 4  #: Raised when earlier results can no longer be used.
+RESULT_FORMAT = 5  #: Raised when earlier results can no longer be used.
 ANGLE_STEP_DEG = 0.5  #: Resolution of an initial angle that is not given but taken from the decay.
 
 
 @dataclass(frozen=True)
 class TrialOutcome:
-    """One trial's record, or the reason why it was left out; no hash where it could not be read."""
+    """The record of one release, or the reason why it was left out; no hash where the file could not be read."""
 
     entry: TrialEntry
     name: str
@@ -30,7 +37,8 @@ class TrialOutcome:
     record: Record | None = None
     reason: str = ''
     advice: tuple[Advice, ...] = ()
-    unused_draft: float | None = None  #: m; that the file gives, of a craft whose design draft is unknown.
+    states_draft: bool = False  #: Whether the file does.
+    release: int = 0  #: Number within a file of several; 0 in one of a single release.
 
     def left_out(self, reason: object) -> 'TrialOutcome':
         """The same, not used."""
@@ -42,19 +50,31 @@ class TrialOutcome:
     def identity(self) -> list:
         """All that the prepared record depends on."""
         e = self.entry
-        return [RESULT_FORMAT, __version__, self.sha256, e.axis, e.start, e.end, e.frame, e.topic, e.columns]
+        return [
+            RESULT_FORMAT,
+            __version__,
+            self.sha256,
+            e.axis,
+            e.start,
+            e.end,
+            e.frame,
+            e.topic,
+            e.columns,
+            self.release,
+        ]
 
 
-def prepared_trials(manifest: Manifest, quantity: str) -> list[TrialOutcome]:
-    """Every trial of a manifest, read, cut and numbered, or with the reason why it is left out."""
-    trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
-    _check_drafts(trials)
-    return trials
-
-
-def hides_drafts(craft: Craft, quantity: str) -> bool:
-    """Whether drafts in files have nothing to refer to, so that every trial counts as one at the design draft."""
-    return quantity == 'draft_factor' and craft.draft_m is None
+def prepared_trials(manifest: Manifest) -> tuple[str, list[TrialOutcome]]:
+    """The quantity that gives the loading, of the first entry which names one or of the files, and every release of the
+    trials, read, cut and numbered, or with the reason why it is left out.
+    """
+    named = next((t.loading[0] for t in manifest.trials if t.loading is not None), '')
+    quantity = named or 'draft_factor'
+    trials = [each for entry in manifest.trials for each in _prepared(entry, manifest, quantity)]
+    if not named and any(t.states_draft for t in trials) and manifest.craft.draft_m is None:
+        quantity = 'draft_m'
+        trials = [each for entry in manifest.trials for each in _prepared(entry, manifest, quantity)]
+    return quantity, _without_contradictions(_numbered(_without_copies(trials)), quantity)
 
 
 def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> float:
@@ -64,7 +84,7 @@ def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> 
         given is None
         and trial.draft is not None
         and quantity != 'displacement_kg'
-        and not hides_drafts(craft, quantity)
+        and not (quantity == 'draft_factor' and craft.draft_m is None)
     ):
         given = ('draft_m', trial.draft)
     if given is None:
@@ -83,40 +103,130 @@ def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> 
     )
 
 
-def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> TrialOutcome:
-    """Read, cut and check one trial; whatever is wrong becomes the reason to leave it out."""
+def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> list[TrialOutcome]:
+    """The releases of one trial, each cut and checked; whatever is wrong becomes the reason to leave them out."""
     outcome = TrialOutcome(entry, entry.path.name)
     try:
-        sha256 = source_hash(entry.path)
+        outcome = replace(outcome, sha256=source_hash(entry.path))
         trial = read_trial(entry.path, topic=entry.topic, frame=entry.frame, columns=dict(entry.columns))
         refuse_contradictions(trial, entry.axis)
         motion = trial.axis(entry.axis)
-        problem = problem_of([motion], (find_decay(motion, entry.start, entry.end),))
-        angle, stated = entry.initial_angle_deg, trial.initial_angle
-        if angle is None and stated is not None:
-            angle = round(math.degrees(stated), 6)
-        elif angle is None:
-            angle = round(math.degrees(problem.scales.amplitude) / ANGLE_STEP_DEG) * ANGLE_STEP_DEG
+        decays = decays_or_absence(motion, entry.start, entry.end)
+        if isinstance(decays, Advice):
+            raise InputError(decays.message, decays.code)
         loading = round(loading_of(entry, trial, manifest.craft, quantity), 9)
+        used, ordered = to_be_fitted(decays), sorted(decays, key=lambda decay: decay.start)
+        found = []
+        for number, segment in enumerate(ordered, 1):
+            is_single = len(ordered) == 1
+            name = outcome.name if is_single else f'{outcome.name}, release {number}'
+            each = replace(outcome, name=name, release=0 if is_single else number, states_draft=trial.draft is not None)
+            if segment not in used:
+                short = f'its motion from {segment.start:.1f} to {segment.end:.1f} s ({segment.cycles:.1f} cycles)'
+                found.append(each.left_out(f'{short} is no release that can be fitted; start_s and end_s choose it'))
+                continue
+            own = before_the_next(motion, segment, decays)
+            found.append(_of_release(each, trial, own, segment, loading))
+        return found
     except InputError as error:
-        return outcome.left_out(error)
+        return [outcome.left_out(error)]
     except Exception as error:  # noqa: BLE001 - one damaged file must not stop the others; its reason is reported
-        return outcome.left_out(f'{type(error).__name__} while reading it: {error}')
+        return [outcome.left_out(f'{type(error).__name__} while reading it: {error}')]
+
+
+def _of_release(
+    outcome: TrialOutcome, trial: Trial, motion: AxisMotion, segment: DecaySegment, loading: float
+) -> TrialOutcome:
+    """A release ready to be fitted, from the angle that is stated or, where that is of another release, measured."""
+    entry, problem = outcome.entry, problem_of([motion], (segment,))
+    measured, angle = math.degrees(problem.scales.amplitude), entry.initial_angle_deg
+    if angle is None and trial.initial_angle is not None:
+        angle = round(math.degrees(trial.initial_angle), 6)
+    if angle is None or (outcome.release and not 0.5 < (measured / angle) ** 2 < 2.0):
+        angle = round(measured / ANGLE_STEP_DEG) * ANGLE_STEP_DEG
     condition = Condition(entry.axis, loading, float(angle), entry.speed_m_s or 0.0)
-    record = Record(outcome.name, condition, entry.repeat or 0, motion, problem)
-    advice = tuple(dict.fromkeys((*trial.advice, *problem.advice)))
-    draft = trial.draft if entry.loading is None and hides_drafts(manifest.craft, quantity) else None
-    return replace(outcome, sha256=sha256, record=record, advice=advice, unused_draft=draft)
+    # the number of a file is not that of its releases
+    repeat = 0 if outcome.release else entry.repeat or 0
+    record = Record(outcome.name, condition, repeat, motion, problem)
+    return replace(outcome, record=record, advice=tuple(dict.fromkeys((*trial.advice, *problem.advice))))
 
 
-def _check_drafts(trials: Sequence[TrialOutcome]) -> None:
-    """Refuse trials of several drafts that would all count as the design draft."""
-    drafts = sorted({t.unused_draft for t in trials if t.record is not None and t.unused_draft is not None})
-    if len(drafts) > 1:
-        raise InputError(
-            f'the files of the trials give several drafts ({", ".join(f"{draft:g}" for draft in drafts)} m), and the '
-            "manifest no design draft: write the craft's draft_m under craft:, to which the drafts of trials refer"
-        )
+def _without_contradictions(trials: Sequence[TrialOutcome], quantity: str) -> list[TrialOutcome]:
+    """Leave out releases whose period contradicts that of most others of their draft; without a majority, ask."""
+    pools: dict[tuple[str, float], list[tuple[TrialOutcome, Record]]] = {}
+    for t in trials:
+        if t.record is not None:
+            pools.setdefault((t.record.condition.series, t.record.condition.loading), []).append((t, t.record))
+    reasons: dict[str, str] = {}
+    for (series, loading), pool in pools.items():
+        segments = [record.problem.segments[0] for _, record in pool]
+        turns = [turns_of(record.problem.motions[0], s) for (_, record), s in zip(pool, segments, strict=True)]
+        groups = of_like_periods(segments, turns)
+        periods = [f'{np.mean([segments[k].period for k in group]):.3g} s' for group in groups]
+        place = loading_in_words(quantity, loading)
+        if len(groups) > 1 and 2 * len(groups[0]) <= len(pool):
+            files = (_names([pool[k][0].entry.path.name for k in group]) for group in groups)
+            said = ', '.join(f'{period} ({names})' for period, names in zip(periods, files, strict=True))
+            raise InputError(
+                f'the natural periods of the {series} records at {place} contradict each other: {said}; they are of '
+                'different drafts or loadings: give draft_m (or another loading) beside each trial in the manifest'
+            )
+        for group, period in zip(groups[1:], periods[1:], strict=True):
+            reason = (
+                f'its natural period of {period} contradicts the {periods[0]} of '
+                f'{counted(len(groups[0]), "other release")} at {place}: give its own draft or loading beside it in '
+                'the manifest, or repeat it'
+            )
+            reasons |= {str(pool[k][1]): reason for k in group}
+    return [t.left_out(reasons[str(t.record)]) if str(t.record) in reasons else t for t in trials]
+
+
+def _names(files: Sequence[str]) -> str:
+    names = list(dict.fromkeys(files))
+    return ', '.join(names[:3]) + (f' and {len(names) - 3} more' if len(names) > 3 else '')
+
+
+def turns_of(motion: AxisMotion, segment: DecaySegment) -> Peaks:
+    """The turning points of a decay by parabolas; as they are where it is sampled too seldom for most of these."""
+    rough, peaks = find_turning_points(motion, segment.period), measured_peaks(motion, segment.period)
+    return peaks if 2 * peaks.time.size > rough.time.size else Peaks(rough.time, rough.value)
+
+
+def of_like_periods(segments: Sequence[DecaySegment], peaks: Sequence[Peaks]) -> list[list[int]]:
+    """Places of decays in groups of which no two contradict each other in period, the largest group first."""
+    groups: list[list[int]] = []
+    pairs = len(peaks) * (len(peaks) - 1) / 2
+    # the confidence is that of all pairs together
+    level = 1.0 - 0.5 * (1.0 - CONFIDENCE) / max(pairs, 1.0)
+    for k in sorted(range(len(peaks)), key=lambda k: segments[k].period):
+        alike = next((g for g in groups if not any(_contradict(peaks[k], peaks[other], level) for other in g)), None)
+        if alike is None:
+            groups.append([k])
+        else:
+            alike.append(k)
+    return sorted((sorted(g) for g in groups), key=len, reverse=True)
+
+
+def _contradict(one: Peaks, other: Peaks, level: float) -> bool:
+    """Whether two decays differ in period at the same amplitudes, beyond their scatter and so far that a period between
+    both would be wrong, one period ahead, by more than an adequate model is. The period is taken to change with the
+    square of the amplitude a, and its error to be proportional to 1 / a, as that of a turning point in noise.
+    """
+    low = max(p.mean_amplitude.min(initial=np.inf) for p in (one, other))
+    high = min(p.mean_amplitude.max(initial=0.0) for p in (one, other))
+    shared = [(p.mean_amplitude >= low) & (p.mean_amplitude <= high) for p in (one, other)]
+    if min(np.count_nonzero(each) for each in shared) < 3:
+        return False
+    amplitude, period = (
+        np.concatenate([getattr(p, name)[each] for p, each in zip((one, other), shared, strict=True)])
+        for name in ('mean_amplitude', 'period')
+    )
+    is_other = np.repeat([0.0, 1.0], [np.count_nonzero(each) for each in shared])
+    columns = amplitude[:, None] * np.column_stack([is_other, np.ones(period.size), amplitude**2])
+    (apart, mean, _), residual, *_ = np.linalg.lstsq(columns, amplitude * period, rcond=None)
+    freedom = period.size - columns.shape[1]
+    std = math.sqrt(float(residual.sum()) / freedom * np.linalg.pinv(columns.T @ columns)[0, 0])
+    return bool(np.pi * abs(apart) > ADEQUATE_ERROR * mean and abs(apart) > stdtrit(freedom, level) * std)
 
 
 def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
@@ -125,10 +235,11 @@ def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
     first: dict[tuple, TrialOutcome] = {}
     for t in trials:
         if t.record is not None:
-            what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic, t.entry.columns
+            e = t.entry
+            what = t.sha256, e.axis, e.start, e.end, e.topic, e.columns, t.release
             original = first.setdefault(what, t)
             if original is not t:
-                is_same = original.entry.path.resolve() == t.entry.path.resolve()
+                is_same = original.entry.path.resolve() == e.path.resolve()
                 same_content = f'it has the same content as {original.name}: a copy is not a repeat'
                 t = t.left_out('it is given twice: name it once' if is_same else same_content)
         found.append(t)

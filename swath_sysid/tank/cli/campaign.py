@@ -9,10 +9,13 @@ from pathlib import Path
 from swath_sysid.cli.progress import print_result, progress_of
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
-from swath_sysid.tank.campaign.manifest import read_manifest, write_new_manifest
+from swath_sysid.report.pdf import browser, write_pdf
+from swath_sysid.tank.campaign.manifest import read_manifest
+from swath_sysid.tank.campaign.proposal import write_new_manifest
 from swath_sysid.tank.campaign.run import CampaignOutcome, run_campaign
 from swath_sysid.tank.campaign.work import ResultStore, executor_of
 from swath_sysid.tank.report.campaign_report import REPORTED, write_report
+from swath_sysid.tank.report.campaign_results import conclusion_of, left_out_of, used_of
 
 MANIFEST = 'campaign.yaml'
 RESULTS = 'results'
@@ -25,7 +28,8 @@ def run(arguments: Namespace) -> int:
     if arguments.new is not None:
         path = Path(Path(arguments.new) / MANIFEST if arguments.output is None else arguments.output)
         check_outputs([Output('--output', path)])
-        write_new_manifest(arguments.new, path)
+        for line in write_new_manifest(arguments.new, path):
+            print(f'warning: {line}', file=sys.stderr)
         print(f'{path}: check it, then run: swath-sysid campaign {path} --output FOLDER')
         return DONE
     if arguments.output is None:
@@ -39,6 +43,8 @@ def run(arguments: Namespace) -> int:
 
 def _work_off(arguments: Namespace) -> int:
     began = time.perf_counter()
+    if arguments.pdf:
+        browser()
     check_outputs([Output('--output', arguments.output, is_folder=True)], [arguments.manifest])
     manifest = read_manifest(arguments.manifest)
     folder = Path(arguments.output)
@@ -58,18 +64,20 @@ def _work_off(arguments: Namespace) -> int:
             manifest, store, executor, lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2]))
         )
     report = write_report(outcome, arguments.output, time.perf_counter() - began)
+    if arguments.pdf:
+        write_pdf(report, report.with_suffix('.pdf'))
+        report = report.with_suffix('.pdf')
     _print_outcome(outcome, report, time.perf_counter() - began, arguments.json)
     is_whole = all(t.record is not None for t in outcome.trials) and not (manifest.faults or outcome.failures)
     return DONE if is_whole else PARTLY_DONE
 
 
 def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_json: bool):
-    left_out = [f'{t.name}, {t.reason}' for t in outcome.trials if t.record is None]
+    left_out = left_out_of(outcome)
     for line in (*left_out, *outcome.failures):
         print(f'left out: {line}', file=sys.stderr)
-    used = len(outcome.trials) - len(left_out)
     data = {
-        'report': str(report),
+        'report': str(report.with_suffix('.html')),
         'trials': len(outcome.trials),
         'left_out': [*outcome.manifest.faults, *left_out, *outcome.failures],
         'axes': {
@@ -88,8 +96,6 @@ def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_jso
     for axis in outcome.axes:
         lines += [f'{axis.axis}: {axis.ranking.reason}', *(f'  {a.message}' for a in axis.ranking.findings)]
     lines += [
-        f'{used} of {len(outcome.trials)} trials, {outcome.computed} tasks computed, {outcome.kept} reused, '
-        f'{wall_s:.1f} s',
-        str(report),
+        f'{outcome.computed} tasks computed, {outcome.kept} reused, {wall_s:.1f} s',
     ]
-    print_result(as_json, data, lines)
+    print_result(as_json, data, lines, [f'{used_of(outcome)}; report: {report}', *conclusion_of(outcome)])

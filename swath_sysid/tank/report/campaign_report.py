@@ -1,10 +1,8 @@
 """The report of a campaign: a page, the same tables as CSV, the figures as SVG, and the model file."""
 
 import html
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +22,18 @@ from swath_sysid.report import figures as plots
 from swath_sysid.report.html_page import Drawing, bullets, figures, page, page_style, paragraph, table_as_html
 from swath_sysid.report.tables import Table, table_as_csv
 from swath_sysid.tank.campaign.evaluation import Condition, noise_statement, out_of_order
+from swath_sysid.tank.campaign.manifest import LOADING_NAMES, loading_in_words
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.report import campaign_tables
+from swath_sysid.tank.report.campaign_results import (
+    draft_results,
+    left_out_of,
+    matrix_of,
+    place_of,
+    result_drawings,
+    results_table,
+)
+from swath_sysid.tank.report.campaign_tables import colour_of, style_of
 from swath_sysid.tank.report.extinction_tables import conditions_table, extinction_drawings, extinction_tables
 
 
@@ -35,14 +43,14 @@ def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
         'decays': list(decay_drawings(outcome, axis)),
         'against_angle': list(against_angle(outcome, axis)),
         'against_draft': list(against_draft(outcome, axis)),
-        'damping': list(period_drawings(axis)),
+        'damping': list(extinction_drawings(outcome, axis)),
         'records': list(record_drawings(outcome, axis)),
         'correlations': list(correlation_drawings(outcome, axis)),
     }
 
 
 def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
-    """Decays of all drafts on one axis, a figure an angle; with one draft, of all angles on one."""
+    """Decays of all drafts, one figure for each angle; of a single draft, all angles in one figure."""
     several = len({c.loading for c in axis.best}) > 1
     groups: dict[tuple[float, str], list] = {}
     for condition, index in axis.best.items():
@@ -55,14 +63,16 @@ def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Draw
         figure, axes = plots.panel(title=title, xlabel='time since release [s]', ylabel=label)
         for condition, time, measured in members:
             name = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
-            axes.plot(time - time[0], np.degrees(measured), linewidth=1.1, label=name)
-        axes.legend(frameon=False)
+            style = style_of(axis, condition.initial_angle_deg)['linestyle']
+            colour = colour_of(axis, condition.loading)
+            axes.plot(time - time[0], np.degrees(measured), style, color=colour, linewidth=1.1, label=name)
+        plots.legend_below(axes, 3)
         suffix += '_rate' if 'rate' in label else ''
         yield Drawing(f'decays_{axis.axis}_{suffix}', f'Recorded decays {title}, best repeats', figure)
 
 
 def _loading(outcome: CampaignOutcome, condition: Condition):
-    return f'{campaign_tables.LOADING_NAMES[outcome.quantity]} {condition.loading:g}'
+    return loading_in_words(outcome.quantity, condition.loading)
 
 
 def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
@@ -70,7 +80,8 @@ def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawi
     loadings = sorted({c.loading for c in axis.together})
     for term in axis.schedule.equation.terms:
         figure, axes = _ratio_panel(term, 'initial angle [deg]')
-        for colour, loading in zip(cycle(plots.SERIES), loadings):
+        for loading in loadings:
+            colour = colour_of(axis, loading)
             members = sorted(c for c in axis.together if c.loading == loading)
             label = _loading(outcome, members[0])
             _ratios(axes, axis, term, members, 'initial_angle_deg', label, color=colour, linewidth=1.2)
@@ -98,7 +109,7 @@ def _ratios(
 ):
     """A ratio of the joint fits with two standard deviations, against what the conditions differ in."""
     value, std = np.array([axis.together[c][axis.choice].ratio(term) for c in conditions]).T
-    style |= {'marker': 'o', 'markersize': 4, 'capsize': 3, 'label': label}
+    style = {'marker': 'o', 'markersize': 4, 'capsize': 3, 'label': label, **style}
     axes.errorbar([getattr(c, against) for c in conditions], value, TWO_STD * std, **style)
 
 
@@ -114,8 +125,8 @@ def _finish_ratio(axes: plots.Axes):
 
 
 def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
-    """Each ratio against loading: a curve an angle, and the scheduled model with its band."""
-    schedule, quantity = axis.schedule, campaign_tables.LOADING_NAMES[outcome.quantity]
+    """Each ratio against loading: one curve for each angle, and the scheduled model with its band."""
+    schedule, quantity = axis.schedule, LOADING_NAMES[outcome.quantity]
     if len(schedule.loadings) < 2:
         return
     angles = sorted({c.initial_angle_deg for c in axis.together})
@@ -124,40 +135,13 @@ def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawi
         figure, axes = _ratio_panel(term, quantity)
         plots.two_std_band(axes, fine, value, std, color=plots.MEASURED, alpha=0.15)
         axes.plot(fine, value, color=plots.MEASURED, linewidth=1.6, label='all angles: the schedule')
-        for colour, angle in zip(cycle(plots.SERIES), angles):
+        for angle in angles:
             members = sorted(c for c in axis.together if c.initial_angle_deg == angle)
-            style = {'color': colour, 'linewidth': 0.9, 'linestyle': '--'}
+            style = {'color': plots.MEASURED, 'linewidth': 0.9, **style_of(axis, angle)}
             _ratios(axes, axis, term, members, 'loading', f'{angle:g} deg', **style)
         _finish_ratio(axes)
         caption = f'{term} against {quantity}, two standard deviations'
         yield Drawing(f'{term}_against_draft_{axis.axis}', caption, figure)
-
-
-def period_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
-    """Natural period against amplitude, all conditions on one axis."""
-    loadings = sorted({c.loading for c in axis.together})
-    angles = sorted({c.initial_angle_deg for c in axis.together})
-    several = len(loadings) > 1
-    label = 'natural period [s]'
-    figure, axes = plots.panel(xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
-    figure.set_figheight(figure.get_figheight() + 0.22 * math.ceil(len(axis.together) / 2))
-    for condition, fits in sorted(axis.together.items()):
-        bands, place = fits[axis.choice].bands, angles.index(condition.initial_angle_deg)
-        amplitude, (value, std) = np.degrees(bands.curves.amplitude), plots.curves_of(bands)[label]
-        colour = plots.SERIES[(loadings.index(condition.loading) if several else place) % len(plots.SERIES)]
-        plots.two_std_band(axes, amplitude, value, std, color=colour, alpha=0.12)
-        name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if several else '')
-        style = plots.LINE_STYLES[place % len(plots.LINE_STYLES)]
-        axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
-    # by the curves: a band that is wide where nothing was measured shall not hide them
-    values = np.concatenate([line.get_ydata() for line in axes.lines])
-    if (values := values[np.isfinite(values)]).size:
-        low, high = values.min(), values.max()
-        margin = 0.35 * (high - low) + 0.01 * abs(high)
-        axes.set_ylim(low - margin, high + margin)
-    plots.legend_below(axes)
-    caption = 'Natural period against amplitude, bands of two standard deviations'
-    yield Drawing(f'period_against_amplitude_{axis.axis}', caption, figure)
 
 
 def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
@@ -169,13 +153,15 @@ def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Dra
         figure = plots.new_figure()
         above, below = map(plots.quiet, figure.subplots(2, 1, sharex=True, height_ratios=(3, 1)))
         plots.draw_fit(above, below, motion, angle, rate)
-        above.legend(frameon=False, ncols=2, loc='upper right')
+        figure.legend(*above.get_legend_handles_labels(), loc='outside lower center', ncols=2, frameon=False)
         c = record.condition
         title = f'{c.initial_angle_deg:g} deg, {_loading(outcome, c)}, repeat {record.repeat}'
         above.set_title(title, fontsize='small')
         name = f'record_{axis.axis}_{c.initial_angle_deg:g}deg_{c.loading:g}_repeat{record.repeat}'
         best = ' (best repeat)' if axis.records[axis.best[c]] is record else ''
-        yield Drawing(name, f'{record.name}{best}: R² {fit.r2:.5f}', figure)
+        yield Drawing(
+            name, f'{record.name}{best}: R² {fit.r2:.5f}, which counts the noise of the sensor as unexplained', figure
+        )
 
 
 def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
@@ -196,7 +182,7 @@ def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterato
         axes.set_yticks(np.arange(count) + 0.5, terms[::-1])
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
-        axes.set_title(f'{campaign_tables.LOADING_NAMES[outcome.quantity]} {loading:g}')
+        axes.set_title(loading_in_words(outcome.quantity, loading))
         caption = 'Correlations, all records of the draft together'
         yield Drawing(f'correlation_{axis.axis}_{loading:g}', caption, figure)
 
@@ -216,13 +202,13 @@ def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) ->
         raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
     with page_style():
         drawings = [campaign_drawings(outcome, axis) for axis in outcome.axes]
-        for axis, drawn in zip(outcome.axes, drawings, strict=True):
-            drawn['damping'] += extinction_drawings(outcome, axis)
-        for drawing in (each for kinds in drawings for items in kinds.values() for each in items):
+        results = list(result_drawings(outcome))
+        for drawing in (*results, *(each for kinds in drawings for items in kinds.values() for each in items)):
             write_text(folder / FIGURES / f'{drawing.name}.svg', drawing.svg)
     tables = [_axis_tables(outcome, axis) for axis in outcome.axes]
     sections = [
-        ('short', 'In short', _in_short(outcome)),
+        ('result', 'Result', [*_first_page(outcome), figures(results)]),
+        ('short', 'Findings', _in_short(outcome)),
         ('conditions', 'Conditions', [table_as_html(conditions_table(outcome))]),
     ]
     for axis, found, drawn in zip(outcome.axes, tables, drawings, strict=True):
@@ -242,13 +228,14 @@ def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) ->
     for speed in speeds:
         models = {axis.motion: axis.schedule for axis in outcome.axes if axis.speed_m_s == speed}
         write_scheduled(folder / (MODEL if speed == speeds[0] else f'model_{speed:g}m_s.yaml'), models)
-    write_text(folder / PAGE, page(f'Campaign: {outcome.manifest.title}', sections))
+    write_text(folder / PAGE, page(f'Campaign: {outcome.manifest.title}', sections, unfolded=1))
     return folder / PAGE
 
 
 def every_table(outcome: CampaignOutcome) -> list[Table]:
     """Every `Table` of a `CampaignOutcome`, as `write_report` writes them."""
     tables = [
+        results_table(outcome),
         conditions_table(outcome),
         campaign_tables.trials_table(outcome),
         campaign_tables.fits_table(outcome),
@@ -273,7 +260,6 @@ def _axis_tables(outcome: CampaignOutcome, axis: AxisOutcome):
         'ratios': campaign_tables.coefficient_table(outcome, axis),
         'repeats': campaign_tables.spread_table(outcome, axis),
         'errors': campaign_tables.errors_table(outcome, axis),
-        'next_step': campaign_tables.next_step_table(outcome, axis),
         **extinction_tables(outcome, axis),
     }
     if len(axis.schedule.loadings) > 1:
@@ -281,9 +267,19 @@ def _axis_tables(outcome: CampaignOutcome, axis: AxisOutcome):
     return tables
 
 
+def _first_page(outcome: CampaignOutcome):
+    """Craft, matrix, what was left out, and the results with the reason for each verdict that is not adequate."""
+    left_out = [*outcome.manifest.faults, *left_out_of(outcome), *outcome.failures]
+    return [
+        *map(paragraph, matrix_of(outcome)),
+        *(paragraph(f'Left out: {line}', 'left-out') for line in left_out),
+        table_as_html(results_table(outcome)),
+        bullets([f'{place_of(outcome, r)}: {r.fit.verdict}.' for r in draft_results(outcome) if r.verdict != ADEQUATE]),
+    ]
+
+
 def _in_short(outcome: CampaignOutcome):
-    used = sum(t.record is not None for t in outcome.trials)
-    parts = [paragraph(f'{outcome.manifest.craft.name}: {used} of {len(outcome.trials)} trials used.')]
+    parts = []
     for axis in outcome.axes:
         parts.append(
             f'<div class="choice"><p><strong>{axis.axis.capitalize()}.</strong> '
@@ -333,23 +329,14 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
         ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], tables['repeats']]),
         ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
         ('damping', 'Period, damping and extinction', [shown['damping'], *extinction]),
-        ('errors', 'Next step, simulation, forecast', [tables['errors'], tables['next_step']]),
+        ('errors', 'Simulation and forecast', [tables['errors']]),
         ('records', 'Every record', [shown['records']]),
         ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),
     )
 
 
 def _warnings(outcome: CampaignOutcome):
-    left_out = [f'{t.name}: {t.reason}' for t in outcome.trials if t.record is None]
-    lines = [
-        f'{axis.axis.capitalize()}, all records at {loading:g}: {verdict}.'
-        for axis in outcome.axes
-        for loading, fits in axis.by_draft.items()
-        if (verdict := fits[axis.choice].verdict).level != ADEQUATE
-    ]
-    lines += [f'Manifest, {fault}' for fault in outcome.manifest.faults]
-    lines += [f'Left out: {line}' for line in left_out]
-    lines += [f'Failed: {line}' for line in outcome.failures]
+    lines = []
     gathered: dict[str, list[str]] = {}
     for t in outcome.trials:
         for advice in t.advice:

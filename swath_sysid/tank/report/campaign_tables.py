@@ -8,17 +8,34 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
-from swath_sysid.common.conventions import ADEQUATE, digits, percent
+from swath_sysid.attitude.identification.forecast_check import LEADS
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, digits, percent
+from swath_sysid.report.figures import LINE_STYLES
 from swath_sysid.report.tables import Column, Table
 from swath_sysid.tank.campaign.evaluation import Condition, Record, beyond_noise, tied_best
+from swath_sysid.tank.campaign.manifest import LOADING_NAMES
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.campaign.trials import TrialOutcome
 
-LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
+VERDICT_MARKS = {ADEQUATE: 'best', DOUBTFUL: 'caution', REJECTED: 'beyond'}
 LEAD_NAMES = ('a quarter period', 'half a period', 'one period')  #: Of `LEADS`.
 QUANTITIES = {'natural_period_s': 'natural period [s]', 'damping_ratio': 'equivalent damping ratio'}
-CHECKED_SAMPLES = 10
+
+
+#: A colour is a draft in every figure; the record is ink, the model red and the residual blue.
+DRAFT_COLOURS = '#1b7f79', '#c77d0a', '#7b4fa3', '#8c6d46', '#b0548f', '#5b7c2f'
+
+
+def colour_of(axis: AxisOutcome, loading: float) -> str:
+    """The colour of a draft."""
+    place = sorted({c.loading for c in axis.best}).index(loading)
+    return DRAFT_COLOURS[place % len(DRAFT_COLOURS)]
+
+
+def style_of(axis: AxisOutcome, angle_deg: float) -> dict[str, str]:
+    """Line and marker of an initial angle."""
+    place = sorted({c.initial_angle_deg for c in axis.best}).index(angle_deg)
+    return {'linestyle': LINE_STYLES[place % len(LINE_STYLES)], 'marker': 'os^DvP'[place % 6]}
 
 
 def trials_table(outcome: CampaignOutcome) -> Table:
@@ -162,7 +179,8 @@ def ranking_table(axis: AxisOutcome) -> Table:
     table = Table.of(
         f'ranking_{axis.axis}',
         f'Ranking, {axis.axis}',
-        'Criterion: of one set of ratios a draft for all angles and repeats; 10 more is decisively worse. Held-out: '
+        'Criterion: with one set of ratios for all releases of a draft; 10 above the best is decisively worse. '
+        'Held-out: '
         'error on another repeat (or the second half of a lone one) over the standard deviation of the motion.',
         axis.ranking.ranked,
         ('equation', lambda r: r.name),
@@ -195,7 +213,7 @@ def verdict_table(axis: AxisOutcome) -> Table:
         ('next release', lambda item: item[1].verdict.motion_error, percent),
         ('why', lambda item: item[1].verdict.sentence),
     )
-    table.marks.update({(k, 1): 'beyond' for k, (_, fit) in enumerate(items) if fit.verdict.level != ADEQUATE})
+    table.marks.update({(k, 1): VERDICT_MARKS[fit.verdict.level] for k, (_, fit) in enumerate(items)})
     return table
 
 
@@ -273,7 +291,8 @@ def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bo
     return Table.of(
         f'errors_every_equation_{axis.axis}' if every_equation else f'errors_{axis.axis}',
         'Errors' if every_equation else f'Errors of {axis.ranking.choice.name}, {axis.axis}',
-        'Root mean square errors; in percent: of the standard deviation of the measured motion. Forecasts start all '
+        'Root mean square errors, which contain the noise of the sensor; in percent: of the standard deviation of the '
+        'measured motion. Forecasts start all '
         'along the record from the measured state, whose own noise they carry; the simulated motion starts once, at '
         'the release.',
         items,
@@ -286,31 +305,6 @@ def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bo
             for k, (_, name) in enumerate(zip(LEADS, LEAD_NAMES, strict=True))
         ),
         ('simulated, held out', lambda item: item[1].held_out, percent),
-    )
-
-
-def next_step_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
-    """The papers' check, of ten samples of the record from the largest angle at the middle loading."""
-    loadings = sorted({c.loading for c in axis.best})
-    middle = [c for c in axis.best if c.loading == loadings[len(loadings) // 2]]
-    index = axis.best[max(middle, key=lambda c: c.initial_angle_deg)]
-    record, fit = axis.records[index], axis.fits['simulation'][index][axis.choice]
-    checked = next_step(fit.model.with_trim(fit.states[0].trim), fit.problem.motions[0])
-    steady = np.convolve(np.abs(checked.measured), np.ones(CHECKED_SAMPLES), mode='valid')
-    chosen = slice(first := int(np.argmax(steady)), first + CHECKED_SAMPLES)
-    samples = np.transpose([checked.time[chosen], checked.measured[chosen], checked.predicted[chosen]]).tolist()
-    c = record.condition
-    return Table.of(
-        f'next_step_{axis.axis}',
-        f'Next-step check, {axis.axis}',
-        f'{c.initial_angle_deg:g} deg, {LOADING_NAMES[outcome.quantity]} {c.loading:g}, repeat {record.repeat}: where '
-        f'it turns fastest. Any smooth model passes this check, because the measured rate stands on both sides; the '
-        f'errors of simulated motion and forecasts say more.',
-        samples,
-        ('time [s]', lambda s: s[0], digits(6)),
-        ('measured rate [rad/s]', lambda s: s[1], digits(6)),
-        ('next-step rate [rad/s]', lambda s: s[2], digits(6)),
-        ('error', lambda s: abs(s[2] - s[1]) / abs(s[1]) if s[1] else float('nan'), percent),
     )
 
 

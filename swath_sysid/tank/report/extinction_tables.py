@@ -14,13 +14,13 @@ from swath_sysid.attitude.identification.peaks import Peaks, measured_peaks
 from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.common.conventions import TWO_STD, digits
 from swath_sysid.common.errors import InputError
-from swath_sysid.report.figures import MEASURED, SERIES, legend_below, panel, two_std_band
+from swath_sysid.report.figures import MEASURED, legend_below, panel, two_std_band
 from swath_sysid.report.fit_summary import short_name
 from swath_sysid.report.html_page import Drawing
 from swath_sysid.report.published import PARTICULARS
 from swath_sysid.report.tables import Column, Table, columns_of
 from swath_sysid.tank.campaign.evaluation import Condition
-from swath_sysid.tank.campaign.manifest import PredictedDamping
+from swath_sysid.tank.campaign.manifest import LOADING_NAMES, PredictedDamping, loading_in_words
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.extinction import (
     Extinction,
@@ -31,7 +31,7 @@ from swath_sysid.tank.extinction import (
     froude_number,
     tank_quantities,
 )
-from swath_sysid.tank.report.campaign_tables import LOADING_NAMES
+from swath_sysid.tank.report.campaign_tables import colour_of, style_of
 
 #: Name, unit, and its power of an angle.
 CURVE_TERMS = (('p1', '-', 0), ('p2', '1/deg', 1), ('p3', '1/deg^2', 2), ("Bertin's N", '1/deg', 1))
@@ -104,7 +104,7 @@ def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
         )
         table = np.vstack([peaks.time, np.degrees(peaks.angle), between]).T.tolist()
         rows += [(label, number, *values) for number, values in enumerate(table, 1)]
-    note = 'The decrement per half-cycle is of half the double amplitudes before and after the peak: trim cancels.'
+    note = 'A decrement is the amplitude before a peak less that after it, each half a double amplitude: trim cancels.'
     return Table(name, 'Peaks and decrements', note, PEAK_COLUMNS, tuple(rows))
 
 
@@ -289,6 +289,7 @@ class _Decays:
 def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, Table]:
     """Tables of one axis: ``damping`` with its budget, ``extinction`` curves, and ``peaks``, every one."""
     damping, curves, labelled = [], [], []
+    unsuited = False
     loading = LOADING_NAMES[outcome.quantity]
     for each in _Decays.all_of(outcome, axis):
         fit, place = each.fit, (each.condition.loading, each.condition.initial_angle_deg)
@@ -301,15 +302,20 @@ def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
             terms = {name: fit.ratio(name) for name in fit.model.terms}
             rows = curve_rows(each.curve, terms, each.inertia, each.particulars, axis.motion)
             curves += [(*place, *row) for row in rows]
+            apart = curve_table('', '', rows).finding
+            unsuited = unsuited or bool(apart and _is_of_fitted_motion(each.curve, fit))
     where = columns_of({loading: digits(4), 'initial angle [deg]': digits(4)})
     note = (
         'Of the repeats of a condition together, at the geometric mean of the amplitudes seen. Standard uncertainties; '
         'U = 2 times their root sum of squares. Damping in N m s where the inertia is known (GM and mass, or inertia).'
     )
+    extinction = curve_table(f'extinction_{axis.axis}', f'Extinction curves, {axis.axis}', curves, where)
+    if unsuited:
+        extinction = replace(extinction, finding=f'{extinction.finding} {METHOD_ERROR}')
     budget_columns = (*where, Column('at [deg]', digits(3)), *QUANTITY_COLUMNS)
     return {
         'damping': Table(f'damping_{axis.axis}', f'Damping, {axis.axis}', note, budget_columns, tuple(damping)),
-        'extinction': curve_table(f'extinction_{axis.axis}', f'Extinction curves, {axis.axis}', curves, where),
+        'extinction': extinction,
         'peaks': peaks_table(f'peaks_{axis.axis}', labelled),
     }
 
@@ -319,7 +325,7 @@ def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator
     every = _Decays.all_of(outcome, axis)
     for loading in sorted({each.condition.loading for each in every}):
         items = [each for each in every if each.condition.loading == loading]
-        title, name = f'{LOADING_NAMES[outcome.quantity]} {loading:g}', f'{axis.axis}_{loading:g}'
+        title, name = loading_in_words(outcome.quantity, loading), f'{axis.axis}_{loading:g}'
         curves = f'Extinction curves, {title}: half a cycle, every repeat'
         predicted = ', crosses as predicted' if outcome.manifest.predictions else ''
         damping = (
@@ -332,13 +338,15 @@ def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator
 
 def _extinction_figure(items: Sequence[_Decays], title: str, axis: AxisOutcome):
     figure, axes = panel(title=title, xlabel=f'{axis.motion} mean amplitude [deg]', ylabel='decrement [deg]')
-    for colour, each in zip(cycle(SERIES), items):
+    for each in items:
+        colour, style = colour_of(axis, each.condition.loading), style_of(axis, each.condition.initial_angle_deg)
         for p in each.peaks:
-            axes.plot(np.degrees(p.mean_amplitude), np.degrees(p.decrement), '.', color=colour, markersize=4)
+            at, marker = np.degrees(p.mean_amplitude), style['marker']
+            axes.plot(at, np.degrees(p.decrement), marker, color=colour, markersize=3, markerfacecolor='none')
         if each.curve is not None:
             amplitude = np.linspace(0.0, max(p.mean_amplitude.max() for p in each.curve.peaks), 60)
             shown = np.degrees(each.curve.curve(amplitude))
-            axes.plot(np.degrees(amplitude), shown, color=colour, linewidth=1.2, label=each.label)
+            axes.plot(np.degrees(amplitude), shown, style['linestyle'], color=colour, linewidth=1.2, label=each.label)
     axes.set(xlim=(0.0, None), ylim=(0.0, None))
     legend_below(axes)
     return figure
@@ -351,17 +359,19 @@ def _damping_figure(outcome: CampaignOutcome, items: Sequence[_Decays], title: s
     ylabel = f'{symbol} [N m s]' if dimensional else 'damping ratio [-]'
     figure, axes = panel(title=title, xlabel=f'{axis.motion} mean amplitude [deg]', ylabel=ylabel)
     highest = 0.0
-    for colour, decays in zip(cycle(SERIES), items):
+    for decays in items:
+        where = decays.condition
+        colour, style = colour_of(axis, where.loading), style_of(axis, where.initial_angle_deg)
         bands = decays.fit.bands
         curves = bands.curves
         factor = 2.0 * (decays.inertia or 0.0) * curves.frequency if dimensional else np.ones_like(curves.frequency)
         value, amplitude = curves.damping_ratio * factor, np.degrees(curves.amplitude)
         two_std_band(axes, amplitude, value, bands.damping_ratio_std * factor, color=colour, alpha=0.12)
-        axes.plot(amplitude, value, color=colour, linewidth=1.2, label=decays.label)
+        axes.plot(amplitude, value, style['linestyle'], color=colour, linewidth=1.2, label=decays.label)
         for p in decays.peaks:
             half = 0.5 * p.logarithmic_decrement
             ratio = half / np.hypot(np.pi, half) * np.interp(p.mean_amplitude, curves.amplitude, factor)
-            axes.plot(np.degrees(p.mean_amplitude), ratio, '.', color=colour, markersize=3, alpha=0.7)
+            axes.plot(np.degrees(p.mean_amplitude), ratio, style['marker'], color=colour, markersize=3, alpha=0.7)
         highest = max(highest, float(np.nanmax(value)))
     methods: dict[str, list] = {}
     loading = items[0].condition.loading
