@@ -15,7 +15,7 @@ from swath_sysid.attitude.hull.decay_model import DecayModel, amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.sea_likelihood import (
     ROUGHNESS,
-    HullPosterior,
+    FrequencyPosterior,
     HullPrior,
     SeaLikelihood,
     hull_posterior,
@@ -283,7 +283,7 @@ def parts_of(sea: SeaMotion, record: SeaRecord) -> list[SeaPart]:
     return [sea_part(sea.between(*pair), record.heave) for pair in long or [(sea.start, end)]]
 
 
-def _apart(alone: Sequence[HullPosterior]) -> float:
+def _apart(alone: Sequence[FrequencyPosterior]) -> float:
     """The largest difference of log frequencies over its standard deviation, between parts that were fitted alone."""
     found = [(each.mean[0], each.covariance[0, 0]) for each in alone]
     return max((abs(a[0] - b[0]) / np.sqrt(a[1] + b[1]) for a, b in combinations(found, 2)), default=0.0)
@@ -307,7 +307,7 @@ def _identification(
     records: Sequence[SeaRecord],
     seas: Sequence[SeaMotion],
     likelihoods: Sequence[SeaLikelihood],
-    found: HullPosterior,
+    found: FrequencyPosterior,
     apart: float,
     holds_decay: bool,
 ) -> AtSeaIdentification:
@@ -366,7 +366,7 @@ def _trim_std(spectra: Sequence[FittedSpectra], seas: Sequence[SeaMotion], durat
     return float(np.sqrt(np.pi / duration * np.median(np.concatenate(slow))))
 
 
-def _spectra(likelihoods: Sequence[SeaLikelihood], found: HullPosterior, frequency: float):
+def _spectra(likelihoods: Sequence[SeaLikelihood], found: FrequencyPosterior, frequency: float):
     """Measured and fitted spectra of every part at the most likely natural frequency."""
     spectra, best = [], int(found.weight.argmax())
     for likelihood, optima in zip(likelihoods, found.optima, strict=True):

@@ -273,7 +273,7 @@ class SeaLikelihood:
 
 
 @dataclass(frozen=True)
-class HullPosterior:
+class FrequencyPosterior:
     """The posterior of log natural frequency and log damping ratio on a grid of P frequencies."""
 
     log_frequency: np.ndarray  #: (P,); rad/s.
@@ -297,7 +297,7 @@ class HullPosterior:
 
 def hull_posterior(
     records: Sequence[SeaLikelihood], prior: HullPrior, low: float, high: float, progress: Progress
-) -> HullPosterior:
+) -> FrequencyPosterior:
     """The hull that several records share, of a natural frequency between two, rad/s."""
     grid = np.arange(np.log(low), np.log(high), GRID_STEP)
     share, found = np.zeros(grid.size), [record.optima(grid) for record in records]
@@ -316,7 +316,7 @@ def hull_posterior(
     weight = np.exp(log_posterior - share * np.log(3.0) - log_posterior.max())
     weight /= weight.sum()
     shares = [np.exp(each.log_evidence - logsumexp(each.log_evidence, axis=0)) @ weight for each in found]
-    return HullPosterior(grid, weight, damping, variance, max(shares, key=lambda each: each[-1]), tuple(found))
+    return FrequencyPosterior(grid, weight, damping, variance, max(shares, key=lambda each: each[-1]), tuple(found))
 
 
 def _appended(one: Optima, other: Optima) -> Optima:
