@@ -158,7 +158,10 @@ def test_the_verb_scores_the_first_minute_and_prints_one_json_object(tmp_path, c
 def test_the_verb_prints_a_table_with_what_came_after_gaps(tmp_path, capsys):
     whole = sea(80.0)
     write_csv(tmp_path / 'sea.csv', only(whole, whole.time % 20.0 >= 0.5 - 1e-6))
-    assert main(['forecast', str(tmp_path / 'sea.csv'), '--leads', '0.5', '--warmup', '40', '--window', '10']) == 0
+    asked = ['forecast', str(tmp_path / 'sea.csv'), '--leads', '0.5', '--warmup', '40', '--window', '10']
+    assert main(asked) == 0
+    assert 'after gaps' not in capsys.readouterr().out
+    assert main([*asked, '--all']) == 0
     printed = capsys.readouterr().out
     rows = 'VAR(60)', 'past mean', 'forecast / best other', '90 % coverage, %', 'scored', '4 s after gaps, %', 'quiet'
     assert [row for row in rows if row not in printed] == []
