@@ -44,7 +44,6 @@ EQUIVALENT = 2.0
 PARTS = 2  #: Of equal length, where no heading tells them apart.
 AGREE = 1.96  #: Standard deviations of their difference within which parts must agree.
 
-
 DAMPING_KNOWN = 0.25  #: Relative standard deviation of a model's damping for the craft at another loading.
 FREQUENCY_KNOWN = 0.2  #: The same of its natural frequency: a change of stiffness by half is likely.
 TURN = np.radians(15.0)  #: Change of heading that makes another part.
@@ -207,24 +206,22 @@ def identify_seas(
     low = max(SLOWEST_HULL * min(part.frequency[0] for part in every), reach[0])
     high = min(FASTEST_HULL * max(part.frequency[-1] for part in every), reach[1])
     likelihoods = [SeaLikelihood(each, rate, prior, should_cancel) for each in parts]
-    # apart: the parts of one record, or several records
-    apart = [SeaLikelihood([part], rate, prior, should_cancel) for part in every] if len(records) == 1 else likelihoods
-    fits = [likelihoods, *([each] for each in apart if checks_parts and len(apart) > 1)]
-    posteriors = []
-    for number, each in enumerate(fits):
+    number = sum(map(len, parts)) if len(records) == 1 else len(records)
+    fits = 1 + (number if checks_parts and number > 1 else 0)
 
-        def share_of(share: float, number: int = number):
-            report((number + share) / len(fits))
+    def fitted(place: int, of: Sequence[SeaLikelihood]):
+        return hull_posterior(of, prior, low, high, lambda share: report((place + share) / fits))
 
-        posteriors.append(hull_posterior(each, prior, low, high, share_of))
-    report(1.0)
-    found, *alone = posteriors
-    if found.roughness[-1] >= 0.5 and any(record.heave is not None for record in records):
+    found = fitted(0, likelihoods)
+    if not found.is_smooth and any(record.heave is not None for record in records):
         # the vertical acceleration that does not explain the excitation is left out
         without = [replace(record, heave=None) for record in records]
         return identify_seas(
             without, prior, searched=searched, checks_parts=checks_parts, progress=progress, should_cancel=should_cancel
         )
+    # apart: the parts of one record, or several records
+    apart = [SeaLikelihood([part], rate, prior, should_cancel) for part in every] if len(records) == 1 else likelihoods
+    alone = [fitted(place, [each]) for place, each in enumerate(apart, 1)] if fits > 1 else []
     holds_decay = not searched and any(bool(find_decays(record.motion)) for record in records)
     return _identification(records, seas, likelihoods, found, _apart(alone), holds_decay)
 
@@ -349,7 +346,7 @@ def _identification(
         estimate_covariance=found.covariance * np.outer(own, own),
         covariance=slopes @ found.covariance @ slopes.T,
         roughness=float(found.roughness @ ROUGHNESS),
-        is_smooth=bool(found.roughness[-1] < 0.5),
+        is_smooth=found.is_smooth,
         apart=float(apart),
         sea=likelihoods[0].waves.name,
         peak_period=2.0 * np.pi / float(strongest.frequency[strongest.fitted_excitation.argmax()]),

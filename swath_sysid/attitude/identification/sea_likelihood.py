@@ -284,6 +284,11 @@ class FrequencyPosterior:
     optima: tuple[Optima, ...]  #: Of each record.
 
     @property
+    def is_smooth(self) -> bool:
+        """Whether the excitation is smoother than any hull's peak."""
+        return bool(self.roughness[-1] < 0.5)
+
+    @property
     def mean(self) -> np.ndarray:
         """Of log frequency and log damping, (2,)."""
         return np.array([self.weight @ self.log_frequency, self.weight @ self.damping])

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import compress, pairwise
 from statistics import median
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -287,12 +288,19 @@ def usual_period(time: Sequence[float], value: Sequence[float]) -> float:
     return sum(period * weight for period, weight in compress(zip(periods, weights, strict=True), usual)) / total
 
 
-def find_candidates(motion: AxisMotion, irregular: float = 0.0) -> list[DecayCandidate]:
-    """Every candidate of a motion without long pauses, on every grid, whether the grid suits its period or not.
+class TurnedSignal(NamedTuple):
+    """A motion on one grid, with what candidates are found by."""
 
-    Double amplitudes may be out of order by the noise, or by ``irregular`` times the first.
-    """
-    candidates: list[DecayCandidate] = []
+    signal: EvenSignal
+    time: np.ndarray  #: (M,); of its turning points, and the first and last sample.
+    value: np.ndarray  #: (M,); theirs.
+    least: float  #: Difference that is none.
+    bridged: np.ndarray  #: ndarray of bool, shape (M - 1,); as of `DecayCandidate`.
+
+
+def turned_signals(motion: AxisMotion) -> list[TurnedSignal]:
+    """A motion without long pauses, on every grid on which it moves."""
+    found = []
     for signal in turning_points.pyramid(turning_points.even_signal(motion)):
         least = turning_points.prominence_of(signal)
         if least == 0.0:
@@ -300,7 +308,17 @@ def find_candidates(motion: AxisMotion, irregular: float = 0.0) -> list[DecayCan
         points = turning_points.turning_points_of(signal)
         time = np.concatenate([[signal.start], points.time, [signal.end]])
         value = np.concatenate([signal.value[:1], points.value, signal.value[-1:]])
-        bridged = bridged_half_cycles(time, signal)
+        found.append(TurnedSignal(signal, time, value, least, bridged_half_cycles(time, signal)))
+    return found
+
+
+def find_candidates(signals: Sequence[TurnedSignal], irregular: float = 0.0) -> list[DecayCandidate]:
+    """Every candidate on every grid, whether the grid suits its period or not.
+
+    Double amplitudes may be out of order by the noise, or by ``irregular`` times the first.
+    """
+    candidates: list[DecayCandidate] = []
+    for signal, time, value, least, bridged in signals:
         for first, last, broken in split_into_candidates(time, value, least, bridged, irregular):
             if value[first] != value[first + 1]:
                 candidates.append(DecayCandidate(signal, time, value, first, last, broken, bridged))

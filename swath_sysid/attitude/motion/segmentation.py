@@ -21,6 +21,7 @@ from swath_sysid.attitude.motion.decay_candidates import (
     are_decays,
     find_candidates,
     last_crossing,
+    turned_signals,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import EvenSignal
@@ -85,19 +86,22 @@ class DecaySegment:
 
 def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
-    pieces = turning_points.split_at_pauses(motion)
+    pieces = [turned_signals(piece) for piece in turning_points.split_at_pauses(motion)]
     decays = [decay for piece in pieces for decay in _decays_among(_sizable(find_candidates(piece)))]
     if not decays:
-        irregular = [each for piece in pieces for each in _sizable(find_candidates(piece, IRREGULAR))]
-        decays = _decays_among(
-            [each for each in irregular if each.hold and each.double_amplitudes.size >= HALF_CYCLES_FOR_REST]
-        )
+        decays = [decay for piece in pieces for decay in _decays_among(_released(find_candidates(piece, IRREGULAR)))]
     segments = [_segment_of(candidate, motion) for candidate in _apart(decays)]
     return tuple(replace(each, advice=()) if _is_ended_by_the_next(each, segments) else each for each in segments)
 
 
 def _sizable(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     return [each for each in candidates if each.double_amplitudes[0] >= SMALLEST_AMPLITUDE[each.signal.quantity]]
+
+
+def _released(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
+    """The sizable ones that begin with a hold and last."""
+    long = [each for each in candidates if each.double_amplitudes.size >= HALF_CYCLES_FOR_REST]
+    return [each for each in _sizable(long) if each.hold]
 
 
 def _is_ended_by_the_next(segment: DecaySegment, others: Sequence[DecaySegment]) -> bool:
@@ -406,7 +410,7 @@ def _within_a_bound(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     candidates = [
         candidate
         for piece in turning_points.split_at_pauses(motion)
-        for candidate in find_candidates(piece)
+        for candidate in find_candidates(turned_signals(piece))
         if candidate.is_suited and candidate.double_amplitudes.size >= 2
     ]
     largest = max((candidate.double_amplitudes[0] for candidate in candidates), default=0.0)
