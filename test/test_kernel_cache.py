@@ -7,11 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from swath_sysid import __version__
 from swath_sysid.attitude.hull import terms
 from swath_sysid.attitude.prediction import hull_track
+from swath_sysid.common.accelerator import accelerated
 
 numba = pytest.importorskip('numba')
 ROOT = Path(__file__).resolve().parents[1]
@@ -146,3 +148,22 @@ def test_kernels_are_compiled_again_after_a_change_of_what_they_use_from_another
     assert before == content()
     monkeypatch.setattr(terms, 'AT', terms.AT._replace(r2=terms.AT.r3))
     assert content() != before
+
+
+def test_an_interrupt_while_a_kernel_returns_its_arrays_stays_one():
+    kernel = accelerated(lambda x: (2.0 * x, 3.0 * x))
+    kernel(np.ones(2))
+    interrupted = []
+
+    def interrupt(frame, event, _):
+        if event == 'call' and frame.f_code.co_name == '_numba_unpickle' and not interrupted:
+            interrupted.append(frame)
+            raise KeyboardInterrupt
+
+    sys.setprofile(interrupt)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            kernel(np.ones(3))
+    finally:
+        sys.setprofile(None)
+    assert interrupted

@@ -48,8 +48,18 @@ def _loaded() -> tuple[Any, str | None]:
         import numba
     except (ImportError, AttributeError, TypeError, ValueError, RuntimeError, SystemError, OSError) as error:
         # all that mismatched versions of numpy or llvmlite have led to
+        _pass_on_interrupt(error)
         return None, ' '.join(str(error).split()) or type(error).__name__
     return numba, None
+
+
+def _pass_on_interrupt(error: BaseException) -> None:
+    """Raise the KeyboardInterrupt that an error hides: extensions go on after it and fail at their next step."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
+        cause = cause.__cause__
 
 
 _cache_failures: list[str] = []
@@ -85,7 +95,11 @@ class _Compiled:
         return self._dispatcher._numba_type_
 
     def __call__(self, *arguments: Any) -> Any:
-        return self._dispatcher(*arguments)
+        try:
+            return self._dispatcher(*arguments)
+        except SystemError as error:
+            _pass_on_interrupt(error)
+            raise
 
 
 def accelerated(function: Function, otherwise: Function | None = None) -> Function:
