@@ -241,9 +241,7 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
     mismatch = max(rate_mismatch(r.motion, r.segment.period) for r in found.records)
     if not mismatch <= MAX_RATE_MISMATCH:
         yield REJECTED, Advice.of('angle-against-rate', mismatch=mismatch)
-    # the start is measured where a push or waves acted last
-    driven = errors.missed > errors.unexplained and all(r.segment.beginning == 'pushed' for r in found.records)
-    poor_fit = Advice.of('still-forced' if driven else 'poor-fit', left=min(errors.of_model, 1.0))
+    poor_fit = _forced(found, errors) or Advice.of('poor-fit', left=min(errors.of_model, 1.0))
     if not errors.unexplained <= UNCERTAIN:
         yield REJECTED, poor_fit
     period = found.model.natural_period
@@ -256,7 +254,8 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
         # with more, a forecast of rest is as good
         level = DOUBTFUL if error <= 1.0 else REJECTED
         size = f'by {error:.0%} of its motion' if error < 1.0 else 'by more than its motion'
-        yield level, poor_fit if errors.of_model >= errors.uncertain else Advice.of('motion-uncertain', size=size)
+        is_poor = errors.of_model >= errors.uncertain or poor_fit.code == 'still-forced'
+        yield level, poor_fit if is_poor else Advice.of('motion-uncertain', size=size)
     usable = min(r.motion.usable_share for r in found.records)
     if not usable >= LEAST_USABLE:
         yield DOUBTFUL, Advice.of('few-samples', usable=usable)
@@ -280,6 +279,17 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
             yield ADEQUATE, advice
     if objective == 'one-step':
         yield ADEQUATE, Advice.of('one-step-biased')
+
+
+def _forced(found: DecayFit, errors: Errors) -> Advice | None:
+    """Whether waves or a hand may still have acted on decays none of which was released: the start is measured where
+    they acted last, and what dies away beside the decay makes its decrement rise as dry friction does.
+    """
+    if not all(r.segment.beginning == 'pushed' for r in found.records):
+        return None
+    if errors.missed > errors.unexplained:
+        return Advice.of('still-forced', left=min(errors.of_model, 1.0))
+    return Advice.of('still-forced: decrement') if 'b0' in found.model.terms else None
 
 
 def _one_sided(found: DecayFit, other_side: float) -> Iterator[Finding]:

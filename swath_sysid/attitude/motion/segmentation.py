@@ -90,7 +90,7 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     decays = [decay for piece in pieces for decay in _decays_among(_sizable(find_candidates(piece)))]
     if not decays:
         decays = [decay for piece in pieces for decay in _decays_among(_released(find_candidates(piece, IRREGULAR)))]
-    segments = [_segment_of(candidate, motion) for candidate in _apart(decays)]
+    segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
     return tuple(replace(each, advice=()) if _is_ended_by_the_next(each, segments) else each for each in segments)
 
 
@@ -203,6 +203,23 @@ def _apart(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
         if apart and candidate.double_amplitudes[0] >= SIZABLE * largest:
             kept.append(candidate)
     return kept
+
+
+def _without_the_push(candidate: DecayCandidate, others: Sequence[DecayCandidate]) -> DecayCandidate:
+    """The same decay on the grid on which it begins last, where it was pushed: how far the losses of what still acted on
+    the craft may be irregular is a matter of the grid's noise.
+    """
+    if candidate.hold:
+        return candidate
+    least = HELD * candidate.double_amplitudes[0]
+    same = [
+        other
+        for other in others
+        if other.double_amplitudes[0] >= least
+        and candidate.release + 0.25 * candidate.period < other.release < candidate.end
+        and abs(other.end - candidate.end) < candidate.period
+    ]
+    return max(same, key=lambda other: other.release, default=candidate)
 
 
 def _end_of_motion(candidate: DecayCandidate, following: DecayCandidate) -> float:
