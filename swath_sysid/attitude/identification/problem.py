@@ -12,6 +12,7 @@ from swath_sysid.attitude.identification.motion_fit import InitialState, MotionF
 from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND, REST_BAND
 from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay, without_spikes
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
+from swath_sysid.attitude.motion.sensor_checks import lag_of
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import CONFIDENCE
@@ -91,11 +92,13 @@ def prepare(motions: Sequence[AxisMotion], start: float | None = None, end: floa
     """Find the free decays of one axis, unless bounded by ``start`` and ``end``, s, and first estimates. Raises
     `InputError` without a record, with different axes, or without a free decay in a record.
     """
+    motions = [aligned(m) for m in motions]
     return _joint_problem(motions, [decays_or_absence(m, start, end) for m in motions])
 
 
 def decays_or_waves(motions: Sequence[AxisMotion]) -> Problem | None:
     """As `prepare`, but None where no record holds a free decay and all oscillate from start to end."""
+    motions = [aligned(m) for m in motions]
     found = [decays_or_absence(m) for m in motions]
     if all(isinstance(each, Advice) and each.code == FORCED_MOTION for each in found) and found:
         return None
@@ -129,6 +132,9 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
     if len(axes) > 1:
         raise InputError(f'the records are of different axes ({", ".join(sorted(axes))}): identify one axis at a time')
     advice = [a for m, s in zip(motions, segments, strict=True) for a in (*s.advice, *check_decay(m, s))]
+    if lag := max((m.lag for m in motions), key=abs):
+        code = 'rate-late: allowed' if lag > 0.0 else 'angle-late: allowed'
+        advice.append(Advice.of(code, axis=motions[0].axis, lag=abs(lag), share=abs(lag) / segments[0].period))
     cut = tuple(
         block_means(without_spikes(m.between(s.start, s.end)), s.period, AVERAGED)
         for m, s in zip(motions, segments, strict=True)
@@ -199,6 +205,17 @@ def _held_from(motion: AxisMotion, segment: DecaySegment, end: float) -> float:
     first, last = turns[:-1], turns[1:] - 1
     held = first[(side[first] != 0.0) & (after.time[last] - after.time[first] > 0.75 * segment.period)]
     return float(after.time[held[0]]) - 0.5 * segment.period if held.size else np.inf
+
+
+def aligned(motion: AxisMotion) -> AxisMotion:
+    """A motion with whichever of angle and rate clearly comes later moved to the times of the other."""
+    lag = lag_of(motion)
+    if not lag:
+        return motion
+    moved = motion.time + abs(lag)
+    name = 'rate' if lag > 0.0 else 'angle'
+    values = np.interp(moved, motion.time, getattr(motion, name))
+    return replace(motion, lag=lag, **{name: values}).only(moved <= motion.time[-1])
 
 
 def block_means(motion: AxisMotion, period: float, blocks: int) -> AxisMotion:

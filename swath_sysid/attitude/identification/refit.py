@@ -42,6 +42,7 @@ from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, explain_absence
+from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.cancelling import Progress, ShouldCancel
@@ -343,6 +344,7 @@ def _period_at_reference(found: Identification, table: MotionTable) -> PeriodEst
 def _refit_at_sea(
     trial: Trial, axis: str, request: RefitRequest, progress: Progress, should_cancel: ShouldCancel | None
 ) -> AxisVerdict:
+    refuse_contradictions(trial, axis)
     motion, newest_window, held = trial.axis(axis), request.windows[-1], request.current.get(axis)
     try:
         record = SeaRecord(motion, heave_of(trial), turns_of(trial))

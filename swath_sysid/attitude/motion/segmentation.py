@@ -206,8 +206,8 @@ def _apart(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
 
 
 def _without_the_push(candidate: DecayCandidate, others: Sequence[DecayCandidate]) -> DecayCandidate:
-    """The same decay on the grid on which it begins last, where it was pushed: how far the losses of what still acted on
-    the craft may be irregular is a matter of the grid's noise.
+    """The same decay on the grid on which it begins last, where it was pushed: the grid's noise decides how irregular
+    half-cycles may be that something still acts on.
     """
     if candidate.hold:
         return candidate

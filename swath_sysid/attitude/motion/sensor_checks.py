@@ -23,7 +23,7 @@ from swath_sysid.attitude.motion.rate_comparison import (
     compare_rates,
     is_near,
 )
-from swath_sysid.attitude.motion.trial import AXES, Trial
+from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.common.advice import SENTENCES, Advice
 from swath_sysid.common.conventions import SIGNIFICANT
 from swath_sysid.common.errors import InputError
@@ -72,7 +72,8 @@ PARTS = ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate'), ('acc
 REPEAT_CODES = frozenset({'sensor-frozen', 'angles-frozen'})
 GRAVITY_CODES = frozenset({'accelerations-in-g', 'gravity-missing', 'sensor-turned', 'axes-of-sensor'})
 ARRANGED_CODES = frozenset({'rates-swapped', 'rates-turned', 'rate-sign', 'rate-unit', 'rate-scale'})
-RATE_CODES = ARRANGED_CODES | {'rate-late', 'angle-late', 'rate-unrelated'}
+LAG_CODES = frozenset({'rate-late', 'angle-late'})
+RATE_CODES = ARRANGED_CODES | LAG_CODES | {'rate-unrelated'}
 OFFSET_CODES = frozenset({'rate-offset'})
 
 #: Those that leave the rest of the data usable.
@@ -99,10 +100,13 @@ class Judgement:
     decided: frozenset[str] = frozenset()
 
 
-def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
-    """Reject a record whose angles, rates and accelerations plainly contradict each other (of one axis, if given)."""
+def refuse_contradictions(trial: Trial, axis: str | None = None, allowed: frozenset[str] = frozenset()) -> None:
+    """Reject a record whose angles, rates and accelerations plainly contradict each other (of one axis, if given), but
+    for the ``allowed`` codes.
+    """
     for advice in trial.advice:
-        if isinstance(advice, Contradiction) and advice.is_plain and (axis is None or advice.axis in (None, axis)):
+        is_refused = isinstance(advice, Contradiction) and advice.is_plain and advice.code not in allowed
+        if is_refused and (axis is None or advice.axis in (None, axis)):
             raise InputError(f'{trial.source}: {advice.message}' if trial.source else advice.message)
 
 
@@ -339,6 +343,18 @@ def _reading_of(direction: np.ndarray) -> str:
     seen = f"gravity reads {STANDARD_GRAVITY * direction[axis]:+.1f} m/s^2 on the craft's {'xyz'[axis]} axis"
     along_z = '' if axis == 2 else f' and {STANDARD_GRAVITY * direction[2]:+.1f} on z,'
     return f'{seen}{along_z} where {STANDARD_GRAVITY:+.1f} is expected'
+
+
+def lag_of(motion: AxisMotion) -> float:
+    """How much later the rate of a motion comes than its angle, s; zero where that is not clear."""
+    if motion.angle is None or motion.rate is None:
+        return 0.0
+    unknown = np.full(motion.size, np.nan)
+    evened = _evened(motion.time, np.stack([motion.angle, unknown], 1), np.stack([motion.rate, unknown, unknown], 1))
+    for slope in () if evened is None else compare_rates(*evened):
+        if slope.lagged >= EXPLAINS and abs(slope.lag) > max(LAG_PHASE / slope.frequency, SIGNIFICANT * slope.lag_std):
+            return slope.lag
+    return 0.0
 
 
 def accelerations_follow(angles: np.ndarray, force: np.ndarray) -> int:

@@ -26,6 +26,7 @@ class AxisMotion:
     rate: np.ndarray | None  #: (N,); Euler rate, rad/s; None where the sensor gave none.
     source: str = ''
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
+    lag: float = 0.0  #: By which the rate came later than the angle, s, and was moved; negative for the angle.
 
     @property
     def size(self) -> int:
