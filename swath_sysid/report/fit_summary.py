@@ -53,7 +53,7 @@ def fit_as_data(found: Identification, wall_s: float | None = None, inertia: flo
         'objective': {'name': found.objective, 'value': found.objective_value},
         'segment_s': segments[0] if len(segments) == 1 else segments,
         'sources': [record.motion.source for record in found.records],
-        'search': {'value': found.search.value, 'stop': found.search.stop},
+        'search': {'value': found.search.value, 'stop': found.search.stop, 'start': found.search.start},
         'generations': found.search.generations,
         'evaluations': found.search.evaluations,
     }
@@ -119,8 +119,7 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
         f'(extrapolated below {low:.2f} deg)',
         f'  R2 {found.r2:.6f}, {found.objective} objective {found.objective_value:.6g}, '
         f'{found.samples} samples, as informative as {found.effective_samples:.0f} independent samples',
-        f'  valid from {low:.2f} to {high:.2f} deg; search ended by {found.search.stop} after '
-        f'{found.search.generations} generations',
+        f'  valid from {low:.2f} to {high:.2f} deg; {found.search.in_words}',
     ]
     if inertia is not None:
         form = vars(to_published(model, inertia))

@@ -9,6 +9,7 @@ from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.terms import AT, LOWER, UPPER
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit
+from swath_sysid.attitude.identification.fit_quality import REPEATABILITY
 from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.hull_terms import (
     FittedHull,
@@ -26,6 +27,8 @@ from swath_sysid.attitude.identification.motion_fit import (
 from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit, residual_covariance
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.search import (
+    DECREMENT,
+    EXPLAINED,
     PRESETS,
     SearchResult,
     SearchSpace,
@@ -54,20 +57,7 @@ def identify_problem(
     equation = settings.chosen_equation
     space = _space(problem, equation, settings)
     report = progress or (lambda share: None)
-    found = run_search(
-        _search_objective(problem, equation, settings),
-        space,
-        settings.search,
-        first=[space.from_ratios(_linear_guess(problem, equation))],
-        progress=lambda share: report(0.5 * share),
-        should_cancel=should_cancel,
-    )
-    best = space.to_ratios(found.best[None])[0]
-    if settings.objective == 'one-step':
-        parameters = _exact_one_step(problem, equation, space)
-    else:
-        tolerance = STARTING_TOLERANCE if settings.equation == AUTO else TOLERANCE
-        parameters = _refine_outwards(problem, equation, space, best, tolerance, should_cancel)
+    found, parameters = _fitted(problem, equation, space, settings, lambda share: report(0.5 * share), should_cancel)
     report(0.75)
     if settings.equation == AUTO and settings.objective == 'simulation':
         start = motion_fit(problem, equation).unpack(parameters)
@@ -76,6 +66,40 @@ def identify_problem(
         identified = refined_in_basin(identification_of(problem, settings, found, FittedHull(equation, parameters)))
     report(1.0)
     return identified
+
+
+def _fitted(
+    problem: Problem,
+    equation: Equation,
+    space: SearchSpace,
+    settings: IdentificationSettings,
+    progress: Progress,
+    should_cancel: ShouldCancel | None,
+) -> tuple[SearchResult, np.ndarray]:
+    """The search's result, and the parameters of the objective's optimum that it or the decrement leads to. Where the
+    decrement's explains the motion, the default search has nothing to find.
+    """
+    guess = _linear_guess(problem, equation)
+
+    def searched() -> SearchResult:
+        objective = _search_objective(problem, equation, settings)
+        return run_search(objective, space, settings.search, [space.from_ratios(guess)], progress, should_cancel)
+
+    if settings.objective == 'one-step':
+        return searched(), _exact_one_step(problem, equation, space)
+    tolerance = STARTING_TOLERANCE if settings.equation == AUTO else TOLERANCE
+    start, error = _refined(problem, equation, space, guess, tolerance)
+    if settings.search.is_default and _explains(problem, error):
+        found = SearchResult(space.from_ratios(start[: guess.size]), error, 0, 0, EXPLAINED, DECREMENT)
+    else:
+        found = searched()
+        other, least = _refined(problem, equation, space, space.to_ratios(found.best[None])[0], tolerance)
+        # two ways to one optimum differ by their tolerance
+        if least < error * (1.0 - STARTING_TOLERANCE) or not np.isfinite(error):
+            start, error = other, least
+        else:
+            found = replace(found, start=DECREMENT)
+    return found, _refine_outwards(problem, equation, space, (start, error), tolerance, should_cancel)
 
 
 def refit_from(
@@ -151,31 +175,59 @@ def _exact_one_step(problem: Problem, equation: Equation, space: SearchSpace):
     return fit.refine_states(fit.pack(_one_step(problem).minimum(equation, lower, upper), problem.states))
 
 
+def _explains(problem: Problem, error: float) -> bool:
+    """Whether a fit leaves no more of the motion than noise and what repeated releases differ by."""
+    measured = [
+        (values - values.mean()) / noise
+        for m in problem.motions
+        for values, noise in ((m.angle, problem.noise.angle), (m.rate, problem.noise.rate))
+        if values is not None
+    ]
+    return bool(error <= np.hypot(1.0, REPEATABILITY * np.sqrt(np.mean(np.concatenate(measured) ** 2))))
+
+
+def _refined(
+    problem: Problem,
+    equation: Equation,
+    space: SearchSpace,
+    start: np.ndarray,
+    tolerance: float,
+    periods: float = SEARCH_PERIODS,
+) -> tuple[np.ndarray, float]:
+    """Least squares on the first periods, from dimensionless ratios or all parameters, and the error it leaves."""
+    bounds = space.ratio_lower, space.ratio_upper
+    if start.size == bounds[0].size:
+        states = motion_fit(problem, equation).pack(np.zeros(len(LOWER)), problem.states)[start.size :]
+        start = np.r_[np.clip(start, *bounds), states]
+    fit = motion_fit(problem, equation, problem.until(periods) if periods < _longest(problem) else None)
+    return fit.refine(start, *bounds, tolerance)
+
+
+def _longest(problem: Problem) -> float:
+    """Natural periods in the longest record."""
+    return max(m.duration for m in problem.motions) * problem.scales.frequency / (2 * np.pi)
+
+
 def _refine_outwards(
     problem: Problem,
     equation: Equation,
     space: SearchSpace,
-    best: np.ndarray,
+    refined: tuple[np.ndarray, float],
     tolerance: float,
     should_cancel: ShouldCancel | None,
 ):
-    """Least squares on the first periods, then on growing parts of the record."""
-    longest = max(m.duration for m in problem.motions) * problem.scales.frequency / (2 * np.pi)
-    bounds, horizon = (space.ratio_lower, space.ratio_upper), SEARCH_PERIODS
-    states = motion_fit(problem, equation).pack(np.zeros(len(LOWER)), problem.states)[best.size :]
-    starts = [np.r_[ratios, states] for ratios in (best, np.clip(_linear_guess(problem, equation), *bounds))]
+    """From what is refined on the first periods, least squares on growing parts of the record."""
+    horizon = SEARCH_PERIODS
     while True:
-        fit = motion_fit(problem, equation, problem.until(horizon) if horizon < longest else None)
-        refined, error = min((fit.refine(start, *bounds, tolerance) for start in starts), key=lambda tried: tried[1])
-        if not np.isfinite(error):
+        if not np.isfinite(refined[1]):
             spans = ', '.join(f'{each.start:.1f} to {each.end:.1f} s' for each in problem.segments)
             runaway = Advice.of('runaway', axis=problem.axis, equation=equation.name, spans=spans)
             raise InputError(runaway.message, runaway.code)
-        starts = [refined]
         stop_if(should_cancel)
-        if horizon >= longest:
-            return starts[0]
+        if horizon >= _longest(problem):
+            return refined[0]
         horizon *= HORIZON_GROWTH
+        refined = _refined(problem, equation, space, refined[0], tolerance, horizon)
 
 
 def identification_of(

@@ -208,14 +208,29 @@ def _held_from(motion: AxisMotion, segment: DecaySegment, end: float) -> float:
 
 
 def aligned(motion: AxisMotion) -> AxisMotion:
-    """A motion with whichever of angle and rate clearly comes later moved to the times of the other."""
+    """A motion with whichever of angle and rate clearly comes later moved to the times of the other. A filter of first
+    order may delay an angle, too: it is behind by the time constant times the filtered rate, which is then added.
+    """
     lag = lag_of(motion)
-    if not lag:
+    if not lag or motion.angle is None or motion.rate is None:
         return motion
-    moved = motion.time + abs(lag)
+    late, moved = abs(lag), motion.time + abs(lag)
     name = 'rate' if lag > 0.0 else 'angle'
     values = np.interp(moved, motion.time, getattr(motion, name))
-    return replace(motion, lag=lag, **{name: values}).only(moved <= motion.time[-1])
+    shifted = replace(motion, lag=lag, **{name: values}).only(moved <= motion.time[-1])
+    if lag > 0.0:
+        return shifted
+    followed = motion.rate.copy()
+    for k, kept in enumerate(np.exp(-np.diff(motion.time) / late).tolist(), 1):
+        followed[k] += kept * (followed[k - 1] - followed[k])
+    return min(shifted, replace(motion, lag=lag, angle=motion.angle + late * followed), key=_mismatch)
+
+
+def _mismatch(motion: AxisMotion) -> float:
+    """Mean square of an angle less the integral of its rate, rad^2, apart from trim and a gyro's bias."""
+    assert motion.angle is not None and motion.rate is not None
+    apart = motion.angle - running_integral(motion.rate, motion.time)
+    return float(np.mean((apart - np.polyval(np.polyfit(motion.time, apart, 1), motion.time)) ** 2))
 
 
 def block_means(motion: AxisMotion, period: float, blocks: int) -> AxisMotion:

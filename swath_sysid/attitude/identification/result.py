@@ -165,6 +165,7 @@ class Identification(DecayFit):
             'generations': self.search.generations,
             'evaluations': self.search.evaluations,
             'stop': self.search.stop,
+            'start': self.search.start,
             'advice': [a.code for a in self.advice],
         }
         metrics = {
