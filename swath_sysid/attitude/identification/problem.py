@@ -190,12 +190,12 @@ def _left_alone_until(motion: AxisMotion, segment: DecaySegment):
     limit = max(HOLD_BAND * segment.initial_amplitude, 1.5 * segment.final_amplitude)
     loud = np.flatnonzero(np.abs(after.primary - segment.trim) > limit)
     end = float(after.time[loud[0]]) - segment.period if loud.size else float(after.time[-1])
-    return max(segment.end, min(end, _held_from(motion, segment, end)))
+    return max(segment.end, min(end, _held_from(motion, segment, float(after.time[-1]))))
 
 
 def _held_from(motion: AxisMotion, segment: DecaySegment, end: float) -> float:
-    """Half a period before a hand holds the craft away from its trim, s; infinite where none does until ``end``. A free
-    craft, in waves too, crosses its trim every half period.
+    """A period, in which a hand moves the craft, before it holds it away from its trim, s; infinite where none does
+    until ``end``. A free craft, in waves too, crosses its trim every half period.
     """
     after = motion.between(segment.end - 0.5 * segment.period, end)
     away = after.primary - segment.trim
@@ -204,7 +204,7 @@ def _held_from(motion: AxisMotion, segment: DecaySegment, end: float) -> float:
     turns = np.flatnonzero(np.diff(side, prepend=np.nan, append=np.nan) != 0.0)
     first, last = turns[:-1], turns[1:] - 1
     held = first[(side[first] != 0.0) & (after.time[last] - after.time[first] > 0.75 * segment.period)]
-    return float(after.time[held[0]]) - 0.5 * segment.period if held.size else np.inf
+    return float(after.time[held[0]]) - segment.period if held.size else np.inf
 
 
 def aligned(motion: AxisMotion) -> AxisMotion:

@@ -91,7 +91,7 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     if not decays:
         decays = [decay for piece in pieces for decay in _decays_among(_released(find_candidates(piece, IRREGULAR)))]
     segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
-    return tuple(replace(each, advice=()) if _is_ended_by_the_next(each, segments) else each for each in segments)
+    return tuple(_until_the_next(each) if _is_ended_by_the_next(each, segments) else each for each in segments)
 
 
 def _sizable(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
@@ -102,6 +102,12 @@ def _released(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     """The sizable ones that begin with a hold and last."""
     long = [each for each in candidates if each.double_amplitudes.size >= HALF_CYCLES_FOR_REST]
     return [each for each in _sizable(long) if each.hold]
+
+
+def _until_the_next(segment: DecaySegment) -> DecaySegment:
+    """Without the quiet after its last turning point, in which the hand may already move the craft."""
+    quiet = segment.ending == 'noise-floor'
+    return replace(segment, advice=(), end=segment.start + segment.cycles * segment.period if quiet else segment.end)
 
 
 def _is_ended_by_the_next(segment: DecaySegment, others: Sequence[DecaySegment]) -> bool:
