@@ -302,7 +302,9 @@ def _let_go(candidate: DecayCandidate, motion: AxisMotion) -> float | None:
     peak, left = signal.index(candidate.time[first]), candidate.risen_from
     if not candidate.stay_within(HOLD_BAND):
         return None
-    size, halfway = (float(signal.value[at]) - candidate.centre for at in (peak, (peak + left) // 2))
+    size, halfway = (
+        np.interp([peak, 0.5 * (peak + left)], np.arange(signal.value.size), signal.value) - candidate.centre
+    ).tolist()
     rise = (peak - left) * signal.interval
     # an oscillation from an angle has sqrt(1/2) half-way, what a steady push starts a half
     if not 1.0 / ASYMMETRY < 4.0 * rise / period < ASYMMETRY or halfway / size < 0.6:
