@@ -8,7 +8,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import AmplitudeCurves, DecayModel, amplitude_curves
 from swath_sysid.attitude.hull.identified_model import HullPosterior
-from swath_sysid.attitude.hull.simulation import longest_step, runge_kutta_population
+from swath_sysid.attitude.hull.simulation import longest_step, runge_kutta_population, simulate
 from swath_sysid.attitude.hull.terms import (
     DAMPING_NAMES,
     RESTORING_NAMES,
@@ -185,10 +185,28 @@ class Verdict(Judgement):
 class Errors:
     """How far the next release may be off, shares of its motion."""
 
-    uncertain: float  #: What posterior and trim leave, to either side, or where `other_side` is large to its own.
-    other_side: float  #: From an angle to the side without a release, or with the smaller ones.
+    own_side: float  #: What posterior and trim leave from an angle to the side of the largest release.
+    other_side: float  #: The same to the side without a release, or with the smaller ones.
     unexplained: float  #: What the fit leaves.
     missed: float = 0.0  #: What a forecast of the releases themselves from their measured starts misses of the fit.
+    #: By how much the model's motion differs between both sides, where only one was released: what the craft or the
+    #: fluid remembers looks like asymmetry there.
+    asymmetry: float = 0.0
+
+    @property
+    def to_other_side(self) -> float:
+        """Error that the motion to the other side may have beside what the model cannot follow."""
+        return float(np.hypot(self.other_side, self.asymmetry))
+
+    @property
+    def holds_to_both(self) -> bool:
+        """Whether the model is adequate to either side."""
+        return self._with(max(self.own_side, self.to_other_side)) <= ADEQUATE_ERROR
+
+    @property
+    def uncertain(self) -> float:
+        """To either side, or where that is too much to its own."""
+        return max(self.own_side, self.to_other_side) if self.holds_to_both else self.own_side
 
     @property
     def of_model(self) -> float:
@@ -198,17 +216,19 @@ class Errors:
     @property
     def total(self) -> float:
         """Of the next release."""
-        return float(np.hypot(np.hypot(self.uncertain, self.of_model), REPEATABILITY))
+        return self._with(self.uncertain)
+
+    def _with(self, uncertain: float) -> float:
+        return float(np.hypot(np.hypot(uncertain, self.of_model), REPEATABILITY))
 
 
 def judge(found: DecayFit, objective: str) -> tuple[Verdict, tuple[Advice, ...]]:
     """The verdict on a fit, by its gravest warning, and the warnings that leave the verdict as it is."""
-    same_side, other_side = posterior_errors(found)
     errors = Errors(
-        max(same_side, other_side) if other_side <= ADEQUATE_ERROR else same_side,
-        other_side,
+        *posterior_errors(found),
         max(unexplained_share(found, quantity) for quantity in ('angle', 'rate')),
         missed_share(found),
+        unseen_asymmetry(found),
     )
     findings = list(warnings_of(found, objective, errors))
     causes = [each for each in findings if each[0] != ADEQUATE]
@@ -221,13 +241,14 @@ def _expected(found: DecayFit, errors: Errors) -> str:
     """What an adequate fit lets expect of the next release."""
     start, opposite = largest_releases(found)
     side, other = ', to either side,', ''
-    if errors.other_side > ADEQUATE_ERROR:
+    if not errors.holds_to_both:
         own, away = sides(found)
         limit = angle_within_reach(found, errors.other_side)
         vanishing = (
             f', where its restoring moment vanishes at about {np.degrees(limit):.1f} deg' if limit is not None else ''
         )
-        side, other = f' from a {own} angle', f' ({errors.other_side:.0%} from a {away} one{vanishing})'
+        unseen = ', which no release shows' if errors.asymmetry > errors.other_side else ''
+        side, other = f' from a {own} angle', f' ({errors.to_other_side:.0%} from a {away} one{unseen}{vanishing})'
     elif opposite != -start:
         low, high = sorted(np.degrees([found.model.trim + start, found.model.trim + opposite]))
         side = f', from {low:.1f} to {high:.1f} deg,'
@@ -353,6 +374,19 @@ def posterior_errors(found: DecayFit) -> tuple[float, float]:
         release_error(model, found.posterior or own, found.trim_std, start, scales) for start in largest_releases(found)
     )
     return same, other
+
+
+def unseen_asymmetry(found: DecayFit) -> float:
+    """Share by which the model's next release differs from that of the other side, where no record shows that side."""
+    start, opposite = largest_releases(found)
+    if opposite != -start:
+        return 0.0
+    model, length = found.model, RELEASE_PERIODS * 2.0 * np.pi / found.problem.scales.frequency
+    times = np.linspace(0.0, length, int(RELEASE_PERIODS) * SEARCH_STEPS_PER_PERIOD)
+    with np.errstate(over='ignore', invalid='ignore'):
+        own, other = (simulate(model.with_trim(0.0), angle, 0.0, times)[0] for angle in (start, opposite))
+        share = float(np.sqrt(np.mean((own + other) ** 2) / np.mean(own**2)))
+    return share if np.isfinite(share) else np.inf
 
 
 def missed_share(found: DecayFit) -> float:

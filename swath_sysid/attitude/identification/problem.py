@@ -211,19 +211,19 @@ def aligned(motion: AxisMotion) -> AxisMotion:
     """A motion with whichever of angle and rate clearly comes later moved to the times of the other. A filter of first
     order may delay an angle, too: it is behind by the time constant times the filtered rate, which is then added.
     """
-    lag = lag_of(motion)
+    lag, constant = lag_of(motion)
     if not lag or motion.angle is None or motion.rate is None:
         return motion
-    late, moved = abs(lag), motion.time + abs(lag)
+    moved = motion.time + abs(lag)
     name = 'rate' if lag > 0.0 else 'angle'
     values = np.interp(moved, motion.time, getattr(motion, name))
     shifted = replace(motion, lag=lag, **{name: values}).only(moved <= motion.time[-1])
     if lag > 0.0:
         return shifted
-    followed = motion.rate.copy()
-    for k, kept in enumerate(np.exp(-np.diff(motion.time) / late).tolist(), 1):
+    followed = np.append(motion.rate[:1], 0.5 * (motion.rate[1:] + motion.rate[:-1]))
+    for k, kept in enumerate(np.exp(-np.diff(motion.time) / constant).tolist(), 1):
         followed[k] += kept * (followed[k - 1] - followed[k])
-    return min(shifted, replace(motion, lag=lag, angle=motion.angle + late * followed), key=_mismatch)
+    return min(shifted, replace(motion, lag=lag, angle=motion.angle + constant * followed), key=_mismatch)
 
 
 def _mismatch(motion: AxisMotion) -> float:

@@ -345,16 +345,18 @@ def _reading_of(direction: np.ndarray) -> str:
     return f'{seen}{along_z} where {STANDARD_GRAVITY:+.1f} is expected'
 
 
-def lag_of(motion: AxisMotion) -> float:
-    """How much later the rate of a motion comes than its angle, s; zero where that is not clear."""
+def lag_of(motion: AxisMotion) -> tuple[float, float]:
+    """How much later the rate of a motion comes than its angle, s, and the time constant, s, of a filter of first order
+    that delays as much; zeros where that is not clear.
+    """
     if motion.angle is None or motion.rate is None:
-        return 0.0
+        return 0.0, 0.0
     unknown = np.full(motion.size, np.nan)
     evened = _evened(motion.time, np.stack([motion.angle, unknown], 1), np.stack([motion.rate, unknown, unknown], 1))
     for slope in () if evened is None else compare_rates(*evened):
         if slope.lagged >= EXPLAINS and abs(slope.lag) > max(LAG_PHASE / slope.frequency, SIGNIFICANT * slope.lag_std):
-            return slope.lag
-    return 0.0
+            return slope.lag, float(np.tan(min(abs(slope.lag) * slope.frequency, 1.0)) / slope.frequency)
+    return 0.0, 0.0
 
 
 def accelerations_follow(angles: np.ndarray, force: np.ndarray) -> int:
