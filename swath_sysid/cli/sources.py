@@ -9,7 +9,7 @@ import numpy as np
 
 from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.attitude.motion.segmentation import find_decays
-from swath_sysid.attitude.motion.sensor_checks import LAG_CODES, refuse_contradictions
+from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.cli.flags import finite
 from swath_sysid.cli.progress import progress_of, show_advice
@@ -99,7 +99,7 @@ def trials_of(arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...], st
     first = trials[0]
     axis = arguments.axis or max(first.axes or AXES[:1], key=lambda axis: float(np.ptp(first.axis(axis).primary)))
     for trial in trials:
-        refuse_contradictions(trial, axis, LAG_CODES)
+        refuse_contradictions(trial, axis, lags=False)
     return trials, advice, axis
 
 

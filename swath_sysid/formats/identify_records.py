@@ -8,7 +8,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
-from swath_sysid.attitude.motion.sensor_checks import LAG_CODES, refuse_contradictions
+from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.common.cancelling import Progress, ShouldCancel
 from swath_sysid.common.errors import InputError
@@ -74,7 +74,7 @@ def _axis_of(record: Trial | AxisMotion) -> str:
 
 def _motion_of(record: Trial | AxisMotion, axis: str) -> AxisMotion:
     if isinstance(record, Trial):
-        refuse_contradictions(record, axis, LAG_CODES)
+        refuse_contradictions(record, axis, lags=False)
         return record.axis(axis)
     return record
 

@@ -118,16 +118,9 @@ def drawn_releases(
     trim = np.append(np.nan_to_num(trim_std) * trim[: hulls.shape[1]], 0.0)
     step = longest_step(model, start)
     steps = int(np.ceil(RELEASE_PERIODS * 2.0 * np.pi / scales.frequency / step))
+    hulls, rest = np.column_stack([hulls, model.ratios]), np.zeros(trim.size)
     with np.errstate(over='ignore', invalid='ignore'):
-        angles, _, _ = runge_kutta_population(
-            start - trim,
-            np.zeros(trim.size),
-            np.column_stack([hulls, model.ratios]),
-            active,
-            model.friction_rate,
-            step,
-            steps,
-        )
+        angles, *_ = runge_kutta_population(start - trim, rest, hulls, active, model.friction_rate, step, steps)
     return step * np.arange(len(angles)), angles + trim
 
 
@@ -185,28 +178,11 @@ class Verdict(Judgement):
 class Errors:
     """How far the next release may be off, shares of its motion."""
 
-    own_side: float  #: What posterior and trim leave from an angle to the side of the largest release.
-    other_side: float  #: The same to the side without a release, or with the smaller ones.
+    uncertain: float  #: What posterior and trim leave, to either side, or where that is too much to its own.
+    other_side: float  #: From an angle to the side without a release, or with the smaller ones.
     unexplained: float  #: What the fit leaves.
     missed: float = 0.0  #: What a forecast of the releases themselves from their measured starts misses of the fit.
-    #: By how much the model's motion differs between both sides, where only one was released: what the craft or the
-    #: fluid remembers looks like asymmetry there.
-    asymmetry: float = 0.0
-
-    @property
-    def to_other_side(self) -> float:
-        """Error that the motion to the other side may have beside what the model cannot follow."""
-        return float(np.hypot(self.other_side, self.asymmetry))
-
-    @property
-    def holds_to_both(self) -> bool:
-        """Whether the model is adequate to either side."""
-        return self._with(max(self.own_side, self.to_other_side)) <= ADEQUATE_ERROR
-
-    @property
-    def uncertain(self) -> float:
-        """To either side, or where that is too much to its own."""
-        return max(self.own_side, self.to_other_side) if self.holds_to_both else self.own_side
+    unseen: float = 0.0  #: `other_side` with `unseen_asymmetry`.
 
     @property
     def of_model(self) -> float:
@@ -216,20 +192,16 @@ class Errors:
     @property
     def total(self) -> float:
         """Of the next release."""
-        return self._with(self.uncertain)
-
-    def _with(self, uncertain: float) -> float:
-        return float(np.hypot(np.hypot(uncertain, self.of_model), REPEATABILITY))
+        return float(np.hypot(np.hypot(self.uncertain, self.of_model), REPEATABILITY))
 
 
 def judge(found: DecayFit, objective: str) -> tuple[Verdict, tuple[Advice, ...]]:
     """The verdict on a fit, by its gravest warning, and the warnings that leave the verdict as it is."""
-    errors = Errors(
-        *posterior_errors(found),
-        max(unexplained_share(found, quantity) for quantity in ('angle', 'rate')),
-        missed_share(found),
-        unseen_asymmetry(found),
-    )
+    same_side, other_side = posterior_errors(found)
+    unseen = float(np.hypot(other_side, unseen_asymmetry(found)))
+    unexplained = max(unexplained_share(found, quantity) for quantity in ('angle', 'rate'))
+    errors = Errors(max(same_side, unseen), other_side, unexplained, missed_share(found), unseen)
+    errors = errors if errors.total <= ADEQUATE_ERROR else replace(errors, uncertain=same_side)
     findings = list(warnings_of(found, objective, errors))
     causes = [each for each in findings if each[0] != ADEQUATE]
     good = ADEQUATE, Advice(ADEQUATE, _expected(found, errors))
@@ -241,14 +213,13 @@ def _expected(found: DecayFit, errors: Errors) -> str:
     """What an adequate fit lets expect of the next release."""
     start, opposite = largest_releases(found)
     side, other = ', to either side,', ''
-    if not errors.holds_to_both:
+    if errors.unseen > errors.uncertain:
         own, away = sides(found)
         limit = angle_within_reach(found, errors.other_side)
         vanishing = (
             f', where its restoring moment vanishes at about {np.degrees(limit):.1f} deg' if limit is not None else ''
         )
-        unseen = ', which no release shows' if errors.asymmetry > errors.other_side else ''
-        side, other = f' from a {own} angle', f' ({errors.to_other_side:.0%} from a {away} one{unseen}{vanishing})'
+        side, other = f' from a {own} angle', f' ({errors.unseen:.0%} from a {away} one{vanishing})'
     elif opposite != -start:
         low, high = sorted(np.degrees([found.model.trim + start, found.model.trim + opposite]))
         side = f', from {low:.1f} to {high:.1f} deg,'
@@ -262,7 +233,12 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
     mismatch = max(rate_mismatch(r.motion, r.segment.period) for r in found.records)
     if not mismatch <= MAX_RATE_MISMATCH:
         yield REJECTED, Advice.of('angle-against-rate', mismatch=mismatch)
-    poor_fit = _forced(found, errors) or Advice.of('poor-fit', left=min(errors.of_model, 1.0))
+    cause = 'poor-fit'
+    # the start is measured where a push or waves acted last; what dies away raises the decrement, as friction does
+    if all(r.segment.beginning == 'pushed' for r in found.records):
+        rising = 'still-forced: decrement' if 'b0' in found.model.terms else cause
+        cause = 'still-forced' if errors.missed > errors.unexplained else rising
+    poor_fit = Advice.of(cause, left=min(errors.of_model, 1.0))
     if not errors.unexplained <= UNCERTAIN:
         yield REJECTED, poor_fit
     period = found.model.natural_period
@@ -302,17 +278,6 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
         yield ADEQUATE, Advice.of('one-step-biased')
 
 
-def _forced(found: DecayFit, errors: Errors) -> Advice | None:
-    """Whether waves or a hand may still have acted on decays none of which was released: the start is measured where
-    they acted last, and what dies away beside the decay makes its decrement rise as dry friction does.
-    """
-    if not all(r.segment.beginning == 'pushed' for r in found.records):
-        return None
-    if errors.missed > errors.unexplained:
-        return Advice.of('still-forced', left=min(errors.of_model, 1.0))
-    return Advice.of('still-forced: decrement') if 'b0' in found.model.terms else None
-
-
 def _one_sided(found: DecayFit, other_side: float) -> Iterator[Finding]:
     """Whether the motion from angles to the other side is forecast too."""
     start, opposite = largest_releases(found)
@@ -322,12 +287,8 @@ def _one_sided(found: DecayFit, other_side: float) -> Iterator[Finding]:
     if is_lost or not other_side <= UNCERTAIN:
         size = f' by {other_side:.0%} of its motion' if other_side < 1.0 else ''
         limit, (_, away) = angle_within_reach(found, max(other_side, ADEQUATE_ERROR)), sides(found)
-        yield (
-            DOUBTFUL,
-            Advice.of('one-sided', side=away, size=size)
-            if limit is None
-            else Advice.of('one-sided: vanishing', side=away, angle=np.degrees(limit)),
-        )
+        vanishing = None if limit is None else Advice.of('one-sided: vanishing', side=away, angle=np.degrees(limit))
+        yield DOUBTFUL, vanishing or Advice.of('one-sided', side=away, size=size)
 
 
 def sides(found: DecayFit) -> tuple[str, str]:
@@ -377,16 +338,17 @@ def posterior_errors(found: DecayFit) -> tuple[float, float]:
 
 
 def unseen_asymmetry(found: DecayFit) -> float:
-    """Share by which the model's next release differs from that of the other side, where no record shows that side."""
+    """Share by which the model's release to one side differs from that to the other, where only one was recorded: what
+    the fluid remembers looks like asymmetry there.
+    """
+    times = (
+        np.arange(0.0, RELEASE_PERIODS, 1.0 / SEARCH_STEPS_PER_PERIOD) * 2.0 * np.pi / found.problem.scales.frequency
+    )
     start, opposite = largest_releases(found)
-    if opposite != -start:
-        return 0.0
-    model, length = found.model, RELEASE_PERIODS * 2.0 * np.pi / found.problem.scales.frequency
-    times = np.linspace(0.0, length, int(RELEASE_PERIODS) * SEARCH_STEPS_PER_PERIOD)
     with np.errstate(over='ignore', invalid='ignore'):
-        own, other = (simulate(model.with_trim(0.0), angle, 0.0, times)[0] for angle in (start, opposite))
-        share = float(np.sqrt(np.mean((own + other) ** 2) / np.mean(own**2)))
-    return share if np.isfinite(share) else np.inf
+        own, other = (simulate(found.model.with_trim(0.0), side, 0.0, times)[0] for side in (start, -start))
+        share = np.sqrt(np.mean((own + other) ** 2) / np.mean(own**2))
+    return float(np.nan_to_num(share, nan=np.inf)) if opposite == -start else 0.0
 
 
 def missed_share(found: DecayFit) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -27,10 +28,9 @@ from swath_sysid.attitude.identification.motion_fit import (
 from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit, residual_covariance
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.search import (
-    DECREMENT,
-    EXPLAINED,
     PRESETS,
     SearchResult,
+    SearchSettings,
     SearchSpace,
     dimensionless_space,
     full_ratios,
@@ -57,7 +57,7 @@ def identify_problem(
     equation = settings.chosen_equation
     space = _space(problem, equation, settings)
     report = progress or (lambda share: None)
-    found, parameters = _fitted(problem, equation, space, settings, lambda share: report(0.5 * share), should_cancel)
+    found, parameters = _fitted(problem, space, settings, lambda share: report(0.5 * share), should_cancel)
     report(0.75)
     if settings.equation == AUTO and settings.objective == 'simulation':
         start = motion_fit(problem, equation).unpack(parameters)
@@ -68,38 +68,30 @@ def identify_problem(
     return identified
 
 
-def _fitted(
-    problem: Problem,
-    equation: Equation,
-    space: SearchSpace,
-    settings: IdentificationSettings,
-    progress: Progress,
-    should_cancel: ShouldCancel | None,
-) -> tuple[SearchResult, np.ndarray]:
-    """The search's result, and the parameters of the objective's optimum that it or the decrement leads to. Where the
-    decrement's explains the motion, the default search has nothing to find.
+def _fitted(problem: Problem, space: SearchSpace, settings: IdentificationSettings, *watched: Any):
+    """The search's result, and the optimum of the objective that it or the decrement leads to. Where the decrement's
+    leaves no more than noise and what repeated releases differ by, the default search has nothing to find.
     """
+    equation, objective = settings.chosen_equation, _search_objective(problem, settings.chosen_equation, settings)
     guess = _linear_guess(problem, equation)
-
-    def searched() -> SearchResult:
-        objective = _search_objective(problem, equation, settings)
-        return run_search(objective, space, settings.search, [space.from_ratios(guess)], progress, should_cancel)
-
     if settings.objective == 'one-step':
-        return searched(), _exact_one_step(problem, equation, space)
+        found = run_search(objective, space, settings.search, [space.from_ratios(guess)], *watched)
+        return found, _exact_one_step(problem, equation, space)
     tolerance = STARTING_TOLERANCE if settings.equation == AUTO else TOLERANCE
-    start, error = _refined(problem, equation, space, guess, tolerance)
-    if settings.search.is_default and _explains(problem, error):
-        found = SearchResult(space.from_ratios(start[: guess.size]), error, 0, 0, EXPLAINED, DECREMENT)
+    refined = _refined(problem, equation, space, guess, tolerance)
+    noise = 1.0 + REPEATABILITY**2 * float(
+        np.mean(np.concatenate([each - each.mean() for each in problem.weighted]) ** 2)
+    )
+    if settings.search == SearchSettings(seed=settings.search.seed) and refined[1] ** 2 <= noise:
+        found = SearchResult(space.from_ratios(guess), refined[1], 0, 0, 'explained', 'decrement')
     else:
-        found = searched()
-        other, least = _refined(problem, equation, space, space.to_ratios(found.best[None])[0], tolerance)
-        # two ways to one optimum differ by their tolerance
-        if least < error * (1.0 - STARTING_TOLERANCE) or not np.isfinite(error):
-            start, error = other, least
+        found = run_search(objective, space, settings.search, [space.from_ratios(guess)], *watched)
+        searched = _refined(problem, equation, space, space.to_ratios(found.best[None])[0], tolerance)
+        if refined[1] <= searched[1] * (1.0 + STARTING_TOLERANCE):
+            found = replace(found, start='decrement')
         else:
-            found = replace(found, start=DECREMENT)
-    return found, _refine_outwards(problem, equation, space, (start, error), tolerance, should_cancel)
+            refined = searched
+    return found, _refine_outwards(problem, equation, space, refined, tolerance, watched[-1])
 
 
 def refit_from(
@@ -175,37 +167,11 @@ def _exact_one_step(problem: Problem, equation: Equation, space: SearchSpace):
     return fit.refine_states(fit.pack(_one_step(problem).minimum(equation, lower, upper), problem.states))
 
 
-def _explains(problem: Problem, error: float) -> bool:
-    """Whether a fit leaves no more of the motion than noise and what repeated releases differ by."""
-    measured = [
-        (values - values.mean()) / noise
-        for m in problem.motions
-        for values, noise in ((m.angle, problem.noise.angle), (m.rate, problem.noise.rate))
-        if values is not None
-    ]
-    return bool(error <= np.hypot(1.0, REPEATABILITY * np.sqrt(np.mean(np.concatenate(measured) ** 2))))
-
-
-def _refined(
-    problem: Problem,
-    equation: Equation,
-    space: SearchSpace,
-    start: np.ndarray,
-    tolerance: float,
-    periods: float = SEARCH_PERIODS,
-) -> tuple[np.ndarray, float]:
-    """Least squares on the first periods, from dimensionless ratios or all parameters, and the error it leaves."""
-    bounds = space.ratio_lower, space.ratio_upper
-    if start.size == bounds[0].size:
-        states = motion_fit(problem, equation).pack(np.zeros(len(LOWER)), problem.states)[start.size :]
-        start = np.r_[np.clip(start, *bounds), states]
-    fit = motion_fit(problem, equation, problem.until(periods) if periods < _longest(problem) else None)
-    return fit.refine(start, *bounds, tolerance)
-
-
-def _longest(problem: Problem) -> float:
-    """Natural periods in the longest record."""
-    return max(m.duration for m in problem.motions) * problem.scales.frequency / (2 * np.pi)
+def _refined(problem: Problem, equation: Equation, space: SearchSpace, ratios: np.ndarray, tolerance: float):
+    """Least squares on the first periods, from dimensionless ratios, and the error it leaves."""
+    fit = motion_fit(problem, equation, problem.until(SEARCH_PERIODS))
+    start = fit.pack(full_ratios(ratios[None], equation, problem.scales)[0], problem.states)
+    return fit.refine(start, space.ratio_lower, space.ratio_upper, tolerance)
 
 
 def _refine_outwards(
@@ -217,17 +183,17 @@ def _refine_outwards(
     should_cancel: ShouldCancel | None,
 ):
     """From what is refined on the first periods, least squares on growing parts of the record."""
-    horizon = SEARCH_PERIODS
-    while True:
-        if not np.isfinite(refined[1]):
-            spans = ', '.join(f'{each.start:.1f} to {each.end:.1f} s' for each in problem.segments)
-            runaway = Advice.of('runaway', axis=problem.axis, equation=equation.name, spans=spans)
-            raise InputError(runaway.message, runaway.code)
+    longest, horizon = max(m.duration for m in problem.motions), SEARCH_PERIODS
+    while np.isfinite(refined[1]):
         stop_if(should_cancel)
-        if horizon >= _longest(problem):
+        if horizon >= longest * problem.scales.frequency / (2 * np.pi):
             return refined[0]
         horizon *= HORIZON_GROWTH
-        refined = _refined(problem, equation, space, refined[0], tolerance, horizon)
+        fit = motion_fit(problem, equation, problem.until(horizon))
+        refined = fit.refine(refined[0], space.ratio_lower, space.ratio_upper, tolerance)
+    spans = ', '.join(f'{each.start:.1f} to {each.end:.1f} s' for each in problem.segments)
+    runaway = Advice.of('runaway', axis=problem.axis, equation=equation.name, spans=spans)
+    raise InputError(runaway.message, runaway.code)
 
 
 def identification_of(

@@ -5,23 +5,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.identification.problem import (
-    Problem,
-    aligned,
-    before_the_next,
-    needed_part,
-    problem_of,
-    to_be_fitted,
-)
+from swath_sysid.attitude.identification.problem import Problem, before_the_next, needed_part, problem_of, to_be_fitted
 from swath_sysid.attitude.motion.attitude import Installation
+from swath_sysid.attitude.motion.rate_comparison import aligned
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays
-from swath_sysid.attitude.motion.sensor_checks import (
-    LAG_CODES,
-    OFFSET_CODES,
-    RATE_CODES,
-    contradictions_in,
-    refuse_contradictions,
-)
+from swath_sysid.attitude.motion.sensor_checks import OFFSET_CODES, RATE_CODES, contradictions_in, refuse_contradictions
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.window import MotionTable
 
@@ -100,7 +88,7 @@ def decays_in(table: MotionTable, trial: Trial, axis: str, source: dict) -> tupl
     """The decays to be fitted in a window. Raises `InputError` where angle and rate contradict each other, or neither
     was measured.
     """
-    refuse_contradictions(trial, axis, LAG_CODES)
+    refuse_contradictions(trial, axis, lags=False)
     motion = aligned(trial.axis(axis))
     found = find_decays(motion)
     return tuple(

@@ -11,8 +11,8 @@ from swath_sysid.attitude.hull.terms import Scales
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
 from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND, REST_BAND
 from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay, without_spikes
+from swath_sysid.attitude.motion.rate_comparison import aligned
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
-from swath_sysid.attitude.motion.sensor_checks import lag_of
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import CONFIDENCE
@@ -67,6 +67,12 @@ class Problem:
             own = np.exp(-decay * elapsed) * np.cos(self.scales.frequency * elapsed)
             found += [own for channel in (motion.angle, motion.rate) if channel is not None]
         return found
+
+    @property
+    def weighted(self) -> list[np.ndarray]:
+        """Each measured channel, weighted as its residuals are."""
+        angles = [m.angle / self.noise.angle for m in self.motions if m.angle is not None]
+        return angles + [m.rate / self.noise.rate for m in self.motions if m.rate is not None]
 
     @property
     def decayed_to(self) -> float:
@@ -133,8 +139,8 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
         raise InputError(f'the records are of different axes ({", ".join(sorted(axes))}): identify one axis at a time')
     advice = [a for m, s in zip(motions, segments, strict=True) for a in (*s.advice, *check_decay(m, s))]
     if lag := max((m.lag for m in motions), key=abs):
-        code = 'rate-late: allowed' if lag > 0.0 else 'angle-late: allowed'
-        advice.append(Advice.of(code, axis=motions[0].axis, lag=abs(lag), share=abs(lag) / segments[0].period))
+        late, share = 'rate' if lag > 0.0 else 'angle', abs(lag) / segments[0].period
+        advice.append(Advice.of('late-channel', axis=motions[0].axis, late=late, lag=abs(lag), share=share))
     cut = tuple(
         block_means(without_spikes(m.between(s.start, s.end)), s.period, AVERAGED)
         for m, s in zip(motions, segments, strict=True)
@@ -205,32 +211,6 @@ def _held_from(motion: AxisMotion, segment: DecaySegment, end: float) -> float:
     first, last = turns[:-1], turns[1:] - 1
     held = first[(side[first] != 0.0) & (after.time[last] - after.time[first] > 0.75 * segment.period)]
     return float(after.time[held[0]]) - segment.period if held.size else np.inf
-
-
-def aligned(motion: AxisMotion) -> AxisMotion:
-    """A motion with whichever of angle and rate clearly comes later moved to the times of the other. A filter of first
-    order may delay an angle, too: it is behind by the time constant times the filtered rate, which is then added.
-    """
-    lag, constant = lag_of(motion)
-    if not lag or motion.angle is None or motion.rate is None:
-        return motion
-    moved = motion.time + abs(lag)
-    name = 'rate' if lag > 0.0 else 'angle'
-    values = np.interp(moved, motion.time, getattr(motion, name))
-    shifted = replace(motion, lag=lag, **{name: values}).only(moved <= motion.time[-1])
-    if lag > 0.0:
-        return shifted
-    followed = np.append(motion.rate[:1], 0.5 * (motion.rate[1:] + motion.rate[:-1]))
-    for k, kept in enumerate(np.exp(-np.diff(motion.time) / constant).tolist(), 1):
-        followed[k] += kept * (followed[k - 1] - followed[k])
-    return min(shifted, replace(motion, lag=lag, angle=motion.angle + constant * followed), key=_mismatch)
-
-
-def _mismatch(motion: AxisMotion) -> float:
-    """Mean square of an angle less the integral of its rate, rad^2, apart from trim and a gyro's bias."""
-    assert motion.angle is not None and motion.rate is not None
-    apart = motion.angle - running_integral(motion.rate, motion.time)
-    return float(np.mean((apart - np.polyval(np.polyfit(motion.time, apart, 1), motion.time)) ** 2))
 
 
 def block_means(motion: AxisMotion, period: float, blocks: int) -> AxisMotion:

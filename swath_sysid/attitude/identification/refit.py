@@ -52,13 +52,9 @@ from swath_sysid.common.errors import InputError
 
 def misfit(problem: Problem, model: DecayModel) -> float:
     """Rms residual of a model on decays, weighted by noise, from its best initial states; infinite if it diverges."""
-    count = sum(values.size for values in _measured(problem))
-    return float(
-        np.sqrt(
-            _least_squares(replace(problem, friction_rate=model.friction_rate), model.equation, [model], held=True)
-            / count
-        )
-    )
+    of_model = replace(problem, friction_rate=model.friction_rate)
+    squares = _least_squares(of_model, model.equation, [model], held=True)
+    return float(np.sqrt(squares / sum(values.size for values in problem.weighted)))
 
 
 def _least_squares(problem: Problem, equation: Equation, starts: Sequence[DecayModel], held: bool = False) -> float:
@@ -86,7 +82,7 @@ def has_changed(problem: Problem, before: DecayModel, of_new: Identification, ne
     equation, starts = Equation('', tuple(terms)), (before, of_new.model)
     parts = [_part(problem, each) for each in (places, [k for k in places if k not in new], new)]
     together, *apart = (_least_squares(part, equation, starts) for part in parts)
-    measured = _measured(parts[0])
+    measured = parts[0].weighted
     variance = sum(apart) / sum(values.size for values in measured) * of_new.samples / of_new.effective_samples
     by_chance = variance * chdtri(len(terms), CHANCE)
     matters = of_new.verdict.motion_error**2 * sum(values.size * np.var(values) for values in measured)
@@ -98,12 +94,6 @@ def _part(problem: Problem, places: Sequence[int]) -> Problem:
     period = 2.0 * np.pi / problem.scales.frequency
     motions = tuple(block_means(problem.motions[k], period, SEARCH_STEPS_PER_PERIOD) for k in places)
     return replace(problem, motions=motions, states=tuple(problem.states[k] for k in places))
-
-
-def _measured(problem: Problem) -> list[np.ndarray]:
-    """Each measured channel, weighted as its residuals are."""
-    angles = [m.angle / problem.noise.angle for m in problem.motions if m.angle is not None]
-    return angles + [m.rate / problem.noise.rate for m in problem.motions if m.rate is not None]
 
 
 def explains_better(found: Identification, held: DecayModel) -> bool:

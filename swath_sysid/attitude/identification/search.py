@@ -116,19 +116,11 @@ class SearchSettings:
                 raise InputError(f'{name} must be a whole number from {lowest} to {highest}, not {value}')
 
     @property
-    def is_default(self) -> bool:
-        """Whether neither a budget nor an algorithm was asked for."""
-        return self == replace(SearchSettings(), seed=self.seed)
-
-    @property
     def budget(self) -> SearchBudget:
         """That of the preset or the algorithm, with the overrides of generations and population."""
         default = PRESETS[self.preset].genetic if self.preset else OPTIMISERS[self.algorithm].Settings()
         given = {k: v for k in ('generations', 'population') if (v := getattr(self, k)) is not None}
         return replace(default, **given)
-
-
-SEARCH, DECREMENT, EXPLAINED = 'search', 'decrement', 'explained'
 
 
 @dataclass(frozen=True)
@@ -140,14 +132,7 @@ class SearchResult:
     generations: int
     evaluations: int
     stop: str  #: Name of the rule that ended it; ``explained`` where it was not needed.
-    start: str = SEARCH  #: ``search`` or ``decrement``: whose candidate the refinement went on from.
-
-    @property
-    def in_words(self) -> str:
-        """How the start was found, in one clause."""
-        if self.stop == EXPLAINED:
-            return 'refined from the decrement, which explains the motion without a search'
-        return f'refined from the {self.start}; search ended by {self.stop} after {self.generations} generations'
+    start: str = 'search'  #: ``search`` or ``decrement``: from which of both the refinement came to the optimum.
 
 
 def run_search(

@@ -1,12 +1,13 @@
 """What measured rates have in common with the slopes of their angles: correlation, delay and gain."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.conventions import SIGNIFICANT
 
 MIN_BINS = 40  #: Fewer are not judged.
@@ -18,6 +19,8 @@ WIDEST_BAND = 0.3
 LIVELY = 0.9  #: Share of the energy of the slopes within the part of a stretch that is looked at.
 
 FOLLOWS = 0.7  #: Correlation with the slope of its angle from which a rate is that of the angle.
+EXPLAINS = 0.9  #: Correlation from which a delay, a factor or another arrangement of the axes explains the rates.
+LAG_PHASE = 0.15  #: rad of the mean circular frequency up to which a delay is not reported.
 UNIT_TOLERANCE = 1.3  #: Factor by which a rate may differ from the slope of its angle, and from another unit of it.
 
 
@@ -38,6 +41,12 @@ class Slope:
     def follows(self) -> bool:
         """Whether its own rate is that of the angle."""
         return bool(self.correlations[self.axis] >= FOLLOWS)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether its own rate is clearly that of the angle at another time."""
+        clear = max(LAG_PHASE / self.frequency, SIGNIFICANT * self.lag_std)
+        return self.lagged >= EXPLAINS and abs(self.lag) > clear
 
     @property
     def differs(self) -> bool:
@@ -72,6 +81,23 @@ def compare_rates(step: float, angles: np.ndarray, rates: np.ndarray) -> tuple[S
     angles, differences, means = angles[lively], differences[lively], means[lively]
     slopes = (_slope(int(axis), step, angles[:, axis], differences[:, axis], means) for axis in np.flatnonzero(known))
     return tuple(slope for slope in slopes if slope is not None)
+
+
+def aligned(motion: AxisMotion) -> AxisMotion:
+    """A motion with whichever of angle and rate clearly comes later moved to the times of the other."""
+    if motion.angle is None or motion.rate is None or motion.size < MIN_BINS:
+        return motion
+    # stamps may be absurd, or leave out much
+    if motion.size < 0.5 * motion.duration / (step := motion.sample_interval):
+        return motion
+    time, own = np.arange(motion.time[0], motion.time[-1], step), np.array([1.0, np.nan, np.nan])
+    angle, rate = (np.interp(time, motion.time, values)[:, None] for values in (motion.angle, motion.rate))
+    slope = next(iter(compare_rates(step, angle * own[:2], rate * own)), None)
+    if slope is None or not slope.is_late:
+        return motion
+    moved, name = motion.time + abs(slope.lag), 'rate' if slope.lag > 0.0 else 'angle'
+    values = np.interp(moved, motion.time, getattr(motion, name))
+    return replace(motion, lag=slope.lag, **{name: values}).only(moved <= motion.time[-1])
 
 
 def _slope(axis: int, step: float, angle: np.ndarray, differences: np.ndarray, rates: np.ndarray) -> Slope | None:

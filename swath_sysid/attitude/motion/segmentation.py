@@ -91,7 +91,7 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     if not decays:
         decays = [decay for piece in pieces for decay in _decays_among(_released(find_candidates(piece, IRREGULAR)))]
     segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
-    return tuple(_until_the_next(each) if _is_ended_by_the_next(each, segments) else each for each in segments)
+    return tuple(_until_the_next(each, segments) for each in segments)
 
 
 def _sizable(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
@@ -104,15 +104,14 @@ def _released(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     return [each for each in _sizable(long) if each.hold]
 
 
-def _until_the_next(segment: DecaySegment) -> DecaySegment:
-    """Without the quiet after its last turning point, in which the hand may already move the craft."""
-    quiet = segment.ending == 'noise-floor'
-    return replace(segment, advice=(), end=segment.start + segment.cycles * segment.period if quiet else segment.end)
-
-
-def _is_ended_by_the_next(segment: DecaySegment, others: Sequence[DecaySegment]) -> bool:
-    """Whether another release follows so soon that the missing tail needs no warning."""
-    return any(0.0 <= other.start - segment.end < BREAKING_PERIODS * segment.period for other in others)
+def _until_the_next(segment: DecaySegment, others: Sequence[DecaySegment]) -> DecaySegment:
+    """Where another release follows so soon that the missing tail needs no warning, without the quiet after the last
+    turning point, too, in which the hand may already move the craft.
+    """
+    if not any(0.0 <= other.start - segment.end < BREAKING_PERIODS * segment.period for other in others):
+        return segment
+    end = segment.start + segment.cycles * segment.period if segment.ending == 'noise-floor' else segment.end
+    return replace(segment, advice=(), end=end)
 
 
 def decays_or_absence(
@@ -215,17 +214,10 @@ def _without_the_push(candidate: DecayCandidate, others: Sequence[DecayCandidate
     """The same decay on the grid on which it begins last, where it was pushed: the grid's noise decides how irregular
     half-cycles may be that something still acts on.
     """
-    if candidate.hold:
-        return candidate
-    least = HELD * candidate.double_amplitudes[0]
-    same = [
-        other
-        for other in others
-        if other.double_amplitudes[0] >= least
-        and candidate.release + 0.25 * candidate.period < other.release < candidate.end
-        and abs(other.end - candidate.end) < candidate.period
-    ]
-    return max(same, key=lambda other: other.release, default=candidate)
+    begin, size = candidate.release + 0.25 * candidate.period, HELD * candidate.double_amplitudes[0]
+    ends = [other for other in others if abs(other.end - candidate.end) < candidate.period and not candidate.hold]
+    later = [other for other in ends if other.release > begin and other.double_amplitudes[0] >= size]
+    return max(later, key=lambda other: other.release, default=candidate)
 
 
 def _end_of_motion(candidate: DecayCandidate, following: DecayCandidate) -> float:
@@ -302,9 +294,10 @@ def _let_go(candidate: DecayCandidate, motion: AxisMotion) -> float | None:
     peak, left = signal.index(candidate.time[first]), candidate.risen_from
     if not candidate.stay_within(HOLD_BAND):
         return None
-    size, halfway = (
-        np.interp([peak, 0.5 * (peak + left)], np.arange(signal.value.size), signal.value) - candidate.centre
-    ).tolist()
+    size, *halves = (
+        float(signal.value[at]) - candidate.centre for at in (peak, (peak + left) // 2, (peak + left + 1) // 2)
+    )
+    halfway = 0.5 * sum(halves)
     rise = (peak - left) * signal.interval
     # an oscillation from an angle has sqrt(1/2) half-way, what a steady push starts a half
     if not 1.0 / ASYMMETRY < 4.0 * rise / period < ASYMMETRY or halfway / size < 0.6:

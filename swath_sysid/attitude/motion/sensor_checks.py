@@ -15,6 +15,7 @@ from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion import attitude as sensor_mount
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Installation
 from swath_sysid.attitude.motion.rate_comparison import (
+    EXPLAINS,
     FOLLOWS,
     MIN_BINS,
     UNIT_TOLERANCE,
@@ -23,7 +24,7 @@ from swath_sysid.attitude.motion.rate_comparison import (
     compare_rates,
     is_near,
 )
-from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
+from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.common.advice import SENTENCES, Advice
 from swath_sysid.common.conventions import SIGNIFICANT
 from swath_sysid.common.errors import InputError
@@ -41,10 +42,8 @@ MIN_UPRIGHT = np.cos(np.radians(45.0))  #: Cosine of the largest mean list at wh
 #: Cosine between gravity and attitude below which they contradict each other; alignment errors are a few degrees.
 CONTRADICTED = np.cos(np.radians(30.0))
 
-EXPLAINS = 0.9  #: Correlation from which a delay, a factor or another arrangement of the axes explains the rates.
 MAX_OFFSET = np.radians(2.0)  #: rad/s; uncalibrated gyroscopes at rest stay within 1 deg/s by their data sheets.
 LAG_INTERVALS = 2.5  #: Sample intervals up to which a delay is not reported.
-LAG_PHASE = 0.15  #: rad of the mean circular frequency up to which a delay is not reported.
 
 #: What is wrong where the rate is this many times the slope of the angle.
 UNITS = {
@@ -100,13 +99,12 @@ class Judgement:
     decided: frozenset[str] = frozenset()
 
 
-def refuse_contradictions(trial: Trial, axis: str | None = None, allowed: frozenset[str] = frozenset()) -> None:
-    """Reject a record whose angles, rates and accelerations plainly contradict each other (of one axis, if given), but
-    for the ``allowed`` codes.
-    """
+def refuse_contradictions(trial: Trial, axis: str | None = None, lags: bool = True) -> None:
+    """Reject a record whose channels plainly contradict each other (of one axis, if given), and if by ``lags`` only."""
     for advice in trial.advice:
-        is_refused = isinstance(advice, Contradiction) and advice.is_plain and advice.code not in allowed
-        if is_refused and (axis is None or advice.axis in (None, axis)):
+        if not lags and advice.code in LAG_CODES:
+            continue
+        if isinstance(advice, Contradiction) and advice.is_plain and (axis is None or advice.axis in (None, axis)):
             raise InputError(f'{trial.source}: {advice.message}' if trial.source else advice.message)
 
 
@@ -345,20 +343,6 @@ def _reading_of(direction: np.ndarray) -> str:
     return f'{seen}{along_z} where {STANDARD_GRAVITY:+.1f} is expected'
 
 
-def lag_of(motion: AxisMotion) -> tuple[float, float]:
-    """How much later the rate of a motion comes than its angle, s, and the time constant, s, of a filter of first order
-    that delays as much; zeros where that is not clear.
-    """
-    if motion.angle is None or motion.rate is None:
-        return 0.0, 0.0
-    unknown = np.full(motion.size, np.nan)
-    evened = _evened(motion.time, np.stack([motion.angle, unknown], 1), np.stack([motion.rate, unknown, unknown], 1))
-    for slope in () if evened is None else compare_rates(*evened):
-        if slope.lagged >= EXPLAINS and abs(slope.lag) > max(LAG_PHASE / slope.frequency, SIGNIFICANT * slope.lag_std):
-            return slope.lag, float(np.tan(min(abs(slope.lag) * slope.frequency, 1.0)) / slope.frequency)
-    return 0.0, 0.0
-
-
 def accelerations_follow(angles: np.ndarray, force: np.ndarray) -> int:
     """Sign with which horizontal accelerations (of ``force``, (N, 3)) follow the tilt; 0 where they do not show it."""
     known = np.isfinite(angles[:, :2]).all(axis=1) & np.isfinite(force).all(axis=1)
@@ -411,7 +395,7 @@ def _faults_of(slope: Slope, interval: float) -> list[Contradiction]:
         if slope.differs:
             unit = next((unit for factor, unit in UNITS.items() if is_near(slope.gain, factor)), None)
             found = _found('rate-unit' if unit else 'rate-scale', axis, gain=slope.gain, unit=unit)
-        if abs(slope.lag) > max(LAG_INTERVALS * interval, LAG_PHASE / slope.frequency, SIGNIFICANT * slope.lag_std):
+        if slope.is_late and abs(slope.lag) > LAG_INTERVALS * interval:
             found += _found('rate-late' if slope.lag > 0.0 else 'angle-late', axis, lag=abs(slope.lag))
         return found
     # noise makes the rate larger, and the slope: together they allow a gain up to this
