@@ -27,8 +27,9 @@ class RecordFit:
 
     @property
     def residual(self) -> np.ndarray:
-        """Measured less simulated: of the angle, or of the rate where no angle was measured."""
-        return self.motion.primary - (self.rate if self.motion.angle is None else self.angle)
+        """Measured less simulated: of the angle, or of the rate where no angle was measured, less the gyro's bias."""
+        left = self.motion.primary - (self.rate if self.motion.angle is None else self.angle)
+        return left - left.mean() if self.motion.angle is None else left
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -222,4 +222,6 @@ class MotionFit:
             found = interpolate(angles, rates, before, weights)
             yield (found - (motion.angle - trim)[:, None]) / noise.angle, self._state_units[2] / noise.angle
         if motion.rate is not None:
-            yield (interpolate(rates, accelerations, before, weights) - motion.rate[:, None]) / noise.rate, 0.0
+            found = (interpolate(rates, accelerations, before, weights) - motion.rate[:, None]) / noise.rate
+            # the best bias of a gyro is the mean of what is left
+            yield found - found.mean(axis=0), 0.0
