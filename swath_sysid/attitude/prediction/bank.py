@@ -191,8 +191,9 @@ class Bank:
             axis.rows_since_surprise += steps
 
     def forecast(self, stamp_ns: int, age: float, lateness: float = 0.0) -> Forecast:
-        """The average of the candidates at the leads after a stamp, which is ``lateness`` s after the newest sample, and
-        that ``age`` s after the newest row.
+        """The average of the candidates at the leads after a stamp, which is ``lateness`` s after the newest sample.
+
+        That is ``age`` s after the newest row.
         """
         at_row = age == lateness == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
         mean, covariance = self._at_row if at_row else self._forecasts(np.maximum(self._leads + lateness, 0.0), age)
