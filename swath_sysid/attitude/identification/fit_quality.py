@@ -338,9 +338,7 @@ def posterior_errors(found: DecayFit) -> tuple[float, float]:
 
 
 def unseen_asymmetry(found: DecayFit) -> float:
-    """Share by which the model's release to one side differs from that to the other, where only one was recorded: what
-    the fluid remembers looks like asymmetry there.
-    """
+    """How much the model's releases to both sides differ where only one was recorded: fluid memory looks like that."""
     times = (
         np.arange(0.0, RELEASE_PERIODS, 1.0 / SEARCH_STEPS_PER_PERIOD) * 2.0 * np.pi / found.problem.scales.frequency
     )

@@ -79,9 +79,7 @@ def _fitted(problem: Problem, space: SearchSpace, settings: IdentificationSettin
         return found, _exact_one_step(problem, equation, space)
     tolerance = STARTING_TOLERANCE if settings.equation == AUTO else TOLERANCE
     refined = _refined(problem, equation, space, guess, tolerance)
-    noise = 1.0 + REPEATABILITY**2 * float(
-        np.mean(np.concatenate([each - each.mean() for each in problem.weighted]) ** 2)
-    )
+    noise = 1.0 + REPEATABILITY**2 * np.mean([np.var(channel) for channel in problem.weighted])
     if settings.search == SearchSettings(seed=settings.search.seed) and refined[1] ** 2 <= noise:
         found = SearchResult(space.from_ratios(guess), refined[1], 0, 0, 'explained', 'decrement')
     else:

@@ -211,9 +211,7 @@ def _apart(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
 
 
 def _without_the_push(candidate: DecayCandidate, others: Sequence[DecayCandidate]) -> DecayCandidate:
-    """The same decay on the grid on which it begins last, where it was pushed: the grid's noise decides how irregular
-    half-cycles may be that something still acts on.
-    """
+    """The same decay on the grid whose noise lets it begin last, where it was pushed: less of it is still forced."""
     begin, size = candidate.release + 0.25 * candidate.period, HELD * candidate.double_amplitudes[0]
     ends = [other for other in others if abs(other.end - candidate.end) < candidate.period and not candidate.hold]
     later = [other for other in ends if other.release > begin and other.double_amplitudes[0] >= size]
