@@ -223,5 +223,5 @@ class MotionFit:
             yield (found - (motion.angle - trim)[:, None]) / noise.angle, self._state_units[2] / noise.angle
         if motion.rate is not None:
             found = (interpolate(rates, accelerations, before, weights) - motion.rate[:, None]) / noise.rate
-            # the best bias of a gyro is the mean of what is left
-            yield found - found.mean(axis=0), 0.0
+            # the best bias of a gyro is the mean of what is left; with an angle, the likelihood of the basin finds it
+            yield found - (found.mean(axis=0) if motion.angle is None else 0.0), 0.0
