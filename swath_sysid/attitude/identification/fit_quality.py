@@ -219,7 +219,9 @@ def _expected(found: DecayFit, errors: Errors) -> str:
         vanishing = (
             f', where its restoring moment vanishes at about {np.degrees(limit):.1f} deg' if limit is not None else ''
         )
-        side, other = f' from a {own} angle', f' ({errors.unseen:.0%} from a {away} one{vanishing})'
+        side, other = f' from a {own} angle', f' ({errors.other_side:.0%} from a {away} one{vanishing})'
+        if errors.other_side <= ADEQUATE_ERROR:
+            other = f' (from a {away} one, which no release shows, the fit moves {errors.unseen:.0%} otherwise)'
     elif opposite != -start:
         low, high = sorted(np.degrees([found.model.trim + start, found.model.trim + opposite]))
         side = f', from {low:.1f} to {high:.1f} deg,'
