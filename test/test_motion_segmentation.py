@@ -243,6 +243,19 @@ def test_the_hand_that_releases_again_is_no_disturbance_to_tell_of():
     assert [d.advice for d in decays] == [(), ()]
 
 
+@pytest.mark.parametrize('scale', [1.0, 0.1])
+def test_the_quiet_after_a_decay_is_left_out_where_a_hand_soon_releases_again(scale):
+    phase = 2.0 * np.pi * np.arange(0.0, 4.5, 0.01)
+    decay = np.exp(-0.2 * phase) * np.cos(phase)
+    lift = decay[-1] + (0.8 - decay[-1]) * 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, 100)))
+    angle = 0.2 * np.concatenate([np.full(150, 1.0), decay, lift, np.full(150, 0.8), 0.8 * decay])
+    angle += 1e-3 * np.random.default_rng(0).normal(size=angle.size)
+    time = 0.01 * scale * PERIOD * np.arange(angle.size)
+    first, _ = sorted(find_decays(AxisMotion('roll', time, angle, None)), key=lambda found: found.start)
+    assert first.ending == 'noise-floor'
+    assert first.end == pytest.approx(first.start + first.cycles * first.period)
+
+
 @pytest.mark.parametrize('seed', range(3))
 def test_ends_before_a_reflected_wave_and_before_the_craft_is_stopped(seed):
     motion = held_then_released(seed, 0.02, trim_deg=0.0)
