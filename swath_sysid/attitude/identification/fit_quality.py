@@ -221,7 +221,7 @@ def _expected(found: DecayFit, errors: Errors) -> str:
         )
         side, other = f' from a {own} angle', f' ({errors.other_side:.0%} from a {away} one{vanishing})'
         if errors.other_side <= ADEQUATE_ERROR:
-            other = f' (from a {away} one, which no release shows, the fit moves {errors.unseen:.0%} otherwise)'
+            other = f' (a {away} one is unseen)'
     elif opposite != -start:
         low, high = sorted(np.degrees([found.model.trim + start, found.model.trim + opposite]))
         side = f', from {low:.1f} to {high:.1f} deg,'
