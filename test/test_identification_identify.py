@@ -551,7 +551,7 @@ def test_what_the_record_leaves_open_makes_the_verdict(found, scale, level):
             0.02,
             0.5,
             np.hypot(0.02, 0.03),
-            '(from a negative one, which no release shows, the fit moves 50% otherwise);',
+            'of its motion (a negative one is unseen);',
         ),
         (
             0.6,
