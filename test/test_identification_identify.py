@@ -160,12 +160,8 @@ def test_a_search_is_left_out_where_the_decrement_explains_the_motion(plain):
 @pytest.mark.parametrize('channel', ['angle', 'rate'])
 def test_one_channel_is_enough(channel):
     motion = decay()
-    # an uncalibrated gyro's offset is no motion
-    kept = {
-        'angle': None,
-        'rate': None,
-        channel: getattr(motion, channel) + (np.radians(0.5) if channel == 'rate' else 0.0),
-    }
+    values = getattr(motion, channel) + (np.radians(0.5) if channel == 'rate' else 0.0)
+    kept = {'angle': None, 'rate': None, channel: values}
     found = identify([AxisMotion('pitch', motion.time, **kept)], settings('swath-pitch-9'))
     assert found.model.natural_period == pytest.approx(HULL.natural_period, rel=0.03)
     assert found.damping_ratio == pytest.approx(0.24, rel=0.1)

@@ -252,8 +252,8 @@ def test_the_quiet_after_a_decay_is_left_out_where_a_hand_soon_releases_again(sc
     angle += 1e-3 * np.random.default_rng(0).normal(size=angle.size)
     time = 0.01 * scale * PERIOD * np.arange(angle.size)
     first, _ = sorted(find_decays(AxisMotion('roll', time, angle, None)), key=lambda found: found.start)
-    assert first.ending == 'noise-floor'
-    assert first.end == pytest.approx(first.start + first.cycles * first.period)
+    end = first.start + first.cycles * first.period
+    assert first.ending == 'noise-floor' and first.end == pytest.approx(end)
 
 
 @pytest.mark.parametrize('seed', range(3))

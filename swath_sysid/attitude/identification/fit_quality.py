@@ -220,8 +220,7 @@ def _expected(found: DecayFit, errors: Errors) -> str:
             f', where its restoring moment vanishes at about {np.degrees(limit):.1f} deg' if limit is not None else ''
         )
         side, other = f' from a {own} angle', f' ({errors.other_side:.0%} from a {away} one{vanishing})'
-        if errors.other_side <= ADEQUATE_ERROR:
-            other = f' (a {away} one is unseen)'
+        other = f' (a {away} one is unseen)' if errors.other_side <= ADEQUATE_ERROR else other
     elif opposite != -start:
         low, high = sorted(np.degrees([found.model.trim + start, found.model.trim + opposite]))
         side = f', from {low:.1f} to {high:.1f} deg,'
