@@ -231,11 +231,10 @@ class DecayWatch:
         amplitude = decay.initial_amplitude
         if decay.quantity == 'rate':
             amplitude *= decay.period / (2.0 * pi)
-        # a group of waves looks like a push, or after a lull a release, of a few half-cycles, until the next waves come
+        # a group of waves looks like a push, of a few half-cycles, until the next waves come
         enough = (0.5 if rests_after(decay, motion) else 1.0) * HALF_CYCLES_FOR_REST
         pushed = decay.beginning == 'pushed' and decay.cycles >= enough
-        least = 0.5 * HALF_CYCLES_FOR_REST if decay.ending == 'disturbed' else MIN_CYCLES
-        released = decay.beginning == 'released' and (decay.cycles >= least or has_returned(decay, motion))
+        released = decay.beginning == 'released' and (decay.cycles >= MIN_CYCLES or has_returned(decay, motion))
         return (pushed or released) and amplitude >= self._smallest and is_finished(decay, motion)
 
 
