@@ -11,8 +11,8 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
-NEWEST = 80.0  #: Periods of the motion in which a change shows while the whole past still hides it.
-BEYOND_CHANCE = 3.5  #: Standard deviations of a change, in the mean of two looks, from which it is reported.
+NEWEST = 90.0  #: Periods of the motion in which a change shows while the whole past still hides it.
+BEYOND_CHANCE = 3.0  #: Standard deviations of a change from which it is reported.
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,10 @@ class Ratio(NamedTuple):
         """Whether it differs from one beyond chance."""
         return abs(self.log) > BEYOND_CHANCE * self.std
 
+    def differs_from(self, other: 'Ratio') -> bool:
+        """Whether it differs beyond chance from one that is known better."""
+        return Ratio(self.log - other.log, self.std).is_certain
+
 
 @dataclass(frozen=True)
 class HullChange:
@@ -49,32 +53,46 @@ class HullChange:
 
 
 class HullWatch:
-    """What the last two looks at the newest and at the whole past of one axis have in common."""
+    """What the last look at the newest part of the past of one axis and the last three at the whole have found."""
 
     def __init__(self) -> None:
-        self._newest, self._whole = deque[HullChange](maxlen=2), deque[HullChange](maxlen=2)
+        self._newest: HullChange | None = None
+        self._whole = deque[HullChange](maxlen=3)
 
     def take(self, change: HullChange) -> None:
         """Add a finding."""
-        (self._newest if change.is_newest else self._whole).append(change)
+        if change.is_newest:
+            self._newest = change
+        else:
+            self._whole.append(change)
 
-    def told(self, quantity: str) -> tuple[Ratio, HullChange] | None:
-        """The certain ratio of a quantity, and the newest finding that it is of."""
-        newest, whole = _mean(self._newest, quantity), _mean(self._whole, quantity)
-        if newest is not None and newest.is_certain:
-            return newest, self._newest[-1]
-        if whole is None or not whole.is_certain:
+    @property
+    def stiffness(self) -> tuple[Ratio, HullChange] | None:
+        """The certain change of the stiffness, and a finding of it."""
+        newest, whole = self._newest, self._of_whole('stiffness')
+        if newest is not None and newest.stiffness.is_certain:
+            return newest.stiffness, newest
+        is_over = newest is not None and whole is not None and newest.stiffness.differs_from(whole)
+        return None if whole is None or is_over else (whole, self._whole[-1])
+
+    @property
+    def damping(self) -> Ratio | None:
+        """The certain change of the damping, which only a long past shows."""
+        return self._of_whole('damping')
+
+    def _of_whole(self, quantity: str):
+        """The certain change in the mean of looks, as a sea that changes may deceive one of them."""
+        looks = [getattr(look, quantity) for look in self._whole]
+        if len(looks) < (self._whole.maxlen or 0):
             return None
-        # over by now
-        if newest is not None and Ratio(newest.log - whole.log, newest.std).is_certain:
-            return None
-        return whole, self._whole[-1]
+        mean = Ratio(*np.mean(looks, axis=0).tolist())
+        return mean if mean.is_certain else None
 
     def advice(self) -> list[Advice]:
         """What has changed, and what to do about it."""
         found = []
-        if (told := self.told('stiffness')) is not None:
-            (log, std), change = told
+        if self.stiffness is not None:
+            (log, std), change = self.stiffness
             more, share, spread = 'more' if log > 0.0 else 'less', abs(np.expm1(log)), std * np.exp(log)
             period, before = change.period, change.period_before
             found.append(
@@ -82,19 +100,11 @@ class HullWatch:
                     'hull-changed', axis=change.axis, share=share, std=spread, more=more, period=period, before=before
                 )
             )
-        if (told := self.told('damping')) is not None:
-            (log, std), change = told
-            low, high = np.exp(log - 2.0 * std), np.exp(log + 2.0 * std)
-            found.append(Advice.of('damping-changed', axis=change.axis, factor=np.exp(log), low=low, high=high))
+        if self.damping is not None:
+            axis, (log, std) = self._whole[-1].axis, self.damping
+            low, factor, high = np.exp(log + 2.0 * std * np.array([-1.0, 0.0, 1.0]))
+            found.append(Advice.of('damping-changed', axis=axis, factor=factor, low=low, high=high))
         return found
-
-
-def _mean(looks: deque[HullChange], quantity: str) -> Ratio | None:
-    """Of two looks, whose windows overlap; None before."""
-    if len(looks) < 2:
-        return None
-    one, other = (getattr(look, quantity) for look in looks)
-    return Ratio(0.5 * (one.log + other.log), 0.5 * (one.std + other.std))
 
 
 def hull_change(look: HullLook, motion: AxisMotion, period: float) -> HullChange | None:
