@@ -25,7 +25,7 @@ from swath_sysid.attitude.identification.sea_likelihood import jonswap_shape
 from swath_sysid.attitude.identification.sea_motion import Heave, sea_motion, tapered_spectrum
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
-from swath_sysid.attitude.prediction.hull_watch import HullLook, HullWatch, hull_change
+from swath_sysid.attitude.prediction.hull_watch import HullChange, HullLook, HullWatch, Ratio, hull_change
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.cli.main import main
 from swath_sysid.common.cancelling import Cancelled
@@ -349,8 +349,11 @@ def test_a_changed_hull_is_told_and_no_other(turned, slower, damped):
     motion, (period, damping) = measured(turned[0]), equivalent(turned[0])
     motion = replace(motion, time=motion.time * slower, rate=motion.rate / slower)
     model = DecayModel.of(b1=4.0 * np.pi * damping / damped / period, r1=(2.0 * np.pi / period) ** 2, axis='roll')
-    watch = watched(model, *(motion.between(None, motion.time[-1] - before) for before in (80.0, 40.0, 0.0)))
-    told = {'hull-changed': watch.stiffness and watch.stiffness[0], 'damping-changed': watch.damping}
+    watch = watched(model, *(motion.between(None, motion.time[-1] - before) for before in (40.0, 0.0)))
+    told = {
+        'hull-changed': watch.stiffness and watch.stiffness.stiffness,
+        'damping-changed': watch.damping and watch.damping.damping,
+    }
     for ratio, found in zip((slower**-2.0, damped), told.values(), strict=True):
         assert (found is not None) == (ratio != 1.0)
         assert found is None or found.log == pytest.approx(np.log(ratio), rel=0.4)
@@ -363,10 +366,28 @@ def test_a_change_shows_at_once_though_the_whole_past_hides_it(turned):
     time = np.append(motion.time, 600.0 + slower * motion.time)
     rate = np.append(motion.rate, motion.rate / slower)
     changed = AxisMotion('roll', time, np.tile(motion.angle, 2), rate)
-    watch = watched(model, changed.between(None, 600.0 + 280.0))
+    watch = watched(model, changed.between(None, 600.0 + 260.0), changed.between(None, 600.0 + 280.0))
     assert watch.stiffness is not None
-    assert watch.stiffness[0].log == pytest.approx(-2.0 * np.log(slower), rel=0.2)
+    found = watch.stiffness.stiffness
+    # a longer part would dilute it, a shorter one would know it less well
+    assert found.log == pytest.approx(-2.0 * np.log(slower), rel=0.2) and found.std < 0.045
     assert 'less stiffness' in watch.advice()[0].message
+
+
+def test_a_change_is_told_once_it_is_beyond_what_changing_seas_deceive_by():
+    def after(*looks):
+        watch = HullWatch()
+        for is_newest, stiffness, damping in looks:
+            watch.take(HullChange('roll', is_newest, Ratio(stiffness, 0.1), Ratio(damping, 0.1), 3.0, 3.0))
+        return [each.code for each in watch.advice()]
+
+    # as in hours of simulated seas that change: one look 4.3 standard deviations off, and two in a row 2.7 and 3.5
+    assert after((True, 0.43, 0.0), (True, 0.28, 0.0)) == [] == after((False, 0.27, 0.35), (False, 0.31, 0.26))
+    assert after((True, -0.34, 0.0), (True, 0.34, 0.0)) == [] == after((True, -0.34, 0.5))
+    assert after(*[(True, -0.34, 0.5)] * 2) == ['hull-changed'] == after(*[(False, 0.34, 0.1)] * 2)
+    assert after(*[(False, 0.0, -0.34)] * 2) == ['damping-changed']
+    # the whole past still shows what is over
+    assert after(*[(False, 0.4, 0.1)] * 2, (True, 0.05, 0.0)) == []
 
 
 @pytest.mark.parametrize('change', [0.13, pytest.param(0.0, marks=pytest.mark.long)])

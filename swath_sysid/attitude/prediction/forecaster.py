@@ -413,11 +413,13 @@ class Forecaster:
         )
 
     def _next_look(self, excitations: Mapping[str, ExcitationRequest]):
-        """One axis with a model in turn, by the newest part of the past and by the whole: each look takes a while."""
-        held = [(name, axis.identified) for name, axis in self._axes.items() if name in excitations]
-        looks = [HullLook(*each, newest) for newest in (True, False) for each in held if each[1] is not None]
+        """One axis in turn, as each look takes a while; by the whole past every third time."""
         self._looks += 1
-        return looks[self._looks % len(looks)] if looks else None
+        turn, place = divmod(self._looks, len(AXES))
+        identified = self._axes[AXES[place]].identified
+        if identified is None or AXES[place] not in excitations:
+            return None
+        return HullLook(AXES[place], identified, turn % 3 > 0)
 
     def _excitation_requests(self):
         step, samples = self._clock.step, self._clock.samples

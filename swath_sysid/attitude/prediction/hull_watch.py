@@ -53,46 +53,34 @@ class HullChange:
 
 
 class HullWatch:
-    """What the last look at the newest part of the past of one axis and the last three at the whole have found."""
+    """The last two looks at the newest part of the past of one axis, and at the whole: waves deceive one of them."""
 
     def __init__(self) -> None:
-        self._newest: HullChange | None = None
-        self._whole = deque[HullChange](maxlen=3)
+        self._newest, self._whole = deque[HullChange](maxlen=2), deque[HullChange](maxlen=2)
 
     def take(self, change: HullChange) -> None:
         """Add a finding."""
-        if change.is_newest:
-            self._newest = change
-        else:
-            self._whole.append(change)
+        (self._newest if change.is_newest else self._whole).append(change)
 
     @property
-    def stiffness(self) -> tuple[Ratio, HullChange] | None:
-        """The certain change of the stiffness, and a finding of it."""
-        newest, whole = self._newest, self._of_whole('stiffness')
-        if newest is not None and newest.stiffness.is_certain:
-            return newest.stiffness, newest
-        is_over = newest is not None and whole is not None and newest.stiffness.differs_from(whole)
-        return None if whole is None or is_over else (whole, self._whole[-1])
+    def stiffness(self) -> HullChange | None:
+        """The finding of a certain change of the stiffness."""
+        newest, whole = _confirmed(self._newest, 'stiffness'), _confirmed(self._whole, 'stiffness')
+        if newest is not None or whole is None:
+            return newest
+        is_over = self._newest and self._newest[-1].stiffness.differs_from(whole.stiffness)
+        return None if is_over else whole
 
     @property
-    def damping(self) -> Ratio | None:
-        """The certain change of the damping, which only a long past shows."""
-        return self._of_whole('damping')
-
-    def _of_whole(self, quantity: str):
-        """The certain change in the mean of looks, as a sea that changes may deceive one of them."""
-        looks = [getattr(look, quantity) for look in self._whole]
-        if len(looks) < (self._whole.maxlen or 0):
-            return None
-        mean = Ratio(*np.mean(looks, axis=0).tolist())
-        return mean if mean.is_certain else None
+    def damping(self) -> HullChange | None:
+        """The finding of a certain change of the damping, which only a long past shows."""
+        return _confirmed(self._whole, 'damping')
 
     def advice(self) -> list[Advice]:
         """What has changed, and what to do about it."""
         found = []
-        if self.stiffness is not None:
-            (log, std), change = self.stiffness
+        if (change := self.stiffness) is not None:
+            log, std = change.stiffness
             more, share, spread = 'more' if log > 0.0 else 'less', abs(np.expm1(log)), std * np.exp(log)
             period, before = change.period, change.period_before
             found.append(
@@ -100,11 +88,16 @@ class HullWatch:
                     'hull-changed', axis=change.axis, share=share, std=spread, more=more, period=period, before=before
                 )
             )
-        if self.damping is not None:
-            axis, (log, std) = self._whole[-1].axis, self.damping
-            low, factor, high = np.exp(log + 2.0 * std * np.array([-1.0, 0.0, 1.0]))
-            found.append(Advice.of('damping-changed', axis=axis, factor=factor, low=low, high=high))
+        if (change := self.damping) is not None:
+            low, factor, high = np.exp(change.damping.log + 2.0 * change.damping.std * np.array([-1.0, 0.0, 1.0]))
+            found.append(Advice.of('damping-changed', axis=change.axis, factor=factor, low=low, high=high))
         return found
+
+
+def _confirmed(looks: deque[HullChange], quantity: str) -> HullChange | None:
+    """The last of two looks that both find a quantity changed in one direction."""
+    signs = {ratio.is_certain and np.sign(ratio.log) for ratio in (getattr(look, quantity) for look in looks)}
+    return looks[-1] if len(looks) == looks.maxlen and len(signs) == 1 and signs != {False} else None
 
 
 def hull_change(look: HullLook, motion: AxisMotion, period: float) -> HullChange | None:
