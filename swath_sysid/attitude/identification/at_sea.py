@@ -38,16 +38,15 @@ MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; ot
 #: half of either the sea is reported to hide the hull.
 PERIOD_USABLE = 0.03
 FASTEST_HULL = 1.5  #: Highest natural frequency that is tried, over the highest at which the motion is known.
-SLOWEST_HULL = 0.8  #: The same of the lowest.
 #: Amplitude over standard deviation: a cubic term is as large in an oscillation of twice the deviation as in a Gaussian
 #: motion, a quadratic one within 6 %.
 EQUIVALENT = 2.0
 PARTS = 2  #: Of equal length, where no heading tells them apart.
 AGREE = 1.96  #: Standard deviations of their difference within which parts must agree.
 
-#: Standard deviations of the logarithms of a model's damping and natural frequency for the craft as it sails now: keels
-#: and speed may double or halve the damping, loads change the stiffness by half.
-DAMPING_KNOWN, FREQUENCY_KNOWN = np.log(2.0), 0.2
+#: Standard deviation of the logarithm of a model's damping for the craft as it sails now: half and twice are likely.
+DAMPING_KNOWN = np.log(2.0)
+FREQUENCY_KNOWN = 0.2  #: The same of its natural frequency: a change of stiffness by half is likely.
 TURN = np.radians(15.0)  #: Change of heading that makes another part.
 
 
@@ -193,7 +192,7 @@ def identify_seas(
     every = [part for each in parts for part in each]
     rate = float(np.sqrt(np.mean([part.rate**2 for part in every])))
     reach = np.exp(prior.log_frequency + 3.0 * prior.log_frequency_std * np.array([-1.0, 1.0]))
-    low = max(SLOWEST_HULL * min(part.frequency[0] for part in every), reach[0])
+    low = max(min(part.frequency[0] for part in every), reach[0])
     high = min(FASTEST_HULL * max(part.frequency[-1] for part in every), reach[1])
     likelihoods = [SeaLikelihood(each, rate, prior, should_cancel) for each in parts]
     number = sum(map(len, parts)) if len(records) == 1 else len(records)

@@ -107,8 +107,11 @@ def hull_change(look: HullLook, motion: AxisMotion, period: float) -> HullChange
     from swath_sysid.attitude.identification.fit_quality import amplitude_bands
 
     identified = look.identified
-    if look.is_newest:
-        motion = motion.between(motion.time[-1] - NEWEST * period, None)
+    newest = NEWEST * period
+    # of a young past it is the whole
+    is_newest = look.is_newest or motion.duration <= newest
+    if is_newest:
+        motion = motion.between(motion.time[-1] - newest, None)
     amplitude = np.array([EQUIVALENT * np.std(motion.angle)]) if motion.angle is not None else np.full(1, np.nan)
     bands = amplitude_bands(identified.model, identified.covariance, amplitude, identified.posterior)
     frequency, damping = float(bands.curves.frequency[0]), float(bands.curves.damping_ratio[0])
@@ -126,7 +129,7 @@ def hull_change(look: HullLook, motion: AxisMotion, period: float) -> HullChange
     damping_std = float(np.hypot(found.damping_ratio_std / found.damping_ratio, known[1] / damping))
     return HullChange(
         look.axis,
-        look.is_newest,
+        is_newest,
         Ratio(-2.0 * float(np.log(ratio)), std),
         Ratio(float(np.log(found.damping_ratio / damping)), damping_std),
         found.natural_period,
