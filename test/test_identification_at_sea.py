@@ -30,7 +30,7 @@ from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.cli.main import main
 from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.identify_records import identify_at_sea
+from swath_sysid.formats.identify_records import identify_at_sea, write_model
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.forecast_health import PredictorHealth
@@ -300,13 +300,15 @@ def test_a_hull_is_found_in_seas_from_two_headings(turned):
         assert abs(found.damping_ratio - damping) < 2.5 * found.damping_ratio_std
 
 
-def test_several_records_know_the_hull_better_than_one(turned):
+def test_several_records_know_the_hull_better_than_one(turned, tmp_path):
     motions = [measured(sea) for sea in turned]
     alone = [identify_at_sea(motion) for motion in motions]
-    found = identify_seas([SeaRecord(motion) for motion in motions], searched=True)
+    found = identify_at_sea(motions)
     assert found.natural_period_std < 0.75 * np.mean([each.natural_period_std for each in alone])
     assert abs(found.natural_period - np.mean([equivalent(sea)[0] for sea in turned])) < 2.5 * found.natural_period_std
     assert len(found.motions) == 3 and len(found.spectra) == 6
+    write_model(tmp_path / 'hull.yaml', found)
+    assert is_at_sea(read_model(tmp_path / 'hull.yaml')['roll'])
 
 
 def test_a_peak_of_the_waves_is_no_hull():

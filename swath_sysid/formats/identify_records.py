@@ -90,7 +90,7 @@ def identify_at_sea(
         >>> buoy = read_trial(records / 'morro_buoy.csv', frame='frd')
         >>> found = identify_at_sea([buoy.between(None, 180.0), buoy.between(180.0, None)], axis='pitch')
         >>> f'{found.natural_period:.1f} s, usable: {found.is_usable}'
-        ''
+        '2.3 s, usable: False'
     """
     read, axis = _read(records, axis)
     motions = [_motion_of(each, axis) for each in read]
