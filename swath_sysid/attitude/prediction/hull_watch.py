@@ -30,14 +30,9 @@ class Ratio(NamedTuple):
     log: float
     std: float  #: Of the logarithm.
 
-    @property
-    def is_certain(self) -> bool:
-        """Whether it differs from one beyond chance."""
-        return abs(self.log) > BEYOND_CHANCE * self.std
-
-    def differs_from(self, other: 'Ratio') -> bool:
-        """Whether it differs beyond chance from one that is known better."""
-        return Ratio(self.log - other.log, self.std).is_certain
+    def differs_from(self, log: float) -> bool:
+        """Whether it differs beyond chance from a ratio of this logarithm."""
+        return abs(self.log - log) > BEYOND_CHANCE * self.std
 
 
 @dataclass(frozen=True)
@@ -65,11 +60,9 @@ class HullWatch:
     @property
     def stiffness(self) -> HullChange | None:
         """The finding of a certain change of the stiffness."""
-        newest, whole = _confirmed(self._newest, 'stiffness'), _confirmed(self._whole, 'stiffness')
-        if newest is not None or whole is None:
-            return newest
-        is_over = self._newest and self._newest[-1].stiffness.differs_from(whole.stiffness)
-        return None if is_over else whole
+        newest, whole = (_confirmed(looks, 'stiffness') for looks in (self._newest, self._whole))
+        is_over = whole and self._newest and self._newest[-1].stiffness.differs_from(whole.stiffness.log)
+        return newest or (None if is_over else whole)
 
     @property
     def damping(self) -> HullChange | None:
@@ -78,25 +71,22 @@ class HullWatch:
 
     def advice(self) -> list[Advice]:
         """What has changed, and what to do about it."""
-        found = []
-        if (change := self.stiffness) is not None:
-            log, std = change.stiffness
-            more, share, spread = 'more' if log > 0.0 else 'less', abs(np.expm1(log)), std * np.exp(log)
-            period, before = change.period, change.period_before
-            found.append(
-                Advice.of(
-                    'hull-changed', axis=change.axis, share=share, std=spread, more=more, period=period, before=before
-                )
-            )
-        if (change := self.damping) is not None:
-            low, factor, high = np.exp(change.damping.log + 2.0 * change.damping.std * np.array([-1.0, 0.0, 1.0]))
-            found.append(Advice.of('damping-changed', axis=change.axis, factor=factor, low=low, high=high))
+        found, of_stiffness, of_damping = [], self.stiffness, self.damping
+        if of_stiffness is not None:
+            log, std = of_stiffness.stiffness
+            about = {'axis': of_stiffness.axis, 'more': 'more' if log > 0.0 else 'less', 'std': std * np.exp(log)}
+            periods = {'period': of_stiffness.period, 'before': of_stiffness.period_before}
+            found.append(Advice.of('hull-changed', share=abs(np.expm1(log)), **about, **periods))
+        if of_damping is not None:
+            log, std = of_damping.damping
+            low, factor, high = np.exp(log + 2.0 * std * np.array([-1.0, 0.0, 1.0]))
+            found.append(Advice.of('damping-changed', axis=of_damping.axis, factor=factor, low=low, high=high))
         return found
 
 
 def _confirmed(looks: deque[HullChange], quantity: str) -> HullChange | None:
     """The last of two looks that both find a quantity changed in one direction."""
-    signs = {ratio.is_certain and np.sign(ratio.log) for ratio in (getattr(look, quantity) for look in looks)}
+    signs = {ratio.differs_from(0.0) and np.sign(ratio.log) for ratio in (getattr(look, quantity) for look in looks)}
     return looks[-1] if len(looks) == looks.maxlen and len(signs) == 1 and signs != {False} else None
 
 
@@ -112,11 +102,11 @@ def hull_change(look: HullLook, motion: AxisMotion, period: float) -> HullChange
     is_newest = look.is_newest or motion.duration <= newest
     if is_newest:
         motion = motion.between(motion.time[-1] - newest, None)
-    amplitude = np.array([EQUIVALENT * np.std(motion.angle)]) if motion.angle is not None else np.full(1, np.nan)
+    amplitude = np.full(1, np.nan if motion.angle is None else EQUIVALENT * np.std(motion.angle))
     bands = amplitude_bands(identified.model, identified.covariance, amplitude, identified.posterior)
-    frequency, damping = float(bands.curves.frequency[0]), float(bands.curves.damping_ratio[0])
-    known = float(bands.frequency_std[0]), float(bands.damping_ratio_std[0])
-    if not (np.isfinite([frequency, damping, *known]).all() and damping > 0.0):
+    (frequency,), (damping,) = bands.curves.frequency.tolist(), bands.curves.damping_ratio.tolist()
+    (frequency_std,), (damping_std,) = bands.frequency_std.tolist(), bands.damping_ratio_std.tolist()
+    if not (np.isfinite([frequency, damping, frequency_std, damping_std]).all() and damping > 0.0):
         return None
     try:
         found = identify_seas([SeaRecord(motion)], prior_of(identified, motion), searched=True, checks_parts=False)
@@ -124,14 +114,9 @@ def hull_change(look: HullLook, motion: AxisMotion, period: float) -> HullChange
         return None  # too few waves, or none that show a hull
     if not found.is_consistent:
         return None
-    before, ratio = 2.0 * np.pi / frequency, found.natural_period * frequency / (2.0 * np.pi)
-    std = 2.0 * float(np.hypot(found.natural_period_std / found.natural_period, known[0] / frequency))
-    damping_std = float(np.hypot(found.damping_ratio_std / found.damping_ratio, known[1] / damping))
-    return HullChange(
-        look.axis,
-        is_newest,
-        Ratio(-2.0 * float(np.log(ratio)), std),
-        Ratio(float(np.log(found.damping_ratio / damping)), damping_std),
-        found.natural_period,
-        before,
-    )
+    before = 2.0 * np.pi / frequency
+    std = 2.0 * np.hypot(found.natural_period_std / found.natural_period, frequency_std / frequency)
+    stiffness = Ratio(2.0 * float(np.log(before / found.natural_period)), float(std))
+    std = np.hypot(found.damping_ratio_std / found.damping_ratio, damping_std / damping)
+    of_damping = Ratio(float(np.log(found.damping_ratio / damping)), float(std))
+    return HullChange(look.axis, is_newest, stiffness, of_damping, found.natural_period, before)
