@@ -352,13 +352,10 @@ def test_a_changed_hull_is_told_and_no_other(turned, slower, damped):
     motion = replace(motion, time=motion.time * slower, rate=motion.rate / slower)
     model = DecayModel.of(b1=4.0 * np.pi * damping / damped / period, r1=(2.0 * np.pi / period) ** 2, axis='roll')
     watch = watched(model, *(motion.between(None, motion.time[-1] - before) for before in (40.0, 0.0)))
-    told = {
-        'hull-changed': watch.stiffness and watch.stiffness.stiffness,
-        'damping-changed': watch.damping and watch.damping.damping,
-    }
-    for ratio, found in zip((slower**-2.0, damped), told.values(), strict=True):
+    told = {'hull-changed': watch.of_stiffness(), 'damping-changed': watch.of_damping()}
+    for name, ratio, found in zip(('stiffness', 'damping'), (slower**-2.0, damped), told.values(), strict=True):
         assert (found is not None) == (ratio != 1.0)
-        assert found is None or found.log == pytest.approx(np.log(ratio), rel=0.4)
+        assert found is None or getattr(found, name).log == pytest.approx(np.log(ratio), rel=0.4)
     assert {each.code for each in watch.advice()} == {code for code, found in told.items() if found is not None}
 
 
@@ -369,8 +366,9 @@ def test_a_change_shows_at_once_though_the_whole_past_hides_it(turned):
     rate = np.append(motion.rate, motion.rate / slower)
     changed = AxisMotion('roll', time, np.tile(motion.angle, 2), rate)
     watch = watched(model, changed.between(None, 600.0 + 260.0), changed.between(None, 600.0 + 280.0))
-    assert watch.stiffness is not None
-    found = watch.stiffness.stiffness
+    told = watch.of_stiffness()
+    assert told is not None
+    found = told.stiffness
     # a longer part would dilute it, a shorter one would know it less well
     assert found.log == pytest.approx(-2.0 * np.log(slower), rel=0.2) and found.std < 0.045
     assert 'less stiffness' in watch.advice()[0].message

@@ -71,16 +71,14 @@ def identify_at_sea(
     Several records of one craft, and parts of a record on several headings, share the hull but not the waves.
 
     Args:
-        records: Whole records in waves, as paths, trials or the motion of one axis. A trial is divided where its yaw
-            rate shows a turn; its accelerations show the waves.
-        axis: ``roll`` or ``pitch``; it may be left out where the first record shows only one of them.
+        records: Whole records in waves, as of `identify`; a trial is divided where its yaw rate shows a turn.
+        axis: As of `identify`.
         model: Of an earlier release, from which another loading may differ.
         progress: Called with 0 to 1.
         should_cancel: Asked often; True raises `Cancelled`.
 
     Returns:
-        The equivalent linear hull at the amplitude of the motion, with its uncertainty; ``is_usable`` and ``advice``
-        tell whether the waves determine it.
+        The equivalent linear hull; its ``is_usable`` and ``advice`` tell whether the waves determine it.
 
     Raises:
         InputError: The records are too short or cannot be used; the sentence says why.

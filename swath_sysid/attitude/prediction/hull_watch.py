@@ -1,7 +1,6 @@
 """Whether a craft in waves still has the stiffness and the damping of its model."""
 
 from collections import deque
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +14,7 @@ NEWEST = 90.0  #: Periods of the motion in which a change shows while the whole 
 BEYOND_CHANCE = 3.0  #: Standard deviations of a change from which it is reported.
 
 
-@dataclass(frozen=True)
-class HullLook:
+class HullLook(NamedTuple):
     """One axis to be compared with its model."""
 
     axis: str
@@ -35,8 +33,7 @@ class Ratio(NamedTuple):
         return abs(self.log - log) > BEYOND_CHANCE * self.std
 
 
-@dataclass(frozen=True)
-class HullChange:
+class HullChange(NamedTuple):
     """What a look has found."""
 
     axis: str
@@ -57,30 +54,27 @@ class HullWatch:
         """Add a finding."""
         (self._newest if change.is_newest else self._whole).append(change)
 
-    @property
-    def stiffness(self) -> HullChange | None:
-        """The finding of a certain change of the stiffness."""
+    def of_stiffness(self) -> HullChange | None:
+        """The finding of a certain change."""
         newest, whole = (_confirmed(looks, 'stiffness') for looks in (self._newest, self._whole))
         is_over = whole and self._newest and self._newest[-1].stiffness.differs_from(whole.stiffness.log)
         return newest or (None if is_over else whole)
 
-    @property
-    def damping(self) -> HullChange | None:
-        """The finding of a certain change of the damping, which only a long past shows."""
+    def of_damping(self) -> HullChange | None:
+        """The finding of a certain change, which only a long past shows."""
         return _confirmed(self._whole, 'damping')
 
     def advice(self) -> list[Advice]:
         """What has changed, and what to do about it."""
-        found, of_stiffness, of_damping = [], self.stiffness, self.damping
-        if of_stiffness is not None:
-            log, std = of_stiffness.stiffness
-            about = {'axis': of_stiffness.axis, 'more': 'more' if log > 0.0 else 'less', 'std': std * np.exp(log)}
-            periods = {'period': of_stiffness.period, 'before': of_stiffness.period_before}
+        found = []
+        if (change := self.of_stiffness()) is not None:
+            log, std = change.stiffness
+            about = {'axis': change.axis, 'more': 'more' if log > 0.0 else 'less', 'std': std * np.exp(log)}
+            periods = {'period': change.period, 'before': change.period_before}
             found.append(Advice.of('hull-changed', share=abs(np.expm1(log)), **about, **periods))
-        if of_damping is not None:
-            log, std = of_damping.damping
-            low, factor, high = np.exp(log + 2.0 * std * np.array([-1.0, 0.0, 1.0]))
-            found.append(Advice.of('damping-changed', axis=of_damping.axis, factor=factor, low=low, high=high))
+        if (change := self.of_damping()) is not None:
+            low, factor, high = np.exp(change.damping.log + 2.0 * change.damping.std * np.array([-1.0, 0.0, 1.0]))
+            found.append(Advice.of('damping-changed', axis=change.axis, factor=factor, low=low, high=high))
         return found
 
 
