@@ -69,9 +69,11 @@ class HullWatch:
         found = []
         if (change := self.of_stiffness()) is not None:
             log, std = change.stiffness
-            about = {'axis': change.axis, 'more': 'more' if log > 0.0 else 'less', 'std': std * np.exp(log)}
-            periods = {'period': change.period, 'before': change.period_before}
-            found.append(Advice.of('hull-changed', share=abs(np.expm1(log)), **about, **periods))
+            more, share, spread = 'more' if log > 0.0 else 'less', abs(np.expm1(log)), std * np.exp(log)
+            axis, period, before = change.axis, change.period, change.period_before
+            found.append(
+                Advice.of('hull-changed', axis=axis, share=share, std=spread, more=more, period=period, before=before)
+            )
         if (change := self.of_damping()) is not None:
             low, factor, high = np.exp(change.damping.log + 2.0 * change.damping.std * np.array([-1.0, 0.0, 1.0]))
             found.append(Advice.of('damping-changed', axis=change.axis, factor=factor, low=low, high=high))
