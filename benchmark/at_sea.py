@@ -18,9 +18,9 @@ from craft_at_sea import known_sea  # noqa: E402
 
 from swath_sysid.attitude.hull.catalogue import hull_named  # noqa: E402
 from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
-from swath_sysid.attitude.identification.at_sea import identify_at_sea  # noqa: E402
 from swath_sysid.attitude.motion.trial import AxisMotion  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
+from swath_sysid.formats.identify_records import identify_at_sea  # noqa: E402
 
 RATIOS = (0.7, 1.0, 1.5, 2.0, 3.0)
 PERIOD_WITHIN, DAMPING_WITHIN = 0.03, 0.25

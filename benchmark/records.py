@@ -22,17 +22,16 @@ from typing import Any
 import numpy as np
 from record_forecasts import DATA, only, without_samples
 
-from swath_sysid.attitude.identification.at_sea import identify_at_sea
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import decays_or_waves, prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
-from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.identify_records import identify_at_sea
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.baselines import Record, running_regression, simple_forecasts
 from swath_sysid.pipeline.record_run import run_through
@@ -243,7 +242,7 @@ def hulls_before(trial, end, others=None):
         try:
             problem = decays_or_waves(motions) if others is None else prepare(motions)
             if problem is None:
-                found = identify_at_sea(motions[0], heave_of(trials[0]), searched=True)
+                found = identify_at_sea(trials[0], axis=axis)
                 usable = found.is_usable
             else:
                 found = identify_problem(problem, IdentificationSettings())

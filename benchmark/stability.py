@@ -17,9 +17,9 @@ from craft_at_sea import driven, jonswap, scale_for  # noqa: E402
 
 from swath_sysid.attitude.hull.catalogue import hull_named  # noqa: E402
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES  # noqa: E402
-from swath_sysid.attitude.identification.at_sea import identify_at_sea  # noqa: E402
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilityWatch  # noqa: E402
 from swath_sysid.attitude.motion.trial import AxisMotion  # noqa: E402
+from swath_sysid.formats.identify_records import identify_at_sea  # noqa: E402
 
 WINDOW, INTERVAL, SETTLING = 600.0, 0.1, 60.0
 BEFORE, AFTER = 4200.0, 1800.0

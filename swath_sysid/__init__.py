@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from swath_sysid.common.advice import Advice as Advice
     from swath_sysid.common.errors import InputError as InputError
     from swath_sysid.formats.identify_records import identify as identify
+    from swath_sysid.formats.identify_records import identify_at_sea as identify_at_sea
     from swath_sysid.formats.identify_records import write_model as write_model
     from swath_sysid.formats.model_file import read_model as read_model
     from swath_sysid.formats.reading import read_trial as read_trial
@@ -49,7 +50,7 @@ _HOMES = {
     'attitude.hull.catalogue': ('hull_named',),
     'attitude.hull.simulation': ('simulate',),
     'attitude.hull.craft_simulator': ('simulated_trial',),
-    'formats.identify_records': ('identify', 'write_model'),
+    'formats.identify_records': ('identify', 'identify_at_sea', 'write_model'),
     'attitude.identification.result': ('IdentificationSettings', 'Identification'),
     'attitude.identification.fit_quality': ('Verdict',),
     'attitude.hull.identified_model': ('IdentifiedModel',),

@@ -12,7 +12,6 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.at_sea import (
     SeaRecord,
-    identify_at_sea,
     identify_seas,
     is_at_sea,
     parts_of,
@@ -23,14 +22,15 @@ from swath_sysid.attitude.identification.at_sea import (
 from swath_sysid.attitude.identification.problem import decays_or_waves
 from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
 from swath_sysid.attitude.identification.sea_likelihood import jonswap_shape
-from swath_sysid.attitude.identification.sea_motion import Heave, heave_of, sea_motion, tapered_spectrum
+from swath_sysid.attitude.identification.sea_motion import Heave, sea_motion, tapered_spectrum
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
-from swath_sysid.attitude.prediction.hull_watch import hull_change
+from swath_sysid.attitude.prediction.hull_watch import HullChange, HullLook, HullWatch, Ratio, hull_change
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.cli.main import main
 from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.identify_records import identify_at_sea, write_model
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.forecast_health import PredictorHealth
@@ -161,12 +161,12 @@ def test_heave_tells_two_seas_apart():
     up = -(turning @ (1j * amplitude * frequency**2)).real + 9.81
     noise = rng.normal(size=(3, time.size)) * [[1e-3], [1e-2], [0.02]]
     motion = AxisMotion('roll', time, angle + noise[0], rate + noise[1])
-    found = identify_at_sea(motion, Heave(time, up + noise[2]))
+    found = identify_seas([SeaRecord(motion, Heave(time, up + noise[2]))])
     assert found.sea == 'heave'
     assert found.natural_period == pytest.approx(LINEAR.natural_period, rel=0.03)
     assert found.damping_ratio == pytest.approx(0.1, rel=0.25)
     # an accelerometer that only gravity acts on tells nothing of the sea
-    still = identify_at_sea(motion.between(None, 300.0), Heave(time, 9.81 + noise[2]))
+    still = identify_seas([SeaRecord(motion.between(None, 300.0), Heave(time, 9.81 + noise[2]))])
     assert still.sea == 'jonswap'
 
 
@@ -257,8 +257,7 @@ def test_a_hull_that_is_known_too_poorly_is_told_but_not_written(sea_file, tmp_p
 
 def test_thirds_of_a_measured_record_agree(data_folder):
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')
-    heave = heave_of(trial)
-    thirds = [identify_at_sea(trial.axis('pitch'), heave, 600.0 * k, 600.0 * (k + 1)) for k in range(3)]
+    thirds = [identify_at_sea(trial.between(600.0 * k, 600.0 * (k + 1)), axis='pitch') for k in range(3)]
     periods, dampings = (np.array([getattr(t, name) for t in thirds]) for name in ('natural_period', 'damping_ratio'))
     spread = np.array([[t.natural_period_std, t.damping_ratio_std] for t in thirds]).mean(axis=0)
     assert [t.sea for t in thirds] == ['heave'] * 3
@@ -295,25 +294,29 @@ def turned():
 
 def test_a_hull_is_found_in_seas_from_two_headings(turned):
     for sea in turned:
-        found, (period, damping) = identify_at_sea(measured(sea), searched=True), equivalent(sea)
+        found, (period, damping) = identify_at_sea(measured(sea)), equivalent(sea)
         assert found.is_usable and found.natural_period == pytest.approx(period, rel=0.03)
         assert abs(found.natural_period - period) < 2.5 * found.natural_period_std
         assert abs(found.damping_ratio - damping) < 2.5 * found.damping_ratio_std
 
 
-def test_several_records_know_the_hull_better_than_one(turned):
+def test_several_records_know_the_hull_better_than_one(turned, tmp_path):
     motions = [measured(sea) for sea in turned]
-    alone = [identify_at_sea(motion, searched=True) for motion in motions]
-    found = identify_seas([SeaRecord(motion) for motion in motions], searched=True)
+    alone = [identify_at_sea(motion) for motion in motions]
+    found = identify_at_sea(motions)
     assert found.natural_period_std < 0.75 * np.mean([each.natural_period_std for each in alone])
     assert abs(found.natural_period - np.mean([equivalent(sea)[0] for sea in turned])) < 2.5 * found.natural_period_std
     assert len(found.motions) == 3 and len(found.spectra) == 6
+    write_model(tmp_path / 'hull.yaml', found)
+    assert is_at_sea(read_model(tmp_path / 'hull.yaml')['roll'])
 
 
 def test_a_peak_of_the_waves_is_no_hull():
     swell = known_sea(LINEAR, [5], 2.0, np.radians(2.0), 600.0, gamma=60.0)
-    found = identify_at_sea(measured(swell), searched=True)
-    assert not found.is_usable
+    found = identify_at_sea(measured(swell))
+    # the swell's is twice as long
+    assert found.natural_period == pytest.approx(LINEAR.natural_period, rel=0.03)
+    assert abs(found.natural_period - LINEAR.natural_period) < 2.0 * found.natural_period_std
 
 
 def test_records_that_disagree_are_not_usable(turned):
@@ -334,18 +337,59 @@ def test_turns_are_found_by_the_yaw_rate():
     assert len(ends) == 2 and ends[1] > 1.5 * ends[0]
 
 
-@pytest.mark.parametrize('slower', [1.0, 1.13, 0.87])
-def test_a_changed_stiffness_is_told_and_no_other(turned, slower):
-    sea = turned[0]
-    motion = measured(sea)
+def watched(model, *motions):
+    """The watch over a model after a look at the newest part of each motion and at the whole of it."""
+    watch = HullWatch()
+    for motion in motions:
+        for is_newest in (True, False):
+            change = hull_change(HullLook('roll', IdentifiedModel.exactly(model), is_newest), motion, 3.0)
+            assert change is not None
+            watch.take(change)
+    return watch
+
+
+@pytest.mark.parametrize('slower, damped', [(1.0, 1.0), (1.13, 1.0), (0.87, 1.0), (1.0, 0.5), (1.0, 2.0)])
+def test_a_changed_hull_is_told_and_no_other(turned, slower, damped):
+    motion, (period, damping) = measured(turned[0]), equivalent(turned[0])
     motion = replace(motion, time=motion.time * slower, rate=motion.rate / slower)
-    period, damping = equivalent(sea)
+    model = DecayModel.of(b1=4.0 * np.pi * damping / damped / period, r1=(2.0 * np.pi / period) ** 2, axis='roll')
+    watch = watched(model, *(motion.between(None, motion.time[-1] - before) for before in (40.0, 0.0)))
+    told = {'hull-changed': watch.of_stiffness(), 'damping-changed': watch.of_damping()}
+    for name, ratio, found in zip(('stiffness', 'damping'), (slower**-2.0, damped), told.values(), strict=True):
+        assert (found is not None) == (ratio != 1.0)
+        assert found is None or getattr(found, name).log == pytest.approx(np.log(ratio), rel=0.4)
+    assert {each.code for each in watch.advice()} == {code for code, found in told.items() if found is not None}
+
+
+def test_a_change_shows_at_once_though_the_whole_past_hides_it(turned):
+    (period, damping), motion, slower = equivalent(turned[0]), measured(turned[0]), 1.13
     model = DecayModel.of(b1=4.0 * np.pi * damping / period, r1=(2.0 * np.pi / period) ** 2, axis='roll')
-    change = hull_change(IdentifiedModel.exactly(model), motion)
-    assert change is not None and change.is_certain == (slower != 1.0)
-    assert change.log_ratio == pytest.approx(-2.0 * np.log(slower), abs=max(3.0 * change.std * (slower == 1.0), 0.09))
-    if change.is_certain:
-        assert f'{"less" if slower > 1.0 else "more"} stiffness' in change.advice('roll').message
+    time = np.append(motion.time, 600.0 + slower * motion.time)
+    rate = np.append(motion.rate, motion.rate / slower)
+    changed = AxisMotion('roll', time, np.tile(motion.angle, 2), rate)
+    watch = watched(model, changed.between(None, 600.0 + 260.0), changed.between(None, 600.0 + 280.0))
+    told = watch.of_stiffness()
+    assert told is not None
+    found = told.stiffness
+    # a longer part would dilute it, a shorter one would know it less well
+    assert found.log == pytest.approx(-2.0 * np.log(slower), rel=0.2) and found.std < 0.045
+    assert 'less stiffness' in watch.advice()[0].message
+
+
+def test_a_change_is_told_once_it_is_beyond_what_changing_seas_deceive_by():
+    def after(*looks):
+        watch = HullWatch()
+        for is_newest, stiffness, damping in looks:
+            watch.take(HullChange('roll', is_newest, Ratio(stiffness, 0.1), Ratio(damping, 0.1), 3.0, 3.0))
+        return [each.code for each in watch.advice()]
+
+    # as in hours of simulated seas that change: one look 4.3 standard deviations off, and two in a row 2.7 and 3.5
+    assert after((True, 0.43, 0.0), (True, 0.28, 0.0)) == [] == after((False, 0.27, 0.35), (False, 0.31, 0.26))
+    assert after((True, -0.34, 0.0), (True, 0.34, 0.0)) == [] == after((True, -0.34, 0.5))
+    assert after(*[(True, -0.34, 0.5)] * 2) == ['hull-changed'] == after(*[(False, 0.34, 0.1)] * 2)
+    assert after(*[(False, 0.0, -0.34)] * 2) == ['damping-changed']
+    # the whole past still shows what is over
+    assert after(*[(False, 0.4, 0.1)] * 2, (True, 0.05, 0.0)) == []
 
 
 @pytest.mark.parametrize('change', [0.13, pytest.param(0.0, marks=pytest.mark.long)])

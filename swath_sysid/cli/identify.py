@@ -7,11 +7,9 @@ from collections.abc import Sequence
 
 from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.hull.decay_model import DecayModel, inertia_from_metacentric_height
-from swath_sysid.attitude.identification.at_sea import SeaRecord, identify_seas, prior_of, turns_of
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
-from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
@@ -21,6 +19,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.common.wings import offered
+from swath_sysid.formats.identify_records import identify_at_sea
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.report.fit_figure import at_sea_figure, fit_figure
 from swath_sysid.report.fit_summary import (
@@ -139,12 +138,8 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
     for trial in trials:
         refuse_contradictions(trial, axis)
     with progress_of('identify at sea') as progress:
-        motions = [trial.axis(axis).between(arguments.start, arguments.end) for trial in trials]
-        records = [
-            SeaRecord(motion, heave_of(trial), turns_of(trial)) for motion, trial in zip(motions, trials, strict=True)
-        ]
-        prior = None if known is None else prior_of(known, motions[0])
-        found = identify_seas(records, prior, searched=not arguments.at_sea, progress=progress)
+        used = [trial.between(arguments.start, arguments.end) for trial in trials]
+        found = identify_at_sea(used, axis=axis, model=known, progress=progress)
     is_poor = bool(arguments.output) and not (arguments.force or found.is_usable)
     written = write_fit(arguments, found, at_sea_figure, not is_poor)
     show_advice(found.advice)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.at_sea import AtSeaIdentification, SeaRecord, identify_seas, prior_of
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
@@ -16,7 +17,7 @@ from swath_sysid.formats import model_file
 from swath_sysid.formats.reading import read_trial, source_hash
 
 Record = Trial | AxisMotion | str | Path
-Fitted = Identification | IdentifiedModel
+Fitted = Identification | AtSeaIdentification | IdentifiedModel
 
 
 def identify(
@@ -52,15 +53,58 @@ def identify(
         >>> f'{found.model.natural_period:.2f} s, {found.verdict.level}'
         '2.55 s, adequate'
     """
+    read, axis = _read(records, axis)
+    problem = prepare([_motion_of(each, axis) for each in read], settings.start, settings.end)
+    return identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
+
+
+def identify_at_sea(
+    records: Record | Sequence[Record],
+    *,
+    axis: str | None = None,
+    model: IdentifiedModel | None = None,
+    progress: Progress | None = None,
+    should_cancel: ShouldCancel | None = None,
+) -> AtSeaIdentification:
+    """Identify natural period and equivalent linear damping of one axis from motion in waves.
+
+    Several records of one craft, and parts of a record on several headings, share the hull but not the waves.
+
+    Args:
+        records: Whole records in waves, as of `identify`; a trial is divided where its yaw rate shows a turn.
+        axis: As of `identify`.
+        model: Of an earlier release, from which another loading may differ.
+        progress: Called with 0 to 1.
+        should_cancel: Asked often; True raises `Cancelled`.
+
+    Returns:
+        The equivalent linear hull; its ``is_usable`` and ``advice`` tell whether the waves determine it.
+
+    Raises:
+        InputError: The records are too short or cannot be used; the sentence says why.
+        Cancelled: ``should_cancel`` returned True.
+
+    Example:
+        >>> buoy = read_trial(records / 'morro_buoy.csv', frame='frd')
+        >>> found = identify_at_sea([buoy.between(None, 180.0), buoy.between(180.0, None)], axis='pitch')
+        >>> f'{found.natural_period:.1f} s, usable: {found.is_usable}'
+        '2.3 s, usable: False'
+    """
+    read, axis = _read(records, axis)
+    motions = [_motion_of(each, axis) for each in read]
+    seas = [SeaRecord.of(each, axis) if isinstance(each, Trial) else SeaRecord(each) for each in read]
+    prior = None if model is None else prior_of(model, motions[0])
+    return identify_seas(seas, prior, progress=progress, should_cancel=should_cancel)
+
+
+def _read(records: Record | Sequence[Record], axis: str | None) -> tuple[list[Trial | AxisMotion], str]:
+    """Records, and the axis that all of them are asked for."""
     given = [records] if isinstance(records, Record) else records
     read = [each if isinstance(each, Trial | AxisMotion) else read_trial(each) for each in given]
     for each in read:
         if isinstance(each, AxisMotion) and axis not in (None, each.axis):
             raise InputError(f'{each.source or "a motion"} is about {each.axis}, not {axis}: give records of one axis')
-    if axis is None and read:
-        axis = _axis_of(read[0])
-    problem = prepare([_motion_of(each, axis or '') for each in read], settings.start, settings.end)
-    return identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
+    return read, axis or (_axis_of(read[0]) if read else '')
 
 
 def _axis_of(record: Trial | AxisMotion) -> str:
@@ -84,7 +128,8 @@ def write_model(path: str | Path, models: Fitted | Mapping[str, Fitted]) -> None
 
     Args:
         path: Of the file; one that exists is replaced.
-        models: What `identify` or `read_model` gave: one axis, or several by axis, ``roll`` and ``pitch``.
+        models: What `identify`, `identify_at_sea` or `read_model` gave: one axis, or several by axis, ``roll`` and
+            ``pitch``.
 
     Raises:
         InputError: It cannot be written, or would be rejected by its readers.
@@ -101,8 +146,9 @@ def write_model(path: str | Path, models: Fitted | Mapping[str, Fitted]) -> None
 def _identified(fitted: Fitted) -> IdentifiedModel:
     if isinstance(fitted, IdentifiedModel):
         return fitted
+    motions = fitted.problem.motions if isinstance(fitted, Identification) else fitted.motions
     # of a bag the source names the topic, too
-    sources = dict.fromkeys(motion.source.partition(' /')[0] for motion in fitted.problem.motions if motion.source)
+    sources = dict.fromkeys(motion.source.partition(' /')[0] for motion in motions if motion.source)
     return fitted.identified_model(provenance_of(list(sources)))
 
 

@@ -7,6 +7,7 @@ standard deviations: one record does not show how damping depends on amplitude.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
+from typing import Self
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from swath_sysid.attitude.identification.sea_likelihood import (
     SeaLikelihood,
     hull_posterior,
 )
-from swath_sysid.attitude.identification.sea_motion import Heave, SeaMotion, SeaPart, sea_motion, sea_part
+from swath_sysid.attitude.identification.sea_motion import Heave, SeaMotion, SeaPart, heave_of, sea_motion, sea_part
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.common.advice import Advice
@@ -35,16 +36,16 @@ MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; ot
 
 #: Relative standard deviation of the period above which the result is unusable, as it is with uncertain damping; from
 #: half of either the sea is reported to hide the hull.
-PERIOD_USABLE = 0.03
+PERIOD_USABLE = 0.035
 FASTEST_HULL = 1.5  #: Highest natural frequency that is tried, over the highest at which the motion is known.
-SLOWEST_HULL = 0.8  #: The same of the lowest.
 #: Amplitude over standard deviation: a cubic term is as large in an oscillation of twice the deviation as in a Gaussian
 #: motion, a quadratic one within 6 %.
 EQUIVALENT = 2.0
 PARTS = 2  #: Of equal length, where no heading tells them apart.
 AGREE = 1.96  #: Standard deviations of their difference within which parts must agree.
 
-DAMPING_KNOWN = 0.25  #: Relative standard deviation of a model's damping for the craft at another loading.
+#: Standard deviation of the logarithm of a model's damping for the craft as it sails now: half and twice are likely.
+DAMPING_KNOWN = np.log(2.0)
 FREQUENCY_KNOWN = 0.2  #: The same of its natural frequency: a change of stiffness by half is likely.
 TURN = np.radians(15.0)  #: Change of heading that makes another part.
 
@@ -56,6 +57,11 @@ class SeaRecord:
     motion: AxisMotion
     heave: Heave | None = None
     bounds: tuple[float, ...] = ()  #: Times between its parts, s; empty: `PARTS` of equal length.
+
+    @classmethod
+    def of(cls, trial: Trial, axis: str) -> Self:
+        """One axis of a trial, divided where the craft turned."""
+        return cls(trial.axis(axis), heave_of(trial), turns_of(trial))
 
 
 @dataclass(frozen=True)
@@ -167,24 +173,6 @@ def is_at_sea(identified: IdentifiedModel) -> bool:
     return isinstance(provenance, dict) and provenance.get('identified_from') == AT_SEA
 
 
-def identify_at_sea(
-    motion: AxisMotion,
-    heave: Heave | None = None,
-    start: float | None = None,
-    end: float | None = None,
-    *,
-    searched: bool = False,
-    progress: Progress | None = None,
-    should_cancel: ShouldCancel | None = None,
-) -> AtSeaIdentification:
-    """Natural period and equivalent linear damping from a record in waves, used from ``start`` to ``end``, s.
-    ``searched`` says that the record is known to hold no free decay. Raises `InputError` where the record is too short
-    or cannot be used, and `Cancelled`.
-    """
-    record = SeaRecord(motion.between(start, end), heave)
-    return identify_seas([record], searched=searched, progress=progress, should_cancel=should_cancel)
-
-
 def identify_seas(
     records: Sequence[SeaRecord],
     prior: HullPrior | None = None,
@@ -194,8 +182,9 @@ def identify_seas(
     progress: Progress | None = None,
     should_cancel: ShouldCancel | None = None,
 ) -> AtSeaIdentification:
-    """The hull that records of one craft in waves share; as `identify_at_sea`. ``checks_parts``: whether parts, or
-    records, that are fitted alone must agree.
+    """The hull that records of one craft in waves share. ``searched``: they are known to hold no free decay;
+    ``checks_parts``: whether parts, or records, that are fitted alone must agree. Raises `InputError` where one is too
+    short or cannot be used, and `Cancelled`.
     """
     prior, report = prior or HullPrior(), progress or (lambda share: None)
     seas = [sea_of(record.motion) for record in records]
@@ -203,7 +192,7 @@ def identify_seas(
     every = [part for each in parts for part in each]
     rate = float(np.sqrt(np.mean([part.rate**2 for part in every])))
     reach = np.exp(prior.log_frequency + 3.0 * prior.log_frequency_std * np.array([-1.0, 1.0]))
-    low = max(SLOWEST_HULL * min(part.frequency[0] for part in every), reach[0])
+    low = max(min(part.frequency[0] for part in every), reach[0])
     high = min(FASTEST_HULL * max(part.frequency[-1] for part in every), reach[1])
     likelihoods = [SeaLikelihood(each, rate, prior, should_cancel) for each in parts]
     number = sum(map(len, parts)) if len(records) == 1 else len(records)

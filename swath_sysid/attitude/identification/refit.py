@@ -22,7 +22,6 @@ from swath_sysid.attitude.identification.at_sea import (
     identify_seas,
     is_at_sea,
     prior_of,
-    turns_of,
 )
 from swath_sysid.attitude.identification.hull_terms import CHANCE
 from swath_sysid.attitude.identification.identify import identify_problem
@@ -38,7 +37,6 @@ from swath_sysid.attitude.identification.live_decays import (
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD
 from swath_sysid.attitude.identification.problem import Problem, block_means, motion_fit
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
-from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, explain_absence
@@ -337,7 +335,7 @@ def _refit_at_sea(
     refuse_contradictions(trial, axis)
     motion, newest_window, held = trial.axis(axis), request.windows[-1], request.current.get(axis)
     try:
-        record = SeaRecord(motion, heave_of(trial), turns_of(trial))
+        record = SeaRecord.of(trial, axis)
         prior = None if held is None or is_at_sea(held) else prior_of(held, motion)
         found = identify_seas([record], prior, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:

@@ -12,6 +12,7 @@ approximation about the optimum of all other parameters: what the waves may have
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from scipy.special import logsumexp
@@ -21,16 +22,15 @@ from swath_sysid.common.cancelling import Progress, stop_if
 
 #: Standard deviations of the log of the excitation about the spectrum of its waves, each as likely as the others.
 ROUGHNESS = (0.05, 0.2, 0.5, 1.0)
-MIDDLE = 1  #: Place of the roughness that is searched from several starts.
 SMOOTH_OVER = 0.2  #: Correlation length of the deviation in log frequency.
 NEGLIGIBLE = 1e-3  #: Share of the deviation's variance that its basis leaves out.
 
 GRID_STEP = 0.05  #: Of log natural frequency; divided by three in each refinement.
 REFINEMENTS = 2
 NEAR = 10.0  #: Log posterior below its maximum down to which the grid is refined.
-STEPS = 25  #: Of a search,
-FIRST_STEPS = 6  #: ... and of those from several starts, of which the best goes on.
-LOG_STEPS = 4  #: Steps by least squares of logarithms that begin a search: they converge from anywhere.
+#: Of a search from each start, of which the best goes on; before them as many by least squares of logarithms, which
+#: converge from anywhere.
+FIRST_STEPS = 5
 CONVERGED = 0.02  #: Decrease of the cost.
 
 
@@ -211,7 +211,7 @@ class SeaLikelihood:
         weight = self._counts * np.sqrt(self._spectrum)
         missing = (measured - self._model(log_frequency, z, roughness)[0]) * weight
         z[:, self._level] = missing @ self._is_in / (weight @ self._is_in)
-        for _ in range(LOG_STEPS):
+        for _ in range(FIRST_STEPS):
             found, slopes = self._model(log_frequency, z, roughness)
             weighted = slopes * self._counts[:, None]
             information = weighted.transpose(0, 2, 1) @ slopes + np.diag(self._weight + 1e-3)
@@ -219,11 +219,11 @@ class SeaLikelihood:
             z = z - np.clip(np.linalg.solve(information, gradient[..., None])[..., 0], -0.7, 0.7)
         return z
 
-    def _minimise(self, log_frequency: np.ndarray, z: np.ndarray, roughness: float, steps: int = STEPS):
+    def _minimise(self, log_frequency: np.ndarray, z: np.ndarray, roughness: float, steps: float = np.inf):
         """Log evidence (P,), optimum (P, q) and variance of log damping (P,), by scoring with Levenberg's damping."""
         cost, gradient, information = self._evaluate(log_frequency, z, roughness)
         damping, diagonal = np.full(cost.size, 0.03), np.arange(z.shape[1])
-        for step in range(steps):
+        for step in count(1):
             stop_if(self._should_cancel)
             damped = information.copy()
             damped[:, diagonal, diagonal] *= 1.0 + damping[:, None]
@@ -235,7 +235,7 @@ class SeaLikelihood:
             cost, gradient = np.where(better, tried[0], cost), np.where(better[:, None], tried[1], gradient)
             information = np.where(better[:, None, None], tried[2], information)
             damping = np.where(better, damping / 5.0, damping * 6.0)
-            if step > 3 and gained < CONVERGED:
+            if step >= steps or gained < CONVERGED:
                 break
         volume = 0.5 * np.sum(np.log(self._weight[self._weight > 0.0])) - 0.5 * np.linalg.slogdet(information)[1]
         return volume - cost, z, np.linalg.inv(information)[:, 0, 0]
@@ -249,17 +249,15 @@ class SeaLikelihood:
 
     def optima(self, log_frequency: np.ndarray, begin: np.ndarray | None = None) -> Optima:
         """At natural frequencies (P,), begun from parameters (R, P, q) or from `Waves.starts`."""
-        found: dict[int, tuple[np.ndarray, ...]] = {}
-        # what led to the best optima of one roughness leads to those of the next
-        for place in (MIDDLE, *(k for k in range(len(ROUGHNESS)) if k != MIDDLE)):
+        found: list[tuple[np.ndarray, ...]] = []
+        for place, roughness in enumerate(ROUGHNESS):
             if begin is not None:
                 z = begin[place]
-            elif found:
-                z = found[MIDDLE if place < MIDDLE else place - 1][1]
             else:
-                z = self._begin(log_frequency, ROUGHNESS[place])
-            found[place] = self._minimise(log_frequency, z, ROUGHNESS[place])
-        return Optima(*(np.array([found[place][k] for place in range(len(ROUGHNESS))]) for k in range(3)))
+                # what led to the best optima of one roughness leads to those of the next
+                z = found[-1][1] if found else self._begin(log_frequency, roughness)
+            found.append(self._minimise(log_frequency, z, roughness))
+        return Optima(*map(np.array, zip(*found, strict=True)))
 
     def fitted(self, log_frequency: float, z: np.ndarray, roughness: float) -> list[tuple[np.ndarray, np.ndarray]]:
         """Of each part the fitted spectrum of the angle (B,) and the squared response of the hull (B,)."""

@@ -10,7 +10,7 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
-from swath_sysid.attitude.prediction.hull_watch import HullChange
+from swath_sysid.attitude.prediction.hull_watch import HullWatch
 from swath_sysid.common.advice import Advice
 
 #: First guess, least and most noise of sensors that do not report theirs, rad and rad/s.
@@ -52,7 +52,7 @@ class AxisFilter:
         self.hull = HullFilter(settings)
         self.identified: IdentifiedModel | None = None
         self.reach: Reach | None = None  #: Of the measured angle, where a hull is known.
-        self.change: HullChange | None = None  #: Since the model, where the waves tell.
+        self.watch = HullWatch()  #: Over the hull in waves, since its model.
         self.size = MotionSize(memory)
         #: Variances of white noise in angle and rate, which a sensor reports; zero where none is known for certain.
         self.known_noise = (0.0, 0.0)
@@ -71,7 +71,7 @@ class AxisFilter:
 
     def set_model(self, identified: IdentifiedModel | None) -> None:
         """Swap the hull; None where none is known."""
-        self.identified, self.change = identified, None
+        self.identified, self.watch = identified, HullWatch()
         self.reach = None if identified is None else Reach(identified.model.natural_period)
         self.hull.set_hull(identified)
         self.set_period(self.size.period)
@@ -132,13 +132,12 @@ class AxisFilter:
 
     def advice(self) -> tuple[Advice, ...]:
         """What contradicts the hull's model: what the filter learns, its own verdict, and the size of the motion."""
-        found, identified = list(self.hull.advice()), self.identified
+        identified = self.identified
+        # the filter learns more slowly than the waves tell
+        found = self.watch.advice() or list(self.hull.advice())
         if identified is None or self.reach is None:
             return ()
         axis = identified.model.axis
-        if self.change is not None and self.change.is_certain:
-            # the filter learns more slowly than the waves tell
-            found = [self.change.advice(axis)]
         if identified.verdict not in ('', 'adequate'):
             sentence = identified.verdict_sentence or 'release the craft again, and identify it'
             found.append(Advice.of('model-doubtful', axis=axis, verdict=identified.verdict, sentence=sentence))

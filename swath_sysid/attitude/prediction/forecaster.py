@@ -20,7 +20,7 @@ from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE, AxisFilt
 from swath_sysid.attitude.prediction.bank import HULL, Bank, ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
-from swath_sysid.attitude.prediction.hull_watch import WATCH_INTERVAL
+from swath_sysid.attitude.prediction.hull_watch import HullLook
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
@@ -153,7 +153,8 @@ class Forecaster:
         self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
         self._time = self._rows_begun = self._laid_out_at = self._stamp = 0.0
         self._heading = 0.0, 0.0
-        self._due = self._refit_due = self._sea_state_due = self._watch_due = -math.inf
+        self._due = self._refit_due = self._sea_state_due = -math.inf
+        self._looks = 0
         self._is_linked = False
         self._steps = 0  #: Since the newest row, where some are missing.
         self._has_waves = False
@@ -313,7 +314,6 @@ class Forecaster:
             self._upstream.lay_out(self._clock.step, ratio)
             if before != before:
                 self._rows_begun, self._sea_state_due = self._time, self._time + SEA_STATE_INTERVAL
-                self._watch_due = self._time + WATCH_INTERVAL * self._clock.period
                 if self._clock.samples == 1 and self._first is not None:
                     self._rows.append(self._clock.first(self._first))
                     self._upstream.append(self._stamp - self._sampled.elapsed, 1)
@@ -409,16 +409,17 @@ class Forecaster:
                 int(MEMORY_OF_SIZE * self._clock.period / self._clock.step),
                 self._leads[-1] + self._clock.step,
             ),
-            self._watched(excitations),
+            self._next_look(excitations),
         )
 
-    def _watched(self, excitations: Mapping[str, ExcitationRequest]):
-        """By axis the models that are to be compared with the motion now."""
-        if self._time < self._watch_due:
-            return {}
-        self._watch_due = self._time + WATCH_INTERVAL * self._clock.period
-        held = {name: axis.identified for name, axis in self._axes.items() if name in excitations}
-        return {name: identified for name, identified in held.items() if identified is not None}
+    def _next_look(self, excitations: Mapping[str, ExcitationRequest]):
+        """One axis in turn, as each look takes a while; by the whole past every third time."""
+        self._looks += 1
+        turn, place = divmod(self._looks, len(AXES))
+        identified = self._axes[AXES[place]].identified
+        if identified is None or AXES[place] not in excitations:
+            return None
+        return HullLook(AXES[place], identified, turn % 3 > 0)
 
     def _excitation_requests(self):
         step, samples = self._clock.step, self._clock.samples
@@ -452,9 +453,8 @@ class Forecaster:
             # unless the hull has become known meanwhile, or unknown
             if axis.hull.is_known == (excitation.stand_in is None):
                 axis.hull.set_excitation(excitation, self._time - fit.time)
-        for name, change in fit.changes.items():
-            # waves that do not tell leave the last finding
-            self._axes[name].change = change or self._axes[name].change
+        if fit.change is not None:
+            self._axes[fit.change.axis].watch.take(fit.change)
         if fit.sea is not None:
             self._sea_state_due += SEA_STATE_INTERVAL
         return fit.sea

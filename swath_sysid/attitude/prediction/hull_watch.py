@@ -1,6 +1,7 @@
-"""Whether a craft in waves still has the stiffness of its model."""
+"""Whether a craft in waves still has the stiffness and the damping of its model."""
 
-from dataclasses import dataclass
+from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,50 +10,99 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
-WATCH_INTERVAL = 15.0  #: Periods of the motion between two looks.
-BEYOND_CHANCE = 3.0  #: Standard deviations of the change from which it is reported.
+NEWEST = 90.0  #: Periods of the motion in which a change shows while the whole past still hides it.
+BEYOND_CHANCE = 3.0  #: Standard deviations of a change from which it is reported.
 
 
-@dataclass(frozen=True)
-class HullChange:
-    """The stiffness over inertia of a craft in waves, against its model at that amplitude."""
+class HullLook(NamedTuple):
+    """One axis to be compared with its model."""
 
-    log_ratio: float  #: Logarithm of the stiffness over the model's.
-    std: float  #: Of that.
+    axis: str
+    identified: IdentifiedModel
+    is_newest: bool  #: By the `NEWEST` part of the past alone.
+
+
+class Ratio(NamedTuple):
+    """A quantity of the craft over that of its model at the amplitude of the motion."""
+
+    log: float
+    std: float  #: Of the logarithm.
+
+    def differs_from(self, log: float) -> bool:
+        """Whether it differs beyond chance from a ratio of this logarithm."""
+        return abs(self.log - log) > BEYOND_CHANCE * self.std
+
+
+class HullChange(NamedTuple):
+    """What a look has found."""
+
+    axis: str
+    is_newest: bool
+    stiffness: Ratio  #: Over inertia.
+    damping: Ratio  #: Damping ratio.
     period: float  #: s.
     period_before: float  #: The model's, s.
 
-    @property
-    def is_certain(self) -> bool:
-        """Whether it is beyond chance."""
-        return abs(self.log_ratio) > BEYOND_CHANCE * self.std
 
-    def advice(self, axis: str) -> Advice:
-        """What to do about it."""
-        more, share = 'more' if self.log_ratio > 0.0 else 'less', abs(np.expm1(self.log_ratio))
-        spread = self.std * np.exp(self.log_ratio)
-        return Advice.of(
-            'hull-changed',
-            axis=axis,
-            share=share,
-            std=spread,
-            more=more,
-            period=self.period,
-            before=self.period_before,
-        )
+class HullWatch:
+    """The last two looks at the newest part of the past of one axis, and at the whole: waves deceive one of them."""
+
+    def __init__(self) -> None:
+        self._newest, self._whole = deque[HullChange](maxlen=2), deque[HullChange](maxlen=2)
+
+    def take(self, change: HullChange) -> None:
+        """Add a finding."""
+        (self._newest if change.is_newest else self._whole).append(change)
+
+    def of_stiffness(self) -> HullChange | None:
+        """The finding of a certain change."""
+        newest, whole = (_confirmed(looks, 'stiffness') for looks in (self._newest, self._whole))
+        is_over = whole and self._newest and self._newest[-1].stiffness.differs_from(whole.stiffness.log)
+        return newest or (None if is_over else whole)
+
+    def of_damping(self) -> HullChange | None:
+        """The finding of a certain change, which only a long past shows."""
+        return _confirmed(self._whole, 'damping')
+
+    def advice(self) -> list[Advice]:
+        """What has changed, and what to do about it."""
+        found = []
+        if (change := self.of_stiffness()) is not None:
+            log, std = change.stiffness
+            more, share, spread = 'more' if log > 0.0 else 'less', abs(np.expm1(log)), std * np.exp(log)
+            axis, period, before = change.axis, change.period, change.period_before
+            found.append(
+                Advice.of('hull-changed', axis=axis, share=share, std=spread, more=more, period=period, before=before)
+            )
+        if (change := self.of_damping()) is not None:
+            low, factor, high = np.exp(change.damping.log + 2.0 * change.damping.std * np.array([-1.0, 0.0, 1.0]))
+            found.append(Advice.of('damping-changed', axis=change.axis, factor=factor, low=low, high=high))
+        return found
 
 
-def hull_change(identified: IdentifiedModel, motion: AxisMotion) -> HullChange | None:
-    """The change of a craft in waves since its model; None where the waves do not tell."""
+def _confirmed(looks: deque[HullChange], quantity: str) -> HullChange | None:
+    """The last of two looks that both find a quantity changed in one direction."""
+    signs = {ratio.differs_from(0.0) and np.sign(ratio.log) for ratio in (getattr(look, quantity) for look in looks)}
+    return looks[-1] if len(looks) == looks.maxlen and len(signs) == 1 and signs != {False} else None
+
+
+def hull_change(look: HullLook, motion: AxisMotion, period: float) -> HullChange | None:
+    """What a motion of this period, s, in waves tells of its hull; None where it does not."""
     # identification loads much, and only the process that learns the waves needs it
     from swath_sysid.attitude.identification.at_sea import EQUIVALENT, SeaRecord, identify_seas, prior_of
     from swath_sysid.attitude.identification.fit_quality import amplitude_bands
 
-    amplitude = np.array([EQUIVALENT * np.std(motion.angle)]) if motion.angle is not None else np.full(1, np.nan)
+    identified = look.identified
+    newest = NEWEST * period
+    # of a young past it is the whole
+    is_newest = look.is_newest or motion.duration <= newest
+    if is_newest:
+        motion = motion.between(motion.time[-1] - newest, None)
+    amplitude = np.full(1, np.nan if motion.angle is None else EQUIVALENT * np.std(motion.angle))
     bands = amplitude_bands(identified.model, identified.covariance, amplitude, identified.posterior)
-    frequency, damping = float(bands.curves.frequency[0]), float(bands.curves.damping_ratio[0])
-    known = float(bands.frequency_std[0]) / frequency
-    if not (np.isfinite([frequency, damping, known]).all() and damping > 0.0):
+    (frequency,), (damping,) = bands.curves.frequency.tolist(), bands.curves.damping_ratio.tolist()
+    (frequency_std,), (damping_std,) = bands.frequency_std.tolist(), bands.damping_ratio_std.tolist()
+    if not (np.isfinite([frequency, damping, frequency_std, damping_std]).all() and damping > 0.0):
         return None
     try:
         found = identify_seas([SeaRecord(motion)], prior_of(identified, motion), searched=True, checks_parts=False)
@@ -60,6 +110,9 @@ def hull_change(identified: IdentifiedModel, motion: AxisMotion) -> HullChange |
         return None  # too few waves, or none that show a hull
     if not found.is_consistent:
         return None
-    before, std = 2.0 * np.pi / frequency, found.natural_period_std / found.natural_period
-    log_ratio = -2.0 * float(np.log(found.natural_period / before))
-    return HullChange(log_ratio, 2.0 * float(np.hypot(std, known)), found.natural_period, before)
+    before = 2.0 * np.pi / frequency
+    std = 2.0 * np.hypot(found.natural_period_std / found.natural_period, frequency_std / frequency)
+    stiffness = Ratio(2.0 * float(np.log(before / found.natural_period)), float(std))
+    std = np.hypot(found.damping_ratio_std / found.damping_ratio, damping_std / damping)
+    of_damping = Ratio(float(np.log(found.damping_ratio / damping)), float(std))
+    return HullChange(look.axis, is_newest, stiffness, of_damping, found.natural_period, before)

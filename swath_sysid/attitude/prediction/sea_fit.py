@@ -5,13 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
-from swath_sysid.attitude.prediction.hull_watch import HullChange, hull_change
+from swath_sysid.attitude.prediction.hull_watch import HullChange, HullLook, hull_change
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
@@ -40,7 +39,7 @@ class SeaRequest:
     vertical: VerticalRequest | None = None  #: None: vertical motion is not asked for.
     wants_sea_state: bool = False
     upstream: UpstreamRequest | None = None  #: None: there are no upstream channels.
-    watched: dict[str, IdentifiedModel] = field(default_factory=dict)  #: By axis, to be compared with the motion.
+    look: HullLook | None = None  #: At the hull of one of the axes in `excitations`.
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class SeaFit:
     vertical: VerticalFit | None = None  #: With the waves of all channels.
     sea: SeaReport | None = None  #: Where it was asked for.
     upstream: dict[str, UpstreamFit] = field(default_factory=dict)  #: By candidate, if the past is long enough.
-    changes: dict[str, HullChange | None] = field(default_factory=dict)  #: By axis that was watched.
+    change: HullChange | None = None  #: What the look has found.
 
 
 def fit_sea(request: SeaRequest) -> SeaFit:
@@ -102,13 +101,13 @@ def fit_sea(request: SeaRequest) -> SeaFit:
         vertical,
         sea_of(request) if request.wants_sea_state else None,
         {} if request.upstream is None else fit_upstream(past[:, : len(ATTITUDE)], step, period, request.upstream),
-        {axis: _change(axis, identified, request.excitations[axis]) for axis, identified in request.watched.items()},
+        None if request.look is None else _change(request.look, request.excitations[request.look.axis]),
     )
 
 
-def _change(axis: str, identified: IdentifiedModel, seen: ExcitationRequest):
+def _change(look: HullLook, seen: ExcitationRequest):
     time = seen.step * np.arange(seen.angle.size)
-    return hull_change(identified, AxisMotion(axis, time, seen.angle, seen.rate))
+    return hull_change(look, AxisMotion(look.axis, time, seen.angle, seen.rate), seen.period)
 
 
 def sea_of(request: SeaRequest) -> SeaReport:
