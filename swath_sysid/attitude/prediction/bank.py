@@ -35,7 +35,7 @@ from swath_sysid.common.advice import Advice
 
 HULL, LIBRARY, LEVEL = 'hull-filter', 'sea-library', 'mean'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
-CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, LEVEL: 0.02, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
+CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, LEVEL: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
 
 #: Forecasts and their deviations are at most as many times as large as the motion of now.
 WIDEST = 3.0
