@@ -112,6 +112,31 @@ def test_a_sea_state_that_comes_with_a_sample_that_is_passed_over_is_told(predic
     assert sent == [SEA_TOPIC]
 
 
+def test_only_what_somebody_may_hear_is_worked_into_messages(predictor, monkeypatch):
+    publish, sent = predictor._publish, set()
+    heard, always = 'forecast/lead_0_5s', {'forecast/next', 'forecast/calm'}
+
+    def watched(messages):
+        found = list(messages)
+        sent.update(topic for topic, _ in found)
+        publish(found)
+
+    def sail(first):
+        sent.clear()
+        for k in range(first, first + 20):
+            predictor._on_imu(imu_message(reading(EPOCH_NS + k * 100_000_000, roll=0.05 * math.sin(0.2 * k))))
+
+    monkeypatch.setattr(predictor, '_publish', watched)
+    sail(0)
+    assert sent == always
+    listener = rclpy.create_node('listener')
+    listener.create_subscription(Imu, heard, lambda message: None, 1)
+    wait_for(predictor._publisher_of[heard].get_subscription_count, 'subscription')
+    sail(20)
+    listener.destroy_node()
+    assert sent == {heard, *always}
+
+
 @pytest.mark.parametrize('make_executor', [events_executor, rclpy.executors.SingleThreadedExecutor])
 def test_after_a_stall_it_forecasts_from_the_newest_and_counts_what_it_passed_over(predictor, make_executor):
     bench, executor, interval_ns, count = Bench(), make_executor(), 10_000_000, 400

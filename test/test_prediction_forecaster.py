@@ -119,6 +119,13 @@ def test_jitter_of_the_stamps_costs_little(without_noise):
     assert (a[1:] < 1.5 * b[1:]).all()
 
 
+def test_a_forecast_is_of_its_stamp_where_the_stamps_of_even_samples_jitter(without_noise):
+    jitter = TIME[:900] + np.random.default_rng(2).uniform(-0.02, 0.02, 900)
+    _, jittered = run(SEA.samples(TIME[:900], jitter, told=False))
+    a, b = error(jittered, jitter, 50.0, 90.0), error(without_noise, TIME, 50.0, 90.0)
+    assert (a < 1.2 * b).all(), a / b
+
+
 def test_jitter_at_a_rate_between_two_numbers_of_samples_per_row_forgets_nothing():
     """Two samples of 25 Hz are as far from a row's time as three."""
     time = clock(25.0, 60.0)

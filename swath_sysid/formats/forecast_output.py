@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from math import isfinite, isnan
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.forecast import Forecast
     from swath_sysid.attitude.prediction.forecaster import ForecastStep
     from swath_sysid.attitude.prediction.outlook import Outlook
+    from swath_sysid.attitude.prediction.point import PointMotion
     from swath_sysid.attitude.prediction.quiescence import CalmWindow
 
 NOT_GIVEN: tuple[float, ...] = (NOT_MEASURED, *8 * (0.0,))  #: Covariance that a sensor_msgs/Imu does not give.
@@ -47,12 +49,15 @@ def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Se
 
 class ForecastMessages:
     """The messages of one predictor, in the craft's frame and in ``FRAME_level``, which follows its mean motion. The
-    frames predicted at the leads ``frames_at``, s, go to ``/tf``, beside ``FRAME_now``.
+    frames predicted at the leads ``frames_at``, s, go to ``/tf``, beside ``FRAME_now``. Those of topics that are not
+    wanted are not made.
     """
 
-    def __init__(self, frame_id: str, frames_at: Sequence[float] = ()) -> None:
+    def __init__(
+        self, frame_id: str, frames_at: Sequence[float] = (), is_wanted: Callable[[str], bool] = lambda topic: True
+    ) -> None:
         self.frame_id = frame_id
-        self._frames_at = frames_at
+        self._frames_at, self._is_wanted = frames_at, is_wanted
         self._level = f'{frame_id}_level'
         self.imu = messages.ImuMessage(frame_id)
         self._templates: dict[tuple, messages.Template] = {}
@@ -69,28 +74,32 @@ class ForecastMessages:
 
     def of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
         """Topic and message of the forecasts that a finished step leads to."""
-        forecast, horizon, outlook = step.forecast, step.horizon, step.outlook
-        if forecast is not None and horizon is not None and outlook is not None:
-            for place, lead in enumerate(forecast.leads.tolist()):
-                yield topics.lead_topic(lead), self._attitude(forecast, place)
-            yield topics.HORIZON_TOPIC, self._horizon(step, horizon)
-            yield topics.VALID_LEAD_TOPIC, messages.named_numbers_message(outlook.valid_leads)
-            if isfinite(outlook.quiescence):
-                kind = topics.TYPES[topics.QUIESCENCE_TOPIC]
-                yield topics.QUIESCENCE_TOPIC, messages.number_message(outlook.quiescence, kind)
-            yield topics.OUTLOOK_TOPIC, self._outlook(outlook, horizon.stamp_ns)
-            yield from self._at_points(forecast)
-            yield from self._horizons_of_points(horizon)
-            if isfinite(outlook.quiescence):
-                yield topics.CALM_TOPIC, self._calm(outlook.calm, horizon.stamp_ns)
-        if self._frames_at and forecast is not None and step.next is not None:
-            frames = list(self._transforms(forecast, step.next))
-            yield topics.FRAMES_TOPIC, serialised(make(topics.TYPES[topics.FRAMES_TOPIC], frames))
+        for topic, made in self._due(step):
+            if self._is_wanted(topic):
+                yield topic, made()
 
     def all_of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
         """Topic and message of everything that a finished step leads to."""
         for part in self.next_of, self.sea_of, self.of:
             yield from part(step)
+
+    def _due(self, step: ForecastStep) -> Iterator[tuple[str, Callable[[], bytes]]]:
+        """Topic, and what makes its message."""
+        forecast, horizon, outlook = step.forecast, step.horizon, step.outlook
+        if forecast is not None and horizon is not None and outlook is not None:
+            for place, lead in enumerate(forecast.leads.tolist()):
+                yield topics.lead_topic(lead), partial(self._attitude, forecast, place)
+            yield topics.HORIZON_TOPIC, partial(self._horizon, step, horizon)
+            yield topics.VALID_LEAD_TOPIC, partial(messages.named_numbers_message, outlook.valid_leads)
+            yield topics.OUTLOOK_TOPIC, partial(self._outlook, outlook, horizon.stamp_ns)
+            yield from self._at_points(forecast)
+            yield from self._horizons_of_points(horizon)
+            if isfinite(outlook.quiescence):
+                kind = topics.TYPES[topics.QUIESCENCE_TOPIC]
+                yield topics.QUIESCENCE_TOPIC, partial(messages.number_message, outlook.quiescence, kind)
+                yield topics.CALM_TOPIC, partial(self._calm, outlook.calm, horizon.stamp_ns)
+        if self._frames_at and forecast is not None and step.next is not None:
+            yield topics.FRAMES_TOPIC, partial(self._frames, forecast, step.next)
 
     def _attitude(self, forecast: Forecast, place: int) -> bytes:
         """The sensor_msgs/Imu of one lead, by its place; level about an axis that is not measured."""
@@ -128,13 +137,15 @@ class ForecastMessages:
             named['quiescence'] = outlook.quiescence
         return self._filled(_named, self.frame_id, tuple(named), stamp_ns, tuple(named.values()))
 
-    def _horizons_of_points(self, horizon: Forecast) -> Iterator[tuple[str, bytes]]:
+    def _horizons_of_points(self, horizon: Forecast) -> Iterator[tuple[str, Callable[[], bytes]]]:
         key = ('heave', 'heave_std'), _times_ns(horizon)
         for name, motion in horizon.points.items():
-            deviation = np.sqrt(np.diagonal(np.asarray(motion.covariance), axis1=1, axis2=2)[:, :3])
-            values = np.stack([motion.mean, deviation], axis=2).ravel()
-            raw = self._filled(_trajectory, self._level, key, horizon.stamp_ns, values)
-            yield topics.point_horizon_topic(name), raw
+            yield topics.point_horizon_topic(name), partial(self._horizon_of_point, motion, key, horizon.stamp_ns)
+
+    def _horizon_of_point(self, motion: PointMotion, key: tuple, stamp_ns: int) -> bytes:
+        deviation = np.sqrt(np.diagonal(motion.covariance, axis1=1, axis2=2)[:, :3])
+        values = np.stack([motion.mean, deviation], axis=2).ravel()
+        return self._filled(_trajectory, self._level, key, stamp_ns, values)
 
     def _calm(self, calm: CalmWindow | None, stamp_ns: int) -> bytes:
         """The probability at both ends of the next window of calm; no points without one."""
@@ -142,20 +153,30 @@ class ForecastMessages:
         probabilities = () if calm is None else (calm.probability, calm.probability)
         return self._filled(_trajectory, self._level, (('probability',), times_ns), stamp_ns, probabilities)
 
-    def _at_points(self, forecast: Forecast) -> Iterator[tuple[str, bytes]]:
+    def _at_points(self, forecast: Forecast) -> Iterator[tuple[str, Callable[[], bytes]]]:
         """A nav_msgs/Odometry and an acceleration for each point at each lead."""
-        leads, attitudes = forecast.leads.tolist(), forecast.mean.tolist()
         for name, motion in forecast.points.items():
-            rows = zip(leads, attitudes, motion.mean.tolist(), motion.covariance, strict=True)
-            for lead, attitude, vertical, covariance in rows:
+            for place, lead in enumerate(forecast.leads.tolist()):
                 stamp_ns = forecast.stamp_ns + round(lead / NANOSECOND)
-                values = _odometry_values(motion.place, attitude, vertical, covariance)
-                yield topics.point_lead_topic(name, lead), self._filled(_odometry, self._level, name, stamp_ns, values)
-                spread = _UNKNOWN_ACCELERATION.copy()
-                spread[2, 2] = covariance[2, 2]
-                values = 0.0, 0.0, vertical[2], *spread.ravel().tolist()
-                raw = self._filled(_acceleration, self._level, name, stamp_ns, values)
-                yield topics.point_acceleration_topic(name, lead), raw
+                odometry = partial(self._odometry, name, motion, forecast.mean[place], place, stamp_ns)
+                yield topics.point_lead_topic(name, lead), odometry
+                acceleration = partial(self._acceleration, name, motion, place, stamp_ns)
+                yield topics.point_acceleration_topic(name, lead), acceleration
+
+    def _odometry(self, name: str, motion: PointMotion, attitude: np.ndarray, place: int, stamp_ns: int) -> bytes:
+        vertical = motion.mean[place].tolist(), motion.covariance[place]
+        values = _odometry_values(motion.place, attitude.tolist(), *vertical)
+        return self._filled(_odometry, self._level, name, stamp_ns, values)
+
+    def _acceleration(self, name: str, motion: PointMotion, place: int, stamp_ns: int) -> bytes:
+        spread = _UNKNOWN_ACCELERATION.copy()
+        spread[2, 2] = motion.covariance[place, 2, 2]
+        values = 0.0, 0.0, motion.mean.item(place, 2), *spread.ravel().tolist()
+        return self._filled(_acceleration, self._level, name, stamp_ns, values)
+
+    def _frames(self, forecast: Forecast, following: Forecast) -> bytes:
+        frames = list(self._transforms(forecast, following))
+        return serialised(make(topics.TYPES[topics.FRAMES_TOPIC], frames))
 
     def _transforms(self, forecast: Forecast, following: Forecast) -> Iterator[tuple]:
         """From the level frame to the craft now and at the leads, all at the time of issue; the heading is left out."""

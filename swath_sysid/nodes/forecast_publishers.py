@@ -1,5 +1,8 @@
 """What the predictor publishes: the messages of its forecasts, and a publisher of each topic."""
 
+from collections.abc import Mapping
+from functools import partial
+
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
@@ -19,7 +22,7 @@ NO_FRAMES = (
 def forecast_publishers(
     node: Node, parameters: NodeParameters, health: PredictorHealth
 ) -> tuple[ForecastMessages, dict[str, Publisher]]:
-    """The messages of forecasts, and their publishers by topic."""
+    """The messages of forecasts that somebody subscribes to, and their publishers by topic."""
     frames = frames_at(parameters['frames_at_s'])
     if frames and message_class(TYPES[FRAMES_TOPIC]) is None:
         node.get_logger().error(NO_FRAMES)
@@ -28,4 +31,9 @@ def forecast_publishers(
     for topic in forecast_topics(settings.leads, [point.name for point in settings.points], frames):
         qos = LATCHED if topic in LATCHED_TOPICS else NEWEST
         found[topic] = watched_publisher(node, message_class(type_of(topic)), topic, qos, health)
-    return ForecastMessages(parameters['frame_id'], frames), found
+    return ForecastMessages(parameters['frame_id'], frames, partial(_is_heard, found)), found
+
+
+def _is_heard(publishers: Mapping[str, Publisher], topic: str) -> bool:
+    """Whether somebody gets its next message, or may come to get the last one."""
+    return topic in LATCHED_TOPICS or publishers[topic].get_subscription_count() > 0

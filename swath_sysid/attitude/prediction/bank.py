@@ -14,7 +14,7 @@ from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.hull_state import TRIM
 from swath_sysid.attitude.prediction.point import ATTITUDE
-from swath_sysid.attitude.prediction.rows import RowClock
+from swath_sysid.attitude.prediction.rows import AT_ONCE, RowClock
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.state_space import (
@@ -66,7 +66,7 @@ class Bank:
         self._library: SeaLibrary  # which `begin` begins
         self._since_break = math.inf  #: Rows.
         whole = leads / step
-        are_rows = np.abs(whole - np.round(whole)) < 0.02
+        are_rows = np.abs(whole - np.round(whole)) < AT_ONCE
         self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._steps.size == whole.size
 
     @property
@@ -190,10 +190,13 @@ class Bank:
         for axis in self._axes:
             axis.rows_since_surprise += steps
 
-    def forecast(self, stamp_ns: int, age: float) -> Forecast:
-        """The average of the candidates at the leads, ``age`` s after the newest row."""
-        at_row = age == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
-        mean, covariance = self._at_row if at_row else self._forecasts(self._leads, age)
+    def forecast(self, stamp_ns: int, age: float, lateness: float = 0.0) -> Forecast:
+        """The average of the candidates at the leads after a stamp, which is ``lateness`` s after the newest sample.
+
+        That is ``age`` s after the newest row.
+        """
+        at_row = age == lateness == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
+        mean, covariance = self._at_row if at_row else self._forecasts(np.maximum(self._leads + lateness, 0.0), age)
         ahead = self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
         return self._bounded(ahead)
 

@@ -474,7 +474,7 @@ class Forecaster:
         for place, axis in enumerate(self._axes.values()):
             of_axis = slice(place, None, len(AXES))
             if axis.hull.is_started:
-                mean[0, of_axis], covariance[0, of_axis, of_axis] = axis.hull.ahead(lead)
+                mean[0, of_axis], covariance[0, of_axis, of_axis] = axis.hull.ahead(lead + self._clock.sensor.lateness)
             else:
                 mean[0, of_axis] = covariance[0, of_axis] = covariance[0, :, of_axis] = math.nan
         return self._issued(Forecast(stamp_ns, np.array([lead]), mean, covariance), {})
@@ -485,9 +485,9 @@ class Forecaster:
 
     def _issue(self, bank: Bank, stamp_ns: int) -> tuple[Forecast, Forecast, Outlook]:
         """At the leads and over the horizon."""
-        since_row = self._clock.since_row
-        attitude = bank.forecast(stamp_ns, since_row)
-        whole = self._issued(attitude, self._points.forecast(attitude, since_row))
+        since_row, lateness = self._clock.since_row, self._clock.sensor.lateness
+        attitude = bank.forecast(stamp_ns, since_row, lateness)
+        whole = self._issued(attitude, self._points.forecast(attitude, since_row + lateness))
         horizon = whole.chosen(self._over_horizon)
         valid_leads = self._valid_leads.assess(self._time, horizon)
         quiescence, window = math.nan, None

@@ -44,6 +44,7 @@ _INTERVALS = 51  #: Of which the first guess of the interval is the median, and 
 #: Relative differences of a step: that begin rows anew (of the interval: from which samples are read between), and up
 #: to which it is the same one.
 _NEW_STEP, _SAME_STEP = 0.3, 2e-3
+AT_ONCE = 0.02  #: Of a step or an interval: what is less apart in time is not told apart.
 _UNKNOWN = (math.nan, math.nan)
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
@@ -67,6 +68,12 @@ class SampleClock:
         self._behind = self._told = 0.0
         self._jitter = 0.0
         self._irregular = 0
+
+    @property
+    def lateness(self) -> float:
+        """s from the newest sample to its stamp; zero where no more than rounding."""
+        offset = self._behind - self._told
+        return offset if abs(offset) > AT_ONCE * self.interval else 0.0
 
     def restart(self) -> None:
         """Forget the time of the newest sample."""
