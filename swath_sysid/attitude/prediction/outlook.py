@@ -139,7 +139,7 @@ class CalmForecaster:
 
 @dataclass(frozen=True)
 class ErrorLimit:
-    """Largest expected error of a forecast that is trusted."""
+    """Largest expected error of a forecast that is trusted, which a tenth of the errors may exceed."""
 
     share: float = 0.5  #: Of the standard deviation of the motion over the last periods.
     angle: float = 0.0  #: rad; of roll and pitch, in place of the share; 0: the share.
