@@ -56,9 +56,9 @@ class Blend:
         # time, ratio, tail and scale of each
         self._spread = np.ones((4, 2, steps, axes))
         self._spread[::2] = 0.0
-        self.scale = self._spread[3, 0]
+        self.scale = self._widened = self._spread[3, 0]
         # of the newest errors, squared over what was expected of them: while a motion grows, all forecasts are too sure
-        self._recent = np.ones((steps, axes))
+        self._recent = np.ones((2, steps, axes))
         self.blended_square = np.zeros((steps, axes))
         self.coverage = np.full((steps, axes), 1.0 - MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self.mean_square.shape)
@@ -100,16 +100,20 @@ class Blend:
         excused = (self.steps[:, None] > foreseeable) & (self._excused < _MAX_EXCUSED)
         self._excused += self._step / MEMORY_OF_SIZE * (excused - self._excused)
         blended[excused] = np.nan
+        judged &= ~excused
         was_free = self._was_free[then], self._places[:, None], self._axes
         surprise = _QUANTILE**2 * np.where(judged, blended, 0.0) ** 2 / np.where(judged, usual, 1.0)
         # over a period
         surprise = np.minimum(surprise, CREDIBLE)
-        self._recent += self._step / (1.0 + self._step) * judged * (surprise - self._recent)
+        self._recent[was_free] += self._step / (1.0 + self._step) * judged * (surprise - self._recent[was_free])
         # waves that grow may double within a lead
         growth = np.maximum(0.5 * size / np.where(judged, size_then, size), 1.0) ** 2
         self._learn(errors, blended, of_average, interval, noise_variance, was_free, growth)
         self._was_free[now] = free
-        self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
+        is_free = self._was_free[now], self._places[:, None], self._axes
+        self.scale = self._spread[(3, *is_free)]
+        # while the newest errors are larger than were expected
+        self._widened = self.scale * np.maximum(self._recent[is_free], 1.0)
         own = self._weights(self._places, self._axes, variance + noise_variance)
         weights = present_weights(own, np.isfinite(mean))
         variance = _weighted(weights, variance)
@@ -118,11 +122,6 @@ class Blend:
         self._issued[now] = [_weighted(weights, mean), variance, usual, issued, sizes, *mean]
         self._row += 1
 
-    @property
-    def _widened(self):
-        """The scale (S, A), larger while the newest errors are larger than were expected."""
-        return self.scale * np.maximum(self._recent, 1.0)
-
     def carry_over(self, other: 'Blend') -> None:
         """Begin with what another one, of the same leads on other rows, has learnt of the errors."""
         same = other.place_of_lead[np.unique(self.place_of_lead, return_index=True)[1]]
@@ -130,7 +129,7 @@ class Blend:
         self._spread = other._spread[:, :, same].copy()
         for name in ('_time', '_excused', 'blended_square', 'coverage'):
             setattr(self, name, getattr(other, name)[same].copy())
-        self.scale = self._spread[3, 0]
+        self.scale = self._widened = self._spread[3, 0]
 
     def renew(self, candidate: int, axis: int | slice, among: Sequence[int]) -> None:
         """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one.
