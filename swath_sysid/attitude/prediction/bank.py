@@ -267,6 +267,9 @@ class Bank:
             for place, strain in strained.items():
                 covariance[place] *= strain / HEALTHY_STRAIN
                 mean[place][:, trusted[place]] = math.nan
+        if any(axis.identified is not None for axis in self._axes):
+            # a few errors would not tell that it knows less
+            mean[level][:, self._hull_is_trusted()[level]] = math.nan
         for name, fitted in self._fitted.items():
             if fitted.is_contradicted:
                 mean[self._place[name]] = math.nan
