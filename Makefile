@@ -27,10 +27,10 @@ demo: $(READY)
 
 test: $(TESTS_READY)
 	@$(MAKE) --no-print-directory --jobs 2 lint kernels
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m 'not long'
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m 'not long'
 
 test-long: $(TESTS_READY)
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m long $$(grep -rl --include='test_*.py' mark.long test)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m long $$(grep -rl --include='test_*.py' mark.long test)
 
 lint: $(TESTS_READY)
 	$(BIN)/ruff format --check
