@@ -154,6 +154,18 @@ def test_what_errs_under_a_moment_does_not_widen_the_intervals_of_a_free_hull():
     assert (blend.scale[:, 0] > 4.0).all() and blend.scale[:, 1] == pytest.approx(1.0)
 
 
+def test_a_moment_that_nobody_foresaw_leaves_the_widths_to_the_newest_errors():
+    blend, rng = _blend((1.0,)), np.random.default_rng(6)
+    mean, variance = np.ones((1, 3, 1)), np.ones((1, 3, 1))
+    for row in range(600):
+        blend.take(np.zeros(1), rng.normal(size=(1, 3, 1)), variance, foreseeable=0.0 if row == 300 else np.inf)
+    assert blend.combine(0, 0.0 * mean, variance[..., None], [0]).deviation == pytest.approx(1.0, rel=0.4)
+    for _ in range(round(PERIOD / STEP)):
+        blend.take(np.zeros(1), 3.0 * mean, variance)
+    told = blend.combine(0, mean, variance[..., None], [0]).deviation
+    assert (told > 2.0).all() and (told < 4.0).all()
+
+
 def test_errors_that_are_the_sensors_noise_for_the_most_part_leave_the_claims_alone():
     rng = np.random.default_rng(4)
     blend = _blend((1.0,))
