@@ -213,6 +213,8 @@ def test_where_wings_are_deleted_nothing_else_is_missing(gone, tmp_path):
     for name in gone:
         expected = without(expected, WINGS[name])
     assert found == expected
+    if len(gone) < len(WINGS):
+        return  # what the tests of the core need is gone with all of them, if ever
     tests = [f'test/test_{name}.py' for name in TESTS]
     quick = ('-m', 'pytest', '-q', '-p', 'no:cacheprovider', '-m', 'not dds and not long')
     run_in(copy, *quick, *tests)
