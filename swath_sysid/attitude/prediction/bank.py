@@ -283,7 +283,7 @@ class Bank:
         return mean, covariance
 
     def _hull_is_trusted(self):
-        """Targets, by candidate, that an identified hull explains at present, and forecasts better.
+        """Targets, by candidate, that an identified hull explains at present, and forecasts no worse.
 
         A wide filter explains any sample, but may forecast badly.
         """
@@ -292,7 +292,7 @@ class Bank:
             axis.identified is not None and axis.hull.is_started and axis.hull.strain < HEALTHY_STRAIN
             for axis in self._axes
         ]
-        return ((level[self._place[HULL]] < level) & explains)[:, _AXIS_OF_TARGET]
+        return ((level[self._place[HULL]] <= level) & explains)[:, _AXIS_OF_TARGET]
 
 
 def without_noise(covariance: np.ndarray, noise: np.ndarray) -> np.ndarray:
