@@ -326,8 +326,8 @@ samples before the end of the warm-up; without a hull in these samples there is 
 
 A row that `expects` gives the error that the learnt models of the row above expect of themselves, before calibration.
 More data or a better fit can gain the difference; only another sensor can gain more. The column `valid lead` gives how
-far ahead the forecasts said that they can be trusted (median; expected error below half of the motion), and the
-measured error there divided by this limit: 1 is calibrated.
+far ahead the forecasts said that they can be trusted (median; expected error below half of the motion, and at most a
+tenth of the errors beyond it), and the measured error there divided by the expected one: 1 is calibrated.
 
 The records and their licences are named in `records/NOTICE` or in the titles. Your own forecaster is a function:
 `python benchmark/records.py --help`.

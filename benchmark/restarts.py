@@ -32,17 +32,16 @@ SPANS = (0.0, 0.25), (0.25, 1.0), (1.0, 2.0), (2.0, 3.0)  # periods
 NOISE = {'angle': 3e-4, 'rate': 2e-3, 'force': 0.03}
 UNKNOWN = (0.0,) * 9
 CRAFT = {'roll': (3.0, 0.06, 4.0), 'pitch': (2.2, 0.12, 2.0)}  # natural period, s; damping ratio; motion, deg
-HULLS = {
-    axis: IdentifiedModel.exactly(
-        DecayModel.from_terms(
-            equation_named('linear'),
-            {'b1': 4.0 * np.pi * damping / natural, 'r1': (2.0 * np.pi / natural) ** 2},
-            axis=axis,
-        )
-    )
-    for axis, (natural, damping, _) in CRAFT.items()
-}
 EPOCH_NS = 1_700_000_000 * 10**9
+
+
+def hulls(stiffness=1.0):
+    """The identified models of the craft, of so many times its stiffness."""
+    found = {}
+    for axis, (natural, damping, _) in CRAFT.items():
+        ratios = {'b1': 4.0 * np.pi * damping / natural, 'r1': stiffness * (2.0 * np.pi / natural) ** 2}
+        found[axis] = IdentifiedModel.exactly(DecayModel.from_terms(equation_named('linear'), ratios, axis=axis))
+    return found
 
 
 class Waves:
@@ -145,7 +144,7 @@ def errors_after(seed, faults, size, with_hulls):
     waves = Waves(seed, size)
     warm = WARM + 0.37 * seed
     before = ForecastPipeline()
-    before.set_models(HULLS if with_hulls else {})
+    before.set_models(hulls() if with_hulls else {})
     play(before, readings(waves, np.arange(-round(warm * RATE), 0) / RATE, seed))
     even = np.arange(round(AFTER * PERIOD * RATE)) / RATE
     for name in faults:

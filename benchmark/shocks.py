@@ -2,17 +2,19 @@
 
     OMP_NUM_THREADS=1 python benchmark/shocks.py
     OMP_NUM_THREADS=1 python benchmark/shocks.py onset halved --change 300
+    OMP_NUM_THREADS=1 python benchmark/shocks.py --craft stiff
 
-The motion is the moored buoy's, angles and rates. For each change, axis and span of periods after it: root mean square
-error over the standard deviation of the motion of then, how often the 90 % intervals held, and the standard deviation
-issued over that of the motion; the warm buoy in its last line. Records are read from the folder that SWATH_SYSID_DATA
-names.
+The motion is the moored buoy's, angles and rates, or that of simulated craft in waves, whose hull is not known, known,
+or taken to be twice as stiff. For each change, axis and span of periods after it: root mean square error over that of
+the mean, coverage of the 90 % intervals, and the standard deviation issued over that of the motion after the change;
+the steady motion in the last lines. Records are read from the folder that SWATH_SYSID_DATA names.
 """
 
 import argparse
 
 import numpy as np
 from record_forecasts import buoy
+from restarts import NOISE, Waves, hulls
 
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
@@ -20,7 +22,7 @@ from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.pipeline.record_run import run_through
 
 LEADS = 0.5, 1.0, 2.0, 5.0
-PERIOD = 3.3  #: s; of the buoy.
+PERIOD = 3.3  #: s; of the buoy, and about that of the craft.
 SPANS = (0.0, 0.25), (0.25, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, 40.0)
 STILL = np.radians(0.002)
 
@@ -36,11 +38,23 @@ CHANGES = {
 }
 
 
-def motion_of_buoy():
-    """Its angles and rates about their means (N, 4), ten a second."""
+#: The hulls that are known, by craft; the buoy has none.
+CRAFTS = {'buoy': {}, 'unknown': {}, 'known': hulls(), 'stiff': hulls(2.0)}
+
+
+def stretches_of_buoy(count, length):
+    """Its angles and rates about their means (N, 4), ten a second, from several times on."""
     trial = buoy()
     motion = np.stack([trial.channels[name] for name in ATTITUDE], axis=1)
-    return np.nan_to_num(motion - np.nanmean(motion, axis=0))
+    motion = np.nan_to_num(motion - np.nanmean(motion, axis=0))
+    return [motion[start : start + length] for start in np.linspace(0, len(motion) - length, count).astype(int)]
+
+
+def motion_of_craft(seed, length):
+    """Angles and rates (N, 4) of a linear craft in waves, as they are measured ten times a second."""
+    waves, time = Waves(seed), 0.1 * np.arange(length)
+    noise = np.random.default_rng(seed).normal(size=(length, 4)) * np.repeat([NOISE['angle'], NOISE['rate']], 2)
+    return np.stack([waves.motion(axis, time, order) for order in (0, 1) for axis in AXES], axis=1) + noise
 
 
 def changed(motion, kind, row, seed=0):
@@ -50,19 +64,20 @@ def changed(motion, kind, row, seed=0):
     return np.vstack([before[:row], CHANGES[kind](motion[row:], still[row:])])
 
 
-def scores(motion, start):
-    """Periods after the change (N,), errors (2, N, L) and standard deviations over the later motion's."""
+def scores(motion, start, models):
+    """Periods after the change (N,), errors, those of the mean and standard deviations (N, 2, L) over the motion's."""
     time = 0.1 * np.arange(len(motion))
     trial = Trial(time, **dict(zip(ATTITUDE, motion.T, strict=True)))
-    issued = [step for step in run_through(trial, ForecasterSettings(LEADS)).steps if step.forecast is not None]
+    issued = [step for step in run_through(trial, ForecasterSettings(LEADS), models).steps if step.forecast is not None]
     size = np.maximum(motion[start:, : len(AXES)].std(axis=0), STILL)[:, None]
     stamps = np.array([step.stamp for step in issued])
-    errors, deviations = [], []
+    errors, of_mean, deviations = [], [], []
     for step in issued:
         truth = [np.interp(step.stamp + np.array(LEADS), time, trial.channels[axis], right=np.nan) for axis in AXES]
         errors.append((np.array([step.forecast.angle(axis) for axis in AXES]) - truth) / size)
+        of_mean.append(truth / size)
         deviations.append(step.forecast.deviation[:, : len(AXES)].T / size)
-    return (stamps - time[start]) / PERIOD, np.array(errors), np.array(deviations)
+    return (stamps - time[start]) / PERIOD, np.array(errors), np.array(of_mean), np.array(deviations)
 
 
 def main() -> None:
@@ -71,30 +86,31 @@ def main() -> None:
     parser.add_argument('changes', nargs='*', default=[*CHANGES], help=f'of {", ".join(CHANGES)} (default: all)')
     parser.add_argument('--change', type=float, default=100.0, help='s after the first sample')
     parser.add_argument('--starts', type=int, default=6, help='at different times of the record')
+    parser.add_argument('--craft', choices=CRAFTS, default='buoy')
     given = parser.parse_args()
     if unknown := set(given.changes) - set(CHANGES):
         parser.error(f'{", ".join(sorted(unknown))} is none of {", ".join(CHANGES)}')
     row, length = round(10.0 * given.change), round(10.0 * (given.change + SPANS[-1][1] * PERIOD))
-    whole = motion_of_buoy()
-    starts = np.linspace(0, len(whole) - length, given.starts).astype(int)
-    print(f'leads {LEADS} s; error | held | stated, over the motion')
+    if given.craft == 'buoy':
+        motions = stretches_of_buoy(given.starts, length)
+    else:
+        motions = [motion_of_craft(seed, length) for seed in range(given.starts)]
+    print(f'leads {LEADS} s; error over that of the mean | held | stated, over the motion')
     for kind in given.changes:
-        at, errors, deviations = (
-            np.concatenate(parts)
-            for parts in zip(
-                *(scores(changed(whole[start : start + length], kind, row), row) for start in starts), strict=True
-            )
-        )
+        runs = (scores(changed(motion, kind, row), row, CRAFTS[given.craft]) for motion in motions)
+        at, errors, of_mean, deviations = (np.concatenate(parts) for parts in zip(*runs, strict=True))
         for axis, name in enumerate(AXES):
             for begin, end in SPANS:
                 of_span = (at >= begin) & (at < end)
-                error, deviation = errors[of_span, axis], deviations[of_span, axis]
+                error, mean, deviation = errors[of_span, axis], of_mean[of_span, axis], deviations[of_span, axis]
                 known = np.isfinite(error)
                 held = [
                     np.mean((np.abs(e) < 1.645 * d)[k]) for e, d, k in zip(error.T, deviation.T, known.T, strict=True)
                 ]
-                rms, wide = np.sqrt(np.nanmean(error**2, axis=0)), np.nanmean(deviation, axis=0)
-                parts = (' '.join(f'{value:5.2f}' for value in values) for values in (rms, held, wide))
+                rms = np.sqrt(np.nanmean(error**2, axis=0) / np.nanmean(mean**2, axis=0))
+                parts = (
+                    ' '.join(f'{value:5.2f}' for value in values) for values in (rms, held, deviation.mean(axis=0))
+                )
                 print(f'{kind:8} {name:5} {begin:5.2f} to {end:5.2f} | ' + ' | '.join(parts), flush=True)
 
 

@@ -185,6 +185,17 @@ def test_a_record_that_will_not_do_is_refused_in_one_sentence(linear_motion):
         identify_at_sea(linear_motion, should_cancel=lambda: True)
 
 
+def test_calm_before_the_waves_is_left_out(linear_motion):
+    count = int(0.6 * linear_motion.size)
+    noise = np.random.default_rng(5).normal(size=(2, count)) * [[1e-3], [1.65e-2]]
+    angle, rate = linear_motion.angle.copy(), linear_motion.rate.copy()
+    angle[:count], rate[:count] = noise
+    motion = replace(linear_motion, angle=angle, rate=rate)
+    found = identify_at_sea(motion, searched=True)
+    assert len(found.spectra) == 1
+    assert found.natural_period == pytest.approx(LINEAR.natural_period, abs=3.0 * found.natural_period_std)
+
+
 @pytest.mark.long
 def test_a_refit_on_waves_believes_what_is_better(linear_motion):
     refitter = Refitter(ROLL_ONLY)

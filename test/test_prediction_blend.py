@@ -149,9 +149,21 @@ def test_what_errs_under_a_moment_does_not_widen_the_intervals_of_a_free_hull():
     blend, (mean, variance) = _blend((1.0,), axes=2), np.ones((2, 1, 3, 2))
     for _ in range(600):
         blend.take(np.zeros(2), 3.0 * mean, variance)
-    assert (blend.scale > 5.0).all()
+    assert (blend.scale > 4.0).all()
     blend.take(np.zeros(2), mean, variance, free=np.array([0, 1]))
-    assert (blend.scale[:, 0] > 5.0).all() and blend.scale[:, 1] == pytest.approx(1.0)
+    assert (blend.scale[:, 0] > 4.0).all() and blend.scale[:, 1] == pytest.approx(1.0)
+
+
+def test_a_moment_that_nobody_foresaw_leaves_the_widths_to_the_newest_errors():
+    blend, rng = _blend((1.0,)), np.random.default_rng(6)
+    mean, variance = np.ones((1, 3, 1)), np.ones((1, 3, 1))
+    for row in range(600):
+        blend.take(np.zeros(1), rng.normal(size=(1, 3, 1)), variance, foreseeable=0.0 if row == 300 else np.inf)
+    assert blend.combine(0, 0.0 * mean, variance[..., None], [0]).deviation == pytest.approx(1.0, rel=0.4)
+    for _ in range(round(PERIOD / STEP)):
+        blend.take(np.zeros(1), 3.0 * mean, variance)
+    told = blend.combine(0, mean, variance[..., None], [0]).deviation
+    assert (told > 2.0).all() and (told < 4.0).all()
 
 
 def test_errors_that_are_the_sensors_noise_for_the_most_part_leave_the_claims_alone():
@@ -242,6 +254,7 @@ def test_within_the_first_row_the_sooner_the_more_the_first_candidate_counts():
     mean = np.array([2.0, 1.0])[:, None, None] * np.ones((2, 5, 1))
     told = blend.combine(0, mean, np.ones((2, 5, 1, 1)) * np.array([0.1, 1.0])[:, None, None, None], [0])
     assert told.mean[:, 0] == pytest.approx([1.99, 1.75, 1.19, 1.0, 1.0], abs=0.01)
-    assert (np.diff(told.deviation[:, 0]) > -1e-9).all()
+    # errors that are always the same let the scale oscillate about them
+    assert (np.diff(told.deviation[:, 0]) > -0.005).all()
     bounded = blend.combine(0, mean, np.full((2, 5, 1, 1), 1e-9), [0], least_variance=np.array([0.25]))
     assert bounded.deviation == pytest.approx(0.5)

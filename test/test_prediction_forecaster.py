@@ -210,6 +210,15 @@ def test_a_motion_that_goes_on_while_its_clock_is_set_is_forecast_as_before(run_
     assert (after[1:] < 1.2 * without[1:]).all(), after / without
 
 
+@pytest.mark.parametrize('shift', [-0.3, -0.5])
+def test_a_clock_that_is_set_back_by_a_few_intervals_is_followed(run_on, steady, shift):
+    """The stamps may overlap so that the messages look late until one is in order again."""
+    steps = run_on(SEA.samples(TIME, EPOCH + TIME + np.where(TIME < 60.0, 0.0, shift)))
+    assert sum('clock-stepped' in step.reasons for step in steps) == 1
+    after, without = (error(given, TIME, 60.0, 70.0) for given in (steps, steady))
+    assert (after[1:] < 1.2 * without[1:]).all(), after / without
+
+
 def test_a_clock_that_is_set_back_by_less_than_a_late_message_is_is_followed():
     time = clock(50.0, 12.0)
     _, steps = run(SEA.samples(time, EPOCH + time - np.where(time < 10.0, 0.0, 0.5)))

@@ -40,7 +40,7 @@ class ValidLeadSkill:
     """The valid leads of one axis, and the errors at them."""
 
     lead: np.ndarray  #: (3,); s; the median, and the bounds of the central 80 %.
-    error_over_limit: float  #: Root mean square of the errors at the valid leads over the limit; 1 is calibrated.
+    error_over_limit: float  #: Root mean square of the errors at the valid leads over the expected; 1 is calibrated.
     counted: int  #: Errors in it: neither zero nor the whole horizon, and measured then.
     beyond_horizon: float  #: Share of the forecasts whose limit lies beyond the horizon.
 
@@ -260,9 +260,7 @@ def score_forecasts(
 
 
 def score_valid_leads(record: Record, axis: str, steps: Sequence[Any]) -> ValidLeadSkill:
-    """Score the valid leads of an axis that were issued at these steps. At a valid lead within the horizon the expected
-    error is the limit, so that errors are divided by it as issued.
-    """
+    """Score the valid leads of an axis that were issued at these steps, by the errors over those expected there."""
     leads = np.array([step.outlook.valid_leads.get(axis, np.nan) for step in steps])
     known, end = np.isfinite(leads), np.array([step.horizon.leads[-1] for step in steps])
     ratio = []

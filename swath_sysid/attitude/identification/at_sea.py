@@ -261,12 +261,17 @@ def _turns(time: np.ndarray, heading: np.ndarray) -> list[float]:
 
 
 def parts_of(sea: SeaMotion, record: SeaRecord) -> list[SeaPart]:
-    """The spectra of the parts of a motion; of those that hold too few waves the motion is left out."""
+    """The spectra of the parts of a motion; parts that hold too few waves, or only calm, are left out."""
     end = sea.start + sea.duration
     inner = record.bounds or tuple(np.linspace(sea.start, end, PARTS + 1)[1:-1])
     bounds = [sea.start, *(each for each in sorted(inner) if sea.start < each < end), end]
     long = [pair for pair in pairwise(bounds) if pair[1] - pair[0] >= MIN_WAVES / PARTS * 2.0 * np.pi / sea.peak]
-    return [sea_part(sea.between(*pair), record.heave) for pair in long or [(sea.start, end)]]
+    parts = [sea_part(sea.between(*pair), record.heave) for pair in long or [(sea.start, end)]]
+    # calm is clear of the noise in a single band at most
+    waves = [part for part in parts if part.frequency.size > 1]
+    if not waves:
+        raise _too_few_waves(sea, record.motion.axis)
+    return waves
 
 
 def _apart(alone: Sequence[FrequencyPosterior]) -> float:
@@ -278,15 +283,17 @@ def _apart(alone: Sequence[FrequencyPosterior]) -> float:
 def sea_of(motion: AxisMotion) -> SeaMotion:
     """The motion in waves, with enough of them to separate hull and sea."""
     sea = sea_motion(motion)
+    if sea.duration * sea.peak < 2.0 * np.pi * MIN_WAVES:
+        raise _too_few_waves(sea, motion.axis)
+    return sea
+
+
+def _too_few_waves(sea: SeaMotion, axis: str) -> InputError:
     period = 2.0 * np.pi / sea.peak
     # one at each end is left out
-    needed = (MIN_WAVES + 2) * period
-    if sea.duration < MIN_WAVES * period:
-        short = Advice.of(
-            'too-few-waves', axis=motion.axis, duration=sea.duration, period=period, needed=np.ceil(needed)
-        )
-        raise InputError(short.message, short.code)
-    return sea
+    needed = np.ceil((MIN_WAVES + 2) * period)
+    short = Advice.of('too-few-waves', axis=axis, duration=sea.duration, period=period, needed=needed)
+    return InputError(short.message, short.code)
 
 
 def _identification(

@@ -122,7 +122,8 @@ class AxisFilter:
         seen = np.isfinite(values)
         noise = np.where(np.isfinite(self.noise), self.noise, 0.0)
         size = self.size.activity * np.array([1.0, 2.0 * math.pi / self.size.period])
-        means, spreads = self.hull.forecast(np.array([usual, max(elapsed, usual)]))
+        leads, places = np.unique([usual, elapsed], return_inverse=True)
+        means, spreads = (values[places] for values in self.hull.forecast(leads))
         means, spreads = np.vstack([means, [self.size.mean, 0.0]]), np.concatenate([spreads, np.diag(size**2)[None]])
         spreads = (spreads + np.diag(noise))[:, seen][:, :, seen]
         errors = (values - means)[:, seen]

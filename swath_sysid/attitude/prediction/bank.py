@@ -35,7 +35,7 @@ from swath_sysid.common.advice import Advice
 
 HULL, LIBRARY, LEVEL = 'hull-filter', 'sea-library', 'mean'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
-CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, LEVEL: 0.02, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
+CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, LEVEL: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
 
 #: Forecasts and their deviations are at most as many times as large as the motion of now.
 WIDEST = 3.0
@@ -267,6 +267,9 @@ class Bank:
             for place, strain in strained.items():
                 covariance[place] *= strain / HEALTHY_STRAIN
                 mean[place][:, trusted[place]] = math.nan
+        if any(axis.identified is not None for axis in self._axes):
+            # a few errors would not tell that it knows less
+            mean[level][:, self._hull_is_trusted()[level]] = math.nan
         for name, fitted in self._fitted.items():
             if fitted.is_contradicted:
                 mean[self._place[name]] = math.nan
@@ -280,7 +283,7 @@ class Bank:
         return mean, covariance
 
     def _hull_is_trusted(self):
-        """Targets, by candidate, that an identified hull explains at present, and forecasts better.
+        """Targets, by candidate, that an identified hull explains at present, and forecasts no worse.
 
         A wide filter explains any sample, but may forecast badly.
         """
@@ -289,7 +292,7 @@ class Bank:
             axis.identified is not None and axis.hull.is_started and axis.hull.strain < HEALTHY_STRAIN
             for axis in self._axes
         ]
-        return ((level[self._place[HULL]] < level) & explains)[:, _AXIS_OF_TARGET]
+        return ((level[self._place[HULL]] <= level) & explains)[:, _AXIS_OF_TARGET]
 
 
 def without_noise(covariance: np.ndarray, noise: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, MEMORY_OF_SIZE
-from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES, Forecast
+from swath_sysid.attitude.prediction.forecast import MISSES, NORMAL_QUANTILES, Forecast
 
 # s, and as many leads; errors are forgotten with this time constant: those at short leads are many
 _MEMORY, _MEMORY_LEADS = 4.7, 10.0
@@ -17,16 +17,13 @@ _TRUST = 1.6
 UNPROVEN = 1.14
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.32
-# how much larger (mean square) than was expected of them errors over a period are a surprise: while a motion grows, all
-# forecasts are too sure
-_SURPRISING = 2.5
 #: The variance of the candidates is at least this share of what they claim.
 MIN_SHARE = 1e-3
 # of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
 # candidate that is surprised all the time is judged by half of its errors
 _MAX_EXCUSED = 0.5
 
-_MISSES, _QUANTILE = 1.0 - LEVELS.item(1), NORMAL_QUANTILES.item(1)
+_QUANTILE = NORMAL_QUANTILES.item(1)
 
 
 class Blend:
@@ -47,10 +44,10 @@ class Blend:
         self._places, self._axes = np.arange(steps), np.arange(axes)
         self.set_period(step, period)
         self._row = 0
-        # of each row, by step: the blend, its variance, half its interval squared, the size of the motion, and what
-        # each candidate forecast
+        # of each row, by step: the blend, its variance, half its interval squared by the scale and as issued, the
+        # size of the motion, and what each candidate forecast
         rows = int(self.steps[-1]) + 1
-        self._issued = np.full((rows, 4 + candidates, steps, axes), np.nan)
+        self._issued = np.full((rows, 5 + candidates, steps, axes), np.nan)
         self.mean_square = np.zeros((candidates, steps, axes))
         self._time = np.zeros((steps, axes))
         self._excused = np.zeros((steps, axes))
@@ -59,11 +56,11 @@ class Blend:
         # time, ratio, tail and scale of each
         self._spread = np.ones((4, 2, steps, axes))
         self._spread[::2] = 0.0
-        self.scale = self._spread[3, 0]
-        # of the newest errors, squared over what was expected of them
-        self._recent = np.ones((steps, axes))
+        self.scale = self._widened = self._spread[3, 0]
+        # of the newest errors, squared over what was expected of them: while a motion grows, all forecasts are too sure
+        self._recent = np.ones((2, steps, axes))
         self.blended_square = np.zeros((steps, axes))
-        self.coverage = np.full((steps, axes), 1.0 - _MISSES)
+        self.coverage = np.full((steps, axes), 1.0 - MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self.mean_square.shape)
         #: Whether candidates are taken to err by no less than their variance: their past errors do not apply.
         self.is_after_break = False
@@ -93,7 +90,7 @@ class Blend:
         """
         rows = self._issued.shape[0]
         then, now = (self._row - self.steps) % rows, self._row % rows
-        average, of_average, interval, size_then, *means = self._issued[then, :, self._places].transpose(1, 0, 2)
+        average, of_average, usual, interval, size_then, *means = self._issued[then, :, self._places].transpose(1, 0, 2)
         errors, blended = reading - means, reading - average
         judged = np.isfinite(blended) & np.isfinite(interval)
         gain = self._step / (MEMORY_OF_SIZE + self._step) * judged
@@ -103,22 +100,26 @@ class Blend:
         excused = (self.steps[:, None] > foreseeable) & (self._excused < _MAX_EXCUSED)
         self._excused += self._step / MEMORY_OF_SIZE * (excused - self._excused)
         blended[excused] = np.nan
+        judged &= ~excused
         was_free = self._was_free[then], self._places[:, None], self._axes
-        surprise = _QUANTILE**2 * np.where(judged, blended, 0.0) ** 2 / np.where(judged, interval, 1.0)
+        surprise = _QUANTILE**2 * np.where(judged, blended, 0.0) ** 2 / np.where(judged, usual, 1.0)
         # over a period
         surprise = np.minimum(surprise, CREDIBLE)
-        self._recent += self._step / (1.0 + self._step) * judged * (surprise - self._recent)
+        self._recent[was_free] += self._step / (1.0 + self._step) * judged * (surprise - self._recent[was_free])
         # waves that grow may double within a lead
         growth = np.maximum(0.5 * size / np.where(judged, size_then, size), 1.0) ** 2
         self._learn(errors, blended, of_average, interval, noise_variance, was_free, growth)
         self._was_free[now] = free
-        self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
+        is_free = self._was_free[now], self._places[:, None], self._axes
+        self.scale = self._spread[(3, *is_free)]
+        # while the newest errors are larger than were expected
+        self._widened = self.scale * np.maximum(self._recent[is_free], 1.0)
         own = self._weights(self._places, self._axes, variance + noise_variance)
         weights = present_weights(own, np.isfinite(mean))
         variance = _weighted(weights, variance)
-        half = _QUANTILE**2 * (self.scale * variance + noise_variance)
+        usual, issued = (_QUANTILE**2 * (scale * variance + noise_variance) for scale in (self.scale, self._widened))
         sizes = np.broadcast_to(size, variance.shape)
-        self._issued[now] = [_weighted(weights, mean), variance, half, sizes, *mean]
+        self._issued[now] = [_weighted(weights, mean), variance, usual, issued, sizes, *mean]
         self._row += 1
 
     def carry_over(self, other: 'Blend') -> None:
@@ -128,7 +129,7 @@ class Blend:
         self._spread = other._spread[:, :, same].copy()
         for name in ('_time', '_excused', 'blended_square', 'coverage'):
             setattr(self, name, getattr(other, name)[same].copy())
-        self.scale = self._spread[3, 0]
+        self.scale = self._widened = self._spread[3, 0]
 
     def renew(self, candidate: int, axis: int | slice, among: Sequence[int]) -> None:
         """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one.
@@ -173,7 +174,7 @@ class Blend:
         mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)
         # with wide tails the mean square is more than the 90 % interval needs
         # a new array: of a view np.exp may take another path, by where its result happens to lie in memory
-        tail = tail + _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - _MISSES), 0.0)
+        tail = tail + _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - MISSES), 0.0)
         scale = np.exp(tail) * (_TRUST + time * np.maximum(mean_ratio, MIN_SHARE)) / (_TRUST + time)
         self._spread[(slice(None), *was_free)] = time, mean_ratio, tail, scale
         self.weights = error_weights(self.mean_square, self._time, self._prior)
@@ -209,7 +210,7 @@ class Blend:
         """
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
         claimed = np.diagonal(covariance, axis1=2, axis2=3) + noise_variance
-        weights, scale = self._weights(self.place_of_lead, places[1], claimed), self.scale[places]
+        weights, scale = self._weights(self.place_of_lead, places[1], claimed), self._widened[places]
         if self.is_after_break:
             scale = np.maximum(scale, 1.0)
         if self._of_row[0] < 1.0:
@@ -222,8 +223,7 @@ class Blend:
         variance = np.diagonal(blended, axis1=1, axis2=2)
         # targets that no candidate forecasts together are independent
         blended = np.where(np.isnan(blended) & np.isfinite(variance[:, :, None] + variance[:, None, :]), 0.0, blended)
-        surprise = np.where(self._recent > _SURPRISING, self._recent, 1.0)[places]
-        factor = np.sqrt(np.maximum(surprise * scale * variance, least_variance) / variance)
+        factor = np.sqrt(np.maximum(scale * variance, least_variance) / variance)
         covariance = blended * factor[:, :, None] * factor[:, None, :]
         own = np.sqrt(variance + noise_variance)
         return Forecast(stamp_ns, self._leads, _weighted(weights, mean), covariance, own_deviation=own)

@@ -9,6 +9,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.point import ATTITUDE, PointMotion
 
 LEVELS = np.array([0.5, 0.9, 0.99])  #: Of the central intervals that every forecast gives.
+MISSES = 1.0 - LEVELS.item(1)  #: Share of the errors that the 90 % interval leaves out.
 
 #: Their half widths over the standard deviation.
 NORMAL_QUANTILES = np.array([0.6744897501960817, 1.6448536269514722, 2.5758293035489004])

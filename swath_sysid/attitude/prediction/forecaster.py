@@ -235,7 +235,7 @@ class Forecaster:
 
     def _clock_has_stepped(self, sample: CraftSample, usual: float, elapsed: float) -> bool:
         """Whether the motion has gone on by ``usual`` s only, while the stamps have by ``elapsed`` s."""
-        if not elapsed - usual > self._scale.period / ROWS_A_PERIOD:
+        if not abs(elapsed - usual) > self._scale.period / ROWS_A_PERIOD:
             return False
         elapsed = min(elapsed, MEMORY_OF_SIZE * self._scale.period)
         evidence = 0.0

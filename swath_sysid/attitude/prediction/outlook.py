@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE, AxisFilter, MotionSize
-from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.forecast import MISSES, Forecast
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, point_motion
 from swath_sysid.attitude.prediction.quiescence import AT_A_POINT, CalmWindow, Quiescence, QuiescenceLimits, quantity_at
 from swath_sysid.attitude.prediction.rows import CHANNELS, OF_SAMPLE, RowClock
@@ -138,7 +139,7 @@ class CalmForecaster:
 
 @dataclass(frozen=True)
 class ErrorLimit:
-    """Largest expected error of a forecast that is trusted."""
+    """Largest expected error of a forecast that is trusted, which a tenth of the errors may exceed."""
 
     share: float = 0.5  #: Of the standard deviation of the motion over the last periods.
     angle: float = 0.0  #: rad; of roll and pitch, in place of the share; 0: the share.
@@ -156,23 +157,26 @@ class ErrorLimit:
 
 
 def valid_lead(leads: np.ndarray, variance: np.ndarray, limit: float) -> float:
-    """The longest lead, s, up to which errors of these variances (L,) at increasing leads (L,) stay below the limit.
+    """The longest lead, s, up to which errors of these variances (L,) at even leads (L,) stay below the limit.
 
-    Linear between leads; zero where the first exceeds the limit, the last where none does, NaN where one up to there is
-    unknown.
+    Their standard deviation does, and so do nine in ten of the errors up to there, of a normal distribution. Linear
+    between leads; zero where the first is beyond, the last where none is, NaN where one up to there is unknown.
     """
-    is_below = variance <= limit * limit
-    first = int(is_below.argmin())
-    if is_below[first]:
+    deviation = np.sqrt(variance) / limit
+    beyond = 2.0 * ndtr(-1.0 / np.maximum(deviation, 1e-9))
+    up_to = (beyond.cumsum() - 0.5 * beyond) / np.arange(1, leads.size + 1)
+    excess = np.maximum(deviation, up_to / MISSES)
+    is_within = excess <= 1.0
+    first = int(is_within.argmin())
+    if is_within[first]:
         return float(leads[-1])
     if math.isnan(variance[first]):
         return math.nan
     if first == 0:
         return 0.0
-    low, high = np.sqrt(variance[first - 1 : first + 1]).tolist()
+    low, high = excess[first - 1 : first + 1].tolist()
     start, end = leads[first - 1 : first + 1].tolist()
-    # variances that differ may have one root
-    return start + (limit - low) / (high - low) * (end - start) if low < high else end
+    return start + (1.0 - low) / (high - low) * (end - start)
 
 
 class ValidLeads:
