@@ -191,7 +191,7 @@ def test_calm_before_the_waves_is_left_out(linear_motion):
     angle, rate = linear_motion.angle.copy(), linear_motion.rate.copy()
     angle[:count], rate[:count] = noise
     motion = replace(linear_motion, angle=angle, rate=rate)
-    found = identify_at_sea(motion, searched=True)
+    found = identify_seas([SeaRecord(motion)], searched=True)
     assert len(found.spectra) == 1
     assert found.natural_period == pytest.approx(LINEAR.natural_period, abs=3.0 * found.natural_period_std)
 
