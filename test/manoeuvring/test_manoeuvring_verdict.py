@@ -96,13 +96,12 @@ def test_a_rejected_model_is_written_only_by_force(tmp_path, capsys, monkeypatch
 
 
 @pytest.mark.long
-@pytest.mark.parametrize('left_out', [(), (0, 2)])
-def test_a_real_catamaran(blueboat, left_out):
-    """As the runs show it, whichever of them are there: it sailed for minutes, so it is stable."""
-    runs, others = blueboat([k for k in EVEN if k not in left_out]), blueboat(ODD)
+def test_a_real_catamaran(blueboat):
+    """As the runs show it: it sailed for minutes, so it is stable. benchmark/manoeuvring.py leaves some of them out."""
+    runs, others = blueboat(EVEN), blueboat(ODD)
     found = identify_manoeuvring(runs, ManoeuvringSettings(lever=0.285), others)
     assert found.stability.stable
     assert found.validation.r2['surge'] >= 0.98
     assert found.validation.r2['sway'] >= 0.80
-    assert found.validation.r2['yaw_rate'] >= (0.80 if left_out else 0.84)
+    assert found.validation.r2['yaw_rate'] >= 0.84
     assert found.verdict.level == 'adequate'
