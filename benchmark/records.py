@@ -310,7 +310,7 @@ def valid_lead_of(found):
     """The median, and the error there over the limit; empty for forecasters that give none."""
     if found is None or not np.isfinite(found.lead[0]):
         return ''
-    return f'{found.lead[0]:.2f} s' + (f', {found.error_over_limit:.2f}' if found.counted else '')
+    return f'{found.lead[0]:.2f} s' + (f', {found.error_over_expected:.2f}' if found.counted else '')
 
 
 INTRODUCTION = """# Forecasts of measured records

@@ -183,6 +183,8 @@ def test_a_record_that_will_not_do_is_refused_in_one_sentence(linear_motion):
             identify_at_sea(motion)
     with pytest.raises(Cancelled):
         identify_at_sea(linear_motion, should_cancel=lambda: True)
+    with pytest.raises(InputError, match='at least one trial'):
+        identify_at_sea([])
 
 
 def test_calm_before_the_waves_is_left_out(linear_motion):

@@ -213,7 +213,7 @@ def test_the_error_at_the_valid_lead_is_the_limit():
     skill = score(waves, run_through(waves, settings, {}), (1.0,), 120.0, 40.0)
     for axis, scores in skill.axes.items():
         found = scores.valid_lead
-        assert found.counted > 400 and found.error_over_limit == pytest.approx(1.0, abs=0.2), axis
+        assert found.counted > 400 and found.error_over_expected == pytest.approx(1.0, abs=0.2), axis
         assert 0.0 < found.lead[1] <= found.lead[0] <= found.lead[2] <= 8.0
         # the models' own expectation is near what came, and was not made to agree
         assert scores.expected == pytest.approx(scores.nrmse['forecast'], rel=0.3)

@@ -153,7 +153,7 @@ def _print_valid_lead(axis: str, found: Any) -> None:
         print(f'valid lead of {axis}: the whole horizon of {high:.2g} s or more')
         return
     beyond = f', the horizon or more for {found.beyond_horizon:.0%}' * (found.beyond_horizon > 0.0)
-    measured = f'; the error measured there is {found.error_over_limit:.2f} times the expected' * (found.counted > 0)
+    measured = f'; the error measured there is {found.error_over_expected:.2f} times the expected' * (found.counted > 0)
     print(
         f'valid lead of {axis}: {median:.2g} s in the median, {low:.2g} to {high:.2g} s for 80 % of the forecasts'
         f'{beyond}{measured}'

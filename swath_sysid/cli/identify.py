@@ -11,7 +11,6 @@ from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
-from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import decays_of_other_axes, trials_of, write_fit
@@ -135,8 +134,6 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
     known = read_model(arguments.model).get(axis) if arguments.model else None
     if arguments.model and known is None:
         raise InputError(f'{arguments.model} has no {axis} model: give one that has, or leave it out')
-    for trial in trials:
-        refuse_contradictions(trial, axis)
     with progress_of('identify at sea') as progress:
         used = [trial.between(arguments.start, arguments.end) for trial in trials]
         found = identify_at_sea(used, axis=axis, model=known, progress=progress)

@@ -91,9 +91,8 @@ def identify_at_sea(
         '2.3 s, usable: False'
     """
     read, axis = _read(records, axis)
-    motions = [_motion_of(each, axis) for each in read]
     seas = [SeaRecord.of(each, axis) if isinstance(each, Trial) else SeaRecord(each) for each in read]
-    prior = None if model is None else prior_of(model, motions[0])
+    prior = None if model is None else prior_of(model, seas[0].motion)
     return identify_seas(seas, prior, progress=progress, should_cancel=should_cancel)
 
 
@@ -101,10 +100,12 @@ def _read(records: Record | Sequence[Record], axis: str | None) -> tuple[list[Tr
     """Records, and the axis that all of them are asked for."""
     given = [records] if isinstance(records, Record) else records
     read = [each if isinstance(each, Trial | AxisMotion) else read_trial(each) for each in given]
+    if not read:
+        raise InputError('give at least one trial')
     for each in read:
         if isinstance(each, AxisMotion) and axis not in (None, each.axis):
             raise InputError(f'{each.source or "a motion"} is about {each.axis}, not {axis}: give records of one axis')
-    return read, axis or (_axis_of(read[0]) if read else '')
+    return read, axis or _axis_of(read[0])
 
 
 def _axis_of(record: Trial | AxisMotion) -> str:

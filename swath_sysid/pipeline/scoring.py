@@ -40,7 +40,7 @@ class ValidLeadSkill:
     """The valid leads of one axis, and the errors at them."""
 
     lead: np.ndarray  #: (3,); s; the median, and the bounds of the central 80 %.
-    error_over_limit: float  #: Root mean square of the errors at the valid leads over the expected; 1 is calibrated.
+    error_over_expected: float  #: Root mean square of the errors at the valid leads over the expected; 1 is calibrated.
     counted: int  #: Errors in it: neither zero nor the whole horizon, and measured then.
     beyond_horizon: float  #: Share of the forecasts whose limit lies beyond the horizon.
 

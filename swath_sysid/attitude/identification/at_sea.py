@@ -23,6 +23,7 @@ from swath_sysid.attitude.identification.sea_likelihood import (
 )
 from swath_sysid.attitude.identification.sea_motion import Heave, SeaMotion, SeaPart, heave_of, sea_motion, sea_part
 from swath_sysid.attitude.motion.segmentation import find_decays
+from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.cancelling import Progress, ShouldCancel
@@ -60,7 +61,8 @@ class SeaRecord:
 
     @classmethod
     def of(cls, trial: Trial, axis: str) -> Self:
-        """One axis of a trial, divided where the craft turned."""
+        """One axis of a trial, divided where the craft turned. Raises `InputError` where its channels contradict it."""
+        refuse_contradictions(trial, axis)
         return cls(trial.axis(axis), heave_of(trial), turns_of(trial))
 
 

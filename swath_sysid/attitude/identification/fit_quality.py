@@ -340,14 +340,15 @@ def posterior_errors(found: DecayFit) -> tuple[float, float]:
 
 def unseen_asymmetry(found: DecayFit) -> float:
     """How much the model's releases to both sides differ where only one was recorded: fluid memory looks like that."""
-    times = (
-        np.arange(0.0, RELEASE_PERIODS, 1.0 / SEARCH_STEPS_PER_PERIOD) * 2.0 * np.pi / found.problem.scales.frequency
-    )
     start, opposite = largest_releases(found)
+    if opposite != -start:
+        return 0.0
+    periods = np.arange(0.0, RELEASE_PERIODS, 1.0 / SEARCH_STEPS_PER_PERIOD)
+    times = periods * 2.0 * np.pi / found.problem.scales.frequency
     with np.errstate(over='ignore', invalid='ignore'):
         own, other = (simulate(found.model.with_trim(0.0), side, 0.0, times)[0] for side in (start, -start))
         share = np.sqrt(np.mean((own + other) ** 2) / np.mean(own**2))
-    return float(np.nan_to_num(share, nan=np.inf)) if opposite == -start else 0.0
+    return float(np.nan_to_num(share, nan=np.inf))
 
 
 def missed_share(found: DecayFit) -> float:

@@ -40,7 +40,6 @@ from swath_sysid.attitude.identification.result import Identification, Identific
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, explain_absence
-from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.cancelling import Progress, ShouldCancel
@@ -332,11 +331,9 @@ def _period_at_reference(found: Identification, table: MotionTable) -> PeriodEst
 def _refit_at_sea(
     trial: Trial, axis: str, request: RefitRequest, progress: Progress, should_cancel: ShouldCancel | None
 ) -> AxisVerdict:
-    refuse_contradictions(trial, axis)
-    motion, newest_window, held = trial.axis(axis), request.windows[-1], request.current.get(axis)
+    record, newest_window, held = SeaRecord.of(trial, axis), request.windows[-1], request.current.get(axis)
     try:
-        record = SeaRecord.of(trial, axis)
-        prior = None if held is None or is_at_sea(held) else prior_of(held, motion)
+        prior = None if held is None or is_at_sea(held) else prior_of(held, record.motion)
         found = identify_seas([record], prior, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
         raise InputError(

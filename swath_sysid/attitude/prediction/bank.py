@@ -262,14 +262,13 @@ class Bank:
         strained = {
             self._place[name]: each.strain for name, each in self._fitted.items() if each.strain > HEALTHY_STRAIN
         }
-        if strained:
-            trusted = self._hull_is_trusted()
-            for place, strain in strained.items():
-                covariance[place] *= strain / HEALTHY_STRAIN
-                mean[place][:, trusted[place]] = math.nan
+        for place, strain in strained.items():
+            covariance[place] *= strain / HEALTHY_STRAIN
         if any(axis.identified is not None for axis in self._axes):
-            # a few errors would not tell that it knows less
-            mean[level][:, self._hull_is_trusted()[level]] = math.nan
+            trusted = self._hull_is_trusted()
+            # of the mean, too: a few errors would not tell that it knows less
+            for place in (level, *strained):
+                mean[place][:, trusted[place]] = math.nan
         for name, fitted in self._fitted.items():
             if fitted.is_contradicted:
                 mean[self._place[name]] = math.nan
