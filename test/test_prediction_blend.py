@@ -154,6 +154,21 @@ def test_what_errs_under_a_moment_does_not_widen_the_intervals_of_a_free_hull():
     assert (blend.scale[:, 0] > 4.0).all() and blend.scale[:, 1] == pytest.approx(1.0)
 
 
+def test_a_doubt_that_was_told_hides_no_error_from_the_widths_after_it():
+    """A motion doubles; while its models are contradicted they claim four times their variance, and then no longer."""
+    held = {}
+    for told in (1.0, 4.0):
+        blend, rng = _blend((1.0,)), np.random.default_rng(8)
+        for row in range(900):
+            doubt, reading = (4.0 if 600 < row < 640 else 1.0), rng.normal(scale=1.0 if row < 600 else 2.0, size=1)
+            variance = np.full((1, 3, 1), doubt)
+            if row > 640:
+                wide = blend.combine(0, np.zeros((1, 3, 1)), variance[..., None], [0]).deviation[:, 0]
+                held.setdefault(told, []).append(np.abs(reading) < 1.645 * wide)
+            blend.take(reading, np.zeros((1, 3, 1)), variance, doubt=doubt if told > 1.0 else 1.0)
+    assert np.mean(held[4.0][:40]) > np.mean(held[1.0][:40]) + 0.1 and np.mean(held[4.0]) > 0.85
+
+
 def test_before_any_motion_is_known_no_interval_is_surer_than_the_candidates_are():
     blend, mean, variance = _blend((1.0,)), np.ones((1, 3, 1)), np.ones((1, 3, 1))
     for _ in range(600):

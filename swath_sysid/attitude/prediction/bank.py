@@ -186,6 +186,7 @@ class Bank:
             np.array([axis.rows_since_surprise for axis in self._axes]),
             np.array([FREE if axis.hull.is_free else YOUNG if axis.size.is_young else DRIVEN for axis in self._axes]),
             np.array([max(axis.size.present, axis.size.activity) for axis in self._axes]),
+            max([1.0, *[each.strain / HEALTHY_STRAIN for each in self._fitted.values() if not each.is_contradicted]]),
         )
         for axis in self._axes:
             axis.rows_since_surprise += steps

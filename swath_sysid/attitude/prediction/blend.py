@@ -84,13 +84,16 @@ class Blend:
         foreseeable: np.ndarray | float = np.inf,
         regime: np.ndarray | int = DRIVEN,
         size: np.ndarray | float = 1.0,
+        doubt: float = 1.0,
     ) -> None:
         """Score the forecasts that this row's angles (A,), NaN where missing, make known, and keep those issued at it.
 
         Mean and variance (E, S, A), of the true angle, are NaN without a forecast; readings have the noise on top.
         ``foreseeable`` (A,) counts rows since an unforeseen moment acted: errors of earlier forecasts are not used
         unless that happens all the time. ``regime`` (A,) is that of each axis. ``size`` (A,) is that of the motion now:
-        what an error says of the next ones is relative to it, where the motion has grown.
+        what an error says of the next ones is relative to it, where the motion has grown. The variances are ``doubt``
+        times as large as what the candidates learnt, which is what the newest errors are held against: while a motion
+        changes, they tell how much it has.
         """
         rows = self._issued.shape[0]
         then, now = (self._row - self.steps) % rows, self._row % rows
@@ -121,7 +124,8 @@ class Blend:
         own = self._weights(self._places, self._axes, variance + noise_variance)
         weights = present_weights(own, np.isfinite(mean))
         variance = _weighted(weights, variance)
-        usual, issued = (_QUANTILE**2 * (scale * variance + noise_variance) for scale in (self.scale, self._widened))
+        of_mean = self.scale * variance / doubt, self._widened * variance
+        usual, issued = (_QUANTILE**2 * (spread + noise_variance) for spread in of_mean)
         sizes = np.broadcast_to(size, variance.shape)
         self._issued[now] = [_weighted(weights, mean), variance, usual, issued, sizes, *mean]
         self._row += 1
