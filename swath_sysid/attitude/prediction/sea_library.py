@@ -160,15 +160,15 @@ class AxisSeas:
             self._keep(keep)
 
     def mixture(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (nodes, 2) and covariance (nodes, 2, 2) of readings, after the newest row."""
+        """Mean (nodes, 2) and covariance (nodes, 4), row by row, of readings, after the newest row."""
         if self._mixture is None:
             weight, size, innovations, ahead, moments = self._members
             means = (innovations @ ahead)[:, 0]
             mean = weight @ means
             apart = np.sqrt(weight)[:, None] * (means - mean)
-            within = ((weight * size) @ moments.reshape(weight.size, -1)).reshape(-1, 3)[:, [[0, 1], [1, 2]]]
+            within = ((weight * size) @ moments.reshape(weight.size, -1)).reshape(-1, 3)[:, [0, 1, 1, 2]]
             between = apart.reshape(weight.size, -1, 2).transpose(1, 2, 0)
-            self._mixture = mean.reshape(-1, 2), within + between @ between.transpose(0, 2, 1)
+            self._mixture = mean.reshape(-1, 2), within + (between @ between.transpose(0, 2, 1)).reshape(-1, 4)
         return self._mixture
 
     def _score(self, reading: Sequence[float]):
@@ -220,9 +220,9 @@ class SeaLibrary:
         self._unit = self._rows * self._stride * step / (2.0 * math.pi)
         self._step = step
         self._furthest = min(math.ceil(horizon / step / self._stride), FURTHEST)
-        self._places_of_steps = self._places(np.asarray(steps, dtype=float))
-        self._units = np.repeat([1.0, 1.0 / self._unit], len(AXES))
-        self._square_units = np.outer(self._units, self._units)
+        self._between_of_steps = self._between(np.asarray(steps, dtype=float))
+        self._units = np.array([1.0, 1.0 / self._unit])
+        self._square_units = np.outer(self._units, self._units).ravel()
         self._axes: list[AxisSeas | None] = [None] * len(AXES)
         self._following = list(self._axes)
         self._anew: list[int] = []
@@ -275,26 +275,25 @@ class SeaLibrary:
     def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Mean (L, 4) at leads (L,), s from now, and covariance (L, 4, 4) with the sensor's noise."""
         if leads is None:
-            places = self._places_of_steps
+            of_mean, of_covariance = self._between_of_steps
         else:
-            places = self._places((np.asarray(leads) + age) / self._step)
-        whole, around, weights, part, far = places
-        mean, covariance = np.full((len(whole), 4), math.nan), np.zeros((len(whole), 4, 4))
+            of_mean, of_covariance = self._between((np.asarray(leads) + age) / self._step)
+        mean, covariance = np.full((len(of_mean), 4), math.nan), np.zeros((len(of_mean), 4, 4))
         for place, axis in enumerate(self._axes):
-            if axis is None or not axis.past:
-                continue
-            means, spreads = axis.mixture()
-            mean[:, place::2] = (weights @ means[around])[:, 0]
-            both = (1.0 - part) * spreads[whole + 2] + part * spreads[whole + 3]
-            mean[far, place::2], both[far] = means[0], spreads[0]
-            covariance[:, place::2, place::2] = both
-        return mean * self._units, covariance * self._square_units
+            if axis is not None and axis.past:
+                means, spreads = axis.mixture()
+                mean[:, place::2] = of_mean @ means * self._units
+                covariance[:, place::2, place::2] = (of_covariance @ spreads * self._square_units).reshape(-1, 2, 2)
+        return mean, covariance
 
-    def _places(self, rows: np.ndarray):
-        """Of so many rows ahead: nodes before and around, weights of these, part of the way, whether beyond them."""
+    def _between(self, rows: np.ndarray):
+        """Weights (L, nodes) of means, cubic, and covariances, linear, so many rows (L,) ahead; the level beyond."""
         near = np.minimum(rows / self._stride, self._furthest)
         # nodes: the level, the row before the newest, the newest
         whole = np.minimum(near.astype(int), self._furthest - 1)
-        part = near - whole
-        around, far = whole[:, None] + np.arange(1, 5), rows > self._furthest * self._stride
-        return whole, around, cubic_weights(part)[:, None], part[:, None, None], far
+        part, places = (near - whole)[:, None], np.arange(rows.size)[:, None]
+        weights = np.zeros((2, rows.size, self._furthest + 4))
+        weights[0, places, whole[:, None] + np.arange(1, 5)] = cubic_weights(part[:, 0])
+        weights[1, places, whole[:, None] + np.arange(2, 4)] = np.hstack([1.0 - part, part])
+        weights[:, rows / self._stride > self._furthest] = np.arange(self._furthest + 4) == 0
+        return weights
