@@ -51,7 +51,7 @@ class Errors(NamedTuple):
 class Kept(NamedTuple):
     """What was forecast at the newest R rows, until it comes true."""
 
-    #: (R, 5 + E, S, A); by step: the blend, its variance, half its interval squared by the scale and as issued, the
+    #: (R, S, A, 5 + E); by step: the blend, its variance, half its interval squared by the scale and as issued, the
     #: size of the motion, and what each candidate forecast.
     issued: np.ndarray
     was_free: np.ndarray  #: (R, A); one where nothing acted, or zero.
@@ -109,7 +109,7 @@ class Blend:
         self.set_period(step, period)
         self._row = 0
         rows = int(self.steps[-1]) + 1
-        self._kept = Kept(np.full((rows, 5 + candidates, steps, axes), np.nan), np.zeros((rows, axes), dtype=int))
+        self._kept = Kept(np.full((rows, steps, axes, 5 + candidates), np.nan), np.zeros((rows, axes), dtype=int))
         shape = steps, axes
         spread = np.ones((4, 2, *shape))
         spread[::2] = 0.0
@@ -207,7 +207,7 @@ def take_row(errors: Errors, kept: Kept, layout: Layout, row: Row, number: int, 
     for place in range(steps):
         then = (number - layout.steps[place]) % rows
         for axis in range(axes):
-            past, kind = kept.issued[then, :, place, axis], kept.was_free[then, axis]
+            past, kind = kept.issued[then, place, axis], kept.was_free[then, axis]
             if learn(errors, layout, row, past, (kind, place, axis)):
                 is_any_known = True
     now = number % rows
@@ -227,7 +227,7 @@ def take_row(errors: Errors, kept: Kept, layout: Layout, row: Row, number: int, 
                 no_less(square, errors.mean_square[:, place, axis], variances, noise)
                 error_weights(square, errors.time[place, axis], layout.prior, weights)
             leave_out(weights, row.mean[:, place, axis])
-            issued, variance = kept.issued[now, :, place, axis], weighted(weights, variances)
+            issued, variance = kept.issued[now, place, axis], weighted(weights, variances)
             issued[0], issued[1] = weighted(weights, row.mean[:, place, axis]), variance
             issued[2] = _QUANTILE**2 * (scale * variance + noise)
             issued[3] = _QUANTILE**2 * (widened * variance + noise)

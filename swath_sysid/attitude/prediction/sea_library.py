@@ -6,7 +6,6 @@ weighted by the likelihood of the rows so far, with the size of the motion integ
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from functools import cache, lru_cache
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.state_space import CONTRADICTED, STRAIN_TIME, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
+from swath_sysid.common.accelerator import accelerated
 
 MEMBERS = 256
 
@@ -122,13 +122,14 @@ class AxisSeas:
 
     def __init__(self, rows: float, stride: int, nodes: int, rated: bool) -> None:
         self.rated, self._stride, self._nodes = rated, stride, nodes
-        self._a_row = 1.0 / (rows * stride)
+        # rows of all strides count as one
+        self._share, self._a_row = 1.0 / stride, 1.0 / (rows * stride)
         self.age, self.strain = 0.0, 1.0  #: Periods of rows; errors over what was expected of them.
         self._predictors = predictors(rows, rated)
         self._alive, self._copied = np.arange(MEMBERS), 0
         self._read, self._white = self._predictors.read, self._predictors.white
-        self._log = np.zeros(MEMBERS)
-        self._square = np.full(MEMBERS, LEAST_SIZE**2)
+        #: (M, 2); squares of errors over their variances for a size of one, and log likelihood but for its size.
+        self._told = np.tile([LEAST_SIZE**2, 0.0], (MEMBERS, 1))
         self._count = 2.0  # as of two readings at rest
         self.restart()
 
@@ -143,16 +144,16 @@ class AxisSeas:
 
     def step(self, reading: list[float]) -> None:
         """Take the next row: angle or angle and rate."""
-        self._score(reading)
+        least, weight, size = weighed(np.array(reading), *self._issued.popleft(), self._told, self._count, self._share)
+        self.age += self._a_row
+        self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
+        self._count += len(reading) * self._share
         self.past.appendleft(reading)
         readings = np.array(list(self.past)[:: self._stride]).ravel()
         self._grow(readings.size)
         innovations = (self._white[:, : readings.size, : readings.size] @ readings)[:, None]
         ahead = self._white[:, : readings.size, MAX_LAGS : MAX_LAGS + 2 * self._nodes]
         self._issued.append(((innovations @ ahead[:, :, 6:8])[:, 0], self._moments[:, 3].copy()))
-        size = np.maximum(self._square / self._count, LEAST_SIZE**2)
-        score = TEMPER * (self._log - 0.5 * self._count * np.log(size))
-        weight = np.exp(score - score.max())
         keep = weight > LEAST_WEIGHT
         self._members = weight / weight.sum(), size, innovations, ahead, self._moments
         self._mixture = None
@@ -171,25 +172,6 @@ class AxisSeas:
             self._mixture = mean.reshape(-1, 2), within + (between @ between.transpose(0, 2, 1)).reshape(-1, 4)
         return self._mixture
 
-    def _score(self, reading: Sequence[float]):
-        """Compare a row with what was forecast for it a stride ago; rows of all strides count as one."""
-        mean, moments = self._issued.popleft()
-        angle, crossed, rate = moments.T
-        error = reading[0] - mean[:, 0]
-        square, variance = error * error / angle, angle
-        if self.rated:
-            slope = crossed / angle
-            left = rate - slope * crossed
-            square += (reading[1] - mean[:, 1] - slope * error) ** 2 / left
-            variance = angle * left
-        # by the member that explains it best; one row alone may be wrong
-        least = float((square / np.maximum(self._square / self._count, LEAST_SIZE**2)).min()) / len(reading)
-        self.age += self._a_row
-        self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
-        self._square += square / self._stride
-        self._log -= 0.5 / self._stride * np.log(variance)
-        self._count += len(reading) / self._stride
-
     def _grow(self, count: int):
         """Forecast from so many readings."""
         if count == self._used:
@@ -205,9 +187,38 @@ class AxisSeas:
 
     def _keep(self, keep: np.ndarray):
         """Drop the other members."""
-        for name in ('_alive', '_read', '_log', '_square', '_moments', '_white'):
+        for name in ('_alive', '_read', '_told', '_moments', '_white'):
             setattr(self, name, getattr(self, name)[keep])
         self._issued = deque([(mean[keep], moments[keep]) for mean, moments in self._issued])
+
+
+@accelerated
+def weighed(
+    reading: np.ndarray, mean: np.ndarray, moments: np.ndarray, told: np.ndarray, count: float, share: float
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Compare a reading, angle or angle and rate, with each member's forecast of it, mean (M, 2) and moments (M, 3).
+
+    By how much the member that explains it best is off, one row alone may be wrong, weights (M,) over the largest, and
+    sizes (M,) of the motion. ``told`` (M, 2) goes on by a ``share`` of it, ``count`` are the readings before.
+    """
+    least, best, after = math.inf, -math.inf, count + reading.size * share
+    weight, size = np.empty(len(mean)), np.empty(len(mean))
+    for member in range(len(mean)):
+        variance, crossed, of_rate = moments[member]
+        error = reading[0] - mean[member, 0]
+        square = error * error / variance
+        if reading.size > 1:
+            slope = crossed / variance
+            left = of_rate - slope * crossed
+            square += (reading[1] - mean[member, 1] - slope * error) ** 2 / left
+            variance *= left
+        least = min(least, square / max(told[member, 0] / count, LEAST_SIZE**2) / reading.size)
+        told[member, 0] += share * square
+        told[member, 1] -= 0.5 * share * math.log(variance)
+        size[member] = max(told[member, 0] / after, LEAST_SIZE**2)
+        weight[member] = TEMPER * (told[member, 1] - 0.5 * after * math.log(size[member]))
+        best = max(best, weight[member])
+    return least, np.exp(weight - best), size
 
 
 class SeaLibrary:
