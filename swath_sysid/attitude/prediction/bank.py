@@ -9,7 +9,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.blend import MIN_SHARE, UNPROVEN, Blend
+from swath_sysid.attitude.prediction.blend import DRIVEN, FREE, MIN_SHARE, UNPROVEN, YOUNG, Blend
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.hull_state import TRIM
@@ -185,7 +185,7 @@ class Bank:
             np.diagonal(covariance, axis1=2, axis2=3)[..., :count],
             self._noise[:count],
             np.array([axis.rows_since_surprise for axis in self._axes]),
-            np.array([axis.hull.is_free for axis in self._axes], dtype=int),
+            np.array([FREE if axis.hull.is_free else YOUNG if axis.size.is_young else DRIVEN for axis in self._axes]),
             np.array([max(axis.size.present, axis.size.activity) for axis in self._axes]),
         )
         for axis in self._axes:
@@ -201,9 +201,8 @@ class Bank:
         ahead = self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
         centre, largest = np.zeros((2, len(ATTITUDE)))
         for place, axis in enumerate(self._axes):
-            now, size = axis.motion[0], axis.size
-            centre[place] = size.mean
-            reach = WIDEST * max(size.reach.amplitude, abs(now - size.mean), math.sqrt(axis.noise[0]))
+            centre[place] = axis.size.mean
+            reach = WIDEST * max(axis.size.extent, math.sqrt(axis.noise[0]))
             largest[place::2] = reach, reach * 2.0 * math.pi / self._period
         bound(ahead.mean, ahead.covariance, centre, largest)
         return ahead
@@ -244,10 +243,10 @@ class Bank:
                 covariance[hull, :known, place::2, place::2] = spread
                 for target, total, told in zip((place, rate), axis.noise, axis.known_noise, strict=True):
                     covariance[hull, :known, target, target] += total - told
-            size = axis.size.activity
-            mean[level, :, place], mean[level, :, rate] = axis.size.mean, 0.0
-            covariance[level, :, place, place] = size**2
-            covariance[level, :, rate, rate] = (2.0 * math.pi / self._period * size) ** 2
+            size = axis.size
+            mean[level, :, place], mean[level, :, rate] = size.mean, 0.0
+            covariance[level, :, place, place] = size.activity**2 + size.doubt_of_mean**2
+            covariance[level, :, rate, rate] = (2.0 * math.pi / self._period * size.activity) ** 2
         # a period or more was missing until within the newest one
         self.blend.is_after_break = is_after_break = self._since_break * self._step < self._period
         for space in self.spaces.values():
@@ -273,6 +272,7 @@ class Bank:
             if fitted.is_contradicted:
                 mean[self._place[name]] = math.nan
         for place, axis in enumerate(self._axes):
+            covariance[self._place[LIBRARY], :, place::2, place::2] *= max(self._library.strain(place), 1.0)
             if axis.hull.is_free:
                 # nothing acts: there is nothing else to know
                 mean[hull + 1 :, :, place::2] = math.nan
@@ -306,7 +306,7 @@ def bound(mean: np.ndarray, covariance: np.ndarray, centre: np.ndarray, largest:
                 mean[lead, target] = low
             elif mean[lead, target] > high:
                 mean[lead, target] = high
-            deviation = math.sqrt(covariance[lead, target, target])
+            deviation = np.sqrt(covariance[lead, target, target])
             if deviation > largest[target]:
                 covariance[lead, target] *= largest[target] / deviation
                 covariance[lead, :, target] *= largest[target] / deviation

@@ -28,6 +28,10 @@ _MAX_EXCUSED = 0.5
 
 _QUANTILE = NORMAL_QUANTILES.item(1)
 
+#: What errors say of one regime says nothing of another: under waves, on a hull on which nothing acts, and before any
+#: motion is known.
+DRIVEN, FREE, YOUNG = range(3)
+
 
 class Errors(NamedTuple):
     """What E candidates and their blend were wrong by, at S steps, of A axes; all change in place."""
@@ -38,11 +42,9 @@ class Errors(NamedTuple):
     coverage: np.ndarray  #: (S, A); of the 90 % intervals.
     time: np.ndarray  #: (S, A); that ``mean_square`` is an average of.
     excused: np.ndarray  #: (S, A); share of the time.
-    #: (4, 2, S, A); time, ratio, tail and scale, of forecasts under a moment, and of those of a hull on which nothing
-    #: acts: the one says nothing of the other.
-    spread: np.ndarray
-    #: (2, S, A); of the newest errors, squared over what was expected of them: while a motion grows, all forecasts are
-    #: too sure.
+    spread: np.ndarray  #: (4, 3, S, A); time, ratio, tail and scale of each regime.
+    #: (3, S, A); of the newest errors in each, squared over what was expected of them: while a motion grows, all
+    #: forecasts are too sure.
     recent: np.ndarray
     scale: np.ndarray  #: (S, A); of the variances, now.
     widened: np.ndarray  #: (S, A); while the newest errors are larger than were expected.
@@ -54,7 +56,7 @@ class Kept(NamedTuple):
     #: (R, S, A, 5 + E); by step: the blend, its variance, half its interval squared by the scale and as issued, the
     #: size of the motion, and what each candidate forecast.
     issued: np.ndarray
-    was_free: np.ndarray  #: (R, A); one where nothing acted, or zero.
+    regime: np.ndarray  #: (R, A)
 
 
 class Layout(NamedTuple):
@@ -77,7 +79,7 @@ class Row(NamedTuple):
     noise: np.ndarray  #: (A,); variance.
     foreseeable: np.ndarray  #: (A,); rows.
     size: np.ndarray  #: (A,)
-    free: np.ndarray  #: (A,)
+    regime: np.ndarray  #: (A,)
 
 
 class Ahead(NamedTuple):
@@ -88,6 +90,7 @@ class Ahead(NamedTuple):
     axis_of: np.ndarray  #: (M,)
     noise: np.ndarray  #: (M,); variance.
     least: np.ndarray  #: (M,); variance.
+    regime: np.ndarray  #: (A,)
 
 
 class Blend:
@@ -107,11 +110,11 @@ class Blend:
         weights = np.array(prior, dtype=float)
         self._layout = Layout(self.steps, self.place_of_lead, of_row, weights, np.ones(steps), 1.0)
         self.set_period(step, period)
-        self._row = 0
+        self._row, self._regime = 0, np.zeros(axes, dtype=int)
         rows = int(self.steps[-1]) + 1
         self._kept = Kept(np.full((rows, steps, axes, 5 + candidates), np.nan), np.zeros((rows, axes), dtype=int))
         shape = steps, axes
-        spread = np.ones((4, 2, *shape))
+        spread = np.ones((4, 3, *shape))
         spread[::2] = 0.0
         self._errors = Errors(
             np.zeros((candidates, *shape)),
@@ -120,7 +123,7 @@ class Blend:
             np.full(shape, 1.0 - MISSES),
             *np.zeros((2, *shape)),
             spread,
-            np.ones((2, *shape)),
+            np.ones((3, *shape)),
             *np.ones((2, *shape)),
         )
         self.mean_square, self.weights, self.blended_square, self.coverage, *_, self.scale, _ = self._errors
@@ -140,18 +143,19 @@ class Blend:
         variance: np.ndarray,
         noise_variance: float | np.ndarray = 0.0,
         foreseeable: np.ndarray | float = np.inf,
-        free: np.ndarray | int = 0,
+        regime: np.ndarray | int = DRIVEN,
         size: np.ndarray | float = 1.0,
     ) -> None:
         """Score the forecasts that this row's angles (A,), NaN where missing, make known, and keep those issued at it.
 
         Mean and variance (E, S, A), of the true angle, are NaN without a forecast; readings have the noise on top.
         ``foreseeable`` (A,) counts rows since an unforeseen moment acted: errors of earlier forecasts are not used
-        unless that happens all the time. ``free`` (A,) is one where nothing acts on the craft. ``size`` (A,) is that of
-        the motion now: what an error says of the next ones is relative to it, where the motion has grown.
+        unless that happens all the time. ``regime`` (A,) is that of each axis. ``size`` (A,) is that of the motion now:
+        what an error says of the next ones is relative to it, where the motion has grown.
         """
+        self._regime = np.zeros(reading.size, dtype=int) + regime
         of_axes = (np.zeros(reading.size) + each for each in (reading, noise_variance, foreseeable, size))
-        row = Row(np.array(mean), np.array(variance), *of_axes, np.zeros(reading.size, dtype=int) + free)
+        row = Row(np.array(mean, order='C'), np.array(variance, order='C'), *of_axes, self._regime)
         take_row(self._errors, self._kept, self._layout, row, self._row, self.is_after_break)
         self._row += 1
 
@@ -194,7 +198,9 @@ class Blend:
         sample.
         """
         of_targets = (np.zeros(mean.shape[2]) + each for each in (noise_variance, least_variance))
-        ahead = Ahead(np.array(mean), np.array(covariance), np.array(axis_of), *of_targets)
+        ahead = Ahead(
+            np.array(mean, order='C'), np.array(covariance, order='C'), np.array(axis_of), *of_targets, self._regime
+        )
         blended, spread, deviation = combined(self._errors, self._layout, ahead, self.is_after_break)
         return Forecast(stamp_ns, self._leads, blended, spread, own_deviation=deviation)
 
@@ -207,20 +213,20 @@ def take_row(errors: Errors, kept: Kept, layout: Layout, row: Row, number: int, 
     for place in range(steps):
         then = (number - layout.steps[place]) % rows
         for axis in range(axes):
-            past, kind = kept.issued[then, place, axis], kept.was_free[then, axis]
-            if learn(errors, layout, row, past, (kind, place, axis)):
+            past, regime = kept.issued[then, place, axis], kept.regime[then, axis]
+            if learn(errors, layout, row, past, (regime, place, axis)):
                 is_any_known = True
     now = number % rows
-    kept.was_free[now] = row.free
+    kept.regime[now] = row.regime
     weights, square = np.empty(candidates), np.empty(candidates)
     for place in range(steps):
         for axis in range(axes):
             if is_any_known:
                 known, time = errors.mean_square[:, place, axis], errors.time[place, axis]
                 error_weights(known, time, layout.prior, errors.weights[:, place, axis])
-            kind = kept.was_free[now, axis]
-            errors.scale[place, axis] = scale = errors.spread[3, kind, place, axis]
-            errors.widened[place, axis] = widened = scale * max(errors.recent[kind, place, axis], 1.0)
+            regime = kept.regime[now, axis]
+            errors.scale[place, axis] = scale = errors.spread[3, regime, place, axis]
+            errors.widened[place, axis] = widened = scale * max(errors.recent[regime, place, axis], 1.0)
             weights[:] = errors.weights[:, place, axis]
             noise, variances = row.noise[axis], row.variance[:, place, axis]
             if is_after_break:
@@ -237,8 +243,8 @@ def take_row(errors: Errors, kept: Kept, layout: Layout, row: Row, number: int, 
 
 @accelerated
 def learn(errors: Errors, layout: Layout, row: Row, past: np.ndarray, at: tuple[int, int, int]) -> bool:
-    """Learn from a row what was forecast for it (5 + E,), of a kind at a place and axis; whether that is known."""
-    kind, place, axis = at
+    """Learn from a row what was forecast for it (5 + E,), in a regime at a place and axis; whether that is known."""
+    regime, place, axis = at
     step, size, interval = layout.step, row.size[axis], past[3]
     blended = row.reading[axis] - past[0]
     square, is_known = blended * blended, np.isfinite(blended)
@@ -256,7 +262,7 @@ def learn(errors: Errors, layout: Layout, row: Row, past: np.ndarray, at: tuple[
     if is_judged:
         surprise = min(_QUANTILE**2 * square / past[2], CREDIBLE)
         # over a period
-        errors.recent[kind, place, axis] += step / (1.0 + step) * (surprise - errors.recent[kind, place, axis])
+        errors.recent[regime, place, axis] += step / (1.0 + step) * (surprise - errors.recent[regime, place, axis])
         # waves that grow may double within a lead
         growth = max(0.5 * size / past[4], 1.0) ** 2
     errors.time[place, axis] = time = layout.keep[place] * errors.time[place, axis] + step
@@ -265,7 +271,7 @@ def learn(errors: Errors, layout: Layout, row: Row, past: np.ndarray, at: tuple[
         own = error * error if np.isfinite(error) else UNPROVEN * square
         before = errors.mean_square[candidate, place, axis]
         errors.mean_square[candidate, place, axis] += step / max(time, 1e-12) * (own - before)
-    follow_spread(errors.spread[:, kind, place, axis], square, past, row.noise[axis], (growth, step))
+    follow_spread(errors.spread[:, regime, place, axis], square, past, row.noise[axis], (growth, step))
     return True
 
 
@@ -353,6 +359,8 @@ def combined(
                 claimed = ahead.covariance[:, lead, axis, axis]
                 no_less(square, errors.mean_square[:, place, axis], claimed, ahead.noise[axis])
                 error_weights(square, errors.time[place, axis], layout.prior, of_target)
+            # no surer than the candidates are, before errors of this motion are known
+            if is_after_break or ahead.regime[axis] == YOUNG:
                 scale = max(scale, 1.0)
             if of_row < 1.0:
                 of_target *= of_row
@@ -361,8 +369,8 @@ def combined(
             leave_out(of_target, ahead.mean[:, lead, target])
             mean[lead, target] = weighted(of_target, ahead.mean[:, lead, target])
             variance = weighted(of_target, ahead.covariance[:, lead, target, target])
-            own[lead, target] = math.sqrt(variance + ahead.noise[target])
-            factor[target] = math.sqrt(max(scale * variance, ahead.least[target]) / variance)
+            own[lead, target] = np.sqrt(variance + ahead.noise[target])
+            factor[target] = np.sqrt(max(scale * variance, ahead.least[target]) / variance)
         for one in range(targets):
             for other in range(one + 1):
                 for candidate in range(candidates):
