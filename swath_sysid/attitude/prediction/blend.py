@@ -121,10 +121,12 @@ class Blend:
             np.tile((weights / weights.sum())[:, None, None], shape),
             np.zeros(shape),
             np.full(shape, 1.0 - MISSES),
-            *np.zeros((2, *shape)),
+            np.zeros(shape),
+            np.zeros(shape),
             spread,
             np.ones((3, *shape)),
-            *np.ones((2, *shape)),
+            np.ones(shape),
+            np.ones(shape),
         )
         self.mean_square, self.weights, self.blended_square, self.coverage, *_, self.scale, _ = self._errors
         #: Whether candidates are taken to err by no less than their variance: their past errors do not apply.
@@ -155,7 +157,8 @@ class Blend:
         """
         self._regime = np.zeros(reading.size, dtype=int) + regime
         of_axes = (np.zeros(reading.size) + each for each in (reading, noise_variance, foreseeable, size))
-        row = Row(np.array(mean, order='C'), np.array(variance, order='C'), *of_axes, self._regime)
+        ahead = (np.array(each, order='C') for each in (mean, variance))
+        row = Row._make((*ahead, *of_axes, self._regime))
         take_row(self._errors, self._kept, self._layout, row, self._row, self.is_after_break)
         self._row += 1
 
@@ -198,9 +201,8 @@ class Blend:
         sample.
         """
         of_targets = (np.zeros(mean.shape[2]) + each for each in (noise_variance, least_variance))
-        ahead = Ahead(
-            np.array(mean, order='C'), np.array(covariance, order='C'), np.array(axis_of), *of_targets, self._regime
-        )
+        given = (np.array(each, order='C') for each in (mean, covariance, axis_of))
+        ahead = Ahead._make((*given, *of_targets, self._regime))
         blended, spread, deviation = combined(self._errors, self._layout, ahead, self.is_after_break)
         return Forecast(stamp_ns, self._leads, blended, spread, own_deviation=deviation)
 

@@ -7,7 +7,7 @@ weighted by the likelihood of the rows so far, with the size of the motion integ
 import math
 from collections import deque
 from functools import cache, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -139,7 +139,8 @@ class AxisSeas:
         angle, rate = self._read.T[:, :, None]
         # of angle, of both and of rate, at the nodes
         self._moments = np.stack([angle, 0.0 * angle, rate], axis=-1).repeat(self._nodes, axis=1)
-        self._used, self._mixture = 0, None
+        self._used = 0
+        self._mixture: Any = None
         self._issued = deque([(np.zeros((len(angle), 2)), self._moments[:, 0].copy())] * self._stride)
 
     def step(self, reading: list[float]) -> None:
