@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.attitude.prediction.blend import DRIVEN, FREE, YOUNG, Blend, error_weights, present_weights
+from swath_sysid.attitude.prediction.blend import DRIVEN, FREE, YOUNG, Blend, error_weights, leave_out
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 
 STEP, PERIOD = 0.1, USUAL_PERIOD
@@ -65,7 +65,7 @@ def test_the_prior_decides_between_equals_and_luck_in_the_first_errors_nothing()
     blend = _blend((1.0, 0.2))
     _take(blend, [1.0, 1.0], 50)
     assert blend.weights[0] == pytest.approx(1.0 / 1.2)
-    weights = error_weights(np.array([1e-12, 1.0])[:, None, None], np.array([[0.1]]), np.ones((2, 1, 1)))
+    error_weights(np.array([1e-12, 1.0]), 0.1, np.ones(2), weights := np.empty(2))
     assert weights.sum() == pytest.approx(1.0)
     blend = _blend()
     _take(blend, [1e-9, 1.0], 7)
@@ -165,7 +165,8 @@ def test_a_doubt_that_was_told_hides_no_error_from_the_widths_after_it():
             if row > 640:
                 wide = blend.combine(0, np.zeros((1, 3, 1)), variance[..., None], [0]).deviation[:, 0]
                 held.setdefault(told, []).append(np.abs(reading) < 1.645 * wide)
-            blend.take(reading, np.zeros((1, 3, 1)), variance, doubt=doubt if told > 1.0 else 1.0)
+            blend.doubt = doubt if told > 1.0 else 1.0
+            blend.take(reading, np.zeros((1, 3, 1)), variance)
     assert np.mean(held[4.0][:40]) > np.mean(held[1.0][:40]) + 0.1 and np.mean(held[4.0]) > 0.85
 
 
@@ -266,7 +267,7 @@ def test_what_was_learnt_of_the_errors_goes_over_to_other_rows_by_the_leads():
 
 @given(st.lists(st.booleans(), min_size=3, max_size=3))
 def test_weights_of_those_present_add_up(present):
-    weights = present_weights(np.array([0.2, 0.0, 0.8]), np.array(present))
+    leave_out(weights := np.array([0.2, 0.0, 0.8]), np.where(present, 1.0, np.nan))
     assert weights.sum() == pytest.approx(float(any(present)))
     assert (weights[~np.array(present)] == 0.0).all()
 

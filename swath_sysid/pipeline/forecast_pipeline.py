@@ -189,5 +189,6 @@ def warm_up() -> None:
     pipeline = ForecastPipeline()
     pipeline.set_models({'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)})
     at_rest = intake.CraftSample(0, *(0.0,) * 6, STANDARD_GRAVITY, *(1e-6,) * 4)
+    # so far apart that each is a row
     for number in range(3):
-        pipeline.add_sample(at_rest._replace(stamp_ns=number * 10_000_000))
+        pipeline.add_sample(at_rest._replace(stamp_ns=number * 100_000_000))

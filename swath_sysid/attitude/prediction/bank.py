@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ from swath_sysid.attitude.prediction.upstream import (
     candidates_of,
     without,
 )
+from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.advice import Advice
 
 HULL, LIBRARY, LEVEL = 'hull-filter', 'sea-library', 'mean'
@@ -186,7 +187,6 @@ class Bank:
             np.array([axis.rows_since_surprise for axis in self._axes]),
             np.array([FREE if axis.hull.is_free else YOUNG if axis.size.is_young else DRIVEN for axis in self._axes]),
             np.array([max(axis.size.present, axis.size.activity) for axis in self._axes]),
-            max([1.0, *[each.strain / HEALTHY_STRAIN for each in self._fitted.values() if not each.is_contradicted]]),
         )
         for axis in self._axes:
             axis.rows_since_surprise += steps
@@ -199,18 +199,13 @@ class Bank:
         at_row = age == lateness == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
         mean, covariance = self._at_row if at_row else self._forecasts(np.maximum(self._leads + lateness, 0.0), age)
         ahead = self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
-        return self._bounded(ahead)
-
-    def _bounded(self, ahead: Forecast) -> Forecast:
-        """No wilder than the motion of the last two periods or the present displacement, whichever is larger."""
         centre, largest = np.zeros((2, len(ATTITUDE)))
         for place, axis in enumerate(self._axes):
             centre[place] = axis.size.mean
             reach = WIDEST * max(axis.size.extent, math.sqrt(axis.noise[0]))
             largest[place::2] = reach, reach * 2.0 * math.pi / self._period
-        share = np.minimum(largest / np.maximum(ahead.deviation, 1e-300), 1.0)
-        mean = np.clip(ahead.mean, centre - largest, centre + largest)
-        return replace(ahead, mean=mean, covariance=ahead.covariance * share[:, :, None] * share[:, None, :])
+        bound(ahead.mean, ahead.covariance, centre, largest)
+        return ahead
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.
@@ -237,19 +232,21 @@ class Bank:
         count = self._steps.size if leads is None else leads.size
         mean = np.full((len(self.names), count, len(ATTITUDE)), math.nan)
         covariance = np.zeros((*mean.shape, len(ATTITUDE)))
-        hull, ahead = self._place[HULL], self._step * self._steps if leads is None else leads
+        hull, level = self._place[HULL], self._place[LEVEL]
+        ahead = self._step * self._steps if leads is None else leads
+        # without a hull, its filter still follows every sample, which rows do not
+        at_once = int(np.count_nonzero(ahead < 1.02 * self._step))
         for place, axis in enumerate(self._axes):
-            # without any, its filter still follows every sample, which rows do not
-            known = count if axis.hull.model is not None else int(np.sum(ahead < 1.02 * self._step))
+            rate, known = place + len(AXES), at_once if axis.hull.model is None else count
             if axis.hull.is_started and known:
                 mean[hull, :known, place::2], spread = axis.hull.forecast(ahead[:known])
-                spread = spread + np.diag(np.subtract(axis.noise, axis.known_noise))
                 covariance[hull, :known, place::2, place::2] = spread
-            level, size = self._place[LEVEL], axis.size
-            mean[level, :, place], mean[level, :, place + len(AXES)] = size.mean, 0.0
-            of_rate = 2.0 * math.pi / self._period * size.activity
-            spread = np.array([math.hypot(size.activity, size.doubt_of_mean), of_rate])
-            covariance[level, :, place::2, place::2] = np.diag(spread**2)
+                for target, total, told in zip((place, rate), axis.noise, axis.known_noise, strict=True):
+                    covariance[hull, :known, target, target] += total - told
+            size = axis.size
+            mean[level, :, place], mean[level, :, rate] = size.mean, 0.0
+            covariance[level, :, place, place] = size.activity**2 + size.doubt_of_mean**2
+            covariance[level, :, rate, rate] = (2.0 * math.pi / self._period * size.activity) ** 2
         # a period or more was missing until within the newest one
         self.blend.is_after_break = is_after_break = self._since_break * self._step < self._period
         for space in self.spaces.values():
@@ -261,15 +258,16 @@ class Bank:
         if noise.any():
             of_readings = [self._place[name] for name in self._on_rows]
             covariance[of_readings] = without_noise(covariance[of_readings], noise)
-        strained = {
-            self._place[name]: each.strain for name, each in self._fitted.items() if each.strain > HEALTHY_STRAIN
-        }
-        for place, strain in strained.items():
-            covariance[place] *= strain / HEALTHY_STRAIN
+        strained = {name: each.strain / HEALTHY_STRAIN for name, each in self._fitted.items()}
+        strained = {name: strain for name, strain in strained.items() if strain > 1.0}
+        for name, strain in strained.items():
+            covariance[self._place[name]] *= strain
+        in_use = [strain for name, strain in strained.items() if not self._fitted[name].is_contradicted]
+        self.blend.doubt = max(in_use, default=1.0)
         if any(axis.identified is not None for axis in self._axes):
             trusted = self._hull_is_trusted()
             # of the mean, too: a few errors would not tell that it knows less
-            for place in (level, *strained):
+            for place in (level, *(self._place[name] for name in strained)):
                 mean[place][:, trusted[place]] = math.nan
         for name, fitted in self._fitted.items():
             if fitted.is_contradicted:
@@ -295,6 +293,24 @@ class Bank:
             for axis in self._axes
         ]
         return ((level[self._place[HULL]] <= level) & explains)[:, _AXIS_OF_TARGET]
+
+
+@accelerated
+def bound(mean: np.ndarray, covariance: np.ndarray, centre: np.ndarray, largest: np.ndarray) -> None:
+    """Make means (L, M) and covariances (L, M, M) no wilder than the motion of the last two periods or the present
+    displacement, whichever is ``largest`` (M,), about a centre (M,).
+    """
+    for lead in range(len(mean)):
+        for target in range(mean.shape[1]):
+            low, high = centre[target] - largest[target], centre[target] + largest[target]
+            if mean[lead, target] < low:
+                mean[lead, target] = low
+            elif mean[lead, target] > high:
+                mean[lead, target] = high
+            deviation = np.sqrt(covariance[lead, target, target])
+            if deviation > largest[target]:
+                covariance[lead, target] *= largest[target] / deviation
+                covariance[lead, :, target] *= largest[target] / deviation
 
 
 def without_noise(covariance: np.ndarray, noise: np.ndarray) -> np.ndarray:

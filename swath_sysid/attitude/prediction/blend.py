@@ -1,16 +1,19 @@
 """The weighted average of forecasts at each lead by measured errors, with its calibrated spread."""
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.forecast import MISSES, NORMAL_QUANTILES, Forecast
+from swath_sysid.common.accelerator import accelerated
 
 # s, and as many leads; errors are forgotten with this time constant: those at short leads are many
 _MEMORY, _MEMORY_LEADS = 4.7, 10.0
 # weights go with the mean square error to this power: 3 % less error is nearly twice the weight
-_POWER = 12.0
+_POWER = 12
 # s of errors that the candidates' common level, and their own variances, count for: luck in the first decides nothing
 _TRUST = 1.6
 #: A candidate without a forecast is taken to err as much more (mean square) than the blend: it must prove itself.
@@ -30,6 +33,67 @@ _QUANTILE = NORMAL_QUANTILES.item(1)
 DRIVEN, FREE, YOUNG = range(3)
 
 
+class Errors(NamedTuple):
+    """What E candidates and their blend were wrong by, at S steps, of A axes; all change in place."""
+
+    mean_square: np.ndarray  #: (E, S, A); running average.
+    weights: np.ndarray  #: (E, S, A)
+    blended_square: np.ndarray  #: (S, A); running average of the blend's.
+    coverage: np.ndarray  #: (S, A); of the 90 % intervals.
+    time: np.ndarray  #: (S, A); that ``mean_square`` is an average of.
+    excused: np.ndarray  #: (S, A); share of the time.
+    spread: np.ndarray  #: (4, 3, S, A); time, ratio, tail and scale of each regime.
+    #: (3, S, A); of the newest errors in each, squared over what was expected of them: while a motion grows, all
+    #: forecasts are too sure.
+    recent: np.ndarray
+    scale: np.ndarray  #: (S, A); of the variances, now.
+    widened: np.ndarray  #: (S, A); while the newest errors are larger than were expected.
+
+
+class Kept(NamedTuple):
+    """What was forecast at the newest R rows, until it comes true."""
+
+    #: (R, S, A, 5 + E); by step: the blend, its variance, half its interval squared by the scale and as issued, the
+    #: size of the motion, and what each candidate forecast.
+    issued: np.ndarray
+    regime: np.ndarray  #: (R, A)
+
+
+class Layout(NamedTuple):
+    """Of the leads on the rows."""
+
+    steps: np.ndarray  #: (S,); rows ahead.
+    place_of_lead: np.ndarray  #: (L,); among the steps.
+    of_row: np.ndarray  #: (L,); the sooner a lead is within the first row, the less.
+    prior: np.ndarray  #: (E,)
+    keep: np.ndarray  #: (S,); share of an error that is left a row later.
+    step: float  #: Periods.
+
+
+class Row(NamedTuple):
+    """A row, and what is forecast at it."""
+
+    mean: np.ndarray  #: (E, S, A)
+    variance: np.ndarray  #: (E, S, A)
+    reading: np.ndarray  #: (A,)
+    noise: np.ndarray  #: (A,); variance.
+    foreseeable: np.ndarray  #: (A,); rows.
+    size: np.ndarray  #: (A,)
+    regime: np.ndarray  #: (A,)
+    doubt: float
+
+
+class Ahead(NamedTuple):
+    """What is forecast at the leads."""
+
+    mean: np.ndarray  #: (E, L, M)
+    covariance: np.ndarray  #: (E, L, M, M)
+    axis_of: np.ndarray  #: (M,)
+    noise: np.ndarray  #: (M,); variance.
+    least: np.ndarray  #: (M,); variance.
+    regime: np.ndarray  #: (A,)
+
+
 class Blend:
     """Weights (E, S, A) of E candidates and a variance scale (S, A) of A axes, learnt from past errors.
 
@@ -42,38 +106,41 @@ class Blend:
         self._leads = np.asarray(leads)
         whole = np.maximum(np.round(self._leads / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
-        self._of_row = np.minimum(self._leads / step, 1.0)[:, None] ** 2
-        self._prior = np.asarray(prior, dtype=float)[:, None, None]
-        candidates, steps = self._prior.shape[0], self.steps.size
-        self._places, self._axes = np.arange(steps), np.arange(axes)
+        candidates, steps = len(prior), self.steps.size
+        of_row = np.minimum(self._leads / step, 1.0) ** 2
+        weights = np.array(prior, dtype=float)
+        self._layout = Layout(self.steps, self.place_of_lead, of_row, weights, np.ones(steps), 1.0)
         self.set_period(step, period)
-        self._row = 0
-        # of each row, by step: the blend, its variance, half its interval squared by the scale and as issued, the
-        # size of the motion, and what each candidate forecast
+        self._row, self._regime = 0, np.zeros(axes, dtype=int)
         rows = int(self.steps[-1]) + 1
-        self._issued = np.full((rows, 5 + candidates, steps, axes), np.nan)
-        self.mean_square = np.zeros((candidates, steps, axes))
-        self._time = np.zeros((steps, axes))
-        self._excused = np.zeros((steps, axes))
-        self._regime = np.zeros((rows, axes), dtype=int)
-        self._is_young = np.zeros(axes, dtype=bool)
-        # time, ratio, tail and scale of each regime
-        self._spread = np.ones((4, 3, steps, axes))
-        self._spread[::2] = 0.0
-        self.scale = self._widened = self._spread[3, 0]
-        # of the newest errors, squared over what was expected of them: while a motion grows, all forecasts are too sure
-        self._recent = np.ones((3, steps, axes))
-        self.blended_square = np.zeros((steps, axes))
-        self.coverage = np.full((steps, axes), 1.0 - MISSES)
-        self.weights = np.broadcast_to(self._prior / self._prior.sum(), self.mean_square.shape)
+        self._kept = Kept(np.full((rows, steps, axes, 5 + candidates), np.nan), np.zeros((rows, axes), dtype=int))
+        shape = steps, axes
+        spread = np.ones((4, 3, *shape))
+        spread[::2] = 0.0
+        self._errors = Errors(
+            np.zeros((candidates, *shape)),
+            np.tile((weights / weights.sum())[:, None, None], shape),
+            np.zeros(shape),
+            np.full(shape, 1.0 - MISSES),
+            np.zeros(shape),
+            np.zeros(shape),
+            spread,
+            np.ones((3, *shape)),
+            np.ones(shape),
+            np.ones(shape),
+        )
+        self.mean_square, self.weights, self.blended_square, self.coverage, *_, self.scale, _ = self._errors
         #: Whether candidates are taken to err by no less than their variance: their past errors do not apply.
         self.is_after_break = False
+        #: How many times as large as what they have learnt the candidates' variances are. The newest errors are held
+        #: against that: while a motion changes, they tell how much it has.
+        self.doubt = 1.0
 
     def set_period(self, step: float, period: float) -> None:
         """Count memories in a period of the motion; a row is a step, both s."""
-        self._step = step / period
-        memory = np.minimum(_MEMORY + _MEMORY_LEADS * self._step * self.steps, MEMORY_OF_SIZE)
-        self._keep = (1.0 - self._step / memory)[:, None]
+        relative = step / period
+        memory = np.minimum(_MEMORY + _MEMORY_LEADS * relative * self.steps, MEMORY_OF_SIZE)
+        self._layout = self._layout._replace(step=relative, keep=1.0 - relative / memory)
 
     def take(
         self,
@@ -84,60 +151,27 @@ class Blend:
         foreseeable: np.ndarray | float = np.inf,
         regime: np.ndarray | int = DRIVEN,
         size: np.ndarray | float = 1.0,
-        doubt: float = 1.0,
     ) -> None:
         """Score the forecasts that this row's angles (A,), NaN where missing, make known, and keep those issued at it.
 
         Mean and variance (E, S, A), of the true angle, are NaN without a forecast; readings have the noise on top.
         ``foreseeable`` (A,) counts rows since an unforeseen moment acted: errors of earlier forecasts are not used
         unless that happens all the time. ``regime`` (A,) is that of each axis. ``size`` (A,) is that of the motion now:
-        what an error says of the next ones is relative to it, where the motion has grown. The variances are ``doubt``
-        times as large as what the candidates learnt, which is what the newest errors are held against: while a motion
-        changes, they tell how much it has.
+        what an error says of the next ones is relative to it, where the motion has grown.
         """
-        rows = self._issued.shape[0]
-        then, now = (self._row - self.steps) % rows, self._row % rows
-        average, of_average, usual, interval, size_then, *means = self._issued[then, :, self._places].transpose(1, 0, 2)
-        errors, blended = reading - means, reading - average
-        judged = np.isfinite(blended) & np.isfinite(interval)
-        gain = self._step / (MEMORY_OF_SIZE + self._step) * judged
-        square = np.where(judged, blended, 0.0) ** 2
-        self.blended_square += gain * (square - self.blended_square)
-        self.coverage += gain * ((square <= interval) - self.coverage)
-        excused = (self.steps[:, None] > foreseeable) & (self._excused < _MAX_EXCUSED)
-        self._excused += self._step / MEMORY_OF_SIZE * (excused - self._excused)
-        blended[excused] = np.nan
-        judged &= ~excused
-        then_in = self._regime[then], self._places[:, None], self._axes
-        surprise = _QUANTILE**2 * np.where(judged, blended, 0.0) ** 2 / np.where(judged, usual, 1.0)
-        # over a period
-        surprise = np.minimum(surprise, CREDIBLE)
-        self._recent[then_in] += self._step / (1.0 + self._step) * judged * (surprise - self._recent[then_in])
-        # waves that grow may double within a lead
-        growth = np.maximum(0.5 * size / np.where(judged, size_then, size), 1.0) ** 2
-        self._learn(errors, blended, of_average, interval, noise_variance, then_in, growth)
-        self._regime[now], self._is_young = regime, np.broadcast_to(regime == YOUNG, self._is_young.shape)
-        now_in = self._regime[now], self._places[:, None], self._axes
-        self.scale = self._spread[(3, *now_in)]
-        # while the newest errors are larger than were expected
-        self._widened = self.scale * np.maximum(self._recent[now_in], 1.0)
-        own = self._weights(self._places, self._axes, variance + noise_variance)
-        weights = present_weights(own, np.isfinite(mean))
-        variance = _weighted(weights, variance)
-        of_mean = self.scale * variance / doubt, self._widened * variance
-        usual, issued = (_QUANTILE**2 * (spread + noise_variance) for spread in of_mean)
-        sizes = np.broadcast_to(size, variance.shape)
-        self._issued[now] = [_weighted(weights, mean), variance, usual, issued, sizes, *mean]
+        self._regime = np.zeros(reading.size, dtype=int) + regime
+        of_axes = (np.zeros(reading.size) + each for each in (reading, noise_variance, foreseeable, size))
+        ahead = (np.array(each, order='C') for each in (mean, variance))
+        row = Row._make((*ahead, *of_axes, self._regime, self.doubt))
+        take_row(self._errors, self._kept, self._layout, row, self._row, self.is_after_break)
         self._row += 1
 
     def carry_over(self, other: 'Blend') -> None:
         """Begin with what another one, of the same leads on other rows, has learnt of the errors."""
         same = other.place_of_lead[np.unique(self.place_of_lead, return_index=True)[1]]
-        self.mean_square, self.weights = other.mean_square[:, same].copy(), other.weights[:, same]
-        self._spread = other._spread[:, :, same].copy()
-        for name in ('_time', '_excused', 'blended_square', 'coverage'):
-            setattr(self, name, getattr(other, name)[same].copy())
-        self.scale = self._widened = self._spread[3, 0]
+        for name in ('mean_square', 'weights', 'time', 'excused', 'blended_square', 'coverage', 'spread'):
+            getattr(self._errors, name)[:] = getattr(other._errors, name)[..., same, :]
+        self._errors.scale[:] = self._errors.widened[:] = self._errors.spread[3, 0]
 
     def renew(self, candidate: int, axis: int | slice, among: Sequence[int]) -> None:
         """Reset the errors of a candidate that has a new model, for an axis or all, to those of an untried one.
@@ -149,56 +183,10 @@ class Blend:
 
     def skip(self, count: int) -> None:
         """Pass over ``count`` rows without readings or forecasts."""
-        for _ in range(min(count, self._issued.shape[0])):
-            now = self._row % self._issued.shape[0]
-            self._issued[now] = np.nan
+        for _ in range(min(count, len(self._kept.issued))):
+            self._kept.issued[self._row % len(self._kept.issued)] = np.nan
             self._row += 1
-        self._row += max(count - self._issued.shape[0], 0)
-
-    def _learn(
-        self,
-        errors: np.ndarray,
-        blended: np.ndarray,
-        variance: np.ndarray,
-        interval: np.ndarray,
-        noise_variance: float | np.ndarray,
-        then_in: tuple,
-        growth: np.ndarray,
-    ):
-        known = np.isfinite(blended)
-        if not known.any():
-            return
-        square = blended**2
-        self._time, gain = self._aged(self._time, known, self._keep, self._step)
-        squares = np.where(np.isfinite(errors), errors**2, UNPROVEN * square)
-        self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
-        # errors that are the sensor's noise for the most part say as little of the rest as their scatter has it
-        shown = (variance / (variance + noise_variance)) ** 2
-        time, mean_ratio, tail, _ = self._spread[(slice(None), *then_in)]
-        time, gain = self._aged(time, known, 1.0 - self._step / MEMORY_OF_SIZE, shown * self._step)
-        # ratio by ratio: a mean of variances would keep the largest for minutes
-        credible = CREDIBLE * np.maximum(variance + noise_variance, interval / _QUANTILE**2)
-        ratio = (np.minimum(square, credible) - noise_variance) / (growth * variance)
-        mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)
-        # with wide tails the mean square is more than the 90 % interval needs
-        # a new array: of a view np.exp may take another path, by where its result happens to lie in memory
-        tail = tail + _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - MISSES), 0.0)
-        scale = np.exp(tail) * (_TRUST + time * np.maximum(mean_ratio, MIN_SHARE)) / (_TRUST + time)
-        self._spread[(slice(None), *then_in)] = time, mean_ratio, tail, scale
-        self.weights = error_weights(self.mean_square, self._time, self._prior)
-
-    def _weights(self, steps: np.ndarray, axes: np.ndarray, variance: np.ndarray) -> np.ndarray:
-        """Weights (E, L, M) at steps (L,) for targets of axes (M,), of which the candidates claim a variance."""
-        if self.is_after_break:
-            square = np.maximum(self.mean_square[:, steps], np.nan_to_num(variance[..., : self._axes.size]))
-            return error_weights(square, self._time[steps], self._prior)[..., np.ravel(axes)]
-        return self.weights[:, steps[:, None], np.atleast_2d(axes)]
-
-    @staticmethod
-    def _aged(time: np.ndarray, known: np.ndarray, keep: float | np.ndarray, added: float | np.ndarray) -> tuple:
-        """Time that an average covers after one more row, and the weight of that row."""
-        time = np.where(known, keep * time + added, time)
-        return time, np.where(known, added / np.maximum(time, 1e-12), 0.0)
+        self._row += max(count - len(self._kept.issued), 0)
 
     def combine(
         self,
@@ -216,47 +204,185 @@ class Blend:
         the first row the errors are not known: the sooner, the more the first candidate counts, which follows every
         sample.
         """
-        places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
-        claimed = np.diagonal(covariance, axis1=2, axis2=3) + noise_variance
-        weights, scale = self._weights(self.place_of_lead, places[1], claimed), self._widened[places]
-        # no surer than the candidates are, before errors of this motion are known
-        scale = np.where(self._is_young[places[1]] | self.is_after_break, np.maximum(scale, 1.0), scale)
-        if self._of_row[0] < 1.0:
-            weights = self._of_row * weights
-            weights[0] += 1.0 - self._of_row
-            scale = scale**self._of_row
-        weights = present_weights(weights, np.isfinite(mean))
-        root = np.sqrt(weights)
-        blended = _weighted(root[..., :, None] * root[..., None, :], covariance)
-        variance = np.diagonal(blended, axis1=1, axis2=2)
-        # targets that no candidate forecasts together are independent
-        blended = np.where(np.isnan(blended) & np.isfinite(variance[:, :, None] + variance[:, None, :]), 0.0, blended)
-        factor = np.sqrt(np.maximum(scale * variance, least_variance) / variance)
-        covariance = blended * factor[:, :, None] * factor[:, None, :]
-        own = np.sqrt(variance + noise_variance)
-        return Forecast(stamp_ns, self._leads, _weighted(weights, mean), covariance, own_deviation=own)
+        of_targets = (np.zeros(mean.shape[2]) + each for each in (noise_variance, least_variance))
+        given = (np.array(each, order='C') for each in (mean, covariance, axis_of))
+        ahead = Ahead._make((*given, *of_targets, self._regime))
+        blended, spread, deviation = combined(self._errors, self._layout, ahead, self.is_after_break)
+        return Forecast(stamp_ns, self._leads, blended, spread, own_deviation=deviation)
 
 
-def error_weights(mean_square: np.ndarray, time: np.ndarray, prior: np.ndarray) -> np.ndarray:
-    """Weights (E, S, A) from mean square errors, drawn to their geometric mean with few seconds of experience (S, A).
+@accelerated
+def take_row(errors: Errors, kept: Kept, layout: Layout, row: Row, number: int, is_after_break: bool) -> None:
+    """As `Blend.take`, of the row of this number."""
+    rows, (candidates, steps, axes) = len(kept.issued), row.mean.shape
+    is_any_known = False
+    for place in range(steps):
+        then = (number - layout.steps[place]) % rows
+        for axis in range(axes):
+            past, regime = kept.issued[then, place, axis], kept.regime[then, axis]
+            if learn(errors, layout, row, past, (regime, place, axis)):
+                is_any_known = True
+    now = number % rows
+    kept.regime[now] = row.regime
+    weights, square = np.empty(candidates), np.empty(candidates)
+    for place in range(steps):
+        for axis in range(axes):
+            if is_any_known:
+                known, time = errors.mean_square[:, place, axis], errors.time[place, axis]
+                error_weights(known, time, layout.prior, errors.weights[:, place, axis])
+            regime = kept.regime[now, axis]
+            errors.scale[place, axis] = scale = errors.spread[3, regime, place, axis]
+            errors.widened[place, axis] = widened = scale * max(errors.recent[regime, place, axis], 1.0)
+            weights[:] = errors.weights[:, place, axis]
+            noise, variances = row.noise[axis], row.variance[:, place, axis]
+            if is_after_break:
+                no_less(square, errors.mean_square[:, place, axis], variances, noise)
+                error_weights(square, errors.time[place, axis], layout.prior, weights)
+            leave_out(weights, row.mean[:, place, axis])
+            issued, variance = kept.issued[now, place, axis], weighted(weights, variances)
+            issued[0], issued[1] = weighted(weights, row.mean[:, place, axis]), variance
+            issued[2] = _QUANTILE**2 * (scale * variance / row.doubt + noise)
+            issued[3] = _QUANTILE**2 * (widened * variance + noise)
+            issued[4] = row.size[axis]
+            issued[5:] = row.mean[:, place, axis]
 
-    ``prior`` (E, 1, 1) are the weights at equal errors.
+
+@accelerated
+def learn(errors: Errors, layout: Layout, row: Row, past: np.ndarray, at: tuple[int, int, int]) -> bool:
+    """Learn from a row what was forecast for it (5 + E,), in a regime at a place and axis; whether that is known."""
+    regime, place, axis = at
+    step, size, interval = layout.step, row.size[axis], past[3]
+    blended = row.reading[axis] - past[0]
+    square, is_known = blended * blended, np.isfinite(blended)
+    is_judged = is_known and np.isfinite(interval)
+    if is_judged:
+        gain = step / (MEMORY_OF_SIZE + step)
+        errors.blended_square[place, axis] += gain * (square - errors.blended_square[place, axis])
+        errors.coverage[place, axis] += gain * ((square <= interval) - errors.coverage[place, axis])
+    excused = errors.excused[place, axis]
+    is_excused = layout.steps[place] > row.foreseeable[axis] and excused < _MAX_EXCUSED
+    errors.excused[place, axis] += step / MEMORY_OF_SIZE * (is_excused - excused)
+    if is_excused or not is_known:
+        return False
+    growth = 1.0
+    if is_judged:
+        surprise = min(_QUANTILE**2 * square / past[2], CREDIBLE)
+        # over a period
+        errors.recent[regime, place, axis] += step / (1.0 + step) * (surprise - errors.recent[regime, place, axis])
+        # waves that grow may double within a lead
+        growth = max(0.5 * size / past[4], 1.0) ** 2
+    errors.time[place, axis] = time = layout.keep[place] * errors.time[place, axis] + step
+    for candidate in range(len(errors.mean_square)):
+        error = row.reading[axis] - past[5 + candidate]
+        own = error * error if np.isfinite(error) else UNPROVEN * square
+        before = errors.mean_square[candidate, place, axis]
+        errors.mean_square[candidate, place, axis] += step / max(time, 1e-12) * (own - before)
+    follow_spread(errors.spread[:, regime, place, axis], square, past, row.noise[axis], (growth, step))
+    return True
+
+
+@accelerated
+def follow_spread(spread: np.ndarray, square: float, past: np.ndarray, noise: float, pace: tuple[float, float]) -> None:
+    """Learn time, ratio, tail and scale (4,) from a squared error, while the motion has grown, at a step."""
+    growth, step = pace
+    variance, interval = past[1], past[3]
+    # errors that are the sensor's noise for the most part say as little of the rest as their scatter has it
+    shown = (variance / (variance + noise)) ** 2
+    time = (1.0 - step / MEMORY_OF_SIZE) * spread[0] + shown * step
+    # ratio by ratio: a mean of variances would keep the largest for minutes
+    credible = CREDIBLE * max(variance + noise, interval / _QUANTILE**2)
+    ratio = (min(square, credible) - noise) / (growth * variance)
+    mean_ratio = spread[1] + shown * step / max(time, 1e-12) * (ratio - spread[1])
+    # with wide tails the mean square is more than the 90 % interval needs
+    tail = spread[2] + _TAIL_GAIN * step * shown * ((square > interval) - MISSES)
+    scale = math.exp(tail) * (_TRUST + time * max(mean_ratio, MIN_SHARE)) / (_TRUST + time)
+    spread[0], spread[1], spread[2], spread[3] = time, mean_ratio, tail, scale
+
+
+@accelerated
+def error_weights(mean_square: np.ndarray, time: float, prior: np.ndarray, weights: np.ndarray) -> None:
+    """Weights (E,) from mean square errors (E,), drawn to their geometric mean with few seconds of experience.
+
+    ``prior`` (E,) are the weights at equal errors.
     """
-    square = np.maximum(mean_square, 1e-300)
-    common = np.exp(np.log(square).sum(axis=0) / len(square))
-    drawn = (time * square / common + _TRUST) / (time + _TRUST)
-    weights = prior * (drawn.min(axis=0) / drawn) ** _POWER
-    return weights / weights.sum(axis=0)
+    log = 0.0
+    for square in mean_square:
+        log += math.log(max(square, 1e-300))
+    common, least, total = math.exp(log / len(mean_square)), math.inf, 0.0
+    for place in range(len(mean_square)):
+        drawn = (time * max(mean_square[place], 1e-300) / common + _TRUST) / (time + _TRUST)
+        weights[place], least = drawn, min(least, drawn)
+    for place in range(len(mean_square)):
+        weights[place] = prior[place] * (least / weights[place]) ** _POWER
+        total += weights[place]
+    weights /= total
 
 
-def present_weights(weights: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Weights (E, ...) of the present candidates, zero for the others, normalised over the first dimension."""
-    weights = np.maximum(weights, 1e-12) * present
-    return weights / np.maximum(weights.sum(axis=0), 1e-12)
+@accelerated
+def no_less(square: np.ndarray, mean_square: np.ndarray, variance: np.ndarray, noise: float) -> None:
+    """Square errors (E,), which are no less than the variances (E,) that the candidates claim."""
+    for place in range(len(square)):
+        claimed = variance[place] + noise
+        square[place] = max(mean_square[place], claimed if np.isfinite(claimed) else 0.0)
 
 
-def _weighted(weights: np.ndarray, values: np.ndarray):
-    """Weighted sum over the first dimension; NaN where all weights are zero."""
-    are_there = weights > 0.0
-    total = np.where(are_there, weights * values, 0.0).sum(axis=0)
-    return np.where(are_there.any(axis=0), total, np.nan)
+@accelerated
+def leave_out(weights: np.ndarray, forecast: np.ndarray) -> None:
+    """Let those without a forecast (E,) have no weight (E,), and the others all of it."""
+    total = 0.0
+    for place in range(len(weights)):
+        weights[place] = max(weights[place], 1e-12) if np.isfinite(forecast[place]) else 0.0
+        total += weights[place]
+    weights /= max(total, 1e-12)
+
+
+@accelerated
+def weighted(weights: np.ndarray, values: np.ndarray) -> float:
+    """Weighted sum; NaN where all weights are zero."""
+    total, is_there = 0.0, False
+    for place in range(len(weights)):
+        if weights[place] > 0.0:
+            total, is_there = total + weights[place] * values[place], True
+    return total if is_there else math.nan
+
+
+@accelerated
+def combined(
+    errors: Errors, layout: Layout, ahead: Ahead, is_after_break: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean (L, M), covariance (L, M, M) and deviation before calibration (L, M), as of `Blend.combine`."""
+    candidates, leads, targets = ahead.mean.shape
+    mean, own, covariance = np.empty((leads, targets)), np.empty((leads, targets)), np.empty((leads, targets, targets))
+    weights, factor = np.empty((targets, candidates)), np.empty(targets)
+    square, pair = np.empty(candidates), np.empty(candidates)
+    for lead in range(leads):
+        place, of_row = layout.place_of_lead[lead], layout.of_row[lead]
+        for target in range(targets):
+            axis, of_target = ahead.axis_of[target], weights[target]
+            scale = errors.widened[place, axis]
+            of_target[:] = errors.weights[:, place, axis]
+            if is_after_break:
+                claimed = ahead.covariance[:, lead, axis, axis]
+                no_less(square, errors.mean_square[:, place, axis], claimed, ahead.noise[axis])
+                error_weights(square, errors.time[place, axis], layout.prior, of_target)
+            # no surer than the candidates are, before errors of this motion are known
+            if is_after_break or ahead.regime[axis] == YOUNG:
+                scale = max(scale, 1.0)
+            if of_row < 1.0:
+                of_target *= of_row
+                of_target[0] += 1.0 - of_row
+                scale = scale**of_row
+            leave_out(of_target, ahead.mean[:, lead, target])
+            mean[lead, target] = weighted(of_target, ahead.mean[:, lead, target])
+            variance = weighted(of_target, ahead.covariance[:, lead, target, target])
+            own[lead, target] = np.sqrt(variance + ahead.noise[target])
+            factor[target] = np.sqrt(max(scale * variance, ahead.least[target]) / variance)
+        for one in range(targets):
+            for other in range(one + 1):
+                for candidate in range(candidates):
+                    pair[candidate] = math.sqrt(weights[one, candidate] * weights[other, candidate])
+                both = weighted(pair, ahead.covariance[:, lead, one, other])
+                if both != both and factor[one] == factor[one] and factor[other] == factor[other]:
+                    both = 0.0  # targets that no candidate forecasts together are independent
+                covariance[lead, one, other] = covariance[lead, other, one] = both * factor[one] * factor[other]
+    return mean, covariance, own

@@ -58,14 +58,10 @@ class Forecast:
 
     def chosen(self, places: Any) -> 'Forecast':
         """The forecast at some of its leads, by their places."""
-        return replace(
-            self,
-            leads=self.leads[places],
-            mean=self.mean[places],
-            covariance=self.covariance[places],
-            points={name: motion.chosen(places) for name, motion in self.points.items()},
-            own_deviation=None if self.own_deviation is None else self.own_deviation[places],
-        )
+        own = None if self.own_deviation is None else self.own_deviation[places]
+        points = {name: motion.chosen(places) for name, motion in self.points.items()}
+        motion = self.leads[places], self.mean[places], self.covariance[places]
+        return Forecast(self.stamp_ns, *motion, self.heading, points, own)
 
     def scaled(self, factor: float) -> 'Forecast':
         """The forecast with every covariance this many times as large."""

@@ -481,7 +481,8 @@ class Forecaster:
 
     def _issued(self, attitude: Forecast, points: dict[str, PointMotion]) -> Forecast:
         """The forecast with heading and points: every one passes here."""
-        return replace(attitude, heading=self._heading, points=points)
+        a = attitude
+        return Forecast(a.stamp_ns, a.leads, a.mean, a.covariance, self._heading, points, a.own_deviation)
 
     def _issue(self, bank: Bank, stamp_ns: int) -> tuple[Forecast, Forecast, Outlook]:
         """At the leads and over the horizon."""

@@ -268,7 +268,8 @@ class HullTrack(ExtendedKalmanFilter):
 
     def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean, (L, 2), and covariance, (L, 2, 2), of angle and rate at increasing leads, s."""
-        durations = np.diff(np.asarray(leads, dtype=float), prepend=0.0)
+        durations = np.array(leads, dtype=float)
+        durations[1:] -= leads[:-1]
         return predict_to(self.x, self.P, self.moment, self.hull, self.drift, durations, self.longest)
 
     def predict(self, duration: float) -> None:

@@ -6,7 +6,7 @@ s +- i v) or diag(s1, s2). Over an interval t the transition is F(t) = exp(A t),
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Self
 
 import numpy as np
@@ -34,7 +34,7 @@ class ModalMoment:
         """Number of states."""
         return self.output.size
 
-    @property
+    @cached_property
     def variance(self) -> float:
         """Of the moment, rad^2/s^4."""
         return float(self.output @ self.stationary @ self.output)

@@ -6,9 +6,8 @@ weighted by the likelihood of the rows so far, with the size of the motion integ
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from functools import cache, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.state_space import CONTRADICTED, STRAIN_TIME, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
+from swath_sysid.common.accelerator import accelerated
 
 MEMBERS = 256
 
@@ -79,7 +79,7 @@ class Predictors:
 
     Rates are in units of the angle, times the period over 2 pi. Values ahead are angle and rate at each node: the
     level, the row before the newest, the newest, and those ahead. With L L' the covariance of the readings, ``white``
-    (N, M, N + T) is [L^-1 | L^-1 cov(readings, values ahead)], of which the first rows are those of fewer readings.
+    (M, N, N + T) is [L^-1 | L^-1 cov(readings, values ahead)], of which the first rows are those of fewer readings.
     """
 
     def __init__(self, rows: float, rated: bool) -> None:
@@ -91,25 +91,23 @@ class Predictors:
         # by the kind of a reading, the rows to a later value plus one, member, and the value's kind
         self._covariance = np.array([[angles + sea.level, -crossed], [crossed, rates]]).transpose(0, 2, 3, 1)
         self._level = np.stack([sea.level, np.zeros(MEMBERS)])
-        self.own = np.stack(
-            [1.0 + sea.level, rates[1]], axis=1
-        )  #: (M, 2); variances of angle and rate, and of readings.
-        self.read = self.own + sea.noise * np.stack([np.ones(MEMBERS), rates[1]], axis=1)
-        self.white = np.zeros((MAX_LAGS, MEMBERS, MAX_LAGS + 2 * (1 + self._nodes)))
+        own = np.stack([1.0 + sea.level, rates[1]], axis=1)
+        self.read = own + sea.noise * np.stack([np.ones(MEMBERS), rates[1]], axis=1)  #: (M, 2); variances of readings.
+        self.white = np.zeros((MEMBERS, MAX_LAGS, MAX_LAGS + 2 * (1 + self._nodes)))
         self._known = 0
 
     def whiten(self, count: int) -> None:
         """Make the first rows of ``white`` known, by Gram and Schmidt."""
         lags, kinds = np.divmod(np.arange(MAX_LAGS), self._kinds)
         for i in range(self._known, count):
-            lag, kind, row = lags[i], kinds[i], self.white[i]
-            covariance, before = self._covariance[kind], self.white[:i]
+            lag, kind, row = lags[i], kinds[i], self.white[:, i]
+            covariance, before = self._covariance[kind], self.white[:, :i]
             row[:, i] = 1.0
             row[:, MAX_LAGS] = self._level[kind]
             row[:, MAX_LAGS + 2 :] = covariance[lag : lag + self._nodes].transpose(1, 0, 2).reshape(MEMBERS, -1)
-            factor = np.einsum('imj,jm->im', before[:, :, :i], covariance[lag - lags[:i] + 1, :, kinds[:i]])
-            row -= np.einsum('im,imt->mt', factor, before)
-            row /= np.sqrt(self.read[:, kind] - (factor**2).sum(axis=0))[:, None]
+            factor = (before[:, :, :i] @ covariance[lag - lags[:i] + 1, :, kinds[:i]].T[:, :, None])[:, :, 0]
+            row -= (factor[:, None] @ before)[:, 0]
+            row /= np.sqrt(self.read[:, kind] - (factor**2).sum(axis=1))[:, None]
         self._known = max(self._known, count)
 
 
@@ -120,20 +118,18 @@ def predictors(rows: float, rated: bool) -> Predictors:
 
 
 class AxisSeas:
-    """The library on the rows of one axis, of which every ``stride``-th counts: forecasts at the first ``nodes``.
-
-    ``mean`` (nodes, 2) and ``covariance`` (nodes, 2, 2) are of readings.
-    """
+    """The library on the rows of one axis, of which every ``stride``-th counts: forecasts at the first ``nodes``."""
 
     def __init__(self, rows: float, stride: int, nodes: int, rated: bool) -> None:
         self.rated, self._stride, self._nodes = rated, stride, nodes
-        self._a_row = 1.0 / (rows * stride)
+        # rows of all strides count as one
+        self._share, self._a_row = 1.0 / stride, 1.0 / (rows * stride)
         self.age, self.strain = 0.0, 1.0  #: Periods of rows; errors over what was expected of them.
         self._predictors = predictors(rows, rated)
         self._alive, self._copied = np.arange(MEMBERS), 0
         self._read, self._white = self._predictors.read, self._predictors.white
-        self._log = np.zeros(MEMBERS)
-        self._square = np.full(MEMBERS, LEAST_SIZE**2)
+        #: (M, 2); squares of errors over their variances for a size of one, and log likelihood but for its size.
+        self._told = np.tile([LEAST_SIZE**2, 0.0], (MEMBERS, 1))
         self._count = 2.0  # as of two readings at rest
         self.restart()
 
@@ -144,65 +140,86 @@ class AxisSeas:
         # of angle, of both and of rate, at the nodes
         self._moments = np.stack([angle, 0.0 * angle, rate], axis=-1).repeat(self._nodes, axis=1)
         self._used = 0
+        self._mixture: Any = None
         self._issued = deque([(np.zeros((len(angle), 2)), self._moments[:, 0].copy())] * self._stride)
 
     def step(self, reading: list[float]) -> None:
         """Take the next row: angle or angle and rate."""
-        self._score(reading)
-        self.past.appendleft(reading)
-        readings = np.concatenate(list(self.past)[:: self._stride])
-        count = readings.size
-        self._grow(count)
-        white = self._white[:count]
-        ahead = white[:, :, MAX_LAGS : MAX_LAGS + 2 * self._nodes]
-        mean = np.einsum('im,imt->mt', white[:, :, :count] @ readings, ahead).reshape(-1, self._nodes, 2)
-        self._issued.append((mean[:, 3], self._moments[:, 3].copy()))
-        size = np.maximum(self._square / self._count, LEAST_SIZE**2)
-        score = TEMPER * (self._log - 0.5 * self._count * np.log(size))
-        weight = np.exp(score - score.max())
-        keep = weight > LEAST_WEIGHT
-        weight /= weight.sum()
-        self.mean = np.tensordot(weight, mean, 1)
-        apart = mean - self.mean
-        self.covariance = np.tensordot(weight * size, self._moments, 1)[:, [[0, 1], [1, 2]]]
-        self.covariance += np.einsum('m,mtp,mtq->tpq', weight, apart, apart)
-        if 2 * keep.sum() < keep.size:
-            self._keep(keep)
-
-    def _score(self, reading: Sequence[float]):
-        """Compare a row with what was forecast for it a stride ago; rows of all strides count as one."""
-        mean, (angle, crossed, rate) = (values.T for values in self._issued.popleft())
-        error, size = reading[0] - mean[0], self._square / self._count
-        square, log = error**2 / angle, np.log(angle)
-        if self.rated:
-            left = rate - crossed**2 / angle
-            square += (reading[1] - mean[1] - crossed / angle * error) ** 2 / left
-            log += np.log(left)
-        # by the member that explains it best; one row alone may be wrong
-        least = float((square / np.maximum(size, LEAST_SIZE**2)).min()) / len(reading)
+        least, weight, size = weighed(np.array(reading), *self._issued.popleft(), self._told, self._count, self._share)
         self.age += self._a_row
         self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
-        self._square += square / self._stride
-        self._log -= 0.5 * log / self._stride
-        self._count += len(reading) / self._stride
+        self._count += len(reading) * self._share
+        self.past.appendleft(reading)
+        readings = np.array(list(self.past)[:: self._stride]).ravel()
+        self._grow(readings.size)
+        innovations = (self._white[:, : readings.size, : readings.size] @ readings)[:, None]
+        ahead = self._white[:, : readings.size, MAX_LAGS : MAX_LAGS + 2 * self._nodes]
+        self._issued.append(((innovations @ ahead[:, :, 6:8])[:, 0], self._moments[:, 3].copy()))
+        keep = weight > LEAST_WEIGHT
+        self._members = weight / weight.sum(), size, innovations, ahead, self._moments
+        self._mixture = None
+        if 2 * np.count_nonzero(keep) < keep.size:
+            self._keep(keep)
+
+    def mixture(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (nodes, 2) and covariance (nodes, 4), row by row, of readings, after the newest row."""
+        if self._mixture is None:
+            weight, size, innovations, ahead, moments = self._members
+            means = (innovations @ ahead)[:, 0]
+            mean = weight @ means
+            apart = np.sqrt(weight)[:, None] * (means - mean)
+            within = ((weight * size) @ moments.reshape(weight.size, -1)).reshape(-1, 3)[:, [0, 1, 1, 2]]
+            between = apart.reshape(weight.size, -1, 2).transpose(1, 2, 0)
+            self._mixture = mean.reshape(-1, 2), within + (between @ between.transpose(0, 2, 1)).reshape(-1, 4)
+        return self._mixture
 
     def _grow(self, count: int):
         """Forecast from so many readings."""
+        if count == self._used:
+            return
         self._predictors.whiten(count)
         if self._white is not self._predictors.white:
-            self._white[self._copied : count] = self._predictors.white[self._copied : count, self._alive]
+            self._white[:, self._copied : count] = self._predictors.white[self._alive, self._copied : count]
         self._copied = max(self._copied, count)
-        for z in self._white[self._used : count, :, MAX_LAGS : MAX_LAGS + 2 * self._nodes]:
-            angle, rate = z[:, ::2], z[:, 1::2]
-            self._moments -= np.stack([angle * angle, angle * rate, rate * rate], axis=-1)
+        z = self._white[:, self._used : count, MAX_LAGS : MAX_LAGS + 2 * self._nodes]
+        angle, rate = z[:, :, ::2], z[:, :, 1::2]
+        self._moments = self._moments - np.stack([angle * angle, angle * rate, rate * rate], axis=-1).sum(axis=1)
         self._used = count
 
     def _keep(self, keep: np.ndarray):
         """Drop the other members."""
-        for name in ('_alive', '_read', '_log', '_square', '_moments'):
+        for name in ('_alive', '_read', '_told', '_moments', '_white'):
             setattr(self, name, getattr(self, name)[keep])
-        self._white = self._white[:, keep]
         self._issued = deque([(mean[keep], moments[keep]) for mean, moments in self._issued])
+
+
+@accelerated
+def weighed(
+    reading: np.ndarray, mean: np.ndarray, moments: np.ndarray, told: np.ndarray, count: float, share: float
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Compare a reading, angle or angle and rate, with each member's forecast of it, mean (M, 2) and moments (M, 3).
+
+    By how much the member that explains it best is off, one row alone may be wrong, weights (M,) over the largest, and
+    sizes (M,) of the motion. ``told`` (M, 2) goes on by a ``share`` of it, ``count`` are the readings before.
+    """
+    least, best, after = math.inf, -math.inf, count + reading.size * share
+    weight, size = np.empty(len(mean)), np.empty(len(mean))
+    for member in range(len(mean)):
+        variance, crossed, of_rate = moments[member]
+        error = reading[0] - mean[member, 0]
+        square = error * error / variance
+        if reading.size > 1:
+            slope = crossed / variance
+            left = of_rate - slope * crossed
+            square += (reading[1] - mean[member, 1] - slope * error) ** 2 / left
+            variance *= left
+        least = min(least, square / max(told[member, 0] / count, LEAST_SIZE**2) / reading.size)
+        told[member, 0] += share * square
+        told[member, 1] -= 0.5 * share * math.log(variance)
+        size[member] = max(told[member, 0] / after, LEAST_SIZE**2)
+        weight[member] = TEMPER * (told[member, 1] - 0.5 * after * math.log(size[member]))
+        best = max(best, weight[member])
+    return least, np.exp(weight - best), size
 
 
 class SeaLibrary:
@@ -213,8 +230,11 @@ class SeaLibrary:
         self._stride = max(1, round(2.0 * rows / ROWS_A_PERIOD))
         self._rows = _SAME_PERIOD ** round(math.log(rows / self._stride, _SAME_PERIOD))
         self._unit = self._rows * self._stride * step / (2.0 * math.pi)
-        self._steps, self._step = np.asarray(steps, dtype=float), step
+        self._step = step
         self._furthest = min(math.ceil(horizon / step / self._stride), FURTHEST)
+        self._between_of_steps = self._between(np.asarray(steps, dtype=float))
+        self._units = np.array([1.0, 1.0 / self._unit])
+        self._square_units = np.outer(self._units, self._units).ravel()
         self._axes: list[AxisSeas | None] = [None] * len(AXES)
         self._following = list(self._axes)
         self._anew: list[int] = []
@@ -271,20 +291,26 @@ class SeaLibrary:
 
     def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Mean (L, 4) at leads (L,), s from now, and covariance (L, 4, 4) with the sensor's noise."""
-        rows = (self._steps if leads is None else (np.asarray(leads) + age) / self._step) / self._stride
-        near = np.minimum(rows, self._furthest)
+        if leads is None:
+            of_mean, of_covariance = self._between_of_steps
+        else:
+            of_mean, of_covariance = self._between((np.asarray(leads) + age) / self._step)
+        mean, covariance = np.full((len(of_mean), 4), math.nan), np.zeros((len(of_mean), 4, 4))
+        for place, axis in enumerate(self._axes):
+            if axis is not None and axis.past:
+                means, spreads = axis.mixture()
+                mean[:, place::2] = of_mean @ means * self._units
+                covariance[:, place::2, place::2] = (of_covariance @ spreads * self._square_units).reshape(-1, 2, 2)
+        return mean, covariance
+
+    def _between(self, rows: np.ndarray):
+        """Weights (L, nodes) of means, cubic, and covariances, linear, so many rows (L,) ahead; the level beyond."""
+        near = np.minimum(rows / self._stride, self._furthest)
         # nodes: the level, the row before the newest, the newest
         whole = np.minimum(near.astype(int), self._furthest - 1)
-        part = near - whole
-        around, weights = whole[:, None] + np.arange(1, 5), cubic_weights(part)
-        part, far = part[:, None, None], rows > self._furthest
-        mean, covariance = np.full((len(rows), 4), math.nan), np.zeros((len(rows), 4, 4))
-        for place, axis in enumerate(self._axes):
-            if axis is None or not axis.past:
-                continue
-            mean[:, place::2] = np.einsum('lw,lwk->lk', weights, axis.mean[around])
-            both = (1.0 - part) * axis.covariance[whole + 2] + part * axis.covariance[whole + 3]
-            mean[far, place::2], both[far] = axis.mean[0], axis.covariance[0]
-            covariance[:, place::2, place::2] = both
-        unit = np.array([1.0, 1.0, 1.0 / self._unit, 1.0 / self._unit])
-        return mean * unit, covariance * np.outer(unit, unit)
+        part, places = (near - whole)[:, None], np.arange(rows.size)[:, None]
+        weights = np.zeros((2, rows.size, self._furthest + 4))
+        weights[0, places, whole[:, None] + np.arange(1, 5)] = cubic_weights(part[:, 0])
+        weights[1, places, whole[:, None] + np.arange(2, 4)] = np.hstack([1.0 - part, part])
+        weights[:, rows / self._stride > self._furthest] = np.arange(self._furthest + 4) == 0
+        return weights

@@ -7,7 +7,7 @@ where values are lost, the Kalman update with the correlated noises K e and e gi
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -49,6 +49,24 @@ class InnovationsModel:
     def lags(self) -> int:
         """Complete rows that a start from lags needs."""
         return 0 if self.from_lags is None else self.from_lags.shape[1] // len(self.channels)
+
+
+class Between(NamedTuple):
+    """Places (L,) among whole steps."""
+
+    whole: np.ndarray  #: (L,); steps before.
+    part: Any = None  #: (L, 1, 1); of the way to the next one; None: all are whole.
+    weights: Any = None  #: (L, 1, 4); of the one before, both and the one after, by cubics.
+
+
+def between(steps: np.ndarray) -> Between:
+    """Where so many steps (L,) are among whole ones."""
+    near = np.round(steps)
+    whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
+    part = steps - whole
+    if not (np.abs(part) > 1e-6).any():
+        return Between(whole)
+    return Between(whole, part[:, None, None], cubic_weights(part)[:, None])
 
 
 class InnovationsFilter:
@@ -188,26 +206,29 @@ class InnovationsFilter:
         ``age``, s, is the time since the newest row. Between whole steps the mean is interpolated by cubics, the
         covariance linearly. Leads None: at the ``steps``.
         """
+        if leads is not None:
+            return self.at(between((np.asarray(leads, dtype=float) + age) / self.model.step))
+        means, covariances = self._ahead()
+        return means[1:][self._at], covariances[self._at]
+
+    def at(self, places: Between) -> tuple[np.ndarray, np.ndarray]:
+        """As `forecast`, at places among the model's steps."""
+        means, covariances = self._ahead()
+        whole, part, weights = places
+        if weights is None:
+            return means[whole + 1], covariances[whole]
+        mean = (weights @ means[whole[:, None] + np.arange(4)])[:, 0]
+        return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._last + 1)]
+
+    def _ahead(self):
+        """Means at steps -1, 0, ... and covariances at steps 0, 1, ..., until the next row comes."""
         if self._stepped is None:
-            # means at steps -1, 0, ... and covariances at steps 0, 1, ..., until the next row comes
             means = self._of_past @ np.concatenate([self.state, *self._recent])
             free, p, of_state = self._free, self.state_covariance, self._of_state
             if p is not None:
                 free = free + self.doubt * (of_state @ p @ of_state.transpose(0, 2, 1))
             self._stepped = means.reshape(-1, len(self.targets)) + self._offset, free
-        means, covariances = self._stepped
-        if leads is None:
-            return means[1:][self._at], covariances[self._at]
-        steps = (np.asarray(leads, dtype=float) + age) / self.model.step
-        near = np.round(steps)
-        whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
-        part = steps - whole
-        if not (np.abs(part) > 1e-6).any():
-            return means[whole + 1], covariances[whole]
-        weights = cubic_weights(part)
-        mean = np.einsum('lw,lwm->lm', weights, means[whole[:, None] + np.arange(4)])
-        part = part[:, None, None]
-        return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._last + 1)]
+        return self._stepped
 
     def _find_targets(self):
         """Units of the targets, their places and channels, and factors of a channel by the steps from the target."""
@@ -271,7 +292,7 @@ class SparseFilter:
     ) -> None:
         self._space = InnovationsFilter(model, targets, horizon + model.step, (), strain_time)
         self._every, self._step, self._since = every, model.step / every, 0
-        self._leads = self._step * np.asarray(steps)
+        self._places = [between((np.asarray(steps) + since) / every) for since in range(every)]
 
     @property
     def strain(self) -> float:
@@ -315,7 +336,9 @@ class SparseFilter:
 
     def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """As of `InnovationsFilter`."""
-        return self._space.forecast(self._leads if leads is None else leads, age + self._since * self._step)
+        if leads is None:
+            return self._space.at(self._places[self._since])
+        return self._space.forecast(leads, age + self._since * self._step)
 
 
 def side_by_side(models: Sequence[InnovationsModel]) -> InnovationsModel:
