@@ -261,7 +261,7 @@ def stands_out(candidate: DecayCandidate, decays: Sequence[DecayCandidate]) -> b
     """
     around = candidate.reach(1.0)[_apart_from(decays, candidate.signal)]
     if around.size * candidate.signal.interval < candidate.period:
-        return True
+        return not candidate.hold or candidate.was_held_still
     noise = turning_points.prominence_of(candidate.signal) / candidate.double_amplitudes[0]
     rests = float(np.quantile(around, RESTING_SHARE)) - noise
     if rests < REST_BAND:

@@ -172,7 +172,10 @@ def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     while found := [candidate for candidate in possible if are_decays([candidate], free)] or _together(possible, free):
         free += found
         possible = [candidate for candidate in possible if not any(candidate is other for other in found)]
-    return [candidate for candidate in free if stands_out(candidate, free)]
+    # what does not stand out is itself motion around the others
+    while (standing := [candidate for candidate in free if stands_out(candidate, free)]) != free:
+        free = standing
+    return free
 
 
 def _together(possible: Sequence[DecayCandidate], free: Sequence[DecayCandidate]) -> list[DecayCandidate]:
