@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.attitude.prediction.blend import Blend, error_weights, present_weights
+from swath_sysid.attitude.prediction.blend import DRIVEN, FREE, YOUNG, Blend, error_weights, present_weights
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 
 STEP, PERIOD = 0.1, USUAL_PERIOD
@@ -150,8 +150,18 @@ def test_what_errs_under_a_moment_does_not_widen_the_intervals_of_a_free_hull():
     for _ in range(600):
         blend.take(np.zeros(2), 3.0 * mean, variance)
     assert (blend.scale > 4.0).all()
-    blend.take(np.zeros(2), mean, variance, free=np.array([0, 1]))
+    blend.take(np.zeros(2), mean, variance, regime=np.array([DRIVEN, FREE]))
     assert (blend.scale[:, 0] > 4.0).all() and blend.scale[:, 1] == pytest.approx(1.0)
+
+
+def test_before_any_motion_is_known_no_interval_is_surer_than_the_candidates_are():
+    blend, mean, variance = _blend((1.0,)), np.ones((1, 3, 1)), np.ones((1, 3, 1))
+    for _ in range(600):
+        blend.take(np.zeros(1), 0.1 * mean, variance, regime=YOUNG)
+    assert (blend.scale < 0.5).all()
+    assert blend.combine(0, mean, variance[..., None], [0]).deviation == pytest.approx(1.0)
+    blend.take(np.zeros(1), mean, variance)
+    assert blend.scale == pytest.approx(1.0), 'nor do these errors say anything of later ones'
 
 
 def test_a_moment_that_nobody_foresaw_leaves_the_widths_to_the_newest_errors():

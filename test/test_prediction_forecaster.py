@@ -375,6 +375,39 @@ def test_the_first_release_of_an_unknown_craft_is_no_surer_than_it_is_right(name
         assert np.degrees(np.median(widths)) < most
 
 
+class LetGo(Sea):
+    """A craft that rests for 5 s, is leaned over to 6 deg within 1.5 s, held for 3 s and let go; so much slower."""
+
+    def __init__(self, period, slower):
+        self.slower, self.rate_noise, self.free_at = slower, RATE_NOISE / slower, 9.5 * slower
+        self.decay = 2.0 * math.pi / period * (-0.06 + 1j * math.sqrt(1.0 - 0.06**2))
+
+    def motion(self, time, order=0):
+        now = np.asarray(time) / self.slower
+        part = np.clip((now - 5.0) / 1.5, 0.0, 1.0)
+        held = 0.5 * (1.0 - np.cos(math.pi * part)), 0.5 * math.pi / 1.5 * np.sin(math.pi * part)
+        start = (1.0 + 1j * self.decay.real / self.decay.imag) * math.radians(6.0)
+        free = (start * self.decay**order * np.exp(self.decay * (now - 9.5))).real
+        roll = np.where(now < 9.5, math.radians(6.0) * held[order], free) / self.slower**order
+        return np.array([roll, 0.0 * roll])
+
+
+@pytest.mark.parametrize('slower', [0.5, 1.0, 3.0])
+def test_before_two_cycles_have_been_seen_the_level_may_be_any_of_them(slower):
+    """Half a period after a craft was let go it is as far on the other side."""
+    held, periods = [], np.array([0.25, 0.5, 1.0])
+    for period in (1.4, 2.0, 3.5, 6.0):
+        craft, leads = LetGo(period, slower), slower * period * periods
+        settings = ForecasterSettings(tuple(leads), leads[-1], leads[-1], forecast_rate=10.0 / slower)
+        time = slower * clock(25.0, 10.5)
+        _, steps = run(craft.samples(time), pipeline=ForecastPipeline(PipelineSettings(forecaster=settings)))
+        for now, ahead in zip(time, (step.forecast for step in steps), strict=True):
+            if ahead is not None and now > craft.free_at:
+                errors = ahead.angle('roll') - craft.motion(now + leads)[0]
+                held.append(np.abs(errors) <= ahead.half_width('roll')[:, 1])
+    assert len(held) > 30 and (np.mean(held, axis=0) > 0.73).all(), np.mean(held, axis=0)
+
+
 @pytest.mark.parametrize(
     ('name', 'rate_noise'), [('swath-pitch', 0.0164), pytest.param('swath-roll', 0.0050, marks=pytest.mark.slow)]
 )

@@ -192,7 +192,7 @@ class MotionSize:
         self._memory = memory
         self.reach = Reach(USUAL_PERIOD)  #: Of the last two periods.
         self._elapsed = 0.0
-        self.mean = math.nan
+        self.mean = self._angle = math.nan
         self._square = self._rate_square = self._recent = self._present = LEAST_SIZE**2
 
     @property
@@ -211,6 +211,7 @@ class MotionSize:
     def follow(self, angle: float, rate: float, elapsed: float) -> None:
         """Add the filtered motion, rad and rad/s, after the elapsed seconds."""
         self._elapsed += elapsed
+        self._angle = angle
         self.reach.add(self._elapsed, angle)
         slow = elapsed / min(self._memory * self.period, self._elapsed) if elapsed > 0.0 else 0.0
         known = max(self._elapsed, 1e-9)
@@ -241,6 +242,27 @@ class MotionSize:
     def activity(self) -> float:
         """Size at this moment, rad."""
         return max(math.sqrt(self._recent), LEAST_SIZE)
+
+    @property
+    def extent(self) -> float:
+        """Amplitude of the last two periods or present displacement, whichever is larger, rad."""
+        return max(self.reach.amplitude, abs(self._angle - self.mean), LEAST_SIZE)
+
+    @property
+    def is_young(self) -> bool:
+        """Whether less motion like that of now has been seen than what an amplitude is measured over."""
+        return self._cycles_as_large < PERIODS
+
+    @property
+    def doubt_of_mean(self) -> float:
+        """How far the level may lie from the mean of as few cycles, rad."""
+        return self.extent / math.sqrt(max(self._cycles_as_large, 1.0))
+
+    @property
+    def _cycles_as_large(self) -> float:
+        """As the motion is now; a craft that is held goes through none."""
+        cycles = self._elapsed * math.sqrt(self._rate_square) / (2.0 * math.pi * self.deviation)
+        return cycles * min(2.0 * self._square / self.extent**2, 1.0)
 
 
 class NoiseMeter:

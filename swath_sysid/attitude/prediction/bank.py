@@ -9,7 +9,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.blend import MIN_SHARE, UNPROVEN, Blend
+from swath_sysid.attitude.prediction.blend import DRIVEN, FREE, MIN_SHARE, UNPROVEN, YOUNG, Blend
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.hull_state import TRIM
@@ -184,7 +184,7 @@ class Bank:
             np.diagonal(covariance, axis1=2, axis2=3)[..., :count],
             self._noise[:count],
             np.array([axis.rows_since_surprise for axis in self._axes]),
-            np.array([axis.hull.is_free for axis in self._axes], dtype=int),
+            np.array([FREE if axis.hull.is_free else YOUNG if axis.size.is_young else DRIVEN for axis in self._axes]),
             np.array([max(axis.size.present, axis.size.activity) for axis in self._axes]),
         )
         for axis in self._axes:
@@ -204,9 +204,8 @@ class Bank:
         """No wilder than the motion of the last two periods or the present displacement, whichever is larger."""
         centre, largest = np.zeros((2, len(ATTITUDE)))
         for place, axis in enumerate(self._axes):
-            now, size = axis.motion[0], axis.size
-            centre[place] = size.mean
-            reach = WIDEST * max(size.reach.amplitude, abs(now - size.mean), math.sqrt(axis.noise[0]))
+            centre[place] = axis.size.mean
+            reach = WIDEST * max(axis.size.extent, math.sqrt(axis.noise[0]))
             largest[place::2] = reach, reach * 2.0 * math.pi / self._period
         share = np.minimum(largest / np.maximum(ahead.deviation, 1e-300), 1.0)
         mean = np.clip(ahead.mean, centre - largest, centre + largest)
@@ -245,9 +244,11 @@ class Bank:
                 mean[hull, :known, place::2], spread = axis.hull.forecast(ahead[:known])
                 spread = spread + np.diag(np.subtract(axis.noise, axis.known_noise))
                 covariance[hull, :known, place::2, place::2] = spread
-            level, size = self._place[LEVEL], np.array([1.0, 2.0 * math.pi / self._period]) * axis.size.activity
-            mean[level, :, place], mean[level, :, place + len(AXES)] = axis.size.mean, 0.0
-            covariance[level, :, place::2, place::2] = np.diag(size**2)
+            level, size = self._place[LEVEL], axis.size
+            mean[level, :, place], mean[level, :, place + len(AXES)] = size.mean, 0.0
+            of_rate = 2.0 * math.pi / self._period * size.activity
+            spread = np.array([math.hypot(size.activity, size.doubt_of_mean), of_rate])
+            covariance[level, :, place::2, place::2] = np.diag(spread**2)
         # a period or more was missing until within the newest one
         self.blend.is_after_break = is_after_break = self._since_break * self._step < self._period
         for space in self.spaces.values():
@@ -273,6 +274,7 @@ class Bank:
             if fitted.is_contradicted:
                 mean[self._place[name]] = math.nan
         for place, axis in enumerate(self._axes):
+            covariance[self._place[LIBRARY], :, place::2, place::2] *= max(self._library.strain(place), 1.0)
             if axis.hull.is_free:
                 # nothing acts: there is nothing else to know
                 mean[hull + 1 :, :, place::2] = math.nan

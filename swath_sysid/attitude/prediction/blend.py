@@ -25,6 +25,10 @@ _MAX_EXCUSED = 0.5
 
 _QUANTILE = NORMAL_QUANTILES.item(1)
 
+#: What errors say of one regime says nothing of another: under waves, on a hull on which nothing acts, and before any
+#: motion is known.
+DRIVEN, FREE, YOUNG = range(3)
+
 
 class Blend:
     """Weights (E, S, A) of E candidates and a variance scale (S, A) of A axes, learnt from past errors.
@@ -51,14 +55,14 @@ class Blend:
         self.mean_square = np.zeros((candidates, steps, axes))
         self._time = np.zeros((steps, axes))
         self._excused = np.zeros((steps, axes))
-        # of forecasts under a moment, and of those of a hull on which nothing acts: the one says nothing of the other
-        self._was_free = np.zeros((rows, axes), dtype=int)
-        # time, ratio, tail and scale of each
-        self._spread = np.ones((4, 2, steps, axes))
+        self._regime = np.zeros((rows, axes), dtype=int)
+        self._is_young = np.zeros(axes, dtype=bool)
+        # time, ratio, tail and scale of each regime
+        self._spread = np.ones((4, 3, steps, axes))
         self._spread[::2] = 0.0
         self.scale = self._widened = self._spread[3, 0]
         # of the newest errors, squared over what was expected of them: while a motion grows, all forecasts are too sure
-        self._recent = np.ones((2, steps, axes))
+        self._recent = np.ones((3, steps, axes))
         self.blended_square = np.zeros((steps, axes))
         self.coverage = np.full((steps, axes), 1.0 - MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self.mean_square.shape)
@@ -78,15 +82,15 @@ class Blend:
         variance: np.ndarray,
         noise_variance: float | np.ndarray = 0.0,
         foreseeable: np.ndarray | float = np.inf,
-        free: np.ndarray | int = 0,
+        regime: np.ndarray | int = DRIVEN,
         size: np.ndarray | float = 1.0,
     ) -> None:
         """Score the forecasts that this row's angles (A,), NaN where missing, make known, and keep those issued at it.
 
         Mean and variance (E, S, A), of the true angle, are NaN without a forecast; readings have the noise on top.
         ``foreseeable`` (A,) counts rows since an unforeseen moment acted: errors of earlier forecasts are not used
-        unless that happens all the time. ``free`` (A,) is one where nothing acts on the craft. ``size`` (A,) is that of
-        the motion now: what an error says of the next ones is relative to it, where the motion has grown.
+        unless that happens all the time. ``regime`` (A,) is that of each axis. ``size`` (A,) is that of the motion now:
+        what an error says of the next ones is relative to it, where the motion has grown.
         """
         rows = self._issued.shape[0]
         then, now = (self._row - self.steps) % rows, self._row % rows
@@ -101,19 +105,19 @@ class Blend:
         self._excused += self._step / MEMORY_OF_SIZE * (excused - self._excused)
         blended[excused] = np.nan
         judged &= ~excused
-        was_free = self._was_free[then], self._places[:, None], self._axes
+        then_in = self._regime[then], self._places[:, None], self._axes
         surprise = _QUANTILE**2 * np.where(judged, blended, 0.0) ** 2 / np.where(judged, usual, 1.0)
         # over a period
         surprise = np.minimum(surprise, CREDIBLE)
-        self._recent[was_free] += self._step / (1.0 + self._step) * judged * (surprise - self._recent[was_free])
+        self._recent[then_in] += self._step / (1.0 + self._step) * judged * (surprise - self._recent[then_in])
         # waves that grow may double within a lead
         growth = np.maximum(0.5 * size / np.where(judged, size_then, size), 1.0) ** 2
-        self._learn(errors, blended, of_average, interval, noise_variance, was_free, growth)
-        self._was_free[now] = free
-        is_free = self._was_free[now], self._places[:, None], self._axes
-        self.scale = self._spread[(3, *is_free)]
+        self._learn(errors, blended, of_average, interval, noise_variance, then_in, growth)
+        self._regime[now], self._is_young = regime, np.broadcast_to(regime == YOUNG, self._is_young.shape)
+        now_in = self._regime[now], self._places[:, None], self._axes
+        self.scale = self._spread[(3, *now_in)]
         # while the newest errors are larger than were expected
-        self._widened = self.scale * np.maximum(self._recent[is_free], 1.0)
+        self._widened = self.scale * np.maximum(self._recent[now_in], 1.0)
         own = self._weights(self._places, self._axes, variance + noise_variance)
         weights = present_weights(own, np.isfinite(mean))
         variance = _weighted(weights, variance)
@@ -154,7 +158,7 @@ class Blend:
         variance: np.ndarray,
         interval: np.ndarray,
         noise_variance: float | np.ndarray,
-        was_free: tuple,
+        then_in: tuple,
         growth: np.ndarray,
     ):
         known = np.isfinite(blended)
@@ -166,7 +170,7 @@ class Blend:
         self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
         # errors that are the sensor's noise for the most part say as little of the rest as their scatter has it
         shown = (variance / (variance + noise_variance)) ** 2
-        time, mean_ratio, tail, _ = self._spread[(slice(None), *was_free)]
+        time, mean_ratio, tail, _ = self._spread[(slice(None), *then_in)]
         time, gain = self._aged(time, known, 1.0 - self._step / MEMORY_OF_SIZE, shown * self._step)
         # ratio by ratio: a mean of variances would keep the largest for minutes
         credible = CREDIBLE * np.maximum(variance + noise_variance, interval / _QUANTILE**2)
@@ -176,7 +180,7 @@ class Blend:
         # a new array: of a view np.exp may take another path, by where its result happens to lie in memory
         tail = tail + _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - MISSES), 0.0)
         scale = np.exp(tail) * (_TRUST + time * np.maximum(mean_ratio, MIN_SHARE)) / (_TRUST + time)
-        self._spread[(slice(None), *was_free)] = time, mean_ratio, tail, scale
+        self._spread[(slice(None), *then_in)] = time, mean_ratio, tail, scale
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 
     def _weights(self, steps: np.ndarray, axes: np.ndarray, variance: np.ndarray) -> np.ndarray:
@@ -211,8 +215,8 @@ class Blend:
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
         claimed = np.diagonal(covariance, axis1=2, axis2=3) + noise_variance
         weights, scale = self._weights(self.place_of_lead, places[1], claimed), self._widened[places]
-        if self.is_after_break:
-            scale = np.maximum(scale, 1.0)
+        # no surer than the candidates are, before errors of this motion are known
+        scale = np.where(self._is_young[places[1]] | self.is_after_break, np.maximum(scale, 1.0), scale)
         if self._of_row[0] < 1.0:
             weights = self._of_row * weights
             weights[0] += 1.0 - self._of_row

@@ -258,6 +258,11 @@ class SeaLibrary:
         anew, self._anew = self._anew, []
         return anew
 
+    def strain(self, place: int) -> float:
+        """Errors over what was expected of them, squared, of the newest rows of an axis."""
+        axis = self._axes[place]
+        return 1.0 if axis is None else axis.strain
+
     def skip(self, count: int) -> None:
         """Step over ``count`` missing rows."""
         for axis in (*self._axes, *self._following):
