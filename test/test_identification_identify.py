@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.signal import lfilter
 from scipy.stats import multivariate_normal, norm
 
 from swath_sysid.attitude.hull.catalogue import (
@@ -147,6 +148,19 @@ def test_a_channel_that_comes_late_is_moved_and_told_of(late, share, scale, tmp_
     assert len(told) == (share > 0.03) and all(f'the roll {late} comes' in each for each in told)
     assert found['verdict']['level'] == ADEQUATE
     assert found['natural_period_s'] == pytest.approx(hull.natural_period, rel=0.003)
+
+
+@pytest.mark.parametrize(('scale', 'sign'), [(1.0, 1.0), (0.1, -1.0), (10.0, 1.0)])
+def test_an_angle_that_a_first_order_filter_delays_is_unfiltered(scale, sign):
+    hull = DecayModel.of(b1=0.3 / scale, b2=1.0, r1=9.0 / scale**2, axis='roll')
+    noise = SensorNoise(5e-4, 5e-4 / scale)
+    motion = simulated_trial(hull, 0.15 * sign, 20.0 * scale, 50.0 / scale, noise, 1, hold=2.0 * scale).axis('roll')
+    follows = -np.expm1(-motion.sample_interval / (0.06 * hull.natural_period))
+    filtered, _ = lfilter([follows], [1.0, follows - 1.0], motion.angle, zi=[(1.0 - follows) * motion.angle[0]])
+    found = identify([replace(motion, angle=filtered)])
+    assert found.verdict.level == ADEQUATE and found.verdict.motion_error < 0.05
+    assert found.model.natural_period == pytest.approx(hull.natural_period, rel=0.003)
+    assert found.damping_ratio == pytest.approx(identify([motion]).damping_ratio, rel=0.05)
 
 
 def test_a_search_is_left_out_where_the_decrement_explains_the_motion(plain):
