@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.signal import lfilter
 from scipy.stats import multivariate_normal, norm
 
 from swath_sysid.attitude.hull.catalogue import (
@@ -28,6 +29,7 @@ from swath_sysid.attitude.identification.fit_quality import (
     ADEQUATE,
     DOUBTFUL,
     REJECTED,
+    largest_releases,
     missed_share,
     posterior_errors,
     vanishing_angle,
@@ -35,7 +37,7 @@ from swath_sysid.attitude.identification.fit_quality import (
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.log_posterior import LogPosterior, log_evidence, prune
 from swath_sysid.attitude.identification.motion_fit import MotionFit
-from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.problem import FIRST_LOOK_PERIODS, prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.selection import (
@@ -146,6 +148,19 @@ def test_a_channel_that_comes_late_is_moved_and_told_of(late, share, scale, tmp_
     assert len(told) == (share > 0.03) and all(f'the roll {late} comes' in each for each in told)
     assert found['verdict']['level'] == ADEQUATE
     assert found['natural_period_s'] == pytest.approx(hull.natural_period, rel=0.003)
+
+
+@pytest.mark.parametrize(('scale', 'sign'), [(1.0, 1.0), (0.1, -1.0), (10.0, 1.0)])
+def test_an_angle_that_a_first_order_filter_delays_is_unfiltered(scale, sign):
+    hull = DecayModel.of(b1=0.3 / scale, b2=1.0, r1=9.0 / scale**2, axis='roll')
+    noise = SensorNoise(5e-4, 5e-4 / scale)
+    motion = simulated_trial(hull, 0.15 * sign, 20.0 * scale, 50.0 / scale, noise, 1, hold=2.0 * scale).axis('roll')
+    follows = -np.expm1(-motion.sample_interval / (0.06 * hull.natural_period))
+    filtered, _ = lfilter([follows], [1.0, follows - 1.0], motion.angle, zi=[(1.0 - follows) * motion.angle[0]])
+    found = identify([replace(motion, angle=filtered)])
+    assert found.verdict.level == ADEQUATE and found.verdict.motion_error < 0.05
+    assert found.model.natural_period == pytest.approx(hull.natural_period, rel=0.003)
+    assert found.damping_ratio == pytest.approx(identify([motion]).damping_ratio, rel=0.05)
 
 
 def test_a_search_is_left_out_where_the_decrement_explains_the_motion(plain):
@@ -493,6 +508,30 @@ def test_a_start_that_a_fit_has_moved_is_missed(found):
     for share in (0.05, -0.1):
         moved = replace(found, states=(replace(state, x=(1.0 + share) * state.x),))
         assert missed_share(moved) == pytest.approx(abs(share), rel=0.15)
+
+
+def test_a_measured_start_is_missed_beyond_three_standard_deviations_of_chance(found):
+    (motion,), (record,) = found.problem.motions, found.records
+    look = motion.time < motion.time[0] + FIRST_LOOK_PERIODS * record.segment.period
+
+    def missed(offset: float) -> float:
+        angle, rate = np.where(look, (record.angle + offset, record.rate), (motion.angle, motion.rate))
+        moved = replace(motion, angle=angle, rate=rate)
+        return missed_share(replace(found, problem=replace(found.problem, motions=(moved,))))
+
+    offsets = np.radians(np.linspace(0.0, 0.5, 101))
+    seen = np.array([missed(offset) for offset in offsets])
+    first = int(np.argmax(seen > 0.0))
+    slope, below = np.polyfit(offsets[first:] ** 2, seen[first:] ** 2, 1)
+    assert np.sqrt(slope * offsets[first] ** 2 / -below) == pytest.approx(3.0, rel=0.1)
+
+
+def test_a_release_is_judged_from_its_own_angle_although_the_hull_swings_further_to_the_other_side():
+    hull = DecayModel.of(b1=0.05, r1=6.0, r2=10.0)
+    found = identify([decay(1, hull, 8.0)], settings('b1|r1,r2'))
+    assert np.degrees(found.amplitude_range[1]) > 8.5
+    start, other_side = np.degrees(largest_releases(found))
+    assert 7.4 < start < 8.1 and other_side == -start
 
 
 def test_the_error_of_the_next_release_is_that_of_its_period(found):

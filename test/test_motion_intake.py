@@ -386,6 +386,18 @@ def test_releases_that_follow_each_other_quickly_are_all_told():
     assert sum(step.finished is not None for step in steps) >= 4
 
 
+@pytest.mark.parametrize(('rest', 'number'), [(3.0, 0), (4.0, 1)])
+def test_a_push_that_waves_follow_is_told_if_the_craft_was_seen_to_rest_before(rest, number):
+    time = np.arange(0.0, rest + 25.0, 0.02)
+    since, waves = np.maximum(time - rest, 0.0), np.maximum(time - rest - 19.0, 0.0)
+    pitch = 0.1 * np.exp(-0.2 * since) * np.sin(np.pi * since) + 0.1 * np.sin(np.pi * waves)
+    pitch += np.random.default_rng(0).normal(0.0, 3e-4, time.size)
+    stamps = EPOCH_NS + np.rint(1e9 * time).astype(int)
+    told = zip(stamps.tolist(), pitch.tolist(), np.gradient(pitch, 0.02).tolist(), strict=True)
+    _, steps = window_of(reading(stamp, pitch=angle, pitch_rate=rate) for stamp, angle, rate in told)
+    assert sum(step.finished is not None for step in steps) == number
+
+
 def test_a_fast_table_is_averaged_and_a_slow_one_is_not():
     rows = np.arange(8000.0).reshape(1000, 8)
     rows[:, 0] = np.arange(1000) / 400.0

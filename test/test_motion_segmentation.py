@@ -366,6 +366,35 @@ def test_no_decay_in_the_sea_nor_in_regular_waves_nor_where_waves_set_in_after_r
         assert find_decays(replace(motion, angle=motion.angle * rising + 1e-4)) == (), f'sea {seed}'
 
 
+def narrow_sea(seed, scale, rate_hz=10.0, minutes=30.0):
+    """Times and roll of a lightly damped hull of 4 s in waves of its natural period, slower by a factor."""
+    random = np.random.default_rng(seed)
+    time = np.arange(0.0, 60.0 * minutes, 1 / rate_hz)
+    circular, natural = 2 * np.pi * np.fft.rfftfreq(time.size, 1 / rate_hz)[1:], 0.5 * np.pi
+    response = natural**2 * circular**2 / (natural**2 - circular**2 + 0.06j * natural * circular)
+    phases = random.normal(size=circular.size) + 1j * random.normal(size=circular.size)
+    spectrum = np.concatenate([[0.0], response * np.sqrt(jonswap(circular, natural, 7.0)) * phases])
+    angle = np.fft.irfft(spectrum, time.size)
+    return scale * time, 0.06 * angle / angle.std() + random.normal(0.0, 3e-4, time.size)
+
+
+@pytest.mark.parametrize('scale', [0.1, 1.0, 10.0])
+def test_a_wave_group_in_a_record_of_a_minute_is_no_decay(scale):
+    for seed in range(4):
+        time, angle = narrow_sea(seed, scale)
+        for part in np.split(np.arange(time.size), 30):
+            assert find_decays(AxisMotion('roll', time[part], angle[part], None)) == (), f'sea {seed}, row {part[0]}'
+
+
+@pytest.mark.parametrize(('resting', 'number'), [(0.2, 0), (0.32, 1)])
+def test_a_pushed_craft_rests_for_a_quarter_of_the_time_around_its_decay(resting, number):
+    time = np.arange(0.0, 92.0, 1 / RATE_HZ)
+    natural, since = 2 * np.pi / PERIOD, np.maximum(time - 80.0, 0.0)
+    pushed = 0.06 * np.exp(-0.1 * natural * since) * np.sin(natural * since)
+    waves = 0.012 * np.sin(natural * time) * (time < 80.0 * (1.0 - resting))
+    assert len(find_decays(motion_of(time, pushed + waves))) == number
+
+
 def test_absence_says_what_was_seen_and_what_to_do():
     time = np.arange(0.0, 60.0, 1 / RATE_HZ)
     still, drift = (explain_absence(motion_of(time, slope * time)) for slope in (0.0, 0.01))

@@ -33,6 +33,7 @@ from swath_sysid.common.signals import white_noise
 UPPER_PART = 0.9  #: Share of the draws whose error is smaller than the stated error.
 DRAWS = 100  #: Hulls of the posterior that are simulated, of ten times as many that are drawn.
 RATES = 30  #: At which the sign of each hull's damping is checked.
+THREE_STD = 3.0  #: Standard deviations that chance exceeds in one of 300 starts.
 RELEASE_PERIODS = 4.0  #: Length of the next release.
 
 
@@ -298,11 +299,12 @@ def sides(found: DecayFit) -> tuple[str, str]:
 
 
 def largest_releases(found: DecayFit) -> tuple[float, float]:
-    """The largest amplitude seen, rad from trim, to the side on which that record begins, and that of the other side.
-    The same amplitude where none does.
+    """The largest fitted angle, rad from trim, on the side on which the largest release began, and the largest release
+    from the other side; the same angle where none was. A hull that is softer there swings further than it was inclined.
     """
     begun = [float(r.state.x) for r in found.records]
-    start = float(np.copysign(found.amplitude_range[1], max(begun, key=abs)))
+    side = float(np.sign(max(begun, key=abs)))
+    start = side * max(float(np.max(side * (r.angle - r.state.trim))) for r in found.records)
     return start, max((x for x in begun if x * start < 0.0), key=abs, default=-start)
 
 
@@ -355,8 +357,8 @@ def missed_share(found: DecayFit) -> float:
     """Miss of the next `RELEASE_PERIODS` as forecast from the measured starts, over the motion. A fit moves its start
     to hide what its equation cannot represent. The parabola that measures a start is drawn through the residuals, so
     the fit's own curvature does not bend it. How far the parabolas through the later half lie from zero is its
-    uncertainty: its effect is subtracted, and a miss within two standard deviations of it is none. Zero where no angle
-    was measured.
+    uncertainty: its effect is subtracted, and a miss within three standard deviations of it is none. Zero where no
+    angle was measured.
     """
     problem, records = found.problem, [r for r in found.records if r.motion.angle is not None]
     if not records:
@@ -379,9 +381,10 @@ def missed_share(found: DecayFit) -> float:
         roots[: len(root), place] = root
     starts = [each[min(_first_clear(r), len(each) - 1)] for r, each in zip(records, offsets, strict=True)]
     missed, *by_chance = (float(np.sum((motion_of(moves) - fitted) ** 2)) for moves in (starts, *roots))
-    # a miss within two standard deviations shows nothing, nor does a start whose uncertainty makes the motion run away
+    # each record has a start, so two standard deviations are often exceeded; a start whose uncertainty makes the motion
+    # run away shows nothing either
     chance = float(np.nan_to_num(sum(by_chance), nan=np.inf))
-    excess = missed - chance if not missed <= TWO_STD**2 * chance else 0.0
+    excess = missed - chance if not missed <= THREE_STD**2 * chance else 0.0
     share = float(np.sqrt(excess / np.sum((fitted - trims) ** 2)))
     return share if np.isfinite(share) else np.inf
 

@@ -38,6 +38,8 @@ STEEP_SHARE = 0.5 - float(np.arccos(2.0 * HELD - 1.0)) / np.pi
 #: Rest means within this part of the first double amplitude about a level; what breaks a candidate below it is the
 #: background.
 REST_BAND = 0.07
+RESTING_SHARE = 0.25  #: Of the time around a decay; waves leave no craft at rest for so long.
+MIN_HALF_CYCLES = 3  #: Three show two losses and one rhythm; fewer are those of a heavily damped hull.
 HALF_CYCLES_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
 #: Part of the first double amplitude by which the others of a released craft may be out of order where slow noise, as
 #: of an attitude filter, hides that they shrink.
@@ -219,12 +221,22 @@ class DecayCandidate:
         longest = longest_rest(signal.values, self.centre, band, begin, (end, *later))
         return (max(longest, 1) - 1) * signal.interval / self.period
 
-    @cached_property
-    def activity(self) -> np.ndarray:
-        """Mask of the samples around which the signal moves like the candidate, shape of the signal."""
-        size = max(3, round(self.period / self.signal.interval))
-        reach = maximum_filter1d(self.signal.value, size) - minimum_filter1d(self.signal.value, size)
-        return reach > HOLD_BAND * self.double_amplitudes[0]
+    def reach(self, periods: float) -> np.ndarray:
+        """Peak to peak within so many periods around each sample, over the first double amplitude, of the signal's
+        shape.
+        """
+        size = max(3, round(periods * self.period / self.signal.interval))
+        values = self.signal.value
+        return (maximum_filter1d(values, size) - minimum_filter1d(values, size)) / self.double_amplitudes[0]
+
+    @property
+    def was_held_still(self) -> bool:
+        """Whether the craft was dropped or had been still for half a period; a slow wave only holds it on one side."""
+        begin, end = (self.signal.index(at) for at in (self.arrival, self.release))
+        step = self.signal.interval / self.period
+        margin = round(0.25 / step)
+        held = self.reach(0.5 + step)[begin + margin : end - margin + 1]
+        return bool(self.stillness > 0.0 or self.was_dropped or np.any(held <= 2.0 * REST_BAND))
 
     @cached_property
     def evidence(self) -> float:
@@ -237,12 +249,34 @@ def are_decays(candidates: Sequence[DecayCandidate], others: Sequence[DecayCandi
     that is neither theirs nor that of other decays.
     """
     largest = max(candidates, key=lambda candidate: float(candidate.double_amplitudes[0]))
-    moving, time = largest.activity.copy(), largest.signal.time
-    for decay in (*candidates, *others):
-        moving &= (time < decay.arrival - decay.period) | (time > decay.end + decay.period)
+    moving = largest.reach(1.0)[_apart_from((*candidates, *others), largest.signal)] > HOLD_BAND
     unexplained = largest.signal.interval * float(np.count_nonzero(moving))
     evidence = sum(candidate.evidence for candidate in candidates) / len(candidates)
     return evidence >= 1.0 + unexplained / sum(candidate.end - candidate.release for candidate in candidates)
+
+
+def stands_out(candidate: DecayCandidate, decays: Sequence[DecayCandidate]) -> bool:
+    """Whether a decay is more than a group of waves: the craft rests for a part of the time that is apart from all
+    decays, or it was held still before this one, which is evidence enough without any rest.
+    """
+    around = candidate.reach(1.0)[_apart_from(decays, candidate.signal)]
+    if around.size * candidate.signal.interval < candidate.period:
+        return not candidate.hold or candidate.was_held_still
+    noise = turning_points.prominence_of(candidate.signal) / candidate.double_amplitudes[0]
+    rests = float(np.quantile(around, RESTING_SHARE)) - noise
+    if rests < REST_BAND:
+        return True
+    is_long = candidate.double_amplitudes.size > MIN_HALF_CYCLES and candidate.evidence - candidate.rest >= 1.0
+    # a hand that holds a craft moves it a little
+    return (is_long or rests < 2.0 * REST_BAND) and candidate.was_held_still
+
+
+def _apart_from(decays: Sequence[DecayCandidate], signal: EvenSignal) -> np.ndarray:
+    """Mask of the samples more than a period away from all decays."""
+    apart, time = np.ones(signal.value.size, dtype=bool), signal.time
+    for decay in decays:
+        apart &= (time < decay.arrival - decay.period) | (time > decay.end + decay.period)
+    return apart
 
 
 def last_crossing(values: Sequence[float], part: float, start: float = 0.0, way: float = 1.0) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from math import isfinite
 
 import numpy as np
@@ -84,20 +85,46 @@ def compare_rates(step: float, angles: np.ndarray, rates: np.ndarray) -> tuple[S
 
 
 def aligned(motion: AxisMotion) -> AxisMotion:
-    """A motion with whichever of angle and rate clearly comes later moved to the times of the other."""
-    if motion.angle is None or motion.rate is None or motion.size < MIN_BINS:
-        return motion
-    # stamps may be absurd, or leave out much
-    if motion.size < 0.5 * motion.duration / (step := motion.sample_interval):
-        return motion
-    time, own = np.arange(motion.time[0], motion.time[-1], step), np.array([1.0, np.nan, np.nan])
-    angle, rate = (np.interp(time, motion.time, values)[:, None] for values in (motion.angle, motion.rate))
-    slope = next(iter(compare_rates(step, angle * own[:2], rate * own)), None)
+    """A motion with whichever of angle and rate clearly comes later moved to the times of the other. An angle that a
+    first-order filter delays is the filter's inverse, if that agrees better with the rate.
+    """
+    slope = _own_slope(motion)
     if slope is None or not slope.is_late:
         return motion
     moved, name = motion.time + abs(slope.lag), 'rate' if slope.lag > 0.0 else 'angle'
     values = np.interp(moved, motion.time, getattr(motion, name))
-    return replace(motion, lag=slope.lag, **{name: values}).only(moved <= motion.time[-1])
+    delayed = replace(motion, lag=slope.lag, **{name: values}).only(moved <= motion.time[-1])
+    if name == 'rate':
+        return delayed
+    filtered = replace(motion, lag=slope.lag, angle=_unfiltered(motion, slope))
+    agreeing = [0.0 if own is None else own.correlations[0] for own in map(_own_slope, (delayed, filtered))]
+    return filtered if agreeing[1] > agreeing[0] else delayed
+
+
+def _own_slope(motion: AxisMotion) -> Slope | None:
+    """What the rate of one axis has in common with the slope of its angle; None where that cannot be told."""
+    if motion.angle is None or motion.rate is None or motion.size < MIN_BINS:
+        return None
+    # stamps may be absurd, or leave out much
+    if motion.size < 0.5 * motion.duration / (step := motion.sample_interval):
+        return None
+    time, own = np.arange(motion.time[0], motion.time[-1], step), np.array([1.0, np.nan, np.nan])
+    angle, rate = (np.interp(time, motion.time, values)[:, None] for values in (motion.angle, motion.rate))
+    return next(iter(compare_rates(step, angle * own[:2], rate * own)), None)
+
+
+def _unfiltered(motion: AxisMotion, slope: Slope) -> np.ndarray:
+    """The angle, rad, before a first-order filter of that delay: by its slope, which is the rate, filtered alike."""
+    assert motion.angle is not None and motion.rate is not None, 'both were compared'
+    constant = np.tan(slope.frequency * abs(slope.lag)) / slope.frequency
+    follows = -np.expm1(-np.diff(motion.time) / constant)
+    filtered = list(accumulate(zip(follows, motion.rate[1:], strict=True), _follow, initial=float(motion.rate[0])))
+    return motion.angle + constant * np.array(filtered)
+
+
+def _follow(level: float, step: tuple[float, float]) -> float:
+    part, value = step
+    return level + part * (value - level)
 
 
 def _slope(axis: int, step: float, angle: np.ndarray, differences: np.ndarray, rates: np.ndarray) -> Slope | None:

@@ -17,10 +17,12 @@ from swath_sysid.attitude.motion.decay_candidates import (
     HELD,
     HOLD_BAND,
     IRREGULAR,
+    MIN_HALF_CYCLES,
     DecayCandidate,
     are_decays,
     find_candidates,
     last_crossing,
+    stands_out,
     turned_signals,
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -33,7 +35,6 @@ from swath_sysid.common.signals import noise_level
 #: moves by less from peak to peak is coupled from the other axis.
 SMALLEST_AMPLITUDE = {'angle': float(np.radians(0.5)), 'rate': float(np.radians(1.25))}
 ASYMMETRY = 2.2  #: Largest ratio of the first half-cycle to the usual one: it may be held, and restoring asymmetric.
-MIN_HALF_CYCLES = 3  #: Three show two losses and one rhythm; fewer are those of a heavily damped hull.
 
 #: Mean logarithmic decrement per half-cycle below which something sustains the motion; the lightest decay has 0.012.
 MIN_DECREMENT = 0.004
@@ -171,6 +172,9 @@ def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     while found := [candidate for candidate in possible if are_decays([candidate], free)] or _together(possible, free):
         free += found
         possible = [candidate for candidate in possible if not any(candidate is other for other in found)]
+    # what does not stand out is itself motion around the others
+    while (standing := [candidate for candidate in free if stands_out(candidate, free)]) != free:
+        free = standing
     return free
 
 

@@ -25,6 +25,7 @@ WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
 
 LOOK_INTERVAL = 1.0  #: s from one look for a decay that has ended to the next,
 CALM = 0.35  #: ... while the motion of the last two of them stays within this part of all motion in the window.
+SEEN_BEFORE_PUSH = 2.5  #: Periods that show whether the craft was at rest before it was pushed.
 LOOK_RATE = 50.0  #: Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms.
 
 
@@ -231,9 +232,11 @@ class DecayWatch:
         amplitude = decay.initial_amplitude
         if decay.quantity == 'rate':
             amplitude *= decay.period / (2.0 * pi)
-        # a group of waves looks like a push, of a few half-cycles, until the next waves come
-        enough = (0.5 if rests_after(decay, motion) else 1.0) * HALF_CYCLES_FOR_REST
-        pushed = decay.beginning == 'pushed' and decay.cycles >= enough
+        # a group of waves looks like a push, of a few half-cycles, until the next waves come, or to who saw none before
+        rests = rests_after(decay, motion)
+        enough = (0.5 if rests else 1.0) * HALF_CYCLES_FOR_REST
+        is_seen = rests or decay.start - motion.time[0] >= SEEN_BEFORE_PUSH * decay.period
+        pushed = decay.beginning == 'pushed' and decay.cycles >= enough and is_seen
         released = decay.beginning == 'released' and (decay.cycles >= MIN_CYCLES or has_returned(decay, motion))
         return (pushed or released) and amplitude >= self._smallest and is_finished(decay, motion)
 
