@@ -193,7 +193,7 @@ class MotionSize:
         self.reach = Reach(USUAL_PERIOD)  #: Of the last two periods.
         self._elapsed = 0.0
         self.mean = self._angle = math.nan
-        self._square = self._rate_square = self._recent = self._present = LEAST_SIZE**2
+        self._square = self._rate_square = self._energy = self._recent = self._present = LEAST_SIZE**2
 
     @property
     def period(self) -> float:
@@ -225,7 +225,8 @@ class MotionSize:
         self._rate_square += slow * (rate * rate - self._rate_square)
         # both halves of the oscillation's energy, so that the size does not oscillate with the phase
         share = self._square / max(self._rate_square, LEAST_SIZE**2)
-        self._recent += min(1.0, quick) * (0.5 * (square + share * rate * rate) - self._recent)
+        self._energy = 0.5 * (square + share * rate * rate)
+        self._recent += min(1.0, quick) * (self._energy - self._recent)
         self._present += min(1.0, steady) * (square - self._present)
 
     @property
@@ -256,13 +257,18 @@ class MotionSize:
     @property
     def doubt_of_mean(self) -> float:
         """How far the level may lie from the mean of as few cycles, rad."""
-        return self.extent / math.sqrt(max(self._cycles_as_large, 1.0))
+        return math.sqrt(2.0 * self._largest / max(self._cycles_as_large, 1.0))
 
     @property
     def _cycles_as_large(self) -> float:
         """As the motion is now; a craft that is held goes through none."""
         cycles = self._elapsed * math.sqrt(self._rate_square) / (2.0 * math.pi * self.deviation)
-        return cycles * min(2.0 * self._square / self.extent**2, 1.0)
+        return cycles * min(self._square / self._largest, 1.0)
+
+    @property
+    def _largest(self) -> float:
+        """Mean square of an oscillation with the energy of this moment or of the newest cycle, rad^2."""
+        return max(self._energy, self.activity**2)
 
 
 class NoiseMeter:

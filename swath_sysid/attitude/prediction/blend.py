@@ -43,8 +43,8 @@ class Errors(NamedTuple):
     time: np.ndarray  #: (S, A); that ``mean_square`` is an average of.
     excused: np.ndarray  #: (S, A); share of the time.
     spread: np.ndarray  #: (4, 3, S, A); time, ratio, tail and scale of each regime.
-    #: (3, S, A); of the newest errors in each, squared over what was expected of them: while a motion grows, all
-    #: forecasts are too sure.
+    #: (2, S, A); of the newest errors, of free hulls apart, squared over what was expected of them: while a motion grows,
+    #: all forecasts are too sure.
     recent: np.ndarray
     scale: np.ndarray  #: (S, A); of the variances, now.
     widened: np.ndarray  #: (S, A); while the newest errors are larger than were expected.
@@ -125,7 +125,7 @@ class Blend:
             np.zeros(shape),
             np.zeros(shape),
             spread,
-            np.ones((3, *shape)),
+            np.ones((2, *shape)),
             np.ones(shape),
             np.ones(shape),
         )
@@ -232,7 +232,7 @@ def take_row(errors: Errors, kept: Kept, layout: Layout, row: Row, number: int, 
                 error_weights(known, time, layout.prior, errors.weights[:, place, axis])
             regime = kept.regime[now, axis]
             errors.scale[place, axis] = scale = errors.spread[3, regime, place, axis]
-            errors.widened[place, axis] = widened = scale * max(errors.recent[regime, place, axis], 1.0)
+            errors.widened[place, axis] = widened = scale * max(errors.recent[int(regime == FREE), place, axis], 1.0)
             weights[:] = errors.weights[:, place, axis]
             noise, variances = row.noise[axis], row.variance[:, place, axis]
             if is_after_break:
@@ -268,7 +268,8 @@ def learn(errors: Errors, layout: Layout, row: Row, past: np.ndarray, at: tuple[
     if is_judged:
         surprise = min(_QUANTILE**2 * square / past[2], CREDIBLE)
         # over a period
-        errors.recent[regime, place, axis] += step / (1.0 + step) * (surprise - errors.recent[regime, place, axis])
+        recent = errors.recent[int(regime == FREE), place, axis]
+        errors.recent[int(regime == FREE), place, axis] += step / (1.0 + step) * (surprise - recent)
         # waves that grow may double within a lead
         growth = max(0.5 * size / past[4], 1.0) ** 2
     errors.time[place, axis] = time = layout.keep[place] * errors.time[place, axis] + step
