@@ -43,8 +43,8 @@ class Errors(NamedTuple):
     time: np.ndarray  #: (S, A); that ``mean_square`` is an average of.
     excused: np.ndarray  #: (S, A); share of the time.
     spread: np.ndarray  #: (4, 3, S, A); time, ratio, tail and scale of each regime.
-    #: (2, S, A); of the newest errors, of free hulls apart, squared over what was expected of them: while a motion grows,
-    #: all forecasts are too sure.
+    #: (2, S, A); of the newest errors, of free hulls apart, squared over what was expected of them: while a motion
+    #: grows, all forecasts are too sure.
     recent: np.ndarray
     scale: np.ndarray  #: (S, A); of the variances, now.
     widened: np.ndarray  #: (S, A); while the newest errors are larger than were expected.
