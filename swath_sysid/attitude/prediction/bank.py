@@ -258,8 +258,9 @@ class Bank:
         if noise.any():
             of_readings = [self._place[name] for name in self._on_rows]
             covariance[of_readings] = without_noise(covariance[of_readings], noise)
-        strained = {name: each.strain / HEALTHY_STRAIN for name, each in self._fitted.items()}
-        strained = {name: strain for name, strain in strained.items() if strain > 1.0}
+        strained = {
+            name: each.strain / HEALTHY_STRAIN for name, each in self._fitted.items() if each.strain > HEALTHY_STRAIN
+        }
         for name, strain in strained.items():
             covariance[self._place[name]] *= strain
         in_use = [strain for name, strain in strained.items() if not self._fitted[name].is_contradicted]
