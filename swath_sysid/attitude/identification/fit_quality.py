@@ -25,7 +25,7 @@ from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.stamps import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, TWO_STD, UNCERTAIN
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, THREE_STD, TWO_STD, UNCERTAIN
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.judgement import Finding, Judgement
 from swath_sysid.common.signals import white_noise
@@ -33,7 +33,6 @@ from swath_sysid.common.signals import white_noise
 UPPER_PART = 0.9  #: Share of the draws whose error is smaller than the stated error.
 DRAWS = 100  #: Hulls of the posterior that are simulated, of ten times as many that are drawn.
 RATES = 30  #: At which the sign of each hull's damping is checked.
-THREE_STD = 3.0  #: Standard deviations that chance exceeds in one of 300 starts.
 RELEASE_PERIODS = 4.0  #: Length of the next release.
 
 

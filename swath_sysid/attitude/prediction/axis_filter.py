@@ -12,6 +12,7 @@ from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSe
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.hull_watch import HullWatch
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import THREE_STD
 
 #: First guess, least and most noise of sensors that do not report theirs, rad and rad/s.
 ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
@@ -33,7 +34,7 @@ MEMORY_OF_SIZE = 19.0
 
 #: A squared error over its expected value counts as this much at the most: what nobody could foresee, such as a glitch
 #: or a hand on the craft, says little of the errors to come.
-CREDIBLE = 9.0
+CREDIBLE = THREE_STD * THREE_STD
 
 
 _SPAN = 0.16  #: Periods over which the rate is integrated.

@@ -38,6 +38,7 @@ from swath_sysid.attitude.prediction.hull_state import (
 )
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, markov_moment, sum_of_moments
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import THREE_STD
 from swath_sysid.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -81,7 +82,6 @@ HEALTHY_STRAIN = 4.0
 
 RECENT = 400  #: Samples kept to be filtered again when a fit arrives.
 INSIGNIFICANT = 0.035  #: Of the unknown moment's size at the start; a smaller one is ignored.
-CONTRADICTION = 3.0  #: Standard deviations.
 
 #: Relative changes that are reported whatever the prior uncertainty.
 MUCH = {'stiffness': 0.1, 'damping': 0.3}
@@ -482,7 +482,7 @@ class HullFilter:
     def advice(self) -> tuple[Advice, ...]:
         """Whether the waves, or the craft in still water, contradict the model.
 
-        A factor of stiffness or damping more than `CONTRADICTION` of its identified standard deviations off contradicts
+        A factor of stiffness or damping more than three of its identified standard deviations off contradicts
         it.
         """
         found = []
@@ -490,8 +490,8 @@ class HullFilter:
         for name, direction in prior.directions.items():
             change = float(direction @ (self.x[OF_HULL] - prior.mean))
             before, now = (math.sqrt(direction @ spread @ direction) for spread in (prior.covariance, covariance))
-            is_unlikely = abs(change) > CONTRADICTION * before
-            is_much = abs(change) > max(MUCH[name], CONTRADICTION * now)
+            is_unlikely = abs(change) > THREE_STD * before
+            is_much = abs(change) > max(MUCH[name], THREE_STD * now)
             if self.model is not None and (is_unlikely or is_much):
                 more, stds = 'more' if change > 0.0 else 'less', change / before
                 share, axis = abs(math.expm1(change)), self.model.axis
