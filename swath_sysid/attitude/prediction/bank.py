@@ -9,7 +9,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.blend import DRIVEN, FREE, MIN_SHARE, UNPROVEN, YOUNG, Blend
+from swath_sysid.attitude.prediction.blend import DRIVEN, FREE, UNPROVEN, YOUNG, Blend
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.hull_state import TRIM
@@ -33,7 +33,7 @@ from swath_sysid.attitude.prediction.upstream import (
 )
 from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import THREE_STD
+from swath_sysid.common.conventions import NEGLIGIBLE, THREE_STD
 
 HULL, LIBRARY, LEVEL = 'hull-filter', 'sea-library', 'mean'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
@@ -316,7 +316,7 @@ def bound(mean: np.ndarray, covariance: np.ndarray, centre: np.ndarray, largest:
 def without_noise(covariance: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Covariances (..., M, M) of readings less the variances (M,) of their noise; correlations stay."""
     variance = np.diagonal(covariance, axis1=-2, axis2=-1)
-    share = np.maximum(1.0 - noise / np.maximum(variance, 1e-300), MIN_SHARE)
+    share = np.maximum(1.0 - noise / np.maximum(variance, 1e-300), NEGLIGIBLE)
     return covariance * np.sqrt(share[..., :, None] * share[..., None, :])
 
 
