@@ -51,21 +51,17 @@ TRIM_DRIFT = 3e-6**2  #: rad^2/s; 0.01 deg in an hour. Thirty times this would h
 RATIO_DRIFT = 1e-4**2  #: 1/s, relative; stiffness and damping move by 2 % in ten hours of a voyage.
 
 UNKNOWN_TRIM_STD = 0.02
-IDENTIFIED_TRIM_STD = 5e-4  #: rad; identification reports 3e-5 to 7e-4.
 
 #: Relative std of all restoring and all damping terms without an identified covariance, as of a rebuilt hull.
 ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
 
 #: rad; expected of a craft before it is known, and where a model does not state what it was identified on.
-USUAL_AMPLITUDE = 0.05
+USUAL_AMPLITUDE = 0.078
 
 INITIAL_STD = 0.3  #: rad, and rad times half the motion's frequency, where the first sample does not measure.
-MARKOV_TIME = 0.156  #: Periods of the motion; one over the corner frequency of the unknown moment.
-MARKOV_STD = 0.078  #: rad times the square of the motion's frequency; its size at the start.
 
 MIN_LEVEL = 1e-10  #: Of a moment's variance over the initial one.
 
-CHALLENGING_LEVEL = 0.01  #: Of the unknown moment in a restarted driven track.
 #: Periods between updates of the moments' sizes: with a hull, and without, where they only affect the filter's
 #: smoothness.
 LEVEL_INTERVALS = 0.016, 0.31
@@ -74,8 +70,8 @@ LEVEL_INTERVALS = 0.016, 0.31
 #: insignificant unknown moment for the first of them.
 LEVEL_TIMES = 0.62, 19.0
 
-#: Log likelihood ratios at which the track not in use takes over, and restarts.
-CONVINCING, LOST = 10.0, 2.0
+#: Log likelihood ratio at which the track not in use takes over.
+CONVINCING = 10.0
 
 #: Recent squared innovations over their expectation; a valid model stays below, or a new moment must be acting.
 HEALTHY_STRAIN = 4.0
@@ -119,9 +115,7 @@ class HullPrior:
             common[1:][ratios] = mean[1:][ratios]
             drift += RATIO_DRIFT * np.outer(common, common)
             covariance += is_exact * ASSUMED_STD[name] ** 2 * np.outer(common, common)
-        trim_std = identified.trim_std
-        if trim_std != trim_std:
-            trim_std = IDENTIFIED_TRIM_STD if is_exact else UNKNOWN_TRIM_STD
+        trim_std = identified.trim_std if identified.trim_std == identified.trim_std else UNKNOWN_TRIM_STD
         covariance[0, 0], drift[0, 0] = trim_std**2, TRIM_DRIFT
         return cls(mean, covariance, drift, directions)
 
@@ -421,7 +415,7 @@ class HullFilter:
             self.is_free = not self.is_free
             self._evidence = 0.0
             return True
-        if self._evidence < -LOST:
+        if self._evidence < 0.0:
             self._challenge()
         return False
 
@@ -432,7 +426,7 @@ class HullFilter:
             self.free.set_state(self.x[:HULL_STATES], self.P[:HULL_STATES, :HULL_STATES])
             self.free.strain = 1.0
             return
-        self._set_level(0, CHALLENGING_LEVEL)
+        self._set_level(0, INSIGNIFICANT**2)
         self.driven.set_state(np.zeros(self._parts[-1].stop), np.zeros((self._parts[-1].stop,) * 2))
         self.driven.set_part(slice(HULL_STATES), self.x, self.P)
         self.driven.set_part(slice(HULL_STATES, None), 0.0, self.driven.moment[2])
@@ -513,9 +507,11 @@ class HullFilter:
 
 
 def unknown_moment(period: float) -> ModalMoment:
-    """What may act on a craft that moves with a period, s, before anything is known of it."""
+    """What may act on a craft that moves with a period, s, before anything is known of it: as quick as the motion, and
+    large enough to hold the craft where it is.
+    """
     frequency = 2.0 * math.pi / period
-    return markov_moment((MARKOV_STD * frequency**2) ** 2, MARKOV_TIME * period)
+    return markov_moment((USUAL_AMPLITUDE * frequency**2) ** 2, 1.0 / frequency)
 
 
 def hull_that_stands_in(period: float) -> DecayModel:
