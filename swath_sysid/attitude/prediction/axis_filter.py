@@ -37,8 +37,6 @@ MEMORY_OF_SIZE = 19.0
 CREDIBLE = THREE_STD * THREE_STD
 
 
-_SPAN = 0.16  #: Periods over which the rate is integrated.
-
 #: Mean square disagreement over that of the noise, above which the channels contradict each other.
 _BEYOND_CHANCE = 2.0
 BLOCKS = 16  #: The past is kept as the extremes of this many parts.
@@ -346,8 +344,8 @@ class AgreementMeter:
 
     @property
     def span(self) -> float:
-        """s over which the rate is integrated."""
-        return _SPAN * self.period
+        """s over which the rate is integrated: a radian of the motion."""
+        return self.period / math.tau
 
     def restart(self) -> None:
         """Forget the neighbours (after a gap or a missing value), not what was learnt."""

@@ -31,7 +31,6 @@ OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
 OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
 ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
-LONGEST_FILLED = 0.16  #: Periods; what is lost for longer is not known.
 
 #: Samples per row from which the rows hold filtered values: fewer cannot be smoothed without delay.
 SMOOTHED_FROM = 5
@@ -162,6 +161,11 @@ class RowClock:
         return self.sensor.interval
 
     @property
+    def longest_filled(self) -> float:
+        """s, a radian of the motion; what is lost for longer is not known."""
+        return self.period / math.tau
+
+    @property
     def since_row(self) -> float:
         """s since the newest row."""
         return self._ticks * self._tick + self._lag
@@ -231,7 +235,7 @@ class RowClock:
             ticks = math.floor((elapsed - first) / self._tick + 1.0 + 1e-6)
             self._lag = self._lag + elapsed - ticks * self._tick
             shares = [min((first + place * self._tick) / elapsed, 1.0) for place in range(ticks)]
-        if elapsed > max(LONGEST_FILLED * self.period, 1.5 * self.interval):
+        if elapsed > max(self.longest_filled, 1.5 * self.interval):
             # the rows to come are whole steps after those before, and of so many samples: fewer are less smooth
             ticks = max(round(self._ticks + elapsed / self._tick), 1)
             missing = math.ceil((ticks - 1) / self.samples)
@@ -243,7 +247,7 @@ class RowClock:
             ]
         else:
             rows = []
-        if elapsed > 0.5 * LONGEST_FILLED * self.period:
+        if elapsed > 0.5 * self.longest_filled:
             # the others have no slopes: over half as long a line errs by 3 %, over all of it a cubic by .3 %
             before[len(ATTITUDE) :] = self._values[len(ATTITUDE) :] = [math.nan] * (len(CHANNELS) - len(ATTITUDE))
         for share in shares:

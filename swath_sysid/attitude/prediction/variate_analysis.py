@@ -4,6 +4,7 @@ The state is the leading canonical variates of the lags behind and the rows ahea
 De Moor 1996, chapter 4, CVA weighting). A, K, C and S are regressions on states, from the Gram matrix of the lags.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ import numpy as np
 from scipy import fft
 from scipy.linalg import cholesky, eigh, solve_triangular
 
-from swath_sysid.attitude.prediction.rows import LONGEST_FILLED, ROWS_A_PERIOD
+from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsModel, side_by_side, whole_lags
 
 # lags on either side, and the periods that they reach back at the most
@@ -135,7 +136,7 @@ def fill_short_gaps(rows: np.ndarray) -> np.ndarray:
     result = rows.copy()
     edges = np.diff(np.concatenate([[0], ~complete, [0]]).astype(int))
     first, length = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-    for lost in range(1, round(LONGEST_FILLED * ROWS_A_PERIOD) + 1):
+    for lost in range(1, round(ROWS_A_PERIOD / math.tau) + 1):
         gaps = first[length == lost]
         for side in _SIDES if gaps.size else ():
             if whole_lags(complete, 2 * side + lost).sum() < ROWS_A_COEFFICIENT * 2 * side * width:
