@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, MEMORY_OF_SIZE
+from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, LATELY, MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.forecast import MISSES, NORMAL_QUANTILES, Forecast
 from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.conventions import NEGLIGIBLE
 
-# s, and as many leads; errors are forgotten with this time constant: those at short leads are many
-_MEMORY, _MEMORY_LEADS = 4.7, 10.0
+# leads, and `LATELY`, with which time constant errors are forgotten: those at short leads are many
+_MEMORY_LEADS = 10.0
 # weights go with the mean square error to this power: 3 % less error is nearly twice the weight
 _POWER = 12
 # s of errors that the candidates' common level, and their own variances, count for: luck in the first decides nothing
@@ -138,7 +138,7 @@ class Blend:
     def set_period(self, step: float, period: float) -> None:
         """Count memories in a period of the motion; a row is a step, both s."""
         relative = step / period
-        memory = np.minimum(_MEMORY + _MEMORY_LEADS * relative * self.steps, MEMORY_OF_SIZE)
+        memory = np.minimum(LATELY + _MEMORY_LEADS * relative * self.steps, MEMORY_OF_SIZE)
         self._layout = self._layout._replace(step=relative, keep=1.0 - relative / memory)
 
     def take(
