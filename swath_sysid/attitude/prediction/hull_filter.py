@@ -51,6 +51,7 @@ TRIM_DRIFT = 3e-6**2  #: rad^2/s; 0.01 deg in an hour. Thirty times this would h
 RATIO_DRIFT = 1e-4**2  #: 1/s, relative; stiffness and damping move by 2 % in ten hours of a voyage.
 
 UNKNOWN_TRIM_STD = 0.02
+IDENTIFIED_TRIM_STD = 5e-4  #: rad; identification reports 3e-5 to 7e-4.
 
 #: Relative std of all restoring and all damping terms without an identified covariance, as of a rebuilt hull.
 ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
@@ -70,8 +71,8 @@ LEVEL_INTERVALS = 0.016, 0.31
 #: insignificant unknown moment for the first of them.
 LEVEL_TIMES = 0.62, 19.0
 
-#: Log likelihood ratio at which the track not in use takes over.
-CONVINCING = 10.0
+#: Log likelihood ratios at which the track not in use takes over, and restarts.
+CONVINCING, LOST = 10.0, 2.0
 
 #: Recent squared innovations over their expectation; a valid model stays below, or a new moment must be acting.
 HEALTHY_STRAIN = 4.0
@@ -115,7 +116,9 @@ class HullPrior:
             common[1:][ratios] = mean[1:][ratios]
             drift += RATIO_DRIFT * np.outer(common, common)
             covariance += is_exact * ASSUMED_STD[name] ** 2 * np.outer(common, common)
-        trim_std = identified.trim_std if identified.trim_std == identified.trim_std else UNKNOWN_TRIM_STD
+        trim_std = identified.trim_std
+        if trim_std != trim_std:
+            trim_std = IDENTIFIED_TRIM_STD if is_exact else UNKNOWN_TRIM_STD
         covariance[0, 0], drift[0, 0] = trim_std**2, TRIM_DRIFT
         return cls(mean, covariance, drift, directions)
 
@@ -415,7 +418,7 @@ class HullFilter:
             self.is_free = not self.is_free
             self._evidence = 0.0
             return True
-        if self._evidence < 0.0:
+        if self._evidence < -LOST:
             self._challenge()
         return False
 
