@@ -27,7 +27,7 @@ NANOSECOND = constants.nano  #: s.
 GAP_INTERVALS = 2.5
 FOLLOWING = {True: 0.02, False: 0.1}  #: Largest relative step per sample of the tracked interval, settled or not.
 SETTLING_SAMPLES = 50
-#: Of an interval; a larger mean distance of stamps from the next whole interval is jitter.
+#: Of an interval; a larger mean distance of stamps from the next whole interval is jitter, a shorter time none.
 JITTER = 0.1
 TO_RECOGNISE = 2 * SETTLING_SAMPLES  #: Samples until bursts can be recognised.
 RATE_CHANGE = 1.4  #: Factor; the interval is settled when it has moved by less than its root over `SETTLING_SAMPLES`.

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.stamps import JITTER
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
@@ -38,7 +39,6 @@ SMOOTHED_FROM = 5
 _REGULAR = 0.5  #: Relative difference of an interval from the usual one that is still jitter.
 _IRREGULAR_SAMPLES = 10  #: In a row: then the sensor has another rate.
 _PHASE_GAIN = 0.1  #: Share of a stamp's deviation that is the clock's.
-_CLEAN = 0.1  #: Intervals; a jitter that is none, and the time between two samples of one jittery time.
 _INTERVALS = 51  #: Of which the first guess of the interval is the median, and over which jitter is averaged.
 #: Relative differences of a step: that begin rows anew (of the interval: from which samples are read between), and up
 #: to which it is the same one.
@@ -88,21 +88,21 @@ class SampleClock:
             self.interval = float(newest.sum() / max(np.round(newest / np.median(newest)).sum(), 1.0))
         since = self._behind + elapsed
         relative = since / self.interval
-        doubt = THREE_STD * max(self._jitter - _CLEAN, 0.0)
+        doubt = THREE_STD * max(self._jitter - JITTER, 0.0)
         more = math.copysign(max(round(abs(relative - 1.0) - doubt), 0), relative - 1.0)
         intervals = max(1 + int(more), 0 if self.count > _INTERVALS else 1)
         deviation = relative - intervals
         if self._has_another_rate(elapsed):
             return Sampled(elapsed, 1)
         if intervals == 0:
-            passed = elapsed if doubt == 0.0 else _CLEAN * self.interval
+            passed = elapsed if doubt == 0.0 else JITTER * self.interval
             self._behind, self._told = since, self._told + passed
             return Sampled(passed, 0)
         told, self._told = self._told, 0.0
         self._jitter += (min(abs(deviation), 0.5) - self._jitter) / _INTERVALS
         self.interval *= 1.0 + 0.25 * _PHASE_GAIN**2 * deviation / intervals
         self._behind = (1.0 - _PHASE_GAIN) * deviation * self.interval
-        return Sampled(max(since - self._behind - told, _CLEAN * self.interval), intervals)
+        return Sampled(max(since - self._behind - told, JITTER * self.interval), intervals)
 
     def _has_another_rate(self, elapsed: float) -> bool:
         """Whether the sensor has: so many intervals in a row are unusual, and alike; then begin with them."""
