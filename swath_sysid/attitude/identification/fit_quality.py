@@ -21,6 +21,7 @@ from swath_sysid.attitude.identification.decay_fit import DecayFit, RecordFit
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD, InitialState, Noise
 from swath_sysid.attitude.identification.problem import FIRST_LOOK_PERIODS, motion_fit, state_at_start
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
+from swath_sysid.attitude.motion.segmentation import ASYMMETRY
 from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.stamps import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -149,7 +150,6 @@ REPEATABILITY = 0.03
 LEAST_USABLE = 0.5  #: Least share of a record's rows that must be usable.
 #: Least righting moment at the release over that of the linear stiffness; a craft that was moved has less.
 LEAST_RIGHTING = 0.3
-LARGEST_PERIOD_RATIO = 2.2  #: Of the natural period and that of the oscillation, or its inverse.
 MAX_RATE_MISMATCH = 0.35  #: Of `rate_mismatch`: above, a unit, sign or delay is wrong.
 
 
@@ -263,7 +263,7 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
     # a hull that softens accelerates little at first, too, but swings for several cycles with the period it is given
     few = all(r.segment.cycles < MIN_CYCLES for r in found.records)
     ratio = period * found.problem.scales.frequency / (2.0 * np.pi)
-    odd = few or not 1.0 / LARGEST_PERIOD_RATIO < ratio < LARGEST_PERIOD_RATIO
+    odd = few or not 1.0 / ASYMMETRY < ratio < ASYMMETRY
     if brief or (odd and not righting >= LEAST_RIGHTING * found.model.natural_frequency**2):
         seen = 'less than one oscillation was recorded' if brief else 'it hardly accelerated at first'
         yield DOUBTFUL, Advice.of('no-release', seen=seen)
