@@ -63,6 +63,8 @@ INITIAL_STD = 0.3  #: rad, and rad times half the motion's frequency, where the 
 
 MIN_LEVEL = 1e-10  #: Of a moment's variance over the initial one.
 
+CHALLENGING_LEVEL = 0.01  #: Of the unknown moment in a restarted driven track.
+
 #: Periods between updates of the moments' sizes: with a hull, and without, where they only affect the filter's
 #: smoothness.
 LEVEL_INTERVALS = 0.016, 0.31
@@ -429,7 +431,7 @@ class HullFilter:
             self.free.set_state(self.x[:HULL_STATES], self.P[:HULL_STATES, :HULL_STATES])
             self.free.strain = 1.0
             return
-        self._set_level(0, INSIGNIFICANT**2)
+        self._set_level(0, CHALLENGING_LEVEL)
         self.driven.set_state(np.zeros(self._parts[-1].stop), np.zeros((self._parts[-1].stop,) * 2))
         self.driven.set_part(slice(HULL_STATES), self.x, self.P)
         self.driven.set_part(slice(HULL_STATES, None), 0.0, self.driven.moment[2])
