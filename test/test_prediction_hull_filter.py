@@ -475,7 +475,7 @@ def test_a_moment_of_another_period_is_as_large_and_lasts_as_many_periods():
         assert attitude.levels[0] * attitude.moments[0].variance == pytest.approx(size)
         lasts *= factor
         assert memory() == pytest.approx(lasts)
-        assert lasts == pytest.approx(attitude.period / math.tau)
+        assert lasts == pytest.approx(hull_filter.MARKOV_TIME * attitude.period)
         # what is known of the motion stays
         for found, before in zip(attitude.forecast(np.zeros(1)), motion, strict=True):
             np.testing.assert_allclose(found, before, atol=1e-12)

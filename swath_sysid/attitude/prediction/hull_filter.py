@@ -60,6 +60,7 @@ ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
 USUAL_AMPLITUDE = 0.078
 
 INITIAL_STD = 0.3  #: rad, and rad times half the motion's frequency, where the first sample does not measure.
+MARKOV_TIME = 0.156  #: Periods of the motion; one over the corner frequency of the unknown moment.
 
 MIN_LEVEL = 1e-10  #: Of a moment's variance over the initial one.
 
@@ -512,11 +513,9 @@ class HullFilter:
 
 
 def unknown_moment(period: float) -> ModalMoment:
-    """What may act on a craft that moves with a period, s, before anything is known of it: as quick as the motion, and
-    large enough to hold the craft where it is.
-    """
+    """What may act on a craft that moves with a period, s, before anything is known of it: it may hold it in place."""
     frequency = 2.0 * math.pi / period
-    return markov_moment((USUAL_AMPLITUDE * frequency**2) ** 2, 1.0 / frequency)
+    return markov_moment((USUAL_AMPLITUDE * frequency**2) ** 2, MARKOV_TIME * period)
 
 
 def hull_that_stands_in(period: float) -> DecayModel:
