@@ -202,23 +202,19 @@ def test_a_craft_to_try_is_identified_in_waves_and_its_bag_replays(tmp_path):
 
 
 @pytest.mark.dds
-@pytest.mark.parametrize(
-    ('words', 'number', 'awaited'),
-    [(['--only', 'release'], signal.SIGINT, 'ready:'), ([], signal.SIGTERM, 'loading the filters')],
-)
-def test_a_signal_ends_the_demonstration_and_its_processes(tmp_path, words, number, awaited):
+def test_a_signal_ends_the_demonstration_and_its_processes(tmp_path):
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
-    demo = command_line('demo', *words, '--output', tmp_path)
+    demo = command_line('demo', '--only', 'release', '--output', tmp_path)
     deadline = time.monotonic() + PATIENCE
     log = tmp_path / 'demo.log'
-    while not log.exists() or not any(word in log.read_text() for word in (awaited, 'model')):
+    while not log.exists() or 'ready:' not in log.read_text():
         assert time.monotonic() < deadline and demo.poll() is None
         time.sleep(0.1)
     from live_bench import children
 
     started = children(demo.pid)
     assert len(started) >= 2
-    demo.send_signal(number)
+    demo.send_signal(signal.SIGTERM)
     told, _ = demo.communicate(timeout=PATIENCE)
     assert demo.returncode == 130, told
     assert [pid for pid in started if Path(f'/proc/{pid}').exists()] == []

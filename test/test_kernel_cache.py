@@ -62,9 +62,8 @@ def test_kernels_are_kept_by_version_in_the_users_cache_or_where_numba_is_told_t
 def test_without_a_folder_or_space_for_them_kernels_are_compiled_each_time(tmp_path):
     angle, why = simulated(HOME=os.devnull)
     assert f'({os.devnull}/.cache/swath_sysid/{__version__}: Not a directory)' in why
-    for _ in range(2):
-        again, why = simulated(limit=4000, XDG_CACHE_HOME=str(tmp_path))
-        assert again == angle and ': File too large)' in why and 'free disk space' in why
+    again, why = simulated(limit=4000, XDG_CACHE_HOME=str(tmp_path))
+    assert again == angle and ': File too large)' in why and 'free disk space' in why
     assert files(tmp_path, 'nbc') == []
 
 
