@@ -319,6 +319,7 @@ def test_a_hull_is_found_in_seas_from_two_headings(turned, alone):
         assert abs(found.damping_ratio - damping) < 2.5 * found.damping_ratio_std
 
 
+@pytest.mark.long
 def test_several_records_know_the_hull_better_than_one(turned, alone, tmp_path):
     found = identify_at_sea([measured(sea) for sea in turned])
     assert found.natural_period_std < 0.75 * np.mean([each.natural_period_std for each in alone])
@@ -409,6 +410,7 @@ def test_a_change_is_told_once_it_is_beyond_what_changing_seas_deceive_by():
     assert after(*[(False, 0.4, 0.1)] * 2, (True, 0.05, 0.0)) == []
 
 
+@pytest.mark.long
 def test_the_status_reports_a_changed_stiffness_within_minutes():
     motion, faster = measured(known_sea(LINEAR, [3], 1.3, np.radians(3.0), 240.0)), 2.5
     trial = Trial(motion.time / faster, roll=motion.angle, roll_rate=motion.rate * faster, pitch=0.0 * motion.time)

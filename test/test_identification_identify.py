@@ -566,50 +566,31 @@ def test_what_the_record_leaves_open_makes_the_verdict(found, scale, level):
     assert not np.isnan(scale) or verdict.metrics['motion_error'] is None
 
 
+RELEASED = 'release, to either side, should be forecast to within'
+FROM_ONE_SIDE = 'release from a positive angle should be forecast to within 3.6% of its motion (15%'
+NEGATIVE = 'one from a negative angle may be wrong by 60% of its motion: release the craft from that side too'
+VANISHES = 'vanishes at about -11.5 deg: release the craft from a negative angle too, smaller than that'
+
+
 @pytest.mark.parametrize(
-    ('other_side', 'asymmetry', 'error', 'words'),
+    ('other_side', 'asymmetry', 'errors', 'words'),
     [
-        (0.05, 0.0, np.hypot(0.05, 0.03), 'release, to either side, should be forecast to within 5.8% of its motion;'),
-        (
-            0.02,
-            0.05,
-            np.hypot(0.03, np.hypot(0.02, 0.05)),
-            'release, to either side, should be forecast to within 6.2%',
-        ),
-        (
-            0.15,
-            0.0,
-            np.hypot(0.02, 0.03),
-            'release from a positive angle should be forecast to within 3.6% of its motion (15%',
-        ),
-        (
-            0.02,
-            0.5,
-            np.hypot(0.02, 0.03),
-            'of its motion (a negative one is unseen);',
-        ),
-        (
-            0.6,
-            0.0,
-            np.hypot(0.02, 0.03),
-            'one from a negative angle may be wrong by 60% of its motion: release the craft from that side too',
-        ),
-        (
-            np.inf,
-            0.0,
-            np.hypot(0.02, 0.03),
-            'vanishes at about -11.5 deg: release the craft from a negative angle too, smaller than that',
-        ),
+        (0.05, 0.0, (0.05, 0.03), f'{RELEASED} 5.8% of its motion;'),
+        (0.02, 0.05, (0.03, np.hypot(0.02, 0.05)), f'{RELEASED} 6.2%'),
+        (0.15, 0.0, (0.02, 0.03), FROM_ONE_SIDE),
+        (0.02, 0.5, (0.02, 0.03), 'of its motion (a negative one is unseen);'),
+        (0.6, 0.0, (0.02, 0.03), NEGATIVE),
+        (np.inf, 0.0, (0.02, 0.03), VANISHES),
     ],
 )
-def test_the_verdict_says_to_which_side_its_error_holds(found, monkeypatch, other_side, asymmetry, error, words):
+def test_the_verdict_says_to_which_side_its_error_holds(found, monkeypatch, other_side, asymmetry, errors, words):
     monkeypatch.setattr(fit_quality, 'unseen_asymmetry', lambda fit: asymmetry)
     monkeypatch.setattr(fit_quality, 'posterior_errors', lambda fit: (0.02, other_side))
     monkeypatch.setattr(fit_quality, 'unexplained_share', lambda fit, quantity: 0.0)
     vanishing = -0.2 - found.model.trim if np.isinf(other_side) else np.nan
     monkeypatch.setattr(fit_quality, 'vanishing_angle', lambda model, side: vanishing)
     verdict = replace(found).verdict
-    assert words in verdict.sentence and verdict.motion_error == pytest.approx(error)
+    assert words in verdict.sentence and verdict.motion_error == pytest.approx(np.hypot(*errors))
     assert verdict.level == (DOUBTFUL if other_side > 0.5 else ADEQUATE)
 
 

@@ -47,6 +47,7 @@ def files(folder, ending):
     return sorted(folder.rglob(f'*.{ending}'))
 
 
+@pytest.mark.long
 def test_kernels_are_kept_by_version_in_the_users_cache_or_where_numba_is_told_to(tmp_path):
     of_user, told = tmp_path / 'home', tmp_path / 'told'
     angle, why = simulated(HOME=str(of_user))
@@ -59,6 +60,7 @@ def test_kernels_are_kept_by_version_in_the_users_cache_or_where_numba_is_told_t
     assert len(files(told, 'nbc')) == len(stored)
 
 
+@pytest.mark.long
 def test_without_a_folder_or_space_for_them_kernels_are_compiled_each_time(tmp_path):
     angle, why = simulated(HOME=os.devnull)
     assert f'({os.devnull}/.cache/swath_sysid/{__version__}: Not a directory)' in why

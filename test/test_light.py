@@ -54,6 +54,7 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
     assert loaded_by(module) & (HEAVY | {'scipy.optimize'}) == set()
 
 
+@pytest.mark.long
 def test_filterpy_is_loaded_by_what_forecasts_and_by_nothing_else():
     """With scipy.stats, which it imports, it takes 30 MB in every process."""
     for module in ('attitude.prediction.sea_fit', 'attitude.identification.refit'):

@@ -260,6 +260,7 @@ def swell_file(tmp_path_factory):
     return str(path)
 
 
+@pytest.mark.long
 def test_the_verb_scores_points_and_the_sensor(swell_file, tmp_path, capsys):
     options = ['--leads', '0.5,1', '--warmup', '170', '--plot', str(tmp_path / 'skill.png')]
     assert main(['forecast', swell_file, '--point', 'bow:2.5,0,0', *options, '--json']) == 0

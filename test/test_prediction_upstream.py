@@ -54,6 +54,7 @@ def without(blind):
     return error(craft_and_probe()[0], blind)[0]
 
 
+@pytest.mark.long
 def test_a_wave_is_forecast_until_it_has_passed_the_probe_and_then_as_well_as_can_be(without):
     trial, probe = craft_and_probe()
     found, coverage = error(trial, seeing(trial, trial.time, probe))

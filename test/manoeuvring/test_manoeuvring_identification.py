@@ -51,16 +51,15 @@ def diameters(model, truth):
 
 @pytest.mark.long
 def test_truth_is_found_with_honest_uncertainty(force_runs):
-    runs = [force_runs[k] for k in (0, 2, 3, 5, 7)]
-    found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK))
+    found = identify_manoeuvring(force_runs, ManoeuvringSettings(**QUICK))
     inside(found, OLD, ('Xu', 'Xuu'))
     for name in ('Xu', 'Xuu', 'Nr'):
         assert found.derivatives[name].value == pytest.approx(OLD[name], rel=0.1)
     assert found.stability.stable
     assert diameters(found.model, OLD) == pytest.approx([1, 1], abs=0.05)
     # all runs are used, and the scores are those of a fit to two thirds of them, on the others
-    assert len(found.identified_on) == len(runs)
-    tested, unseen = split(runs)
+    assert len(found.identified_on) == len(force_runs)
+    tested, unseen = split(force_runs)
     alone = identify_manoeuvring(tested, ManoeuvringSettings(**QUICK), unseen)
     assert [run.source for run in found.validated_on] == [run.source for run in unseen]
     assert found.validation == alone.validation
