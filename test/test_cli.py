@@ -215,7 +215,10 @@ def test_flags_that_advice_is_given_exist(capsys):
 def test_a_record_that_contradicts_itself_is_refused_with_its_cure(verb, trial_file, tmp_path, capsys):
     wrong = tmp_path / 'wrong.csv'
     wrong.write_text(trial_file.read_text().replace('pitch_rate_rad_s', 'pitch_rate_deg_s'))
-    assert main([verb, str(wrong), *(['--output', str(tmp_path / 'm.yaml')] if verb == 'identify' else [])]) == 2
+    assert (
+        main([verb, str(wrong), *(['--output', str(tmp_path / 'm.yaml'), '--force'] if verb == 'identify' else [])])
+        == 2
+    )
     told = capsys.readouterr().err
     assert 'times the derivative of the pitch angle' in told and 'Traceback' not in told
     assert not (tmp_path / 'm.yaml').exists()

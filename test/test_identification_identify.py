@@ -434,17 +434,6 @@ def test_a_wrong_rate_is_told_of_few_samples_too(rate_of):
     assert (verdict.level, verdict.code) == (REJECTED, 'angle-against-rate')
 
 
-def test_rates_that_contradict_the_angle_are_no_noise(tmp_path, capsys):
-    faulty = replace(TRUE, pitch_rate=-TRUE.pitch_rate)
-    verdict = identify([faulty.axis('pitch')], IdentificationSettings('swath-pitch-2')).verdict
-    assert (verdict.level, verdict.code) == (REJECTED, 'angle-against-rate')
-    # and a record that contradicts itself is not fitted to begin with, whatever is forced
-    path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'
-    write_csv(path, faulty)
-    assert main(['identify', str(path), '--axis', 'pitch', '--output', str(model), '--force']) == 2
-    assert 'with the opposite sign' in capsys.readouterr().err and not model.exists()
-
-
 @pytest.mark.parametrize('verb', [['identify', '--equation'], ['compare', '--jobs', '1', '--equations']])
 def test_a_poor_fit_is_written_only_with_force(verb, tmp_path, capsys):
     path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'

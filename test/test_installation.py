@@ -52,7 +52,7 @@ def test_any_order_of_installing_works_also_over_the_caches_of_an_earlier_versio
     source = str(editable)
 
     def orders():
-        for extra in ('', '[fast]', ''):
+        for extra in ('', '[fast]'):
             environment.install(f'{source}{extra}')
             assert environment.place() == plain
             environment.install('--editable', f'{source}{extra}')

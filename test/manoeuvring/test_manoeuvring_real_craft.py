@@ -259,7 +259,8 @@ def test_a_model_file_holds_the_noise_of_forecasts(runs, truth):
     names, spread = ('deviation_B', 'Nuur'), np.diag([1e-4, 0.01])
     identified = replace(MODEL, model=truth, names=names, covariance=spread, forecast=noise)
     back = manoeuvring_from_yaml(manoeuvring_to_yaml(identified))
-    assert np.array_equal(back.model.values, truth.values)
+    assert back.model == replace(truth, values=back.model.values) and np.array_equal(back.model.values, truth.values)
+    assert np.array_equal(back.covariance, spread) and back.names == names
     for name, value in vars(noise).items():
         assert np.allclose(getattr(back.forecast, name), value), name
     broken = manoeuvring_to_yaml(replace(identified, forecast=replace(noise, leads=np.array([2.0, 1.0]))))
