@@ -7,8 +7,8 @@ import sysconfig
 from pathlib import Path
 
 import pytest
+from repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 NOT_COPIED = shutil.ignore_patterns('.*', 'build', 'docs', 'install', 'log', 'out', 'test', '__pycache__', '*.egg-info')
 
 

@@ -5,10 +5,10 @@ import os
 import resource
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import ROOT
 
 from swath_sysid import __version__
 from swath_sysid.attitude.hull import terms
@@ -16,7 +16,6 @@ from swath_sysid.attitude.prediction import hull_track
 from swath_sysid.common.accelerator import accelerated
 
 numba = pytest.importorskip('numba')
-ROOT = Path(__file__).resolve().parents[1]
 SIMULATION = """
 import json
 import numpy as np
