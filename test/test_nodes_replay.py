@@ -29,6 +29,8 @@ from live_bench import Bench  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 
+from swath_sysid.nodes.replay import SETTLING  # noqa: E402
+
 pytestmark = pytest.mark.dds
 
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
@@ -174,7 +176,7 @@ def test_a_killed_recording_can_be_read(bag, tmp_path):
     assert {advice.code for advice in record.advice} == {'damaged-bag'}
 
 
-def test_replay_tells_the_time_keeps_the_pace_and_loops(bag, bench):
+def test_replay_waits_for_its_listeners_tells_the_time_keeps_the_pace_and_loops(bag, bench):
     stamps, arrivals, clocks = [], [], []
 
     def hear(message):
@@ -183,7 +185,14 @@ def test_replay_tells_the_time_keeps_the_pace_and_loops(bag, bench):
 
     bench.node.create_subscription(Imu, '/imu/data', hear, 1000)
     bench.node.create_subscription(Clock, '/clock', lambda m: clocks.append(time_ns(m.clock)), 1000)
-    with verb('replay', bag, '--loop', '--clock', '--rate', 4, '--wait-for', 1):
+    with (
+        bench.another_node() as other,
+        verb('replay', bag, '--loop', '--clock', '--rate', 4, '--wait', PATIENCE, '--wait-for', 2),
+    ):
+        wait_for(lambda: bench.node.count_publishers('/imu/data'), 'the replay')
+        time.sleep(4.0 * SETTLING)
+        assert not stamps
+        other.create_subscription(Imu, '/imu/data', lambda message: None, 1)
         wait_for(lambda: sum(np.diff(stamps) < 0) >= 1 and len(clocks) > 20, 'the second round')
     last, known = np.flatnonzero(np.diff(stamps) < 0)[0], read_imu(bag).stamps
     assert stamps[: last + 1] == known.tolist(), 'from the first sample on'
