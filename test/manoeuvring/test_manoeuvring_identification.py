@@ -391,11 +391,8 @@ def test_a_craft_at_anchor_neither_moves_nor_turns(speed, rate, moves):
         assert not moves
 
 
-def test_the_last_twenty_models_can_be_returned_to():
+def test_the_last_twenty_models_can_be_returned_to_and_the_oldest_motion_gives_way():
     assert ManoeuvreRefitter(None, range(30)).steps_back == 20
-
-
-def test_memory_is_fixed_and_the_oldest_give_way():
     window = ManoeuvringWindow(duration=60.0)
     thrusts(window, 0.5, 0.4)
     for k in range(20000):
