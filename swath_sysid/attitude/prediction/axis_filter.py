@@ -19,9 +19,7 @@ ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
 
 LEAST_SIZE = ANGLE_NOISE[1]  #: rad and rad/s; a craft that moves less is at rest.
 
-#: Periods over which the motion of late is averaged, of which an error may be a share, and errors themselves.
-LATELY = 5.0
-
+LATELY = 5.0  #: Periods over which the motion of late is averaged, of which an error may be a share, and errors.
 _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over which the variance is averaged.
 
 # variances of the third and fourth difference of white noise: sums of squared binomials
@@ -35,8 +33,6 @@ MEMORY_OF_SIZE = 19.0
 #: A squared error over its expected value counts as this much at the most: what nobody could foresee, such as a glitch
 #: or a hand on the craft, says little of the errors to come.
 CREDIBLE = THREE_STD * THREE_STD
-
-
 #: Mean square disagreement over that of the noise, above which the channels contradict each other.
 _BEYOND_CHANCE = 2.0
 BLOCKS = 16  #: The past is kept as the extremes of this many parts.

@@ -56,14 +56,13 @@ IDENTIFIED_TRIM_STD = 5e-4  #: rad; identification reports 3e-5 to 7e-4.
 #: Relative std of all restoring and all damping terms without an identified covariance, as of a rebuilt hull.
 ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
 
-#: rad; expected of a craft before it is known, and where a model does not state what it was identified on.
+#: rad; expected of a craft before it is known, and where a model does not state what it was identified on; an unknown
+#: moment may hold it there.
 USUAL_AMPLITUDE = 0.078
 
 INITIAL_STD = 0.3  #: rad, and rad times half the motion's frequency, where the first sample does not measure.
 MARKOV_TIME = 0.156  #: Periods of the motion; one over the corner frequency of the unknown moment.
-
 MIN_LEVEL = 1e-10  #: Of a moment's variance over the initial one.
-
 CHALLENGING_LEVEL = 0.01  #: Of the unknown moment in a restarted driven track.
 
 #: Periods between updates of the moments' sizes: with a hull, and without, where they only affect the filter's
