@@ -164,8 +164,8 @@ def test_where_every_tenth_row_is_lost_there_is_still_a_model():
     y, *_ = _sea(6100)
     lost = y.copy()
     lost[::10] = np.nan
-    assert analysis.broken(lost, analysis.max_lags(STEP, PERIOD)) and not analysis.broken(
-        y, analysis.max_lags(STEP, PERIOD)
+    assert analysis.broken(lost, analysis.usual_lags(STEP, PERIOD)) and not analysis.broken(
+        y, analysis.usual_lags(STEP, PERIOD)
     )
     filled, inner = analysis.fill_short_gaps(lost - y.mean(axis=0)) + y.mean(axis=0), slice(10, -10, 10)
     # the best two-sided interpolation of this system leaves less than the innovations
@@ -173,6 +173,15 @@ def test_where_every_tenth_row_is_lost_there_is_still_a_model():
     model = analysis.identify(lost, NAMES, STEP, PERIOD)
     assert model.lags == analysis.identify(y, NAMES, STEP, PERIOD).lags
     assert model.scale[:, None] * model.s * model.scale == pytest.approx(np.eye(2), abs=0.15)
+
+
+@pytest.mark.parametrize(('periods', 'reach'), [(8.0, 1.0), (16.0, 2.0), (36.0, 3.0), (100.0, 5.0)])
+def test_lags_reach_further_back_where_as_many_times_more_rows_show_it(periods, reach):
+    a_period, channels = 8.0, 1
+    rows = np.zeros((round(periods * a_period + 2.0 * reach * a_period), channels))
+    lags = analysis.lags_for(rows, analysis.usual_lags(1.0, a_period), analysis.MAX_LAGS)
+    assert lags == pytest.approx(reach * a_period, abs=1.0)
+    assert analysis.lags_for(rows[:2], 2, 4) is None
 
 
 def test_a_spike_and_a_join_are_missing_rows_and_the_steps_of_a_coarse_sensor_are_not():

@@ -50,10 +50,10 @@ def identify(
     rows = values[:, places]
     mean, scale = np.nanmean(rows, axis=0), np.nanstd(rows, axis=0)
     rows = without_breaks((rows - mean) / scale)
-    most = max_lags(step, period) if lags is None else lags
-    if broken(rows, most):
+    usual = usual_lags(step, period) if lags is None else lags
+    if broken(rows, usual):
         rows = fill_short_gaps(rows)
-    half = lags_for(rows, most)
+    half = lags_for(rows, usual, MAX_LAGS if lags is None else lags)
     if half is None:
         return None
     gram, count = lag_gram(rows, 2 * half)
@@ -78,7 +78,7 @@ def identify_alone(
     models = []
     for angle in angles:
         columns = [place for place, name in enumerate(names) if name in (angle, f'{angle}_rate')]
-        model = identify(values[:, columns], [names[c] for c in columns], step, period)
+        model = identify(values[:, columns], [names[c] for c in columns], step, period, usual_lags(step, period))
         if model is not None:
             models.append(replace(model, places=tuple([columns[p] for p in model.places])))
     return side_by_side(models) if models else None
@@ -106,17 +106,21 @@ def without_breaks(rows: np.ndarray) -> np.ndarray:
     return result
 
 
-def lags_for(rows: np.ndarray, most: int) -> int | None:
-    """Lags on either side, at most so many, that rows (N, C), NaN where missing, support; None where none."""
+def lags_for(rows: np.ndarray, usual: int, most: int) -> int | None:
+    """Lags on either side, at most so many, that rows (N, C), NaN where missing, support; None where none.
+
+    What lies further back than the usual ones tells less: as many times more rows show it.
+    """
     complete = np.isfinite(rows).all(axis=1)
     for half in range(most, _MIN_LAGS - 1, -1):
-        if whole_lags(complete, 2 * half).sum() >= ROWS_A_COEFFICIENT * half * rows.shape[1]:
+        needed = ROWS_A_COEFFICIENT * half * rows.shape[1] * max(1.0, half / usual)
+        if whole_lags(complete, 2 * half).sum() >= needed:
             return half
     return None
 
 
-def max_lags(step: float, period: float) -> int:
-    """Lags on either side, however much data there is."""
+def usual_lags(step: float, period: float) -> int:
+    """Lags on either side that show what a motion is like."""
     return min(MAX_LAGS, round(NOW * period / step))
 
 
