@@ -16,7 +16,6 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from swath_sysid.attitude.motion import turning_points
-from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import EvenSignal
 
 #: Part of the first double amplitude below which a candidate has ended: 1.5 % carries no information.

@@ -201,7 +201,7 @@ def _is_rhythmic(candidate: DecayCandidate) -> bool:
 
 
 def _comes_to_trim(candidate: DecayCandidate) -> bool:
-    """Whether it oscillates, or ends nearer to where the craft is in the last third of the record: a hand inclines it."""
+    """Whether it oscillates, or ends nearer to where the record does, in its last third: a hand inclines it first."""
     trim = candidate.signal.final_level
     last, first = (abs(candidate.value[each] - trim) for each in (candidate.last, candidate.first))
     return not candidate.is_single or last < first
