@@ -201,10 +201,14 @@ def _is_rhythmic(candidate: DecayCandidate) -> bool:
 
 
 def _comes_to_trim(candidate: DecayCandidate) -> bool:
-    """Whether it oscillates, or ends nearer to where the record does, in its last third: a hand inclines it first."""
-    trim = candidate.signal.final_level
-    last, first = (abs(candidate.value[each] - trim) for each in (candidate.last, candidate.first))
-    return not candidate.is_single or last < first
+    """Whether it ends nearer than it begins to where the craft is in the last third of the record, or oscillates about
+    a level nearer to where it is from then on: a hand inclines it first.
+    """
+    signal, first = candidate.signal, candidate.value[candidate.first]
+    if abs(candidate.value[candidate.last] - signal.final_level) < abs(first - signal.final_level):
+        return True
+    trim = float(np.median(signal.value[signal.index(candidate.release) :]))
+    return not candidate.is_single and abs(candidate.centre - trim) < abs(first - trim)
 
 
 def _apart(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
