@@ -5,6 +5,9 @@ rate, the same readings at any rate. The oracle is given hull, noise and the spe
 an extended Kalman filter on the hull and a long autoregression of the excitation, from the exact autocovariance (Yule
 and Walker). The baselines are those of `swath-sysid forecast`. Errors are of the true angle.
 
+`linear` is the best forecast in proportion to the readings of the last 20 s, given the spectrum of the true angle over
+all of the sea, what is scored included: what can be known of the motion without its hull, which is not linear.
+
     OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20
     OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20 --first 900 --rates 10,100
     OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20 --stiffness 1.15 --quadratic-damping 1.5
@@ -16,6 +19,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_toeplitz
 
 from swath_sysid.attitude.hull.catalogue import hull_named
@@ -26,6 +30,7 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.common.signals import sine_tapers
 from swath_sysid.pipeline.baselines import Record, baseline_forecasts
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
@@ -48,6 +53,9 @@ ORDER = 200
 
 WINDOW = 600.0
 """s of past that the baselines learn from."""
+
+LINEAR_PAST = 200
+"""Steps of readings that the best linear forecast takes."""
 
 _PARTS = 2
 """Runge-Kutta steps in `STEP`."""
@@ -214,6 +222,33 @@ def oracle(sea, leads):
     return expected
 
 
+def best_linear(sea, leads):
+    """Forecasts in proportion to the newest readings, from the true angle's spectrum, shape (N, L); NaN at first.
+
+    With the spectrum's cosine and sine transforms, angle and rate at one instant covary with those at another.
+    """
+    every = round(STEP * FINE_RATE)
+    angle, readings = sea.angle[::every], sea.readings(1.0 / STEP)
+    tapered = sine_tapers(angle.size) * (angle - angle.mean())
+    density = (np.abs(np.fft.rfft(tapered, axis=1)) ** 2).mean(axis=0) * 2.0 / angle.size
+    frequency = 2.0 * np.pi * np.fft.rfftfreq(angle.size, STEP)
+    steps = np.round(np.array(leads) / STEP).astype(int)
+    phase = np.outer(STEP * np.arange(LINEAR_PAST + steps[-1]), frequency)
+    of_angle, of_both = np.cos(phase) @ density, np.sin(phase) @ (density * frequency)
+    of_rate = np.cos(phase) @ (density * frequency**2)
+    past = np.arange(LINEAR_PAST)
+    apart = past - past[:, None]
+    both = np.sign(apart) * of_both[np.abs(apart)]
+    within = np.block([[of_angle[np.abs(apart)], both], [both.T, of_rate[np.abs(apart)]]])
+    within += np.diag(np.repeat([ANGLE_NOISE**2, RATE_NOISE**2], LINEAR_PAST))
+    ahead = steps[:, None] + past
+    gains = np.linalg.solve(within, np.hstack([of_angle[ahead], of_both[ahead]]).T)
+    level = readings[:, 0].mean()
+    pasts = sliding_window_view(readings - [level, 0.0], LINEAR_PAST, axis=0)[..., ::-1]
+    forecasts = level + pasts.reshape(len(pasts), -1) @ gains
+    return np.vstack([np.full((LINEAR_PAST - 1, steps.size), math.nan), forecasts])
+
+
 def moments_ahead(coefficients, count):
     """Matrix from the last excitations, newest first, to those expected from now on, shape (count, ORDER)."""
     row, rows = np.eye(1, coefficients.size)[0], []
@@ -297,6 +332,7 @@ def compare(seed, warmup, scored, leads=LEADS, rates=(10.0,), hull=HULL, kind='j
     record = Record.of(Trial(time, roll=seen[:, 0], roll_rate=seen[:, 1]))
     baselines = baseline_forecasts(record, ['roll'], time, np.array(leads), WINDOW)['roll']
     nrmse, coverage = {'oracle': _score(sea, warmup, time, oracle(sea, leads), leads)[0]}, {}
+    nrmse['linear'] = _score(sea, warmup, time, best_linear(sea, leads), leads)[0]
     for name, angles in baselines.items():
         nrmse[name] = _score(sea, warmup, time, np.where(np.isfinite(angles), angles, seen[:, :1]), leads)[0]
     for rate in rates:
@@ -345,11 +381,12 @@ def main():
     print('\nRMSE / standard deviation')
     for name, values in total.items():
         _print(name, values, 4)
-    best = np.min([values for name, values in total.items() if name != 'oracle' and name not in coverage], axis=0)
+    best = np.min([values for name, values in total.items() if name not in ('oracle', 'linear', *coverage)], axis=0)
     slowest = min(coverage, key=lambda name: float(name.split()[0]))
     for name in coverage:
         print(f'\nsensor at {name}')
         _print('over the oracle', total[name] / total['oracle'], 3)
+        _print('over the best linear forecast', total[name] / total['linear'], 3)
         _print('worst sea over the oracle', (every[name] / every['oracle']).max(axis=0), 3)
         _print('over the best baseline', total[name] / best, 3)
         if name != slowest:

@@ -109,6 +109,18 @@ def test_the_shaping_filter_has_the_spectrum_of_the_excitation(sea_forecasts):
     assert again == pytest.approx(covariance[[1, 10, 40]], abs=1e-5 * covariance[0])
 
 
+def test_the_best_linear_forecast_errs_like_the_regression_on_what_is_scored(sea_forecasts, monkeypatch):
+    monkeypatch.setattr(sea_forecasts, 'LINEAR_PAST', 10)
+    sea, leads = sea_forecasts.make_sea(3, 300.0, kind='narrow'), (0.3, 1.0)
+    forecasts, readings, truth = sea_forecasts.best_linear(sea, leads)[9:], sea.readings(10.0), sea.angle[::10]
+    lags = np.column_stack([readings[9 - k : len(readings) - k] for k in range(10)] + [np.ones(len(readings) - 9)])
+    for ahead, expected in zip((3, 10), forecasts.T, strict=True):
+        past, later = lags[:-ahead], truth[9 + ahead :]
+        regression = past @ np.linalg.lstsq(past, later, rcond=None)[0]
+        least = np.std(regression - later)
+        assert least < np.std(expected[:-ahead] - later) < 1.05 * least
+
+
 def test_the_oracle_is_an_extended_kalman_filter_on_hull_and_autoregression(sea_forecasts, monkeypatch):
     monkeypatch.setattr(sea_forecasts, 'ORDER', 12)
     sea, leads = sea_forecasts.make_sea(3, 30.0), (0.1, 0.7)

@@ -250,6 +250,23 @@ def test_diagnostics_say_so_until_the_waves_are_learnt():
     np.testing.assert_allclose(np.nansum(diagnostics.weights, axis=0), 1.0, atol=1e-9)
 
 
+@pytest.mark.parametrize(('rate', 'slower'), [(100.0, 1.0), (10.0, 10.0)])
+def test_nothing_is_learnt_of_waves_from_a_craft_that_is_leaned_over_and_held(rate, slower):
+    """It has hardly moved: a state space fitted to that holds its angle for the level."""
+    rng, time = np.random.default_rng(4), np.arange(0.0, 12.0 * slower, 1.0 / rate)
+    lean = np.clip(time / slower - 5.0, 0.0, 1.5)
+    angle, angular_rate = (
+        0.05 * (1.0 - np.cos(np.pi * lean / 1.5)),
+        np.gradient(lean, time) * np.sin(np.pi * lean / 1.5),
+    )
+    still = np.zeros(time.size)
+    motion = np.array([angle, still, 0.1 * angular_rate, still]) + 1e-4 * rng.normal(size=(4, time.size))
+    stamps = np.round(time * 1e9).astype(np.int64).tolist()
+    samples = [CraftSample(at, *row, *(math.nan,) * 7) for at, row in zip(stamps, motion.T.tolist(), strict=True)]
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=SETTINGS))
+    assert not [sample for sample in samples if pipeline.add_sample(sample).sea_request is not None]
+
+
 @pytest.mark.parametrize('models', [{}, {'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)}])
 def test_leads_and_horizon_agree_and_the_joint_covariance_holds_that_of_each_axis(steady, models):
     steps = run(SEA.samples(clock(10.0, 25.0)), models=models)[1] if models else steady

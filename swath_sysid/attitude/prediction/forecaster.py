@@ -7,7 +7,7 @@ contradict it.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -390,6 +390,12 @@ class Forecaster:
         """The past to learn from, when a fit is due; else None."""
         s = self.settings
         if self._time < self._refit_due or self._time - self._rows_begun < s.first_refit * self._clock.period:
+            return None
+        # held and let go, a craft has hardly moved in that time
+        if (
+            not self._has_waves
+            and max((axis.size for axis in self._axes.values()), key=attrgetter('activity')).is_young
+        ):
             return None
         self._refit_due = self._time + self._interval_of_refits(s.refit_interval)
         if self._time < self._sea_state_due < self._refit_due:
